@@ -30,7 +30,8 @@ from quad_env.cli.command_line import check_numbers, parse
 from quad_env.cli.program import exit_code
 from quad_env.files.writing import make_writable_folder
 from quad_env.seeding import episode_seeds
-from train.config import BaseName, Count, ValidationConfig
+from train.config import BaseName, ValidationConfig
+from train.option_types import Count
 from train.residual_env import ResidualVectorEnv
 from train.validation import validate
 

@@ -22,8 +22,7 @@ COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning
 UNITS, AXES = ("m/s", "m/s", "rad/s"), ("forward", "to the left", "of yaw rate")
 SECONDS, SETTLING = 4.0, 2.0
 """Duration of a walk, and of its part that does not count."""
-REMEDIES = ("train it again", "train it anew", "take another", "make one", "name the folder")
-"""Beginnings of the remedy at the end of a PolicyError."""
+NAME_ANOTHER = "name an existing policy: python -m quad_env policies"
 SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
 
@@ -49,7 +48,7 @@ def policy(subject: Subject) -> Finding:
     except PolicyError as error:
         if policies.is_reference(subject.policy):
             return _failing(str(error))
-        seen, remedy = _split(str(error))
+        seen, remedy = error.fault, error.remedy or NAME_ANOTHER
         if " was trained for " in seen:
             cause = "a policy is of one robot and one control period"
             return problem(seen, cause, f"{remedy}, or name its robot with --robot")
@@ -117,12 +116,3 @@ def _rounded(value: float) -> str:
 
 def _failing(seen: str) -> Finding:
     return problem(seen, "the policy's own code, or its input and output", f"correct it there: {SHAPE}")
-
-
-def _split(error: str) -> tuple[str, str]:
-    """Fault and remedy of a PolicyError."""
-    for mark in ("; ", ": "):
-        what, _, remedy = error.rpartition(mark)
-        if remedy.startswith(REMEDIES):
-            return what, remedy
-    return error, "name an existing policy: python -m quad_env policies"

@@ -39,7 +39,7 @@ TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODEL
 def _shipped(name: str, *, robot: Robot, control_period: float) -> Policy:
     folder = shipped.folder_of(robot) / name
     if not folder.is_dir():
-        raise PolicyError(f"no trained policy in {folder}; make one with `python -m train` for {robot.name}")
+        raise PolicyError(f"no trained policy in {folder}", f"make one with `python -m train` for {robot.name}")
     policy = _loaded(folder, robot, control_period)
     policy.name = name
     return policy
@@ -51,7 +51,8 @@ def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:
     if not policy.fits(robot, control_period):
         raise PolicyError(
             f"the policy in {folder} was trained for {policy.robot.name} with a control period of "
-            f"{policy.control_period:g} s, not for {robot.name} with one of {control_period:g} s; take another policy"
+            f"{policy.control_period:g} s, not for {robot.name} with one of {control_period:g} s",
+            "take another policy",
         )
     return policy
 

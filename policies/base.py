@@ -23,7 +23,11 @@ CONTROL_PERIOD = 1.0 / TaskConfig().control_rate
 
 
 class PolicyError(UserError, ValueError):
-    """A policy that does not exist or cannot be loaded; the message is one line that names the remedy."""
+    """A policy that does not exist or cannot be loaded; the message is one line: the fault, then the remedy."""
+
+    def __init__(self, fault: str, remedy: str = "") -> None:
+        super().__init__(f"{fault}; {remedy}" if remedy else fault)
+        self.fault, self.remedy = fault, remedy
 
 
 class Policy(ABC):

@@ -78,8 +78,8 @@ def folder_of(folder: Path) -> Path:
     if (folder / "config.json").exists():
         raise PolicyError(f"the training run in {folder} has no policy yet: it writes {BEST}/ at its first validation")
     raise PolicyError(
-        f"no {DESCRIPTION} in {folder}: name the folder of a trained policy, such as models/residual, or of a training "
-        "run"
+        f"no {DESCRIPTION} in {folder}",
+        "name the folder of a trained policy, such as models/residual, or of a training run",
     )
 
 

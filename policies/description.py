@@ -61,10 +61,6 @@ _REMOVED_FIELDS = {
 """Fields of bundles of version 0.1.0, and the only values that policies can still have."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
 _LARGEST_WEIGHT = 1e6
-_LARGEST_FEATURE = 1e12
-"""No simulated robot shows a network more: MuJoCo gives up on speeds above 1e10."""
-_LARGEST_OUTPUT = 1e37
-"""Below what float32 can hold, 3e38, by enough for the rounding of sums."""
 _LARGEST_AUTHORITY = math.pi
 _LONGEST_PERIOD = 1.0
 _MOST_FRAMES = 32
@@ -206,24 +202,8 @@ def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]], in
         fail(folder, "weights must be finite float32")
     if not all(np.abs(value).max() <= _LARGEST_WEIGHT for value in tensors.values()):
         fail(folder, f"weights must lie within ±{_LARGEST_WEIGHT:g}")
-    network = Network(
-        tuple(tensors[f"{i}.weight"] for i, _ in layers), tuple(tensors[f"{i}.bias"] for i, _ in layers), activation
-    )
-    if _largest_value(network) > _LARGEST_OUTPUT:
-        fail(folder, "the layers' weights together overflow float32")
-    return network
-
-
-def _largest_value(network: Network) -> float:
-    """Bound on every number within the network for any features; no activation enlarges a number."""
-    bound = largest = _LARGEST_FEATURE
-    for weight, bias in zip(network.weights, network.biases, strict=True):
-        sums = np.abs(weight).sum(axis=0, dtype=np.float64) * bound + np.abs(bias)
-        bound = float(sums.max())
-        largest = max(largest, bound)
-        if network.activation == "tanh":
-            bound = 1.0
-    return largest
+    weights, biases = (tuple(tensors[f"{i}.{kind}"] for i, _ in layers) for kind in ("weight", "bias"))
+    return Network(weights, biases, activation)
 
 
 def _authority(folder: Path, field: str, values: Any, count: int) -> Actions:
@@ -255,4 +235,4 @@ def _layout(robot: Robot) -> dict[str, list[int]]:
 
 def fail(folder: Path, reason: str) -> NoReturn:
     """Raise PolicyError, one line, for the policy in a folder."""
-    raise PolicyError(f"cannot load the policy in {folder}: {reason}; train it anew or fetch a complete copy")
+    raise PolicyError(f"cannot load the policy in {folder}: {reason}", "train it again, or fetch a complete copy")

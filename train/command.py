@@ -14,7 +14,9 @@ from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError, as_spelled
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP, Command, Program
-from train.config import DEFAULTS, TrainConfig, differences, likewise, load_config, weight_words
+from train.config import DEFAULTS, TrainConfig, for_robot
+from train.config_file import differences, load_config
+from train.option_types import weight_words
 from train.run_folder import has_checkpoint, steps_done
 from train.setting_ranges import check
 
@@ -95,7 +97,7 @@ def _defaults(words: list[str]) -> TrainConfig:
         return DEFAULTS["residual"]  # the real parser, which reads the same words next, says what is wrong with them
     defaults = DEFAULTS[found.policy]
     if found.robot != Hardware.robot:  # else --help would wait for MuJoCo
-        defaults = likewise(defaults, hardware_of(found.robot))
+        defaults = for_robot(defaults, hardware_of(found.robot))
     low, high = limits_of(TrainConfig)["seeds"]
     if found.resume and low <= found.seeds <= high and not HELP & set(words):
         asked = dataclasses.replace(defaults, seed=found.seed, seeds=found.seeds, out=found.out)

@@ -1,84 +1,17 @@
 """Settings of one training run: frozen dataclasses that are the command line, the help text and config.json at once."""
 
 import dataclasses
-import json
-import types
-import typing
-from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import tyro
-from tyro.constructors import PrimitiveConstructorSpec
 
 from evaluate.rollouts.hardware import Hardware
 from policies.history import Inputs
 from policies.parameters import number
-from quad_env.cli.command_line import UsageError
-from quad_env.config import RewardWeights
-from quad_env.files.reading import read_bytes
 from quad_env.scenarios.named import scaled_name
-from train.reward_term import FileTerm
-from train.run_folder import CONFIG_FILE
+from train.option_types import REWARDS, Count, OwnTerm, Weights
 
-
-def _whole(words: list[str]) -> int:
-    value = float(words[0])
-    if not value.is_integer():
-        raise ValueError(f"{words[0]} is no whole number")
-    return int(value)
-
-
-Count = Annotated[
-    int,
-    PrimitiveConstructorSpec(
-        nargs=1,
-        metavar="INT",
-        instance_from_str=_whole,
-        is_instance=lambda value: isinstance(value, int),
-        str_from_instance=lambda value: [str(value)],
-    ),
-]
-"""A whole number that may be written as 1e6."""
-OwnTerm = Annotated[
-    FileTerm,
-    PrimitiveConstructorSpec(
-        nargs=1,
-        metavar="FILE.py:FUNCTION=WEIGHT",
-        instance_from_str=lambda words: FileTerm.parse(words[0]),
-        is_instance=lambda value: isinstance(value, FileTerm),
-        str_from_instance=lambda value: [str(value)],
-    ),
-]
-"""A reward term in a user's file."""
-
-
-def weights(words: Sequence[str]) -> RewardWeights:
-    """The default weights with those of `NAME=WEIGHT` words. Raises ValueError."""
-    names, changed = [each.name for each in dataclasses.fields(RewardWeights)], dict[str, float]()
-    for word in words:
-        name, _, value = word.partition("=")
-        if (field := name.replace("-", "_")) not in names:
-            raise ValueError(f"there is no reward term {name!r}; valid: {', '.join(names)}")
-        changed[field] = float(value)
-    return dataclasses.replace(REWARDS, **changed)
-
-
-def weight_words(rewards: RewardWeights) -> list[str]:
-    """The inverse of `weights`."""
-    return [f"{name.replace('_', '-')}={weight}" for name, weight in dataclasses.asdict(rewards).items()]
-
-
-Weights = Annotated[
-    RewardWeights,
-    PrimitiveConstructorSpec(
-        nargs="*",
-        metavar="NAME=WEIGHT [NAME=WEIGHT ...]",
-        instance_from_str=weights,
-        is_instance=lambda value: isinstance(value, RewardWeights),
-        str_from_instance=weight_words,
-    ),
-]
 PolicyKind = Literal["residual", "end-to-end"]
 BaseName = Literal[
     "bound",
@@ -100,8 +33,6 @@ BaseName = Literal[
 
 LARGEST_SEED = 2**32 - 1
 _LOG_STD = (-20.0, 2.0)
-
-
 TIMESTEP = 0.005
 """Physics step in training, s; half the time of the robot's own 2 ms, by which validation and evaluation go."""
 PUSHES = 4
@@ -131,9 +62,6 @@ MIXTURE = (
 robots."""
 MEMORY = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
 """Past observations in which delays, loads, forces and slow motors can be recognised."""
-REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, fall=-5.0)
-"""The environment's, and a slope where the robot is so far off its command that the tracking rewards are flat. A second
-there costs about 1: less than a fall, or falling would earn more."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -201,11 +129,6 @@ class TrainConfig:
     seeds: int = number(1, limits=(1, 1000))
     """Number of runs, with --seed and the seeds after it. Several are in folders seed-NUMBER of --out or runs/POLICY,
     which `python -m evaluate` takes for seeds of one run; with --resume finished ones stay as they are."""
-    engine: Literal["local", "ray"] = "local"
-    """Where seeds are trained: in this process one after the other, or on a Ray cluster (pip install -e ".[cluster]"),
-    each on --threads cores. The policies are the same."""
-    address: str | None = None
-    """Address of the Ray cluster, such as 10.0.0.1:6379; without it one is started here and ended with the runs."""
     out: Path | None = None
     """Run folder, new or empty unless --resume; runs/POLICY-SEED when not given, for another robot than SimpleQuad
     runs/ROBOT-POLICY-SEED."""
@@ -299,124 +222,7 @@ DEFAULTS: dict[PolicyKind, TrainConfig] = {
 """Defaults of each kind of policy."""
 
 
-def likewise(config: TrainConfig, hardware: Hardware) -> TrainConfig:
+def for_robot(config: TrainConfig, hardware: Hardware) -> TrainConfig:
     """SimpleQuad's settings for another robot: the same shares on scenarios as hard for it."""
     mixture = tuple((scaled_name(name, hardware.quadruped), share) for name, share in config.mixture)
     return dataclasses.replace(config, robot=hardware.robot, mixture=mixture)
-
-
-_NOT_OF_THE_RUN = ("seeds", "engine", "address", "out", "resume", "threads")
-
-
-def to_dict(config: TrainConfig) -> dict[str, Any]:
-    """The settings that decide a run's result, as JSON types: all but where it is written and with how many threads."""
-    settings = {key: value for key, value in dataclasses.asdict(config).items() if key not in _NOT_OF_THE_RUN}
-    return typing.cast(dict[str, Any], json.loads(json.dumps(settings)))
-
-
-_REMOVED: Mapping[str, Mapping[str, Any]] = {
-    "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0}
-    | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}}
-    | {"pushes": PUSHES, "hardness": 1.0, "timestep": TIMESTEP},
-    "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
-    | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
-}
-"""Settings of version 0.1.0, by group, and the only value with which a run still loads; None: any."""
-
-
-def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
-    """The inverse of `to_dict`, of version 0.1.0 too. Raises UsageError on what is no configuration."""
-    try:
-        return typing.cast(TrainConfig, decode(TrainConfig, _of_today(settings)))
-    except (TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise UsageError(f"not a training configuration: {error}") from None
-
-
-def _of_today(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings without those that were removed. Raises ValueError where a run depends on one of them."""
-    found = {**settings, "ppo": dict(settings.get("ppo", {}))}
-    for group, removed in _REMOVED.items():
-        values = found[group] if group else found
-        for name, only in removed.items():
-            if values.pop(name, only) != only and only is not None:
-                raise ValueError(f"{name} was removed after version 0.1.0")
-    return found
-
-
-def load_config(folder: Path) -> TrainConfig:
-    """The settings of the run in `folder`. Raises UsageError where there is none."""
-    try:
-        settings = json.loads(read_bytes(folder / CONFIG_FILE))
-    except OSError as error:
-        raise UsageError(
-            f"no run in {folder}: {CONFIG_FILE} cannot be read ({error.strerror}); name its folder with --out"
-        ) from None
-    except ValueError:
-        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is not JSON; name another folder with --out") from None
-    return from_dict(settings)
-
-
-def decode(kind: Any, value: Any) -> Any:
-    """A value of that type, dataclasses among them, from JSON types. Raises an error of Python's for what is none."""
-    if dataclasses.is_dataclass(kind):
-        hints = typing.get_type_hints(kind)
-        unknown = set(value) - set(hints)
-        if unknown:
-            raise ValueError(f"unknown settings {sorted(unknown)}")
-        decoded = {name: decode(hints[name], entry) for name, entry in value.items()}
-        return typing.cast(type[Any], kind)(**decoded)
-    parts = typing.get_args(kind)
-    if typing.get_origin(kind) is tuple:
-        item, *rest = parts
-        kinds = [item] * len(value) if rest == [Ellipsis] else [item, *rest]
-        return tuple(decode(k, v) for k, v in zip(kinds, value, strict=True))
-    if typing.get_origin(kind) is Literal:
-        if value not in parts:
-            raise ValueError(f"{value!r} is none of {', '.join(parts)}")
-        return value
-    if typing.get_origin(kind) is types.UnionType:  # with None
-        return None if value is None else decode(parts[0], value)
-    return kind(value)
-
-
-class Change(NamedTuple):
-    """A setting in which two runs differ, by its option."""
-
-    option: str
-    old: Any
-    new: Any
-
-    @property
-    def extends(self) -> bool:
-        """Whether the change only makes the run longer."""
-        return self.option == "--steps" and self.new > self.old
-
-    def __str__(self) -> str:
-        return f"{self.option}: the run has {self.old}, the command {self.new}"
-
-
-def differences(old: TrainConfig, new: TrainConfig) -> list[Change]:
-    """Differences between two runs' settings, of those that decide the result."""
-    after = dict(flat(to_dict(new)))
-    return [Change(f"--{name}", value, after[name]) for name, value in flat(to_dict(old)) if value != after[name]]
-
-
-def flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Settings of `to_dict` by the names of their options, groups flattened."""
-    for key, value in settings.items():
-        name = prefix + key.replace("_", "-")
-        if isinstance(value, dict):
-            yield from flat(value, f"{name}.")
-        else:
-            yield name, value
-
-
-def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
-    """Number of robots on each scenario: shares rounded by largest remainder, scenarios without robots left out."""
-    total = sum(share for _, share in config.mixture)
-    exact = [(name, share / total * config.ppo.envs) for name, share in config.mixture]
-    counts = {name: int(amount) for name, amount in exact}
-    by_remainder = sorted(exact, key=lambda entry: int(entry[1]) - entry[1])
-    for name, _ in by_remainder[: config.ppo.envs - sum(counts.values())]:
-        counts[name] += 1
-    return {name: count for name, count in counts.items() if count}

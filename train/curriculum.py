@@ -1,7 +1,6 @@
 """Severity of each training scenario, raised where the robots track their commands and lowered where they do not."""
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,8 +79,3 @@ class Kept:
         rate = self.kept / self.counted
         change = STEP if rate > KEPT else -STEP if rate < LOST else 0.0
         return float(np.clip(share + change, 0.0, 1.0))
-
-
-def next_shares(shares: Sequence[float], counted: Sequence[Kept]) -> list[float]:
-    """The shares of all scenarios after a segment."""
-    return [kept.next_share(share) for share, kept in zip(shares, counted, strict=True)]

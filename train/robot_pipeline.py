@@ -29,7 +29,8 @@ from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.robots.robot import Robot
-from train.config import BaseName, Count
+from train.config import BaseName
+from train.option_types import Count
 from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import command as search_command
 from train.search.subject import Options as Search
@@ -143,6 +144,11 @@ def _stages(options: Options) -> list[Stage]:
         plan = Comparison(robot=str(options.toml), out=evaluation, **given)
         execute(check(replace(begun_with(evaluation), resume=True) if is_unfinished(evaluation) else plan))
 
+    def compared() -> bool:
+        from evaluate.records.store import is_unfinished
+
+        return (evaluation / "results.json").is_file() and not is_unfinished(evaluation)
+
     def found(name: str) -> bool:
         return options.toml.is_file() and (folder_of(robot()) / name).is_file()
 
@@ -150,7 +156,7 @@ def _stages(options: Options) -> list[Stage]:
         Stage("describe the robot", 0.1, (folder / DESCRIBED).is_file, partial(_describe, options)),
         Stage("search its trot", 4.0, lambda: found(ACCOUNT), search),
         Stage("train a residual", 9.0, lambda: found(f"{RESIDUAL}/{bundle.DESCRIPTION}"), train),
-        Stage("compare them", 5.0, lambda: _compared(evaluation), evaluate),
+        Stage("compare them", 5.0, compared, evaluate),
     ]
 
 
@@ -174,12 +180,6 @@ def _check_same_options(options: Options) -> None:
 
 def _robot(options: Options) -> Robot:
     return hardware_of(str(options.toml)).quadruped
-
-
-def _compared(folder: Path) -> bool:
-    from evaluate.records.store import is_unfinished
-
-    return (folder / "results.json").is_file() and not is_unfinished(folder)
 
 
 def _describe(options: Options) -> None:

@@ -1,41 +1,31 @@
-"""Training runs, of one seed or several: one after the other here, or at the same time as tasks of a Ray cluster."""
+"""Training runs, of one seed or of several, one after the other."""
 
 import contextlib
-import io
-import os
-import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import cast
 
 import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
-from evaluate.records.provenance import REPOSITORY, REVISION, git_revision
-from evaluate.rollouts.cluster import Report, cluster
 from policies.residual import NO_SHIFT, authority_of
 from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
-from quad_env.files.writing import sole_use, write_atomically
+from quad_env.files.writing import sole_use
 from train.config import TrainConfig
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.reward_term import reported
 from train.run_folder import CHECKPOINTS, has_checkpoint, new_run, refuse_folder_in_use, steps_done, writing
 from train.run_record import write_settings
 from train.sb3 import checkpoint
-from train.sb3.callbacks import CallbackState, Curriculum, RolloutFigures, Schedules, Segments, ValidateAndSave
+from train.sb3.callbacks import CallbackState, Curriculum, RolloutFigures, Schedules, Segments, Session, ValidateAndSave
 from train.sb3.display import Display
 from train.sb3.log import run_logger
 from train.sb3.ppo import REWARD_SCALE, build
 from train.sb3.vec_env import TrainingVecEnv
-from train.training_robots import TrainingRobots, make_robots, training_seeds
-
-Files = dict[str, bytes]
-"""Files of a run's folder: path in it -> contents."""
+from train.training_robots import make_robots, training_seeds
 
 
 def train(config: TrainConfig) -> None:
@@ -83,7 +73,6 @@ def _learn(
 ) -> None:
     """Learn to the last step, after the robots have repeated the actions of an unfinished segment."""
     done = model.num_timesteps
-    robots = cast(TrainingRobots, env.env.unwrapped)
     with (
         run_logger(config.folder, done) as logger,
         contextlib.closing(Display(config.steps, done)) as display,
@@ -92,19 +81,19 @@ def _learn(
         for notice in notices:
             display.note(notice)
         model.set_logger(logger)
-        segments = Segments(config, state, actions)
-        callbacks: list[BaseCallback] = [RolloutFigures(robots, display, state), Schedules(config, state)]
-        callbacks.append(Curriculum(config, state, segments, robots))
-        callbacks += [ValidateAndSave(config, display, state, segments, interrupt), segments]
+        session = Session(config, env, display, interrupt, state)
+        segments = Segments(session, actions)
+        callbacks: list[BaseCallback] = [RolloutFigures(session), Schedules(session), Curriculum(session, segments)]
+        callbacks += [ValidateAndSave(session, segments), segments]
         # Without SB3's own log, whose means reach back beyond the last checkpoint.
         with reported():
             model.learn(config.steps - done, callbacks, log_interval=config.steps + 1, reset_num_timesteps=False)
 
 
-def make_env(config: TrainConfig, privileged: bool = True) -> TrainingVecEnv:
+def make_env(config: TrainConfig) -> TrainingVecEnv:
     """The robots of a run as its learner sees them, with the seeds of the first segment.
 
-    `privileged` shows the value network what the robot cannot know: its scenario, its true velocity, pushes.
+    The value network also sees what the robot cannot know: its scenario, its true velocity, pushes.
     """
     robots = make_robots(config)
     base = policies.make(config.base, robot=robots.robot, control_period=robots.dt)
@@ -114,7 +103,7 @@ def make_env(config: TrainConfig, privileged: bool = True) -> TrainingVecEnv:
         env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs, shift)
     except ValueError as error:  # of the base's footholds: robots and base are of one configuration
         raise UsageError(f"--base {config.base}: {error}") from None
-    return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged)
+    return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged=True)
 
 
 def train_seeds(config: TrainConfig) -> None:
@@ -128,72 +117,7 @@ def train_seeds(config: TrainConfig) -> None:
     for run in runs:
         if not run.resume:
             refuse_folder_in_use(run.folder)
-    if config.engine == "ray":
-        _train_on_cluster(runs, config)
-        return
     for run in runs:
         if config.seeds > 1:
             print(f"seed {run.seed}", flush=True)
         train(run)
-
-
-def _train_on_cluster(runs: Sequence[TrainConfig], config: TrainConfig) -> None:
-    """A task for each run; the folder here holds the task's last report."""
-
-    def received(place: int, news: str | Files) -> None:
-        if isinstance(news, str):
-            print(f"seed {runs[place].seed}: {news}", flush=True)
-        else:
-            _write(runs[place].folder, news)
-
-    revision = git_revision(REPOSITORY) or ""
-    with contextlib.ExitStack() as stack:
-        for run in runs:
-            stack.enter_context(sole_use(run.folder) if run.resume else new_run(run.folder))
-        tasks = [(run, _read(run.folder), revision) for run in runs]
-        spread = stack.enter_context(cluster(max(config.threads, available_cores()), config.address))
-        for place, files in spread(_train_apart, tasks, received, config.threads):
-            with writing(runs[place].folder):
-                _write(runs[place].folder, files)
-
-
-def _train_apart(task: tuple[TrainConfig, Files, str], report: Report) -> Files:
-    """A run in a temporary folder; its files."""
-    run, files, revision = task
-    os.environ[REVISION] = revision
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place) / "run"
-        _write(folder, files)
-        with contextlib.redirect_stdout(_Lines(report, folder)):
-            train(replace(run, out=folder))
-        return _read(folder)
-
-
-class _Lines(io.TextIOBase):
-    """Standard output that reports lines, and the files of the run after each new checkpoint."""
-
-    def __init__(self, report: Report, folder: Path) -> None:
-        self._report, self._folder, self._sent = report, folder, steps_done(folder)
-
-    def write(self, text: str) -> int:
-        """Report."""
-        if line := text.strip():
-            self._report(line)
-        if (done := steps_done(self._folder)) > self._sent:
-            self._report(_read(self._folder))
-            self._sent = done
-        return len(text)
-
-
-def _read(folder: Path) -> Files:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
-def _write(folder: Path, files: Files) -> None:
-    """Write these files into the folder of a run and remove other checkpoints."""
-    for name in sorted(files, key=lambda name: name.endswith(".json")):  # a checkpoint counts once its JSON is there
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(folder / name, files[name])
-    for path in (folder / CHECKPOINTS).glob("*"):
-        if f"{CHECKPOINTS}/{path.name}" not in files:
-            path.unlink()

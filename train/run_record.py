@@ -11,7 +11,8 @@ from evaluate.records.provenance import model_of, versions
 from evaluate.rollouts.hardware import Hardware
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
-from train.config import DEFAULTS, Change, TrainConfig, differences, likewise, to_dict
+from train.config import DEFAULTS, TrainConfig, for_robot
+from train.config_file import differences, to_dict
 from train.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 
@@ -26,17 +27,13 @@ def command(config: TrainConfig) -> str:
     usual = DEFAULTS[config.policy]
     if config.robot != usual.robot:  # whose defaults are other ones
         options.append(f"--robot {shlex.quote(config.robot)}")
-        usual = likewise(usual, Hardware(robot=config.robot))
+        usual = for_robot(usual, Hardware(robot=config.robot))
     changed = differences(usual, config)
     weights = [each.option.removeprefix(WEIGHT) + f"={each.new}" for each in changed if each.option.startswith(WEIGHT)]
-    options += [_words_of(each) for each in changed if each.option != "--seed" and not each.option.startswith(WEIGHT)]
+    others = [each for each in changed if each.option != "--seed" and not each.option.startswith(WEIGHT)]
+    options += [f"{each.option} {words(each.new)}" for each in others]
     options += [f"--rewards {' '.join(weights)}"] if weights else []
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
-
-
-def _words_of(change: Change) -> str:
-    """The option with its new value."""
-    return f"{change.option} {words(change.new)}"
 
 
 def words(value: Any) -> str:

@@ -20,7 +20,7 @@ LARGEST_SHARE = 1e6
 LARGEST_WIDTH, MOST_HIDDEN_LAYERS = 4096, 8
 """Limits of a bundle."""
 LARGEST_ROLLOUT = 2**24
-"""Samples; four times that many bytes for each of the 62 features."""
+"""Samples."""
 
 
 def check(config: TrainConfig) -> None:
@@ -38,7 +38,10 @@ def check(config: TrainConfig) -> None:
     _check_layers("--ppo.actor", config.ppo.actor)
     _check_layers("--ppo.critic", config.ppo.critic)
     _check_rollout(config)
-    _check_hardware(config.hardware)
+    try:
+        hardware.check(config.hardware)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
     _check_mixture(config)
     check_scenarios("--validation.scenarios", config.complete_validation.scenarios, config.hardware.quadruped)
     if config.policy == "end-to-end" and config.base not in POSES:
@@ -48,11 +51,8 @@ def check(config: TrainConfig) -> None:
 def _check_range(option: str, value: float, low: float, high: float) -> None:
     # NaN is in no range.
     if not low <= value <= high:
-        raise UsageError(f"{option.replace('_', '-')} must be from {_number(low)} to {_number(high)}, got {value}")
-
-
-def _number(value: float) -> str:
-    return str(value) if isinstance(value, int) else f"{value:g}"
+        ends = " to ".join(str(end) if isinstance(end, int) else f"{end:g}" for end in (low, high))
+        raise UsageError(f"{option.replace('_', '-')} must be from {ends}, got {value}")
 
 
 def _check_layers(option: str, widths: Sequence[int]) -> None:
@@ -83,13 +83,6 @@ def _check_mixture(config: TrainConfig) -> None:
     # Smaller than any share that means something, and the quotients below stay finite.
     if sum(shares) < 1e-6:
         raise UsageError("--mixture: at least one share must be above zero")
-
-
-def _check_hardware(chosen: hardware.Hardware) -> None:
-    try:
-        hardware.check(chosen)
-    except ValueError as error:
-        raise UsageError(str(error)) from None
 
 
 def check_scenarios(option: str, names: Sequence[str], robot: Robot = SIMPLE_QUAD) -> None:

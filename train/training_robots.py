@@ -19,7 +19,7 @@ from quad_env.scenarios.named import Scenario
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.seeding import episode_seeds
 from quad_env.task.rewards import REWARD
-from train.config import PUSHES, TIMESTEP, TrainConfig, robots_per_scenario
+from train.config import PUSHES, TIMESTEP, TrainConfig
 from train.curriculum import Intervals, Kept, eased
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 from train.reward_term import load
@@ -222,6 +222,17 @@ def make_robots(config: TrainConfig) -> TrainingRobots:
     shares = [config.curriculum] * len(robots_per_scenario(config))
     batches = [make_batch(config, number, share) for number, share in enumerate(shares)]
     return TrainingRobots(batches, cuts, config.threads if side_by_side(config) else 1)
+
+
+def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
+    """Number of robots on each scenario: shares rounded by largest remainder, scenarios without robots left out."""
+    total = sum(share for _, share in config.mixture)
+    exact = [(name, share / total * config.ppo.envs) for name, share in config.mixture]
+    counts = {name: int(amount) for name, amount in exact}
+    by_remainder = sorted(exact, key=lambda entry: int(entry[1]) - entry[1])
+    for name, _ in by_remainder[: config.ppo.envs - sum(counts.values())]:
+        counts[name] += 1
+    return {name: count for name, count in counts.items() if count}
 
 
 def side_by_side(config: TrainConfig) -> bool:

@@ -1,11 +1,10 @@
 """A policy from outside as its process serves it: asked robot by robot or all at once, its failures noted."""
 
-import io
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, TextIO, TypeVar
+from typing import Any, TextIO, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -188,30 +187,18 @@ def _nothing(_: Any) -> object:
     raise RuntimeError("not made yet")
 
 
-T = TypeVar("T")
-
 MOST = 1000
 """Characters that a policy's process may print."""
 
 
-class Prints(io.TextIOBase):
+class Prints:
     """A stream that passes on MOST characters and no control characters."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream, self._left = stream, MOST
 
-    @property
-    def encoding(self) -> str:  # type: ignore[override]
-        """That of the stream."""
-        return self._stream.encoding
-
-    def writable(self) -> bool:
-        """Yes."""
-        return True
-
-    def fileno(self) -> int:
-        """That of the stream."""
-        return self._stream.fileno()
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
         """Pass on what may still be printed; the length of the text."""
@@ -225,8 +212,11 @@ class Prints(io.TextIOBase):
         return len(text)
 
 
+T = TypeVar("T")
+
+
 def limited(make: Callable[[], T]) -> T:
     """What `make` gives, in a process that from now on prints so much, all of it on stderr."""
     if sys.stderr is not None:
-        sys.stdout = sys.stderr = Prints(sys.stderr)
+        sys.stdout = sys.stderr = cast(TextIO, Prints(sys.stderr))
     return make()

@@ -25,7 +25,9 @@ from quad_env.files.writing import write_atomically
 from research.pages.csv_text import csv_text
 from research.pages.evaluations import png
 from train.command import parse
-from train.config import DEFAULTS, Count, TrainConfig, differences, load_config
+from train.config import DEFAULTS, TrainConfig
+from train.config_file import differences, load_config
+from train.option_types import Count
 from train.run_folder import VALIDATIONS_FILE, has_checkpoint, steps_done
 from train.run_record import last_metrics
 

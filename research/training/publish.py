@@ -29,7 +29,7 @@ from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.scenarios.named import scaled_name
 from research.training.model_card import TrainedRun, model_card
-from train.config import differences, from_dict, load_config
+from train.config_file import differences, from_dict, load_config
 from train.run_folder import BEST, CHECKPOINTS
 
 CARD = "MODEL.md"

@@ -12,7 +12,8 @@ from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
 from research.pages.csv_text import csv_text
-from train.config import DEFAULTS, flat, to_dict
+from train.config import DEFAULTS
+from train.config_file import flat, to_dict
 from train.run_folder import CONFIG_FILE, METRICS_FILE, VALIDATIONS_FILE
 from train.run_record import best_validation, last_metrics, words
 

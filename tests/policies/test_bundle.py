@@ -1,8 +1,8 @@
 import hashlib
 import itertools
 import json
-import os
 import pickle
+import re
 import shutil
 from dataclasses import asdict, replace
 
@@ -59,30 +59,23 @@ def save_tensors(folder, tensors):
     replace_weights(folder, (folder / WEIGHTS).read_bytes())
 
 
-def trajectory(policy):
+def trajectory(policy, steps=20):
     rng = np.random.default_rng(8)
     policy.reset(3)
-    return b"".join(policy.act(rng.normal(size=(3, OBSERVATION_SIZE)).astype(np.float32)).tobytes() for _ in range(60))
-
-
-def test_what_a_residual_remembers_is_kept(tmp_path):
-    inputs = Inputs(lags=(0.04, 0.08), averages=(0.5,), clock=2.0)
-    base = policies.make("trot")
-    policy = ResidualPolicy(base, network(Features(base, inputs).width, 12), inputs=inputs, hold=2)
-    save(tmp_path, policy, {}, "unknown")
-    found = load(tmp_path)
-    assert (found.features.inputs, found.hold) == (inputs, 2)
-    found.reset(2), policy.reset(2)
-    for step in range(12):
-        observation = np.random.default_rng(step).normal(size=(2, OBSERVATION_SIZE)).astype(np.float32)
-        np.testing.assert_array_equal(found.act(observation), policy.act(observation))
+    seen = rng.normal(size=(steps, 3, OBSERVATION_SIZE)).astype(np.float32)
+    return b"".join(policy.act(each).tobytes() for each in seen)
 
 
 @pytest.mark.parametrize("activation", ["tanh", "elu"])
 def test_a_loaded_policy_acts_bit_for_bit_as_the_saved_one(tmp_path, activation):
-    policy = ResidualPolicy(Trot(), network(62, 16, 8, 12, activation=activation))
-    save(tmp_path, policy, training={}, git_revision="")
-    assert trajectory(load(tmp_path)) == trajectory(policy)
+    inputs = Inputs(lags=(0.04, 0.08), averages=(0.5,), clock=2.0)
+    base = policies.make("trot")
+    corrections = network(Features(base, inputs).width, 16, 12, activation=activation)
+    policy = ResidualPolicy(base, corrections, inputs=inputs, hold=2)
+    save(tmp_path, policy, {}, "unknown")
+    found = load(tmp_path)
+    assert (found.features.inputs, found.hold) == (inputs, 2)
+    assert trajectory(found) == trajectory(policy)
 
 
 @pytest.mark.filterwarnings("ignore::policies.article.UnreachableFootWarning")
@@ -95,7 +88,7 @@ def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_sin
         monkeypatch.setattr(f"policies.{module}.searched_parameters", lambda *_: pytest.fail("that is another base"))
     loaded = load(tmp_path)
     assert (loaded.base.name, type(loaded.base)) == (name, type(base))
-    assert trajectory(loaded) == trajectory(policy)
+    assert trajectory(loaded, 6) == trajectory(policy, 6)
     assert "policies." not in (tmp_path / DESCRIPTION).read_text(encoding="utf-8")
 
 
@@ -107,18 +100,14 @@ def test_what_is_more_than_a_name_and_numbers_is_no_base(tmp_path, name):
         save(tmp_path, policy, training={}, git_revision="")
 
 
-def test_a_base_with_other_parameters_than_were_trained_on_is_refused(folder):
-    base = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))["base"]
-    base["parameters"]["duty"] += 0.01
-    assert "trained on (SHA-256 differs)" in damaged(folder, lambda f: rewrite(f, base=base))
-
-
-def test_bundles_of_before_had_no_digest_of_their_base(folder):
+def test_a_base_with_other_parameters_than_were_trained_on_is_refused_unless_it_has_no_digest(folder):
+    """Bundles of before had none."""
     base = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))["base"]
     expected = trajectory(load(folder))
-    del base["sha256"]
-    rewrite(folder, base=base)
+    rewrite(folder, base={name: base[name] for name in ("name", "parameters")})
     assert trajectory(load(folder)) == expected
+    base["parameters"]["duty"] += 0.01
+    assert "trained on (SHA-256 differs)" in damaged(folder, lambda f: rewrite(f, base=base))
 
 
 def test_everything_but_the_weights_is_readable_in_the_description(folder):
@@ -132,12 +121,7 @@ def test_everything_but_the_weights_is_readable_in_the_description(folder):
     assert description["training"] == {"steps": 5, "seed": 0}
     assert description["git_revision"] == "abc123"
     assert description["weights_sha256"] == hashlib.sha256((folder / WEIGHTS).read_bytes()).hexdigest()
-
-
-def test_base_parameters_and_authority_come_back(folder):
-    policy = load(folder)
-    assert policy.base.parameters == replace(TrotParameters(), body_height=0.41, yaw_gain=1.07)
-    np.testing.assert_array_equal(policy.authority, np.linspace(0.1, 0.3, 12, dtype=np.float32))
+    np.testing.assert_array_equal(load(folder).authority, np.linspace(0.1, 0.3, 12, dtype=np.float32))
 
 
 def test_a_bundle_is_found_by_its_path_and_by_its_name(folder, monkeypatch):
@@ -149,19 +133,6 @@ def test_a_bundle_is_found_by_its_path_and_by_its_name(folder, monkeypatch):
     assert trajectory(policies.make("residual")) == expected
 
 
-def test_saving_again_replaces_the_bundle_and_leaves_nothing_else(folder):
-    save(folder, ResidualPolicy(Trot(), network(62, 12)), training={}, git_revision="")
-    assert load(folder).network.sizes == (62, 12)
-    assert sorted(os.listdir(folder)) == [DESCRIPTION, WEIGHTS]
-
-
-def test_saving_what_is_not_json_leaves_the_old_bundle(folder):
-    before = trajectory(load(folder))
-    with pytest.raises(ValueError, match="JSON"):
-        save(folder, ResidualPolicy(Trot(), network(62, 12)), training={"rate": float("nan")}, git_revision="")
-    assert trajectory(load(folder)) == before
-
-
 def damaged(folder, damage):
     damage(folder)
     with pytest.raises(policies.PolicyError) as caught:
@@ -171,27 +142,19 @@ def damaged(folder, damage):
 
 
 @pytest.mark.parametrize("file", [DESCRIPTION, WEIGHTS])
-def test_missing_file_is_named(folder, file):
-    assert file in damaged(folder, lambda f: (f / file).unlink())
+@pytest.mark.parametrize("keep", [None, 0, -20])
+def test_a_missing_or_truncated_file_is_refused(folder, file, keep):
+    def cut(f):
+        content = (f / file).read_bytes()
+        (f / file).unlink() if keep is None else (f / file).write_bytes(content[:keep])
 
-
-@pytest.mark.parametrize("file", [DESCRIPTION, WEIGHTS])
-@pytest.mark.parametrize("keep", [0, 1, 50, -1])
-def test_truncated_file_is_refused(folder, file, keep):
-    damaged(folder, lambda f: (f / file).write_bytes((f / file).read_bytes()[: keep if keep >= 0 else -20]))
-
-
-def test_truncated_weights_are_refused_even_with_their_own_checksum(folder):
-    assert "safetensors" in damaged(folder, lambda f: replace_weights(f, (f / WEIGHTS).read_bytes()[:-8]))
+    assert file in damaged(folder, cut)
 
 
 def test_one_flipped_bit_in_the_weights_is_noticed(folder):
-    def flip(f):
-        content = bytearray((f / WEIGHTS).read_bytes())
-        content[-5] ^= 1
-        (f / WEIGHTS).write_bytes(content)
-
-    assert "SHA-256" in damaged(folder, flip)
+    content = bytearray((folder / WEIGHTS).read_bytes())
+    content[-5] ^= 1
+    assert "SHA-256" in damaged(folder, lambda f: (f / WEIGHTS).write_bytes(content))
 
 
 class Trap:
@@ -204,52 +167,17 @@ class Trap:
         return (open, (str(self.path), "w"))
 
 
-@pytest.mark.parametrize("honest_checksum", [True, False])
-def test_pickle_in_place_of_the_weights_is_refused_and_not_run(folder, tmp_path, honest_checksum):
-    payload = pickle.dumps(Trap(tmp_path / "ran"))
-    write = replace_weights if honest_checksum else (lambda f, content: (f / WEIGHTS).write_bytes(content))
-    damaged(folder, lambda f: write(f, payload))
+@pytest.mark.parametrize("write", [replace_weights, lambda f, content: (f / DESCRIPTION).write_bytes(content)])
+def test_a_pickle_is_refused_and_not_run(folder, tmp_path, write):
+    damaged(folder, lambda f: write(f, pickle.dumps(Trap(tmp_path / "ran"))))
     assert not (tmp_path / "ran").exists()
 
 
-def test_pickle_in_place_of_the_description_is_refused_and_not_run(folder, tmp_path):
-    damaged(folder, lambda f: (f / DESCRIPTION).write_bytes(pickle.dumps(Trap(tmp_path / "ran"))))
-    assert not (tmp_path / "ran").exists()
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_non_finite_weights_are_refused(folder, value):
-    def poison(f):
-        tensors = load_file(f / WEIGHTS)
-        tensors["0.weight"] = tensors["0.weight"].copy()
-        tensors["0.weight"][0, 0] = value
-        save_tensors(f, tensors)
-
-    assert "finite" in damaged(folder, poison)
-
-
-@pytest.mark.parametrize("value", [3e38, -3e38, 1.1e6])
-@pytest.mark.parametrize("tensor", ["0.weight", "1.bias"])
+@pytest.mark.parametrize(("tensor", "value"), [("0.weight", np.nan), ("1.bias", -3e38)])
 def test_weights_that_no_training_makes_are_refused(folder, tensor, value):
     tensors = load_file(folder / WEIGHTS)
-    assert "1e+06" in damaged(
-        folder, lambda f: save_tensors(f, tensors | {tensor: np.full_like(tensors[tensor], value)})
-    )
-
-
-@pytest.mark.parametrize("activation", ["tanh", "elu"])
-def test_a_network_that_could_overflow_is_refused_and_any_other_acts_in_finite_numbers(tmp_path, activation):
-    # Features up to 1e12 meet 62 inputs and then 8 layers of 16, each weight 1e6: 6e19, 1e27, 2e34, 3e41, unless a
-    # tanh brings every layer back to 1.
-    sizes = (62, *(16,) * 8, 12)
-    weights = tuple(np.full(shape, 1e6, np.float32) for shape in itertools.pairwise(sizes))
-    huge = Network(weights, tuple(np.full(size, -1e6, np.float32) for size in sizes[1:]), activation)
-    save(tmp_path, ResidualPolicy(Trot(), huge), training={}, git_revision="")
-    if activation == "elu":
-        assert "overflow" in damaged(tmp_path, lambda _: None)
-    else:
-        actions = load(tmp_path).act(np.full(OBSERVATION_SIZE, 1e10, np.float32))
-        assert np.isfinite(actions).all()
+    changed = tensors | {tensor: np.full_like(tensors[tensor], value)}
+    assert re.search(r"finite|1e\+06", damaged(folder, lambda f: save_tensors(f, changed)))
 
 
 @pytest.mark.parametrize(
@@ -266,61 +194,42 @@ def test_tensors_other_than_described_are_refused(folder, change):
     damaged(folder, lambda f: save_tensors(f, change(load_file(f / WEIGHTS))))
 
 
-REQUIRED = "schema_version name env_id observation observation_scale network base authority training git_revision"
-
-
-@pytest.mark.parametrize("field", [*REQUIRED.split(), "weights_sha256"])
-def test_missing_field_is_refused_by_name(folder, field):
-    assert field in damaged(folder, lambda f: rewrite(f, **{field: None}))
-
-
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
         ({"schema_version": 2}, "schema_version"),
         ({"schema_version": True}, "schema_version"),
-        ({"schema_version": 1.0}, "schema_version"),
+        ({"network": None}, "lacks network"),
         ({"name": "walk\x1b[31m"}, "printable"),
-        ({"name": ""}, "name"),
         ({"env_id": "Ant-v5"}, "Ant-v5"),
         ({"observation": {"command": [0, 3]}}, "layout"),
         ({"observation_scale": [1.0] * OBSERVATION_SIZE}, "scales"),
         ({"network": {"sizes": [62, 12]}}, "activation"),
         ({"network": {"sizes": [61, 12], "activation": "tanh"}}, "62 inputs"),
         ({"network": {"sizes": [62, 10**9, 12], "activation": "tanh"}}, "sizes"),
-        ({"network": {"sizes": [62, True, 12], "activation": "tanh"}}, "sizes"),
         ({"network": {"sizes": [62, 16, 12], "activation": "__import__"}}, "elu, tanh"),
         ({"network": {"sizes": [62, 32, 12], "activation": "tanh"}}, "tensors"),
         ({"base": {"name": "gallop", "parameters": {}}}, "gallop"),
-        ({"base": {"name": ["trot"], "parameters": {}}}, "trot"),
         ({"base": {"name": "trot", "parameters": {"body_height": 0.4}}}, "parameters"),
         ({"base": {"name": "stand", "parameters": {"height": 0.4}}}, "Stand has no parameters"),
         ({"base": {"name": "walk", "parameters": {"walk": {}}}}, "those of bound, pace, pronk, trot, walk, stand"),
-        ({"base": {"name": "behaviour", "parameters": {}}}, "one of bound"),
         ({"base": {"name": "stand", "parameters": {}, "module": "policies.stand"}}, "name and parameters"),
         ({"authority": [0.3] * 11}, "authority"),
         ({"authority": [-0.1] * 12}, "authority"),
         ({"authority": [float("nan")] * 12}, "authority"),
         ({"authority": [10**400] * 12}, "authority"),
-        ({"authority": [1e300] * 12}, "authority"),
         ({"authority": [3.2] * 12}, "authority"),
         ({"inputs": [0.1]}, "lags, averages"),
         ({"inputs": {"clock": 60}}, "clock"),
         ({"hold": 0}, "hold"),
-        ({"hold": 1.0}, "hold"),
         ({"inputs": {"lags": 0.1}}, "lists"),
         ({"inputs": {"lags": [0.1] * 33}}, "at most 32"),
-        ({"inputs": {"lags": ["0.1"]}}, "numbers"),
-        ({"inputs": {"averages": [-1.0]}}, "above 0 s"),
         ({"inputs": {"averages": [0.5]}}, "110 inputs"),
         ({"training": "much"}, "training"),
-        ({"git_revision": 5}, "git_revision"),
         ({"weights_sha256": "0" * 64}, "SHA-256"),
         ({"extra": 1}, "extra"),
-        ({"space": "feet"}, "its space is 'feet', which this version cannot do"),
         ({"gait_authority": [0.0, 0.1, 0.0]}, "its gait_authority is [0.0, 0.1, 0.0], which this version cannot do"),
         ({"robot": "my_robot"}, "say which with --robot"),
-        ({"robot": ["go1"]}, "say which with --robot"),
         ({"model_sha256": "0" * 64}, "another model of simple_quad"),
         ({"joints": ["fr_hip_joint"]}, "other joints than those of simple_quad, or in another order"),
     ],
@@ -336,12 +245,7 @@ def test_field_that_does_not_fit_is_refused(folder, change, reason):
         ("frequency", "fast"),
         ("step_height", float("inf")),
         ("duty", True),
-        ("frequency", 1e308),
-        ("frequency", 1e-308),
         ("frequency", 10**400),
-        ("stance_shift", 1e200),
-        ("servo_lead", -1e300),
-        ("forward_gain", 1e308),
         ("blend_time", 5e-324),
     ],
 )
@@ -351,29 +255,7 @@ def test_base_parameter_out_of_range_is_refused(folder, field, value):
     assert "the base's parameters" in damaged(folder, lambda f: rewrite(f, base=base))
 
 
-def test_a_field_that_is_given_twice_is_refused(folder):
-    twice = (folder / DESCRIPTION).read_text().replace('"name"', '"name": "another", "name"')
-    assert "'name' is given twice" in damaged(folder, lambda f: (f / DESCRIPTION).write_text(twice))
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no such pipes")
-@pytest.mark.parametrize("file", [DESCRIPTION, WEIGHTS])
-@pytest.mark.parametrize("kind", ["pipe", "device", "huge"])
-def test_a_file_that_is_none_to_read_is_refused_at_once(folder, file, kind):
-    def change(folder):
-        (folder / file).unlink()
-        if kind == "pipe":
-            os.mkfifo(folder / file)
-        elif kind == "device":
-            (folder / file).symlink_to("/dev/zero")
-        else:
-            with (folder / file).open("wb") as content:
-                content.truncate(2**43)
-
-    assert f"{file} cannot be read (it is " in damaged(folder, change)
-
-
-@pytest.mark.parametrize("content", ["[]", "3", "{", "[" * 100_000, '{"schema_version": 1}'])
+@pytest.mark.parametrize("content", ["[]", "{", "[" * 100_000])
 def test_description_that_is_no_description_is_refused(folder, content):
     damaged(folder, lambda f: (f / DESCRIPTION).write_text(content, encoding="utf-8"))
 
@@ -393,16 +275,12 @@ def test_a_training_run_is_found_as_its_best_bundle(folder, tmp_path):
     assert trajectory(policies.resolve(str(run))) == trajectory(load(run / "best")) == trajectory(load(folder))
 
 
-NO_JSON = "policy.json is not JSON (Expecting value: line 1 column 1 (char 0)); train it anew"
-
-
 @pytest.mark.parametrize(
     ("files", "remedy"),
     [
         (("config.json", "tensorboard/events"), "its first validation"),
         (("notes.txt",), "name the folder of a trained policy, such as models/residual, or of a training run"),
-        (("policy.json",), NO_JSON),
-        (("config.json", "best/policy.json"), f"best: {NO_JSON}"),
+        (("config.json", "best/policy.json"), "best: policy.json is not JSON"),
     ],
 )
 def test_a_folder_without_a_bundle_says_what_to_do(tmp_path, files, remedy):
@@ -412,7 +290,7 @@ def test_a_folder_without_a_bundle_says_what_to_do(tmp_path, files, remedy):
     with pytest.raises(policies.PolicyError) as refused:
         policies.load(tmp_path)
     assert remedy in str(refused.value)
-    assert ("anew" in remedy) == ("anew" in str(refused.value))
+    assert (refused.value.remedy == "train it again, or fetch a complete copy") == ("best/policy.json" in files)
 
 
 def test_a_bundle_of_a_users_robot_is_for_that_model_alone(tmp_path):

@@ -51,17 +51,6 @@ def test_targets_equal_the_reference_table(phase):
     np.testing.assert_allclose(targets, np.ravel(REFERENCE[phase]), atol=1e-9, rtol=0.0)
 
 
-def test_targets_at_a_quarter_turn_by_hand():
-    # fl and hr at mid-swing: x = 0, z = -0.25 + 0.15; fr and hl halfway through their stance: x = -0.05, z = -0.25.
-    expected = [
-        *solved_by_hand(0.0, 0.15, -0.10),
-        *solved_by_hand(-0.05, -0.15, -0.25),
-        *solved_by_hand(-0.05, 0.15, -0.25),
-        *solved_by_hand(0.0, -0.15, -0.10),
-    ]
-    np.testing.assert_allclose(Document().targets(math.pi / 2), expected, atol=1e-12, rtol=0.0)
-
-
 def test_targets_at_one_radian_by_hand():
     swing = (-0.05 + 0.1 / math.pi, -0.25 + 0.15 * math.sin(1.0))
     stance = (-0.1 / math.pi, -0.25)
@@ -83,16 +72,12 @@ def test_array_of_phases_gives_the_scalar_answers():
         assert np.array_equal(targets[index], Document().targets(phases[index]))
 
 
-@pytest.mark.parametrize("foot", [(0.0, 0.15, -0.6000001), (0.5, 0.0, 0.5)])
-def test_unreachable_foot_is_answered_with_zeros(foot):
-    assert printed_joint_angles(SIMPLE_QUAD, np.array(foot)).tolist() == [0.0, 0.0, 0.0]
-
-
-def test_unreachable_foot_leaves_the_other_legs_alone():
-    feet = PrintedGait().feet(SIMPLE_QUAD, 1.0, stance_start=0.0)
-    solved = printed_joint_angles(SIMPLE_QUAD, feet)
-    feet[2, 2] = -0.7
-    assert np.array_equal(printed_joint_angles(SIMPLE_QUAD, feet)[[0, 1, 3]], solved[[0, 1, 3]])
+def test_an_unreachable_foot_is_answered_with_zeros_and_the_limit_of_reach_with_numbers():
+    feet = np.array([(0.0, 0.15, -0.6000001), (0.5, 0.0, 0.5), (0.0, 0.15, -0.6), (0.0, 0.15, 0.0)])
+    found = printed_joint_angles(SIMPLE_QUAD, feet)
+    assert not found[:2].any()
+    assert found[2].any()
+    assert np.isfinite(found).all()
 
 
 def test_a_foot_out_of_reach_is_told_once_and_changes_no_target():
@@ -110,10 +95,6 @@ def test_the_printed_figures_ask_for_no_foot_out_of_reach():
     ).any()
 
 
-def test_limit_of_reach_and_a_foot_on_the_hip_are_finite():
-    assert np.isfinite(printed_joint_angles(SIMPLE_QUAD, np.array([[0.0, 0.15, -0.6], [0.0, 0.15, 0.0]]))).all()
-
-
 def test_first_action_is_that_of_one_tick_clipped_by_the_joint_limits():
     policy = policies.make("document")
     action = policy.act(np.zeros(OBSERVATION_SIZE, np.float32))
@@ -122,11 +103,3 @@ def test_first_action_is_that_of_one_tick_clipped_by_the_joint_limits():
     expected = np.clip(policy.targets(phase), SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
     np.testing.assert_allclose(action, expected, atol=1e-6)
     assert action[1] == np.float32(-1.5)  # printed pitch of -2.9 rad: the thigh sits at its stop
-
-
-def test_clock_runs_two_cycles_a_second():
-    policy = policies.make("document")
-    actions = [policy.act(np.zeros(OBSERVATION_SIZE, np.float32)) for _ in range(150)]
-    np.testing.assert_allclose(actions[49 + 50], actions[49], atol=1e-5)
-    np.testing.assert_allclose(actions[49 + 100], actions[49], atol=1e-5)
-    assert np.abs(actions[49 + 25] - actions[49]).max() > 0.01

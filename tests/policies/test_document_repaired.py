@@ -59,20 +59,20 @@ def test_it_starts_from_the_home_pose_and_ends_on_the_gait():
     )
 
 
-def test_it_marches_forward_for_ten_seconds_from_64_starts_without_a_fall():
+def test_it_marches_forward_from_12_starts_without_a_fall():
     policy = policies.make("document_repaired")
-    policy.reset(64)
-    env = gym.make_vec("SimpleQuad-v0", num_envs=64)
-    observation, _ = env.reset(seed=[int(seed) for seed in episode_seeds("validation", 0, 64)])
-    velocity = np.zeros(64)
+    policy.reset(12)
+    env = gym.make_vec("SimpleQuad-v0", num_envs=12, nthread=1)
+    observation, _ = env.reset(seed=[int(seed) for seed in episode_seeds("validation", 0, 12)])
+    velocity = np.zeros(12)
     calves = []
-    for _ in range(1000):
+    for _ in range(500):
         observation, _, terminated, _, info = env.step(policy.act(observation))
         assert not terminated.any()
-        velocity += info["heading_velocity"][:, 0] / 1000
+        velocity += info["heading_velocity"][:, 0] / 500
         calves.append(observation[:, OBSERVATION["joint_position"]][:, 2::3])
     env.close()
-    assert np.ptp(calves[500:], axis=0).min() > 0.2  # every leg lifts and lowers
+    assert np.ptp(calves[250:], axis=0).min() > 0.2  # every leg lifts and lowers
     # A stride of 0.1 m in a stance of 0.25 s would be 0.4 m/s if nothing gave. The high printed lift on the lagging
     # joints of a compliant robot costs nearly all of it, but it goes forward, from every start.
     assert velocity.min() > 0.02

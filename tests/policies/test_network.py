@@ -29,11 +29,11 @@ def test_forward_pass_by_hand(activation, hidden):
 @pytest.mark.parametrize("activation", ["tanh", "elu"])
 def test_a_row_has_the_same_bits_in_any_batch(activation):
     network = random_network(activation, (302, 128, 128, 12))
-    inputs = np.random.default_rng(4).normal(size=(1000, 302)).astype(np.float32)
+    inputs = np.random.default_rng(4).normal(size=(300, 302)).astype(np.float32)
     whole = network(inputs)
-    for n in (1, 2, 3, 16, 17, 128, 129, 512):
+    for n in (1, 3, 16, 17, 128, 129):
         assert network(inputs[:n]).tobytes() == whole[:n].tobytes()
-    assert network(inputs[777:778]).tobytes() == whole[777:778].tobytes()
+    assert network(inputs[277:278]).tobytes() == whole[277:278].tobytes()
 
 
 def test_outputs_agree_with_the_plain_matrix_product():
@@ -50,7 +50,7 @@ def test_outputs_agree_with_the_plain_matrix_product():
 )
 def test_an_activation_is_within_3e_7_of_its_function(activation, function):
     slopes, intercepts = lines_of(activation)
-    x = np.concatenate([sign * np.logspace(-8.0, np.log10(LIMIT), 100_000, endpoint=False) for sign in (1.0, -1.0)])
+    x = np.concatenate([sign * np.logspace(-8.0, np.log10(LIMIT), 20_000, endpoint=False) for sign in (1.0, -1.0)])
     np.testing.assert_allclose(slopes[piece(x)] * x + intercepts[piece(x)], function(x), atol=3e-7)
 
 
@@ -70,6 +70,14 @@ def test_inputs_beyond_the_limit_are_clipped_and_nan_stays_nan():
     at_limit = network(np.full((1, 62), 64.0, np.float32))
     np.testing.assert_array_equal(network(np.full((1, 62), np.inf, np.float32)), at_limit)
     assert np.isnan(network(np.full((1, 62), np.nan, np.float32))).all()
+
+
+@pytest.mark.parametrize("activation", ["tanh", "elu"])
+def test_the_largest_weights_of_a_bundle_give_finite_numbers(activation):
+    sizes = (62, *(16,) * 8, 12)
+    weights = tuple(np.full(shape, 1e6, np.float32) for shape in itertools.pairwise(sizes))
+    network = Network(weights, tuple(np.full(size, -1e6, np.float32) for size in sizes[1:]), activation)
+    assert np.isfinite(network(np.full((1, 62), 1e10, np.float32))).all()
 
 
 def test_sums_are_exact():

@@ -17,17 +17,16 @@ def constant_network(inputs, output):
     return Network((np.zeros((inputs, 12), np.float32),), (np.broadcast_to(np.float32(output), 12).copy(),))
 
 
-@pytest.mark.parametrize("n", [1, 3, 64])
 @pytest.mark.parametrize("zero", [0.0, -0.0])
-def test_zero_correction_is_the_trot_bit_for_bit_over_1000_steps(n, zero):
-    rng = np.random.default_rng(n)
+def test_zero_correction_is_the_trot_bit_for_bit(zero):
+    rng, n = np.random.default_rng(8), 8
     residual, trot = ResidualPolicy(policies.make("trot"), constant_network(62, zero)), policies.make("trot")
     residual.reset(n), trot.reset(n)
     observation = rng.normal(size=(n, OBSERVATION_SIZE)).astype(np.float32)
-    for step in range(1000):
-        if step % 200 == 0:
+    for step in range(200):
+        if step % 40 == 0:
             observation[:, OBSERVATION["command"]] = rng.uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (n, 3))
-        if step == 500:
+        if step == 100:
             mask = rng.random(n) < 0.5
             residual.reset_where(mask), trot.reset_where(mask)
         assert residual.act(observation).tobytes() == trot.act(observation).tobytes()
@@ -45,7 +44,7 @@ def test_zero_shift_of_footholds_is_the_base_bit_for_bit():
     network = Network((np.zeros((width, 14), np.float32),), (np.zeros(14, np.float32),))
     residual = ResidualPolicy(policies.make("mpc"), network, shift_authority=shift)
     residual.reset(2), mpc.reset(2)
-    for step in range(50):
+    for step in range(8):
         observation = np.random.default_rng(step).normal(size=(2, OBSERVATION_SIZE)).astype(np.float32)
         assert residual.act(observation).tobytes() == mpc.act(observation).tobytes()
 
@@ -59,12 +58,6 @@ def test_features_by_hand_over_a_gaited_base():
     np.testing.assert_array_equal(seen[:, :OBSERVATION_SIZE], np.tile(SCALE, (2, 1)))
     np.testing.assert_allclose(seen[:, OBSERVATION_SIZE : OBSERVATION_SIZE + 2], [[0.0, 1.0], [1.0, 0.0]], atol=1e-7)
     np.testing.assert_allclose(seen[:, OBSERVATION_SIZE + 2 :], 0.25)
-
-
-def test_features_over_a_base_without_a_clock_are_the_observation_alone():
-    observation = np.full((3, OBSERVATION_SIZE), 2.0, np.float32)
-    seen = Features(policies.make("stand")).see(observation, np.zeros((3, 12), np.float32))
-    np.testing.assert_array_equal(seen, 2.0 * np.tile(SCALE, (3, 1)))
 
 
 def test_what_is_remembered_comes_last_and_a_restarted_robot_remembers_nothing():
@@ -135,13 +128,6 @@ def test_corrected_action_stays_within_the_joint_limits():
     base = np.stack([SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper]).astype(np.float32)
     outward = np.stack([-np.ones(12), np.ones(12)]).astype(np.float32)
     np.testing.assert_array_equal(compose(SIMPLE_QUAD, base, outward, authority_of(SIMPLE_QUAD)), base)
-
-
-def test_residual_over_stand_has_no_phase_and_needs_no_clock_inputs():
-    policy = ResidualPolicy(policies.make("stand"), constant_network(OBSERVATION_SIZE, 1.0))
-    assert policy.phase is None
-    action = policy.act(np.zeros(OBSERVATION_SIZE, np.float32))
-    np.testing.assert_allclose(action, SIMPLE_QUAD.home_pose + [0.15, 0.3, 0.3] * 4, atol=1e-6)
 
 
 def test_network_of_the_wrong_width_is_refused():

@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ for activation, sizes in (("elu", (302, 128, 128, 12)), ("tanh", (62, 64, 12))):
     shapes = tuple(itertools.pairwise(sizes))
     weights = tuple(rng.normal(0.0, shape[0] ** -0.5, shape).astype(np.float32) for shape in shapes)
     network = Network(weights, tuple(rng.normal(size=size).astype(np.float32) for size in sizes[1:]), activation)
-    for rows in (1, 2, 16, 129, 1000):
+    for rows in (1, 16, 129, 300):
         inputs = rng.normal(0.0, 2.0, (rows, sizes[0])).astype(np.float32)
         found[f"{activation} {rows}"] = digest(network(inputs))
         found[f"{activation} {rows} of any size"] = digest(network(inputs * np.float32(1e4)))
@@ -38,13 +39,14 @@ found["plain"] = digest(np.matmul(inputs[:, None, :], weights[0]))
 print(json.dumps(found))
 """
 FEATURES = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
-CASES = [{"OPENBLAS_CORETYPE": kernel} for kernel in ("Haswell", "Zen", "Sandybridge", "Prescott")]
-if "X86_V4" in FEATURES:  # elsewhere its instructions are illegal
-    CASES += [{"OPENBLAS_CORETYPE": "SkylakeX"}]
+CASES = [{"OPENBLAS_CORETYPE": kernel} for kernel in ("Haswell", "Prescott")]
 CASES += [{"NPY_DISABLE_CPU_FEATURES": " ".join(FEATURES)}, {"OPENBLAS_NUM_THREADS": "2"}]
 
 
-def found(**environment: str) -> dict[str, str]:
+@cache
+def found(case: tuple[tuple[str, str], ...] = ()) -> dict[str, str]:
+    """Digests of the program's actions with these variables of the environment."""
+    environment = dict(case)
     chosen = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"} | environment
     folder = Path(__file__).parents[2]
     done = subprocess.run(
@@ -53,16 +55,10 @@ def found(**environment: str) -> dict[str, str]:
     return dict(json.loads(done.stdout))
 
 
-@pytest.fixture(scope="module")
-def here() -> dict[str, str]:
-    return found()
-
-
 @pytest.mark.parametrize("environment", CASES, ids=lambda case: "=".join(*case.items()))
-def test_actions_have_the_same_bits(here, environment) -> None:
-    there = found(**environment)
-    del there["plain"]
-    assert there.items() < here.items()
+def test_actions_have_the_same_bits(environment: dict[str, str]) -> None:
+    there = found(tuple(environment.items()))
+    assert {name: there[name] for name in there if name != "plain"}.items() < found().items()
 
 
 @pytest.mark.skipif(
@@ -70,4 +66,5 @@ def test_actions_have_the_same_bits(here, environment) -> None:
     reason="kernels are chosen for OpenBLAS and an x86 processor with AVX2",
 )
 def test_the_kernels_round_a_plain_product_differently() -> None:
-    assert found(OPENBLAS_CORETYPE="Haswell")["plain"] != found(OPENBLAS_CORETYPE="Prescott")["plain"]
+    haswell, prescott = (found((("OPENBLAS_CORETYPE", kernel),))["plain"] for kernel in ("Haswell", "Prescott"))
+    assert haswell != prescott

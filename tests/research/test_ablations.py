@@ -8,7 +8,8 @@ import pytest
 from research.__main__ import main
 from research.training import ablations
 from research.training.ablations import DEFAULT, VARIANTS, Found, Options, config, rows
-from train.config import DEFAULTS, differences
+from train.config import DEFAULTS
+from train.config_file import differences
 from train.run import make_env
 
 OPTIONS = Options(steps=64, seeds=2, episodes=1)

@@ -17,7 +17,8 @@ from research.training.model_card import TrainedRun, difference, does, model_car
 from research.training.publish import choose
 from train.__main__ import main as train
 from train.command import parse
-from train.config import DEFAULTS, PpoConfig, to_dict
+from train.config import DEFAULTS, PpoConfig
+from train.config_file import to_dict
 from train.run_record import command
 
 OPTIONS = (

@@ -9,7 +9,8 @@ from quad_env.cli.command_line import UsageError
 from research.__main__ import main
 from research.training import sweep
 from research.training.sweep import JOURNAL, TABLE, Options, changed, cost, distributions
-from train.config import PpoConfig, TrainConfig, load_config
+from train.config import PpoConfig, TrainConfig
+from train.config_file import load_config
 from train.run_folder import VALIDATIONS_FILE
 
 RANGES = ["--ranges", "ppo.learning-rate", "1e-4", "1e-2", "ppo.epochs", "2", "5", "joint-authority", "1", "2"]

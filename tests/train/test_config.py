@@ -7,24 +7,13 @@ from typing import get_args
 
 import pytest
 
-from policies.parameters import limits_of
 from policies.residual_bases import BASES
 from quad_env.cli.command_line import UsageError
 from train.command import parse
-from train.config import (
-    DEFAULTS,
-    MIXTURE,
-    BaseName,
-    PpoConfig,
-    TrainConfig,
-    ValidationConfig,
-    differences,
-    from_dict,
-    robots_per_scenario,
-    to_dict,
-)
+from train.config import DEFAULTS, MIXTURE, BaseName, PpoConfig, TrainConfig
+from train.config_file import differences, from_dict, to_dict
 from train.run_folder import CONFIG_FILE
-from train.setting_ranges import check
+from train.training_robots import robots_per_scenario
 
 
 @pytest.mark.parametrize("kind", DEFAULTS)
@@ -35,7 +24,7 @@ def test_settings_survive_json(kind):
 
 def test_where_a_run_is_written_and_with_how_many_threads_does_not_count_as_a_setting():
     config = TrainConfig()
-    elsewhere = dataclasses.replace(config, out=Path("elsewhere"), resume=True, threads=7, seeds=2, engine="ray")
+    elsewhere = dataclasses.replace(config, out=Path("elsewhere"), resume=True, threads=7, seeds=2)
     assert to_dict(elsewhere) == to_dict(config)
     assert differences(config, elsewhere) == []
 
@@ -70,15 +59,11 @@ def test_settings_that_were_removed_may_be_there_with_the_only_value_that_is_lef
 @pytest.mark.parametrize(
     "settings",
     [
-        {"sead": 1},
         {"hardness": 2.0},
         {"ppo": {"activation": "tanh"}},
-        {"ppo": {"gama": 0.9}},
-        {"ppo": 3},
         [1],
         {"mixture": [["flat"]]},
         {"policy": "waltz"},
-        {"steps": 1e400},
         {"ppo": {"log_std_final": "low"}},
     ],
 )
@@ -92,46 +77,24 @@ def test_what_is_no_configuration_is_refused(settings):
     [
         ("--steps 0", "--steps must be from 1"),
         ("--steps 1.5", "1.5 is no whole number"),
-        ("--steps nan", "nan is no whole number"),
-        ("--steps many", "'many'"),
-        ("--seed -1", "--seed must be from 0 to 4294967295, got -1"),
         ("--seed 4294967296", "--seed must be from 0 to 4294967295"),
         ("--seeds 0", "--seeds must be from 1 to 1000, got 0"),
-        ("--seeds 0 --resume", "--seeds must be from 1"),
         ("--seed 4294967295 --seeds 2", "--seed . --seeds - 1 must be from 0 to 4294967295"),
-        ("--threads 1000000", "--threads must be from 1 to"),
-        ("--hip-authority -1", "--hip-authority must be from 0"),
         ("--hip-authority nan", "--hip-authority must be from 0"),
         ("--ppo.learning-rate nan", "--ppo.learning-rate must be from"),
-        ("--ppo.gamma nan", "--ppo.gamma must be from 0 to 1"),
-        ("--ppo.log-std-init nan", "--ppo.log-std-init must be from"),
-        ("--ppo.minibatch 1", "--ppo.minibatch must be from 2"),
-        ("--ppo.envs 1 --ppo.rollout-steps 1 --ppo.minibatch 2", "must divide"),
         ("--ppo.envs 65536 --ppo.rollout-steps 65536", "must be at most"),
         ("--ppo.actor -1", "--ppo.actor must be"),
-        ("--ppo.critic 0 8", "--ppo.critic must be"),
-        ("--ppo.actor 5000", "--ppo.actor must be"),
-        ("--rewards tilt=nan", "--rewards tilt must be from"),
         ("--rewards fall=inf", "--rewards fall must be from"),
-        ("--rewards fall", "could not convert|fall"),
         ("--rewards stumble=1", "no reward term 'stumble'"),
         ("--rewards.tilt -1", "--rewards.tilt is now --rewards tilt=WEIGHT"),
-        ("--validation.interval -1", "--validation.interval must be from 0"),
-        ("--validation.scenarios flat flat", "--validation.scenarios names a scenario twice"),
         ("--policy end-to-end --base trot", "--base crouch or stand, not on trot"),
         ("--ppo.envs 10 --ppo.rollout-steps 3 --ppo.minibatch 20", "must divide"),
         ("--mixture moon 1.0", "unknown scenario 'moon'"),
-        ("--validation.scenarios moon", "unknown scenario 'moon'"),
         ("--mixture rough=0.1+slope=3 1", "--mixture: .*rough and slope set the terrain differently"),
         ("--mixture flat -1.0", "not negative"),
-        ("--mixture flat nan", "not negative"),
         ("--mixture flat 0.0", "above zero"),
         ("--mixture flat 0.5 flat 0.5", "twice"),
         ("--actuator steam", "unknown actuator 'steam'; valid: ideal, torque_speed, motor"),
-        ("--sensors eyes", "unknown sensors 'eyes'; valid: truth, ideal, typical"),
-        ("--policy waltz", "waltz"),
-        ("--base behaviour", "behaviour"),
-        ("--no-such-option 3", "no-such-option"),
         ("--resume --out no-such-folder", "no run in no-such-folder"),
     ],
 )
@@ -147,15 +110,11 @@ def test_every_base_that_a_bundle_can_hold_can_be_trained_on():
 
 
 def test_each_policy_has_its_own_defaults_and_options_override_them():
-    assert parse([]).base == "trot_integral"
+    usual = parse([])
+    assert (usual.base, usual.joint_authority, usual.hip_authority) == ("trot_integral", 0.3, 0.15)
     end_to_end = parse(["--policy", "end-to-end", "--hip-authority", "0.4"])
     assert end_to_end == dataclasses.replace(DEFAULTS["end-to-end"], hip_authority=0.4)
     assert end_to_end.base == "crouch"
-
-
-def test_the_residual_keeps_to_the_authority_of_the_contract():
-    assert TrainConfig().joint_authority == 0.3
-    assert TrainConfig().hip_authority == 0.15
 
 
 def test_resume_takes_the_settings_of_the_run_and_refuses_others(tmp_path):
@@ -164,6 +123,7 @@ def test_resume_takes_the_settings_of_the_run_and_refuses_others(tmp_path):
     resumed = parse(["--resume", "--out", str(tmp_path)])
     assert to_dict(resumed) == to_dict(begun)
     assert resumed.folder == tmp_path
+    assert parse(["--resume", "--out", str(tmp_path), "--steps", "778"]).steps == 778
     for option, new in (("--steps", "776"), ("--ppo.gamma", "0.4"), ("--sensors", "truth"), ("--actuator", "motor")):
         with pytest.raises(UsageError, match=rf"{option}: the run has .*, the command {new}; only a larger --steps"):
             parse(["--resume", "--out", str(tmp_path), option, new])
@@ -178,23 +138,11 @@ def test_weights_that_are_not_named_stay_as_they_are(kind, words):
     assert found.roll_pitch_rate == (-1.0 if len(words) > 2 else usual.roll_pitch_rate)
 
 
-def test_resume_with_more_steps_extends_the_run(tmp_path):
-    begun = dataclasses.replace(TrainConfig(), steps=777)
-    (tmp_path / CONFIG_FILE).write_text(json.dumps(to_dict(begun)), encoding="utf-8")
-    assert parse(["--resume", "--out", str(tmp_path), "--steps", "778"]).steps == 778
-
-
-@pytest.mark.parametrize("words", ["1000000", "1e6", "1_000_000", "1.0e6"])
+@pytest.mark.parametrize("words", ["1e6", "1_000_000"])
 def test_large_numbers_may_be_written_as_people_do(words):
     config = parse(["--steps", words, "--validation.interval", words])
     assert (config.steps, config.validation.interval) == (1_000_000, 1_000_000)
     assert type(config.steps) is int
-
-
-def test_resume_of_a_damaged_configuration_is_refused(tmp_path):
-    (tmp_path / CONFIG_FILE).write_text('{"steps": 7', encoding="utf-8")
-    with pytest.raises(UsageError, match="not JSON"):
-        parse(["--resume", "--out", str(tmp_path)])
 
 
 @pytest.mark.parametrize(
@@ -215,14 +163,3 @@ def test_a_run_is_validated_on_the_scenarios_that_it_trains_on_unless_others_are
     mixture = ["--mixture", "latency=0.04", "0.5", "flat", "0", "payload=15+slope=10", "0.5"]
     assert parse(mixture).complete_validation.scenarios == ("latency=0.04", "payload=15+slope=10")
     assert parse([*mixture, "--validation.scenarios", "flat"]).complete_validation.scenarios == ("flat",)
-
-
-def test_the_defaults_can_be_trained_with():
-    for config in DEFAULTS.values():
-        check(config)
-
-
-@pytest.mark.parametrize("part", [TrainConfig(), PpoConfig(), ValidationConfig()])
-def test_every_number_has_its_limits(part):
-    numbers = {name for name, value in vars(part).items() if type(value) in (int, float)}
-    assert numbers == set(limits_of(part)) - {"log_std_final"}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quad_env.scenarios.named import scenario
-from train.curriculum import Intervals, Kept, eased, next_shares
+from train.curriculum import Intervals, Kept, eased
 
 FORWARD, STILL = np.array([1.0, 0.0, 0.0]), np.zeros(3)
 DT = 0.1
@@ -47,7 +47,8 @@ def test_a_fall_ends_an_interval_at_once_and_the_next_episode_starts_without_it(
 
 def test_shares_follow_what_was_kept_and_stay_where_little_is_known():
     counted = [Kept(100, 90), Kept(100, 70), Kept(100, 50), Kept(20, 20), Kept(100, 100), Kept(100, 0)]
-    shares = next_shares([0.5, 0.5, 0.5, 0.5, 1.0, 0.05], counted)
+    before = [0.5, 0.5, 0.5, 0.5, 1.0, 0.05]
+    shares = [kept.next_share(share) for share, kept in zip(before, counted, strict=True)]
     np.testing.assert_allclose(shares, [0.6, 0.5, 0.4, 0.5, 1.0, 0.0])
 
 

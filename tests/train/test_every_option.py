@@ -1,6 +1,6 @@
-"""Every option of `python -m train` reaches what it governs: given as words, seen on the robots, the learner, the run.
+"""Every option of `python -m train` reaches what it governs: one run with all of them other than usual.
 
-`EFFECTS` has an entry for each option; an option without one fails. Terms of the reward have a test of their own.
+`EFFECTS` has an entry for each option; an option without one fails.
 """
 
 import contextlib
@@ -9,7 +9,6 @@ import json
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,109 +16,36 @@ import numpy as np
 import pytest
 from stable_baselines3.common.callbacks import BaseCallback
 
+import policies
+from policies.history import Inputs
 from quad_env.config import RewardWeights
-from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
-from tests.effects import Effect, Reading
 from tests.quad_env.robots.alike import alike
 from train import run as training_run
 from train import validation
 from train.__main__ import main
 from train.command import parse
-from train.config import TrainConfig, to_dict
+from train.config import TrainConfig
 from train.run import make_env
-from train.run_folder import BEST, CONFIG_FILE, LAST, VALIDATIONS_FILE, steps_done
-from train.sb3.callbacks import CallbackState, Segments, current_policy
+from train.run_folder import VALIDATIONS_FILE, steps_done
+from train.sb3.callbacks import CallbackState, Segments, Session
 from train.sb3.ppo import build
 from train.scenarios import TERRAIN_SEEDS
 from train.training_robots import training_seeds
 
-MIXTURE = "--mixture flat 0.5 push=60 0.25 rough=0.2 0.25"
-USUAL = (
-    "--threads 1 --seed 7 --curriculum 1 --inputs.lags --inputs.averages --validation.episodes 1 "
-    "--validation.scenarios flat --ppo.envs 4 --ppo.rollout-steps 2 --ppo.minibatch 4 --ppo.epochs 1 --ppo.hold 1 "
-    "--ppo.actor 4 --ppo.critic 4"
+WORDS = (
+    "--base mpc --steps 48 --seed 7 --threads 3 --joint-authority 0.2 --hip-authority 0.1 --foothold-authority 0.05 "
+    "--inputs.lags 0.03 --inputs.averages 0.2 --inputs.clock 4 --mixture push=60 1 rough=0.2 3 --curriculum 0.5 "
+    "--max-episode-steps 20 --actuator motor --sensors typical --estimator kalman "
+    "--reward-terms FOLDER/own.py:always=5 --ppo.envs 4 --ppo.rollout-steps 3 --ppo.minibatch 6 --ppo.epochs 1 "
+    "--ppo.hold 3 --ppo.actor 4 --ppo.critic 4 --ppo.learning-rate-schedule adaptive --ppo.target-kl 0.04 "
+    "--ppo.log-std-final -3.2 --validation.interval 24 --validation.episodes 3 --validation.scenarios push rough=0.1 "
+    "--out FOLDER/elsewhere"
 )
-BRIEF = 120
-"""Control steps of an episode of the validation."""
-EPISODES = episode_seeds("training", 0, 4)
-"""Seeds of the robots that are stepped here."""
-STEPS, DT = 8, 0.01
-"""Steps of a run, unless it is told others: one update. Control period, s."""
-
-
-class Made:
-    """What `python -m train` with these words makes, each part once it is asked for."""
-
-    def __init__(self, words: str, folder: Path) -> None:
-        given = words.replace("FOLDER", str(folder)).split()
-        fixed = [] if "--mixture" in given or "--robot" in given else MIXTURE.split()
-        fixed += [] if "--steps" in given else ["--steps", str(STEPS)]
-        self.folder = folder
-        self.words = [*USUAL.split(), *fixed, *given]
-        if not {"--out", "--resume"} & set(given):
-            self.words += ["--out", str(folder / "run")]
-
-    @cached_property
-    def config(self) -> TrainConfig:
-        return parse(self.words)
-
-    @cached_property
-    def env(self) -> Any:
-        """The robots as the learner sees them."""
-        return make_env(self.config)
-
-    @property
-    def residual(self) -> Any:
-        return self.env.env
-
-    @property
-    def robots(self) -> list[SimpleQuadVectorEnv]:
-        """The batches."""
-        return list(self.residual.unwrapped.batches)
-
-    @cached_property
-    def learner(self) -> Any:
-        return build(self.config, self.env)
-
-    @cached_property
-    def shipped(self) -> Any:
-        """The policy that a bundle of the run would hold."""
-        return current_policy(self.config, self.learner)
-
-    @cached_property
-    def started(self) -> list[Batch]:
-        """The batches that train, begun."""
-        with begun() as found, contextlib.closing(make_env(self.config)) as env:
-            env.reset()
-        return found
-
-    @cached_property
-    def ran(self) -> "Ran":
-        """A whole run."""
-        learners, pools = [], set[str]()
-        true_build, true_validate = training_run.build, validation.run
-
-        def watched(*args: Any) -> Any:
-            learners.append(true_build(*args))
-            return learners[-1]
-
-        def brief(*args: Any, **kwargs: Any) -> Any:
-            pools.update(each.name for each in threading.enumerate() if each.name.startswith("robots"))
-            return true_validate(*args, **kwargs | {"steps": BRIEF})
-
-        with begun() as found, pytest.MonkeyPatch.context() as patch:
-            patch.setattr(training_run, "build", watched)
-            patch.setattr(validation, "run", brief)
-            assert main(self.words) == 0
-        return Ran(self.folder / "run", found, learners, len(pools))
-
-    def steps(self, count: int, action: float = 0.0) -> Iterator[Any]:
-        """What the environment of the learner's actions gives, at each of so many steps."""
-        self.residual.reset(seed=EPISODES[: self.env.num_envs].tolist())
-        for _ in range(count):
-            yield self.residual.step(np.full(self.residual.action_space.shape, action, np.float32))
+BRIEF = 110
+"""Control steps of an episode of the validation, just longer than the second that measures leave out."""
+SMALL = "--threads 1 --ppo.envs 4 --ppo.rollout-steps 2 --ppo.minibatch 4 --ppo.hold 1 --ppo.actor 4 --ppo.critic 4"
 
 
 @dataclass(frozen=True)
@@ -128,385 +54,189 @@ class Ran:
 
     folder: Path
     batches: list[Batch]
-    learners: list[Any]
-    pool: int
-    """Threads that stepped batches side by side."""
+    learner: Any
+    threads: set[str]
+    """Names of the threads that stepped batches side by side."""
 
     @property
-    def validations(self) -> list[dict[str, Any]]:
-        return list(json.loads((self.folder / VALIDATIONS_FILE).read_bytes())["validations"])
+    def env(self) -> Any:
+        """The robots with base and correction."""
+        return self.learner.get_env().env
 
     @property
-    def remembered(self) -> dict[str, Any]:
-        """What the callbacks carry on with, of the last checkpoint."""
-        return dict(json.loads(max(self.folder.glob("checkpoints/*.json")).read_bytes())["remembered"])
+    def policy(self) -> Any:
+        """The policy of the run's last bundle."""
+        return policies.load(self.folder / "last")
 
-    def judged(self) -> list[Batch]:
-        """The batches of the validations."""
-        return [each for each in self.batches if each.purpose == "validation"]
+    def of(self, purpose: str) -> list[Batch]:
+        """The batches that were for that."""
+        return [each for each in self.batches if each.purpose == purpose]
 
 
-def of_both(read: Callable[[Any], Any]) -> Reading:
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
+    folder, learners, threads = tmp_path_factory.mktemp("every"), [], set[str]()
+    (folder / "own.py").write_text("def always(state):\n    return state.height * 0 + 1\n")
+    true_build, true_run = training_run.build, validation.run
+
+    def watched(*args: Any) -> Any:
+        learners.append(true_build(*args))
+        return learners[-1]
+
+    def brief(*args: Any, **kwargs: Any) -> Any:
+        threads.update(each.name for each in threading.enumerate() if each.name.startswith("robots"))
+        return true_run(*args, **kwargs | {"steps": BRIEF})
+
+    with begun() as batches, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(training_run, "build", watched)
+        patch.setattr(validation, "run", brief)
+        assert main(WORDS.replace("FOLDER", str(folder)).split()) == 0
+    batches = [each for each in batches if each.purpose in ("training", "validation")]
+    return Ran(folder / "elsewhere", batches, learners[-1], threads)
+
+
+def remembered(ran: Ran) -> dict[str, Any]:
+    """The state of the callbacks in the last checkpoint."""
+    return dict(json.loads(max(ran.folder.glob("checkpoints/*.json")).read_bytes())["remembered"])
+
+
+def validations(ran: Ran) -> list[dict[str, Any]]:
+    return list(json.loads((ran.folder / VALIDATIONS_FILE).read_bytes())["validations"])
+
+
+def hardware(ran: Ran) -> set[tuple[bool, bool, str]]:
+    """Of training and validation: do motors become warm, are sensors read, the estimator."""
+    return {(each.warms, each.sensed, type(each.env.estimator).__name__) for each in ran.batches}
+
+
+def of_both(read: Callable[[Any], Any]) -> Callable[[Ran], Any]:
     """A reading of the environment that the learner moves, and of the policy that it leaves."""
-    return lambda made: (read(made.residual), read(made.shipped))
+    return lambda ran: [read(ran.env), read(ran.policy)]
 
 
 def authority(each: Any) -> list[float]:
-    """Of hip, thigh and calf."""
+    """Of hip, thigh and calf, rad."""
     return [round(float(value), 6) for value in each.authority[:3]]
 
 
-def both(value: Any) -> tuple[Any, Any]:
-    return value, value
-
-
-def severities(made: Made) -> dict[str, Any]:
-    """Of scenarios, by axis."""
-    return {each.scenario.axis: each.scenario.severity for each in made.robots}
-
-
-def features(made: Made, count: int) -> np.ndarray:
-    """What the learner saw of the first robot, a row a step."""
-    return np.array([seen[0] for seen, *_ in made.steps(count)])
-
-
-def remembered(made: Made) -> tuple[np.ndarray, np.ndarray]:
-    """The scaled observation of each step, and what is remembered of those before."""
-    seen = features(made, 12)
-    width = made.robots[0].observation_table.size
-    return seen[:, :width], seen[:, -width:]
-
-
-def lag(made: Made) -> float | None:
-    """Age of the observation that is remembered, s."""
-    now, then = remembered(made)
-    ages = [age for age in range(1, 8) if np.array_equal(then[age + 1 :], now[1:-age])]
-    return ages[0] * DT if len(ages) == 1 else None
-
-
-def averaging_time(made: Made) -> float:
-    """Time constant of the average that is remembered, s."""
-    now, then = remembered(made)
-    missing = now[1:] - then[:-1]
-    rates = (then[1:] - then[:-1])[missing != 0.0] / missing[missing != 0.0]
-    return round(float(-DT / np.log1p(-np.median(rates))), 2)
-
-
-def clock(made: Made) -> float:
-    """Frequency of the clock that is seen last, Hz."""
-    sine, cosine = features(made, 3)[:, -2:].T
-    return round(float(np.diff(np.unwrap(np.arctan2(sine, cosine)))[0] / (2 * np.pi * DT)), 2)
-
-
-def first_episodes(made: Made) -> list[int]:
-    """Control steps of each robot's first episode; 0 of one that goes on."""
-    lengths = np.zeros(made.env.num_envs, int)
-    for *_, ended, infos in made.steps(20):
-        new = ended & (lengths == 0)
-        lengths[new] = infos["final_info"]["episode"]["l"][new] if new.any() else 0
-    return list(lengths.tolist())
-
-
-def cut_somewhere(longest: int) -> list[int]:
-    """Lengths of first episodes that are drawn by the robots' seeds, so that not all end together."""
-    drawn = np.random.default_rng(EPISODES.tolist()).integers(1, longest, len(EPISODES), endpoint=True)
-    return list(drawn.tolist())
-
-
-def kinds_of_robots(read: Callable[[Batch], Any]) -> Reading:
-    """What all robots of a run have, by what they are for."""
-    return lambda made: {(each.purpose, read(each)) for each in made.ran.batches}
-
-
-def alike_everywhere(value: Any) -> set[tuple[str, Any]]:
-    return {("training", value), ("validation", value)}
-
-
-def own_term(made: Made) -> Any:
-    """What a term of the user's pays in a step."""
-    *_, infos = next(made.steps(1))
-    return infos.get("reward_always", np.zeros(1))[0]
-
-
-def learner(read: Callable[[Any], Any]) -> Reading:
-    return lambda made: read(made.learner)
-
-
-def widths(which: str) -> Reading:
-    """Of the layers of a network."""
-
-    def read(made: Made) -> list[int]:
-        layers = getattr(made.learner.policy.mlp_extractor, which)
-        return [layer.out_features for layer in layers if hasattr(layer, "out_features")]
-
-    return read
-
-
-def seeded(made: Made) -> tuple[Any, ...]:
-    """Seeds of the learner, of the robots' episodes and of their rough ground."""
-    episodes = [seed for each in made.started for seed in each.seeds]
-    return made.learner.seed, episodes, made.robots[2].scenario.terrain.seed  # type: ignore[union-attr]
-
-
-def refusal(made: Made, capsys: pytest.CaptureFixture[str]) -> str:
-    """What is said of the same run begun once more."""
-    assert main([*made.words, "--out", str(made.folder / "run")]) == 2
-    return capsys.readouterr().err
-
-
-def noise_at_the_end(made: Made) -> tuple[float, bool]:
-    """Logarithm of the exploration noise after the run, whose last rollout began in the middle; whether it is
-    learned."""
-    noise = made.ran.learners[-1].policy.log_std
-    return round(noise.tolist()[0], 3), noise.requires_grad
-
-
-def threads(made: Made) -> tuple[set[tuple[str, int]], int]:
-    """Of the batches by what they are for, and those that step batches side by side."""
-    return {(each.purpose, each.threads) for each in made.ran.batches}, made.ran.pool
-
-
-def cluster_asked_for(made: Made) -> list[Any]:
-    """Address of the cluster that is asked to train, and cores of each of its tasks."""
-    asked: list[Any] = []
-
-    @contextlib.contextmanager
-    def noted(*given: Any) -> Iterator[Any]:
-        asked.append(given[1])
-        yield lambda *work: iter(asked.append(work[3]) or ())
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training_run, "cluster", noted)
-        patch.setattr(training_run, "train", lambda _: None)
-        assert main([*made.words, "--out", str(made.folder / "apart")]) == 0
-    return asked
-
-
-def folders(made: Made) -> dict[str, tuple[int, int]]:
-    """Seed that is written in each run's folder, and that of its learner, in the order of the runs."""
-    runs = sorted(made.folder.rglob(CONFIG_FILE)) if (ran := made.ran) else []
-    found = zip(runs, ran.learners, strict=True)
-    return {
-        str(path.parent.relative_to(made.folder)): (json.loads(path.read_bytes())["seed"], each.seed)
-        for path, each in found
-    }
-
-
-ADAPTIVE = "--ppo.learning-rate-schedule adaptive"
-EFFECTS = {
-    "policy": Effect(
-        "--policy end-to-end", lambda made: (made.shipped.name, made.residual.base.name), ("end-to-end", "crouch")
+SEEDS = episode_seeds("training", 0, 4).tolist()
+EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
+    "policy": (lambda ran: ran.policy.name, "residual"),  # the other one has a test in test_command.py
+    "base": (of_both(lambda each: each.base.name), ["mpc"] * 2),
+    "steps": (lambda ran: steps_done(ran.folder), 48),
+    "seed": (
+        lambda ran: (ran.learner.seed, ran.of("training")[1].env.scenario.terrain.seed),  # type: ignore[union-attr]
+        (7, TERRAIN_SEEDS["training"] + 7),
     ),
-    "base": Effect("--base trot_feedback", of_both(lambda each: each.base.name), both("trot_feedback")),
-    "steps": Effect("--steps 24", lambda made: steps_done(made.ran.folder), 24),
-    "seed": Effect("--seed 8", seeded, (8, episode_seeds("training", 8, 4).tolist(), TERRAIN_SEEDS["training"] + 8)),
-    "seeds": Effect("--seeds 2", folders, {"run/seed-7": (7, 7), "run/seed-8": (8, 8)}),
-    "engine": Effect("--engine ray", cluster_asked_for, [None, 1]),
-    "address": Effect("--address here:1", cluster_asked_for, ["here:1", 1], given="--engine ray"),
-    "out": Effect("--out FOLDER/elsewhere", folders, {"elsewhere": (7, 7)}),
-    "threads": Effect("--threads 5", threads, ({("training", 5), ("validation", 5)}, 0)),
-    "joint_authority": Effect("--joint-authority 0.2", of_both(authority), both([0.15, 0.2, 0.2])),
-    "hip_authority": Effect("--hip-authority 0.1", of_both(authority), both([0.1, 0.3, 0.3])),
-    "foothold_authority": Effect(
-        "--foothold-authority 0.05",
-        of_both(lambda each: each.shift_authority.round(6).tolist()),
-        both(np.full(2, 0.05, np.float32).round(6).tolist()),
-        given="--base mpc",
+    "out": (lambda ran: ran.folder.is_dir(), True),
+    "threads": (
+        lambda ran: ({(each.purpose, each.threads) for each in ran.batches}, ran.threads),
+        ({("training", 3), ("validation", 3)}, set()),  # a user's reward term is not called by several threads
     ),
-    "inputs.lags": Effect("--inputs.lags 0.03", lag, 0.03),
-    "inputs.averages": Effect("--inputs.averages 0.2", averaging_time, 0.2),
-    "inputs.clock": Effect("--inputs.clock 4", clock, 4.0),
-    "mixture": Effect(
-        "--mixture push=60 1 slope=20 3",
-        lambda made: {each.scenario.name: each.num_envs for each in made.robots},
-        {"push=60": 1, "slope=20": 3},
+    "joint_authority": (of_both(lambda each: authority(each)[1:]), [[0.2, 0.2]] * 2),
+    "hip_authority": (of_both(lambda each: authority(each)[0]), [0.1] * 2),
+    "foothold_authority": (of_both(lambda each: each.shift_authority.tolist()), [pytest.approx([0.05] * 2)] * 2),
+    "inputs": (
+        lambda ran: [ran.env._features.inputs, ran.policy.features.inputs],
+        [Inputs(lags=(0.03,), averages=(0.2,), clock=4.0)] * 2,
     ),
-    "curriculum": Effect(
-        "--curriculum 0.5",  # of the way from 1 m/s, 20 N·s and 0.06 m, on a scale of their logarithms
-        lambda made: severities(made) | {"shares": made.ran.remembered["shares"]},
-        {
-            "flat": pytest.approx(1.5**0.5),
-            "push": pytest.approx((20 * 60) ** 0.5),
-            "rough": pytest.approx((0.06 * 0.2) ** 0.5),
-            "shares": [0.5] * 3,
-        },
+    "mixture": (
+        lambda ran: {each.env.scenario.name: len(each.seeds) for each in ran.of("training")},
+        {"push=60": 1, "rough=0.2": 3},
     ),
-    "max_episode_steps": Effect("--max-episode-steps 20", first_episodes, cut_somewhere(20)),
-    "robot": Effect(
-        "--robot FOLDER/alike.xml",
-        lambda made: (*of_both(lambda each: each.base.robot.name)(made), *{each.robot.name for each in made.robots}),
-        ("alike",) * 3,
+    "curriculum": (
+        # Of the way from 20 N·s and 0.06 m, on a scale of their logarithms.
+        lambda ran: [*(each.env.scenario.severity for each in ran.of("training")[:2]), *remembered(ran)["shares"]],
+        pytest.approx([(20 * 60) ** 0.5, (0.06 * 0.2) ** 0.5, 0.5, 0.5]),
     ),
-    "actuator": Effect(
-        "--actuator motor",
-        kinds_of_robots(lambda each: each.warms),
-        alike_everywhere(True),
+    "max_episode_steps": (  # first episodes are cut where the robots' seeds say
+        lambda ran: ran.env.unwrapped._first_episode_steps(SEEDS).tolist(),
+        np.random.default_rng(SEEDS).integers(1, 20, 4, endpoint=True).tolist(),
     ),
-    "sensors": Effect("--sensors typical", kinds_of_robots(lambda each: each.sensed), alike_everywhere(True)),
-    "estimator": Effect(
-        "--estimator kalman",
-        kinds_of_robots(lambda each: type(each.env.estimator).__name__),
-        alike_everywhere("KalmanFilter"),
-        given="--sensors typical",
+    "actuator": (lambda ran: {warms for warms, _, _ in hardware(ran)}, {True}),
+    "sensors": (lambda ran: {sensed for _, sensed, _ in hardware(ran)}, {True}),
+    "estimator": (lambda ran: {estimator for _, _, estimator in hardware(ran)}, {"KalmanFilter"}),
+    "ppo.hold": (lambda ran: [ran.env._hold, ran.policy.hold], [3, 3]),
+    "ppo.learning_rate_schedule": (lambda ran: type(ran.learner.learning_rate).__name__, "AdaptiveRate"),
+    "ppo.target_kl": (lambda ran: ran.learner.learning_rate.target_kl, 0.04),
+    "ppo.log_std_final": (  # of the way from -1.2, for the last of four rollouts begins at 3/4
+        lambda ran: [ran.learner.policy.log_std[0].item(), ran.learner.policy.log_std.requires_grad],
+        [pytest.approx(-1.2 - 0.75 * 2.0), False],
     ),
-    "reward_terms": Effect("--reward-terms FOLDER/own.py:always=5", own_term, pytest.approx(5 * DT)),
-    "ppo.envs": Effect("--ppo.envs 8", learner(lambda each: (each.n_envs, each.get_env().num_envs)), both(8)),
-    "ppo.rollout_steps": Effect("--ppo.rollout-steps 6", learner(lambda each: each.n_steps), 6),
-    "ppo.minibatch": Effect("--ppo.minibatch 2", learner(lambda each: each.batch_size), 2),
-    "ppo.epochs": Effect("--ppo.epochs 3", learner(lambda each: each.n_epochs), 3),
-    "ppo.learning_rate": Effect("--ppo.learning-rate 3e-4", learner(lambda each: each.lr_schedule(1.0)), 3e-4),
-    "ppo.learning_rate_schedule": Effect(
-        "--ppo.learning-rate-schedule constant", learner(lambda each: each.lr_schedule(0.25)), 1e-3
-    ),
-    "ppo.target_kl": Effect(
-        "--ppo.target-kl 0.02", learner(lambda each: each.learning_rate.target_kl), 0.02, given=ADAPTIVE
-    ),
-    "ppo.hold": Effect(
-        "--ppo.hold 3", lambda made: (int(next(made.steps(1))[4]["episode"]["l"][0]), made.shipped.hold), both(3)
-    ),
-    "ppo.gamma": Effect("--ppo.gamma 0.9", learner(lambda each: (each.gamma, each.rollout_buffer.gamma)), both(0.9)),
-    "ppo.gae_lambda": Effect(
-        "--ppo.gae-lambda 0.8", learner(lambda each: (each.gae_lambda, each.rollout_buffer.gae_lambda)), both(0.8)
-    ),
-    "ppo.entropy": Effect("--ppo.entropy 0.01", learner(lambda each: each.ent_coef), 0.01),
-    "ppo.log_std_init": Effect(
-        "--ppo.log-std-init -1.5", learner(lambda each: each.policy.log_std.tolist()[0]), pytest.approx(-1.5)
-    ),
-    "ppo.log_std_final": Effect("--ppo.log-std-final -3.2 --steps 16", noise_at_the_end, (-2.2, False)),
-    "ppo.actor": Effect("--ppo.actor 6 5", widths("policy_net"), [6, 5]),
-    "ppo.critic": Effect("--ppo.critic 7", widths("value_net"), [7]),
-    "validation.interval": Effect(
-        "--validation.interval 8",
-        lambda made: [each["steps"] for each in made.ran.validations],
-        [8, 16, 24],
-        given="--steps 24",
-    ),
-    "validation.episodes": Effect(
-        "--validation.episodes 3", lambda made: [len(each.seeds) for each in made.ran.judged()], [3]
-    ),
-    "validation.scenarios": Effect(
-        "--validation.scenarios push rough=0.1",
-        lambda made: [each.env.scenario.name for each in made.ran.judged()],
-        ["push", "rough=0.1"],
+    "validation.interval": (lambda ran: [each["steps"] for each in validations(ran)], [24, 48]),
+    "validation.episodes": (lambda ran: {len(each.seeds) for each in ran.of("validation")}, {3}),
+    "validation.scenarios": (
+        lambda ran: [each.env.scenario.name for each in ran.of("validation")],
+        ["push", "rough=0.1"] * 2,
     ),
 }
-OF_ITS_OWN = {"resume", "rewards"}
-"""Options with a test of their own below."""
+ELSEWHERE = {"resume", "rewards", "robot", "seeds", "reward_terms"} | {
+    *("ppo.envs", "ppo.rollout_steps", "ppo.minibatch", "ppo.epochs", "ppo.learning_rate", "ppo.gamma"),
+    *("ppo.gae_lambda", "ppo.entropy", "ppo.log_std_init", "ppo.actor", "ppo.critic"),
+}
+"""Options with tests of their own: below, in test_command.py, test_run.py and test_reward_term.py; those of the learner
+are in tests/planted_faults/test_training_faults.py."""
 
 
 def options(config: Any, prefix: str = "") -> Iterator[str]:
     """Names of all options, those of groups with the group's."""
     for field in dataclasses.fields(config):
         value = getattr(config, field.name)
-        if dataclasses.is_dataclass(value) and field.name != "rewards":
+        if dataclasses.is_dataclass(value) and field.name not in ("rewards", "inputs"):
             yield from options(value, f"{prefix}{field.name}.")
         else:
             yield prefix + field.name
 
 
 def test_every_option_has_an_effect_that_is_tested() -> None:
-    assert set(options(TrainConfig())) == EFFECTS.keys() | OF_ITS_OWN
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("usual")
-
-
-@pytest.fixture(scope="module")
-def usual(folder: Path) -> Callable[[str], Made]:
-    """What is made with nothing but what an option needs."""
-    made: dict[str, Made] = {}
-
-    def of(given: str) -> Made:
-        place = folder / str(len(made))
-        return made.setdefault(given, Made(given, place))
-
-    return of
+    assert set(options(TrainConfig())) == EFFECTS.keys() | ELSEWHERE
 
 
 @pytest.mark.parametrize("option", EFFECTS)
-def test_an_option_reaches_what_it_governs(option: str, usual: Callable[[str], Made], tmp_path: Path) -> None:
-    effect = EFFECTS[option]
-    (tmp_path / "own.py").write_text("def always(state):\n    return state.height * 0 + 1\n")
-    if option == "robot":
-        alike(tmp_path)
-    effect.check(usual(effect.given), Made(f"{effect.given} {effect.words}", tmp_path))
+def test_an_option_reaches_what_it_governs(option: str, ran: Ran) -> None:
+    read, expected = EFFECTS[option]
+    assert read(ran) == expected
 
 
-TERMS = tuple(field.name for field in dataclasses.fields(RewardWeights))
-
-
-@pytest.fixture(scope="module")
-def earned(folder: Path) -> list[dict[str, float]]:
-    """What each term came to over the same falls: all of weight 1, then each of twice the weight of the one before."""
+def test_the_weight_of_a_reward_term_is_what_robots_earn_by() -> None:
+    """Over the same falls: all terms of weight 1, then each of twice the weight of the one before."""
+    terms = tuple(field.name for field in dataclasses.fields(RewardWeights))
     found = []
-    for number, weights in enumerate(((1.0,) * len(TERMS), 2.0 ** np.arange(len(TERMS)))):
-        words = [f"{name}={weight}" for name, weight in zip(TERMS, weights, strict=True)]
-        robots = Made(f"--rewards {' '.join(words)}", folder / f"weights-{number}").residual.unwrapped
+    for weights in (np.ones(len(terms)), 2.0 ** np.arange(len(terms))):
+        words = [f"{name}={weight}" for name, weight in zip(terms, weights, strict=True)]
+        robots: Any = make_env(parse([*SMALL.split(), "--mixture", "flat", "1", "--rewards", *words])).env.unwrapped
         robots.reset(seed=episode_seeds("training", 0, robots.num_envs).tolist())
-        sums = dict.fromkeys(TERMS, 0.0)
+        sums = np.zeros(len(terms))
         for step in range(100):
             wild = np.random.default_rng(step // 10).uniform(robots.action_space.low, robots.action_space.high)
             *_, infos = robots.step(wild.astype(np.float32))
-            for name in TERMS:
-                sums[name] += float(infos[f"reward_{name}"].sum())
+            sums += [infos[f"reward_{name}"].sum() for name in terms]
         found.append(sums)
-    return found
+    assert found[0].all(), "or this shows nothing"
+    np.testing.assert_allclose(found[1], found[0] * 2.0 ** np.arange(len(terms)), rtol=1e-6)
 
 
-@pytest.mark.parametrize("term", TERMS)
-def test_the_weight_of_a_reward_term_is_what_robots_earn_by(term: str, earned: list[dict[str, float]]) -> None:
-    ones, others = earned
-    assert ones[term] != 0.0, "or this shows nothing"
-    assert others[term] == pytest.approx(ones[term] * 2.0 ** TERMS.index(term))
-
-
-def test_resume_carries_the_run_on_that_is_in_the_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert steps_done(Made("", tmp_path).ran.folder) == STEPS
-    again = Made(f"--resume --steps 16 --out {tmp_path / 'run'}", tmp_path)
-    assert steps_done(again.ran.folder) == 16
-    assert f"continuing at {STEPS} steps" in capsys.readouterr().out
-
-
-def test_another_robot_is_trained_on_what_is_as_hard_for_it(tmp_path: Path) -> None:
+def test_another_robot_is_trained_and_validated_on_what_is_as_hard_for_it(tmp_path: Path) -> None:
     """At a length of 0.4 and a tenth of the mass impulses go by 0.1 · √0.4, heights by 0.4; from the mildest level."""
     alike(tmp_path)
-    made = Made(f"--robot {tmp_path / 'alike.xml'} --curriculum 0.5 --ppo.envs 64 --ppo.minibatch 128", tmp_path)
-    found = severities(made)
+    words = [*SMALL.split(), "--robot", str(tmp_path / "alike.xml"), "--curriculum", "0.5", "--ppo.envs", "64"]
+    config = parse(words)
+    with contextlib.closing(make_env(config)) as env:
+        found = {each.scenario.axis: each.scenario.severity for each in env.env.unwrapped.batches}  # type: ignore[attr-defined]
     assert found["push"] == pytest.approx((20 * 55) ** 0.5 * 0.1 * 0.4**0.5, rel=0.01)
     assert found["rough"] == pytest.approx((0.06 * 0.2) ** 0.5 * 0.4, rel=0.01)
-    assert found["payload"] == pytest.approx(
-        0.1 * severities(Made("--mixture payload=20 1 --curriculum 0.5", tmp_path))["payload"], rel=0.01
-    )
+    judged = dataclasses.replace(config.validation, episodes=1, scenarios=("push",))
+    with begun() as batches, pytest.MonkeyPatch.context() as patch:
+        true_run = validation.run
+        patch.setattr(validation, "run", lambda *args, **kwargs: true_run(*args, **kwargs | {"steps": BRIEF}))
+        validation.validate(config.hardware.policy("stand"), judged, 1, config.hardware)
+    assert [each.env.scenario.severity for each in batches] == [pytest.approx(35.0 * 0.1 * 0.4**0.5)]
 
 
-def test_the_same_name_is_another_scenario_for_another_robot(tmp_path: Path) -> None:
-    alike(tmp_path)
-    (pushed,) = Made(f"--robot {tmp_path / 'alike.xml'} --mixture push 1", tmp_path).robots
-    assert pushed.scenario.severity == pytest.approx(35.0 * 0.1 * 0.4**0.5)
-
-
-def test_a_robot_is_validated_on_its_own_scenarios(tmp_path: Path) -> None:
-    alike(tmp_path)
-    (judged,) = Made(f"--robot {tmp_path / 'alike.xml'} --validation.scenarios push", tmp_path).ran.judged()
-    assert judged.env.scenario.severity == pytest.approx(35.0 * 0.1 * 0.4**0.5)
-
-
-def test_fewer_threads_than_batches_step_a_batch_each(tmp_path: Path) -> None:
-    assert threads(Made("--threads 2", tmp_path)) == ({("training", 1), ("validation", 2)}, 2)
-
-
-def test_the_bundles_of_a_run_hold_its_settings(tmp_path: Path) -> None:
-    made = Made("--ppo.gamma 0.9", tmp_path)
-    for name in (BEST, LAST):
-        described = json.loads((made.ran.folder / name / "policy.json").read_bytes())
-        assert described["training"] == to_dict(made.config)
-
-
-def test_all_episodes_start_with_their_segment(tmp_path: Path) -> None:
+def test_all_episodes_start_with_their_segment() -> None:
     """Segments of two rollouts: each begins with the observations of its own seeds, as the begin of an episode."""
-    made, twin, begins = Made("--max-episode-steps 4", tmp_path), Made("--max-episode-steps 4", tmp_path), []
+    config, begins = parse([*SMALL.split(), "--mixture", "flat", "1", "--max-episode-steps", "4"]), []
+    env, twin = make_env(config), make_env(config)
 
     class Watch(BaseCallback):
         def _on_step(self) -> bool:
@@ -516,7 +246,8 @@ def test_all_episodes_start_with_their_segment(tmp_path: Path) -> None:
             buffer = self.locals["rollout_buffer"]
             begins.append((buffer.episode_starts[0].all(), buffer.observations[0].copy()))
 
-    made.learner.learn(6 * 8, [Segments(made.config, CallbackState()), Watch()])
+    session = Session(config, env, None, None, CallbackState())  # type: ignore[arg-type]
+    build(config, env).learn(6 * 8, [Segments(session), Watch()])
     assert [start for start, _ in begins] == [True, False] * 3
     for segment, (_, seen) in enumerate(begins[::2]):
-        np.testing.assert_array_equal(seen, twin.env.begin(training_seeds(made.config, segment)))
+        np.testing.assert_array_equal(seen, twin.begin(training_seeds(config, segment)))

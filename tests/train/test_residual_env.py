@@ -10,7 +10,6 @@ import policies
 from policies.history import Inputs
 from policies.network import Network
 from policies.residual import PRESENT, Features, ResidualPolicy, authority_of, compose
-from quad_env import OBSERVATION
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.residual_env import ResidualVectorEnv
@@ -50,18 +49,6 @@ def test_a_zero_correction_walks_the_base_bit_for_bit():
         assert not terminated.any()
         seen, mine, *_ = env.step(np.zeros((3, 12)))
         np.testing.assert_array_equal(mine, rewards)
-
-
-def test_corrections_reach_the_joints_scaled_by_the_authority():
-    env, seen = residual(1)
-    targets = compose(
-        SIMPLE_QUAD,
-        seen[:, -12:] + SIMPLE_QUAD.home_pose.astype(np.float32),
-        np.full((1, 12), np.float32(0.5)),
-        env.authority,
-    )
-    seen, *_ = env.step(np.full((1, 12), 0.5))
-    np.testing.assert_allclose(seen[0, OBSERVATION["previous_action"]], targets[0] - SIMPLE_QUAD.home_pose, atol=1e-6)
 
 
 def test_the_final_observation_is_the_last_one_seen_by_a_robot_that_was_never_reset():
@@ -121,9 +108,9 @@ def test_what_a_learner_remembers_is_what_the_policy_will_across_falls_held_corr
 
 
 @pytest.mark.parametrize(
-    ("base", "footholds"), [("trot", 0.0), ("trot_integral", 0.0), ("mpc_wbc", 0.02), ("mpc", 0.02), ("stand", 0.0)]
+    ("base", "footholds", "steps"), [("trot_integral", 0.0, 40), ("mpc", 0.02, 10), ("stand", 0.0, 40)]
 )
-def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, footholds):
+def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, footholds, steps):
     """A network in the learner's place, and the same network in a policy: held corrections, memory and clock."""
     inputs, shift = Inputs((0.03,), (0.2,), 1.5), np.full(2, footholds, np.float32)
     limits = authority_of(SIMPLE_QUAD) / 5.0
@@ -137,7 +124,7 @@ def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, foothold
     reference = robots(3)
     observation, _ = reference.reset(seed=SEEDS[:3])
     policy.reset(3)
-    for _ in range(40):
+    for _ in range(steps):
         for _ in range(2):
             observation, _, terminated, _, infos = reference.step(policy.act(observation))
         seen, *_, mine = env.step(np.clip(network(seen), -1.0, 1.0))
@@ -163,20 +150,6 @@ def test_the_clock_restarts_for_finished_robots_and_ticks_once_for_the_others():
         restarts += finished.sum()
         assert not finished.all()
     assert restarts >= 3
-
-
-def test_only_time_limits_count_as_truncation():
-    env, _ = residual(4, base="stand", authority=WILD, scenario="flat", steps=300)
-    falls = 0
-    for step in range(100):
-        _, _, terminated, truncated, infos = env.step(noise(step, 4))
-        assert not truncated.any()
-        falls += terminated.sum()
-        if terminated.any():
-            np.testing.assert_array_equal(infos["_final_obs"], terminated)
-            assert (infos["final_info"]["fall"][terminated] > 0).all()
-            assert (infos["fall"] == 0).all()
-    assert falls >= 4
 
 
 def test_robots_that_go_on_keep_their_infos_when_another_restarts():
@@ -218,21 +191,6 @@ def test_a_robot_that_falls_while_a_correction_is_held_ends_there():
             np.testing.assert_array_equal(infos["final_obs"], plain_infos["final_obs"])
             return
     raise AssertionError("280 control steps and no fall")
-
-
-def test_features_grow_by_the_clock_and_the_base_action_over_a_gait_only():
-    for base, width in (("trot", 48 + 2 + 12), ("stand", 48)):
-        env, seen = residual(2, base=base)
-        assert env.single_observation_space.shape == (width,)
-        assert env.observation_space.contains(seen)
-        assert env.action_space.shape == (2, 12)
-
-
-def test_reset_starts_the_same_episodes_again():
-    env, first = residual(2)
-    for step in range(5):
-        env.step(noise(step, 2))
-    np.testing.assert_array_equal(env.reset(seed=SEEDS[:2])[0], first)
 
 
 def test_other_peoples_wrappers_count_its_episodes():

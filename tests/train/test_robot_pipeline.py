@@ -1,6 +1,7 @@
 """The whole way with a robot of somebody's own: every stage leaves its outcome, and none is done twice."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
 from train import robot_pipeline
 from train.__main__ import main
-from train.config import load_config
+from train.config_file import load_config
 
 BRIEF = replace(robot_pipeline.SEARCH, generations=1, candidates=4, episodes=8, steps=101, check_episodes=4)
 TRAINING = (
@@ -26,21 +27,19 @@ TRAINING = (
 
 
 def words(robot: Path, out: Path) -> list[str]:
-    brief = ["--steps", "64", "--base", "trot", "--policies", "trot", "residual", "--scenarios", "flat", "push"]
-    return [
-        "robot",
-        str(robot),
-        "--out",
-        str(out),
-        *brief,
-        "--episodes",
-        "2",
-        "--seed",
-        "3",
-        "--threads",
-        "1",
-        f"--training={TRAINING}",
-    ]
+    given = (
+        f"robot {robot} --out {out} --steps 64 --base trot --policies trot residual --scenarios flat push "
+        "--episodes 2 --seed 3 --threads 1"
+    )
+    return [*given.split(), f"--training={TRAINING}"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _brief_report() -> Iterator[None]:
+    """The page has tests of its own, and its films take long."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("evaluate.commands.outputs.write_report", lambda _, path, **__: path.write_text("a page"))
+        yield
 
 
 @pytest.fixture(scope="module")

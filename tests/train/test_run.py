@@ -1,10 +1,7 @@
-"""Several seeds: on a Ray cluster they are those of this process, to the bit."""
-
-import contextlib
+"""Several seeds of one run: each in a folder of its own, continued where it stopped."""
 
 import pytest
 
-from evaluate.rollouts.cluster import cluster
 from train import run
 from train.__main__ import main
 from train.run_folder import steps_done
@@ -15,72 +12,35 @@ OPTIONS = (
     "--steps 128"
 )
 TINY = OPTIONS.split()
-BUNDLES = (f"{bundle}/policy.{kind}" for bundle in ("best", "last") for kind in ("json", "safetensors"))
-LEARNED = ("config.json", "run.json", "validations.json", *BUNDLES)
 
 
-@pytest.fixture(scope="module")
-def embedded():
-    pytest.importorskip("ray")
-    with cluster(2) as spread:
-        yield spread
+def test_seeds_train_policies_of_their_own_and_only_unfinished_ones_go_on(tmp_path, monkeypatch, capsys):
+    trained, train = [], run.train
 
+    def until_the_second(config):
+        if len(trained) == 1:
+            raise KeyboardInterrupt
+        trained.append(config.seed)
+        train(config)
 
-@pytest.fixture
-def on_cluster(embedded, monkeypatch):
-    """The option of a command that is to use the cluster of this module."""
-    monkeypatch.setattr("train.run.cluster", lambda *_: contextlib.nullcontext(embedded))
-    return ["--engine", "ray"]
-
-
-def learned(folder):
-    return {path: (folder / path).read_bytes() for seed in (5, 6) for path in (f"seed-{seed}/{n}" for n in LEARNED)}
-
-
-def test_seeds_train_the_same_policies_on_a_cluster_and_go_on_there(on_cluster, tmp_path, capsys):
-    here, apart = tmp_path / "here", tmp_path / "apart"
-    two = [*TINY, "--seed", "5", "--seeds", "2"]
-    assert main([*two, "--out", str(here)]) == 0
-    assert main([*two, "--out", str(apart), *on_cluster]) == 0
-    assert learned(apart) == learned(here)
-    assert learned(here)["seed-5/last/policy.safetensors"] != learned(here)["seed-6/last/policy.safetensors"]
-    printed = capsys.readouterr().out
-    assert all(f"seed {seed}: " in printed for seed in (5, 6))
-    again = ["--resume", "--seed", "5", "--seeds", "2", "--threads", "1"]
-    assert main([*again, "--out", str(apart), *on_cluster]) == 2
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "train", until_the_second)
+        assert main([*TINY, "--seed", "5", "--seeds", "2", "--out", str(tmp_path)]) == 130
+    said = capsys.readouterr().err
+    assert f"with --resume --seed 5 --seeds 2 --out {tmp_path}" in said
+    resume = [*said.partition("with ")[2].split(), "--threads", "1"]
+    assert main(resume) == 0
+    assert "seed 5" not in capsys.readouterr().out
+    assert [steps_done(tmp_path / f"seed-{seed}") for seed in (5, 6)] == [128, 128]
+    five, six = ((tmp_path / f"seed-{seed}/last/policy.safetensors").read_bytes() for seed in (5, 6))
+    assert five != six
+    assert main(resume) == 2
     assert "are finished" in capsys.readouterr().err
-    for folder, how in ((here, []), (apart, on_cluster)):
-        assert main([*again, "--steps", "192", "--out", str(folder), *how]) == 0
-        assert steps_done(folder / "seed-6") == 192
-    assert learned(apart) == learned(here)
-
-
-def test_ctrl_c_leaves_the_last_reports_of_the_tasks_and_resume_finishes_them(tmp_path, monkeypatch, capsys):
-    """One of two tasks has told of a checkpoint; the folder of the other is as if it had never been begun."""
-
-    def spread(work, tasks, told, cores):
-        news = []
-        work(tasks[0], news.append)
-        told(0, "a line")
-        told(0, next(each for each in news if isinstance(each, dict)))
-        raise KeyboardInterrupt
-        yield
-
-    monkeypatch.setattr("train.run.cluster", lambda *_: contextlib.nullcontext(spread))
-    monkeypatch.setattr("train.sb3.display.LINE_PERIOD", 0.0)
-    assert main([*TINY, "--steps", "256", "--seeds", "2", "--engine", "ray", "--out", str(tmp_path)]) == 130
-    captured = capsys.readouterr()
-    assert "seed 0: a line" in captured.out
-    assert f"with --resume --seed 0 --seeds 2 --out {tmp_path}" in captured.err
-    assert 0 < steps_done(tmp_path / "seed-0") < 256
-    resume = captured.err.partition("with ")[2].split()
-    assert main([*resume, "--threads", "1"]) == 0
-    assert [steps_done(tmp_path / f"seed-{seed}") for seed in (0, 1)] == [256, 256]
 
 
 def test_a_folder_in_use_is_refused_before_any_seed_is_trained(tmp_path, monkeypatch, capsys):
     (tmp_path / "seed-1").mkdir()
     (tmp_path / "seed-1" / "thesis.tex").touch()
-    monkeypatch.setattr(run, "train", None)
+    monkeypatch.setattr(run, "train", lambda _: pytest.fail("a seed is trained"))
     assert main([*TINY, "--seeds", "2", "--out", str(tmp_path)]) == 2
     assert "seed-1 is not empty" in capsys.readouterr().err

@@ -34,11 +34,6 @@ def test_robots_walk_the_same_whatever_their_split_into_batches():
     assert split.take_statistics().means() == pytest.approx(whole.take_statistics().means(), nan_ok=True)
 
 
-def test_a_seed_alone_is_that_of_the_first_robot():
-    observations = [TrainingRobots(batches(2, 1)).reset(seed=seed)[0] for seed in (7, [7, 8, 9])]
-    np.testing.assert_array_equal(*observations)
-
-
 def test_only_first_episodes_are_cut():
     robots = TrainingRobots(batches(2, 1, steps=6), first_episode_steps=lambda _: np.array([2, 9, 5]))
     for _ in range(2):  # all of it again after a reset

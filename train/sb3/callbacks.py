@@ -19,11 +19,10 @@ import policies
 from evaluate.records.provenance import REPOSITORY, git_revision
 from policies import ResidualPolicy
 from policies.bundle import save as save_bundle
-from policies.network import Network
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
-from train.config import TrainConfig, decode, to_dict
-from train.curriculum import next_shares
+from train.config import TrainConfig
+from train.config_file import decode, to_dict
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.run_record import write_validations
@@ -65,8 +64,28 @@ class CallbackState:
             raise UsageError(f"the checkpoint does not fit this run: {error}") from None
 
 
+@dataclass(frozen=True)
+class Session:
+    """What the callbacks of one session of a run share."""
+
+    config: TrainConfig
+    env: TrainingVecEnv
+    display: Display
+    interrupt: Interrupt
+    state: CallbackState
+
+    @property
+    def robots(self) -> TrainingRobots:
+        """The robots, without base and correction."""
+        return cast(TrainingRobots, self.env.env.unwrapped)
+
+
 class BetweenRollouts(BaseCallback):
     """A callback that does nothing at single steps."""
+
+    def __init__(self, session: Session) -> None:
+        super().__init__()
+        self._session, self._config, self._state = session, session.config, session.state
 
     @property
     def _learner(self) -> PPO:
@@ -79,28 +98,17 @@ class BetweenRollouts(BaseCallback):
 class RolloutFigures(BetweenRollouts):
     """Shows and logs the figures of each rollout."""
 
-    def __init__(self, robots: TrainingRobots, display: Display, state: CallbackState) -> None:
-        super().__init__()
-        self._robots = robots
-        self._display = display
-        self._state = state
-
     def _on_rollout_end(self) -> None:
-        figures = self._robots.take_statistics().means()
+        figures = self._session.robots.take_statistics().means()
         for name, value in figures.items():
             self.logger.record(name if "/" in name else f"rollout/{name}", value)
         if self._state.validations:
             figures["success"] = self._state.validations[-1]["success"]
-        self._display.update(self.num_timesteps, figures)
+        self._session.display.update(self.num_timesteps, figures)
 
 
 class Schedules(BetweenRollouts):
     """Changes exploration noise and adaptive learning rate between rollouts."""
-
-    def __init__(self, config: TrainConfig, state: CallbackState) -> None:
-        super().__init__()
-        self._config = config
-        self._state = state
 
     def _on_training_start(self) -> None:
         if isinstance(rate := self._learner.learning_rate, AdaptiveRate) and self._state.rate is not None:
@@ -121,52 +129,42 @@ class Schedules(BetweenRollouts):
 
 def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
     """The policy of a bundle: the actor on a new base, without exploration noise."""
-    return corrected_by(actor_network(model), config, cast(TrainingVecEnv, model.get_env()))
-
-
-def corrected_by(network: Network, config: TrainConfig, robots: TrainingVecEnv) -> ResidualPolicy:
-    """A new base, corrected by the network as in the run."""
-    env = cast(ResidualVectorEnv, robots.env)
+    env = cast(ResidualVectorEnv, cast(TrainingVecEnv, model.get_env()).env)
     base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
-    return ResidualPolicy(
-        base, network, env.authority, config.policy, config.inputs, config.ppo.hold, env.shift_authority
-    )
+    network, authority = actor_network(model), env.authority
+    return ResidualPolicy(base, network, authority, config.policy, config.inputs, config.ppo.hold, env.shift_authority)
 
 
 class Segments(BetweenRollouts):
     """Starts new episodes of all robots at the start of each segment.
 
     The last of the callbacks, so that the others see the state between two segments. A segment that Ctrl-C interrupted
-    is continued: the robots first repeat its actions.
+    is continued: the robots first repeat its `actions`.
     """
 
-    def __init__(self, config: TrainConfig, state: CallbackState, actions: Sequence[FloatArray] = ()) -> None:
-        super().__init__()
-        self._config = config
-        self._state = state
+    def __init__(self, session: Session, actions: Sequence[FloatArray] = ()) -> None:
+        super().__init__(session)
         self._actions = actions
         self._end = 0
-
-    def _on_training_start(self) -> None:
-        if self._actions:
-            self._repeat(self._actions)
-
-    def _repeat(self, actions: Sequence[FloatArray]) -> None:
-        env, learner = cast(TrainingVecEnv, self.model.get_env()), self._learner
-        self._end = self.num_timesteps - len(actions) * env.num_envs + segment_steps(self._config)
-        seeds = training_seeds(self._config, self._state.segments - 1)
-        learner._last_obs, learner._last_episode_starts = env.repeat(seeds, actions)
-        cast(TrainingRobots, env.env.unwrapped).take_statistics()  # of rollouts that were logged already
 
     @property
     def over(self) -> bool:
         """Whether the last segment is complete."""
         return self.num_timesteps >= self._end
 
+    def _on_training_start(self) -> None:
+        if not self._actions:
+            return
+        learner, env = self._learner, self._session.env
+        self._end = self.num_timesteps - len(self._actions) * env.num_envs + segment_steps(self._config)
+        seeds = training_seeds(self._config, self._state.segments - 1)
+        learner._last_obs, learner._last_episode_starts = env.repeat(seeds, self._actions)
+        self._session.robots.take_statistics()  # of rollouts that were logged already
+
     def _on_rollout_start(self) -> None:
         if self.over:
             self._end = self.num_timesteps + segment_steps(self._config)
-            env, learner = cast(TrainingVecEnv, self.model.get_env()), self._learner
+            learner, env = self._learner, self._session.env
             learner._last_obs = env.begin(training_seeds(self._config, self._state.segments))
             learner._last_episode_starts = np.ones(env.num_envs, np.bool_)
             self._state.segments += 1
@@ -175,21 +173,22 @@ class Segments(BetweenRollouts):
 class Curriculum(BetweenRollouts):
     """Makes scenarios harder or milder between two segments, before the checkpoint."""
 
-    def __init__(self, config: TrainConfig, state: CallbackState, segments: Segments, robots: TrainingRobots) -> None:
-        super().__init__()
-        self._config, self._state, self._segments, self._robots = config, state, segments, robots
-        self._made = [config.curriculum] * len(robots.batches)
+    def __init__(self, session: Session, segments: Segments) -> None:
+        super().__init__(session)
+        self._segments = segments
+        self._made = [self._config.curriculum] * len(session.robots.batches)
         self._state.shares = self._state.shares or list(self._made)
 
     def _on_training_start(self) -> None:
         self._make()
 
     def _on_rollout_start(self) -> None:
-        counted = self._robots.take_kept() if self._segments.over and self._config.curriculum < 1.0 else []
+        robots = self._session.robots
+        counted = robots.take_kept() if self._segments.over and self._config.curriculum < 1.0 else []
         if not any(kept.counted for kept in counted):
             return
-        self._state.shares = next_shares(self._state.shares, counted)
-        for batch, share, kept in zip(self._robots.batches, self._state.shares, counted, strict=True):
+        self._state.shares = [kept.next_share(share) for share, kept in zip(self._state.shares, counted, strict=True)]
+        for batch, share, kept in zip(robots.batches, self._state.shares, counted, strict=True):
             self.logger.record(f"severity/{batch.scenario.name}", share)
             self.logger.record(f"kept/{batch.scenario.name}", kept.kept / max(kept.counted, 1))
         self._make()
@@ -198,23 +197,17 @@ class Curriculum(BetweenRollouts):
         """Replace the batches whose severity has changed."""
         for number, (made, share) in enumerate(zip(self._made, self._state.shares, strict=True)):
             if made != share:
-                self._robots.replace(number, make_batch(self._config, number, share))
+                self._session.robots.replace(number, make_batch(self._config, number, share))
         self._made = list(self._state.shares)
 
 
 class ValidateAndSave(BetweenRollouts):
     """Validates, saves the best and the last bundle, writes checkpoints, and ends the run after Ctrl-C."""
 
-    def __init__(
-        self, config: TrainConfig, display: Display, state: CallbackState, segments: Segments, interrupt: Interrupt
-    ) -> None:
-        super().__init__()
-        self._config = config
-        self._display = display
-        self._state = state
+    def __init__(self, session: Session, segments: Segments) -> None:
+        super().__init__(session)
         self._segments = segments
-        self._interrupt = interrupt
-        self._earlier_seconds, self._began = state.seconds, time.monotonic()
+        self._earlier_seconds, self._began = self._state.seconds, time.monotonic()
         self._kept = 0
 
     def _on_rollout_start(self) -> None:
@@ -224,14 +217,14 @@ class ValidateAndSave(BetweenRollouts):
         self._log()
         if self._segments.over:
             self._keep()
-        if self._interrupt.asked:
+        if self._session.interrupt.asked:
             self._end()
 
     def _end(self) -> None:
         """Save everything, and end."""
         self._save(current_policy(self._config, self._learner), LAST)
         if not self._segments.over:
-            self._keep(cast(TrainingVecEnv, self.model.get_env()).taken)
+            self._keep(self._session.env.taken)
         again = self.num_timesteps - self._kept
         kept = f"{again:,} steps since its checkpoint will be repeated" if again else f"{self._kept:,} steps are kept"
         raise KeyboardInterrupt(f"{kept}; the policy until now is {self._config.folder / LAST}")
@@ -260,7 +253,7 @@ class ValidateAndSave(BetweenRollouts):
             state.best, state.best_steps = found, self.num_timesteps
             self._save(policy, BEST)
         write_validations(self._config.folder, state.best_steps, state.validations)
-        self._display.note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
+        self._session.display.note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
 
     def _log(self) -> None:
         """Write the figures of the rollout, its update and validation; SB3 would write the latter one rollout later."""

@@ -23,8 +23,7 @@ from policies.residual_bases import BASES
 from policies.trot import feedback_parameters, integral
 from quad_env.seeding import episode_seeds
 from train.scenarios import Purpose, practice
-from train.search.account import changes, method, results
-from train.search.files import as_json
+from train.search.files import as_json, changes, method, results
 from train.search.panel import Panel
 from train.search.subject import Effort, Options, Outcome, Ranges, Seeds, Subject, generations, unit_cube
 from train.setting_ranges import check_scenarios
@@ -100,10 +99,10 @@ def subject(options: Options, effort: Effort) -> Subject[Parameters]:
     def conclude(after: Parameters) -> Outcome:
         seeds = episode_seeds("validation", options.seed, effort.check_episodes)
         old, new = made((in_force, after))
-        found = compared(old, new, exercises, seeds, options.threads)
+        walks, differences = compared(old, new, exercises, seeds, options.threads)
         lines = [f"# The parameters of {name}", "", method(options, effort, ", ".join(exercises)), WORDS, ""]
-        lines += [found.verdict, "", *changes(in_force, after, searched.ranges), "", *results(found.walks)]
-        return Outcome(as_json(after if found.better else in_force), "\n".join(lines) + "\n")
+        lines += [verdict(differences), "", *changes(in_force, after, searched.ranges), "", *results(walks)]
+        return Outcome(as_json(after if is_better(differences) else in_force), "\n".join(lines) + "\n")
 
     space = unit_cube(start, searched.ranges, costs, generations(options.seed, effort), digits=4, apart=True)
     return Subject(start, searched.file, conclude, space, searched.account)
@@ -144,39 +143,28 @@ def walked(
     return [measure(each) for each in run_each(panel, scenarios, every_seed, nthread=threads, steps=steps)]
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """Parameters in force and the outcome of a search, on the same episodes of validation seeds and ground."""
-
-    walks: tuple[tuple[str, str, Measures], ...]
-    """Scenario, `before` for those in force or `after` for the outcome, and the measures of its episodes."""
-    differences: Floats
-    """Cost of the outcome less that of those in force, mean over the scenarios, of each seed, (seeds,)."""
-
-    @property
-    def p_value(self) -> float:
-        """p-value of the mean difference, two-sided, by flips of its signs."""
-        return sign_flip_test(self.differences)
-
-    @property
-    def better(self) -> bool:
-        """Whether the outcome costs significantly less."""
-        return bool(self.differences.mean() < 0.0) and self.p_value <= SIGNIFICANT
-
-    @property
-    def verdict(self) -> str:
-        """The decision and its reason, in words."""
-        difference = float(self.differences.mean())
-        return (
-            f"**{ADOPTED if self.better else KEPT}** On {len(self.differences)} validation seeds, 10 s a scenario, "
-            f"an episode of the outcome costs {abs(difference):.3g} {'less' if difference < 0.0 else 'more'} than one "
-            f"of those in force, p = {self.p_value:.2g}; it is adopted where it costs less with p of at most "
-            f"{SIGNIFICANT:g}."
-        )
+def is_better(differences: Floats) -> bool:
+    """Whether the outcome costs significantly less than the parameters in force, by the difference of each seed."""
+    return bool(differences.mean() < 0.0) and sign_flip_test(differences) <= SIGNIFICANT
 
 
-def compared(in_force: Policy, outcome: Policy, exercises: Sequence[str], seeds: Seeds, threads: int) -> Comparison:
-    """The comparison on full episodes of those seeds, on ground of the validation."""
+def verdict(differences: Floats) -> str:
+    """The decision and its reason, in words."""
+    difference = float(differences.mean())
+    return (
+        f"**{ADOPTED if is_better(differences) else KEPT}** On {len(differences)} validation seeds, 10 s a scenario, "
+        f"an episode of the outcome costs {abs(difference):.3g} {'less' if difference < 0.0 else 'more'} than one "
+        f"of those in force, p = {sign_flip_test(differences):.2g}; it is adopted where it costs less with p of at "
+        f"most {SIGNIFICANT:g}."
+    )
+
+
+def compared(
+    in_force: Policy, outcome: Policy, exercises: Sequence[str], seeds: Seeds, threads: int
+) -> tuple[list[tuple[str, str, Measures]], Floats]:
+    """Both on the same full episodes of those seeds, on ground of the validation: scenario, `before` for the parameters
+    in force or `after`, and measures of each walk; cost of the outcome less that of those in force, mean over the
+    scenarios, of each seed, (seeds,)."""
     walks: list[tuple[str, str, Measures]] = []
     differences = np.zeros(len(seeds))
     groups = [exercises[first : first + AT_ONCE] for first in range(0, len(exercises), AT_ONCE)]
@@ -185,4 +173,4 @@ def compared(in_force: Policy, outcome: Policy, exercises: Sequence[str], seeds:
         for exercise, old, new in zip(group, before, after, strict=True):
             walks += [(exercise, "before", old), (exercise, "after", new)]
             differences += episode_costs(new) - episode_costs(old)
-    return Comparison(tuple(walks), differences / len(exercises))
+    return walks, differences / len(exercises)

@@ -20,9 +20,8 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
-from train.search.account import changes, method, results
 from train.search.command_map import response, undone, weakness
-from train.search.files import as_json
+from train.search.files import as_json, changes, method, results
 from train.search.panel import Panel
 from train.search.subject import Effort, Options, Outcome, Seeds, Subject, generations, rounded, unit_cube
 

@@ -88,36 +88,26 @@ def test_the_last_two_checkpoints_are_kept(tmp_path):
     assert checkpoint.load(tmp_path).progress["steps"] == 3000
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "gone", "no json", "other schema", "no memory", "no steps"])
+@pytest.mark.parametrize("damage", ["flipped", "gone", "no json", "other schema", "no steps"])
 def test_a_damaged_checkpoint_is_passed_over_and_said_so(tmp_path, damage):
     fill(tmp_path, 10)
     fill(tmp_path, 20)
     weights, record = tmp_path / "000000000020.safetensors", tmp_path / "000000000020.json"
     content = weights.read_bytes()
-    if damage == "cut":
-        weights.write_bytes(content[:-4])
-    elif damage == "flipped":
+    if damage == "flipped":
         weights.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
     elif damage == "gone":
         weights.unlink()
     elif damage == "no json":
         record.write_text(record.read_text(encoding="utf-8")[:-5], encoding="utf-8")
     else:
-        missing = {"other schema": {"schema": 99}, "no memory": {"remembered": None}, "no steps": {"steps": "20"}}
+        missing = {"other schema": {"schema": 99}, "no steps": {"steps": "20"}}
         record.write_text(
             json.dumps(json.loads(record.read_text(encoding="utf-8")) | missing[damage]), encoding="utf-8"
         )
     found = checkpoint.load(tmp_path)
     assert found.progress["steps"] == 10
     assert "000000000020" in found.damaged[0]
-
-
-def test_weights_without_their_record_are_no_checkpoint(tmp_path):
-    """What a run leaves that is killed between the two files."""
-    fill(tmp_path, 10)
-    fill(tmp_path, 20)
-    (tmp_path / "000000000020.json").unlink()
-    assert checkpoint.load(tmp_path).progress["steps"] == 10
 
 
 def test_no_checkpoint_and_no_whole_one_are_one_line_with_a_way_out(tmp_path):
@@ -145,17 +135,3 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path):
     with pytest.raises(UsageError, match="does not fit") as caught:
         checkpoint.restore(build(config, make_env(config)), checkpoint.load(tmp_path))
     assert "\n" not in str(caught.value)
-
-
-def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path, monkeypatch):
-    path = tmp_path / "file"
-    checkpoint.write_atomically(path, b"old")
-
-    def fail(*_):
-        raise OSError("no space left")
-
-    monkeypatch.setattr("os.fsync", fail)
-    with pytest.raises(OSError, match="no space"):
-        checkpoint.write_atomically(path, b"new")
-    assert path.read_bytes() == b"old"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]

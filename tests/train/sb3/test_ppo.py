@@ -11,14 +11,12 @@ from policies.bundle import load, save
 from policies.history import Inputs
 from policies.residual import ResidualPolicy
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.named import SCENARIOS
 from quad_env.seeding import PURPOSES, episode_seeds
 from quad_env.task.observations import observation_table
 from train.config import PpoConfig, TrainConfig
 from train.run import make_env
-from train.sb3.callbacks import CallbackState, Schedules
+from train.sb3.callbacks import CallbackState, Schedules, Session
 from train.sb3.ppo import AdaptiveRate, actor_network, build, learning_rate
-from train.scenarios import practice
 from train.training_robots import training_seeds
 
 SCALE = observation_table(SIMPLE_QUAD).scale
@@ -72,7 +70,8 @@ def test_noise_falls_along_its_schedule_and_nothing_else_moves_it():
     samples = config.ppo.envs * config.ppo.rollout_steps
     seen = []
     for rollouts in (1, 2, 4):  # the last begins at 0, 1/4 and 3/4 of the run
-        model.learn(rollouts * samples, Schedules(dataclasses.replace(config, steps=4 * samples), CallbackState()))
+        longer = dataclasses.replace(config, steps=4 * samples)
+        model.learn(rollouts * samples, Schedules(Session(longer, model.get_env(), None, None, CallbackState())))
         seen.append(model.policy.log_std.detach().numpy().copy())
     np.testing.assert_allclose(seen, np.tile([[-1.0], [-1.5], [-2.5]], 12), rtol=1e-6)
 
@@ -85,16 +84,10 @@ def test_the_numpy_network_is_the_torch_actor():
         expected = model.policy.get_distribution(torch.from_numpy(inputs)).distribution.mean.numpy()
     assert np.abs(expected).max() > 0.5
     network = actor_network(model)
-    np.testing.assert_allclose(network(inputs[:, : network.sizes[0]]), expected, atol=3e-5)
-
-
-def test_the_exported_network_does_not_follow_the_learner():
-    _, model = learner()
-    network = actor_network(model)
-    before = [weight.copy() for weight in network.weights]
-    shaken(model)
-    for weight, old in zip(network.weights, before, strict=True):
-        np.testing.assert_array_equal(weight, old)
+    before = network(inputs[:, : network.sizes[0]])
+    np.testing.assert_allclose(before, expected, atol=3e-5)
+    shaken(model)  # the network does not follow the learner
+    np.testing.assert_array_equal(network(inputs[:, : network.sizes[0]]), before)
 
 
 def test_a_bundle_of_a_run_acts_as_the_learner_does(tmp_path):
@@ -145,12 +138,3 @@ def test_training_episodes_are_not_those_of_other_purposes():
     for purpose in PURPOSES:
         if purpose != "training":
             assert not trained & set(episode_seeds(purpose, config.seed, 1000).tolist())
-
-
-def test_training_and_validation_walk_on_other_ground_than_the_evaluation():
-    grids = [practice("rough", purpose).terrain.unit_heights for purpose in ("training", "validation", "search")]
-    grids.append(SCENARIOS["rough"].terrain.unit_heights)
-    for i, a in enumerate(grids):
-        for b in grids[i + 1 :]:
-            assert np.abs(a - b).mean() > 0.01
-    assert practice("flat", "training") == practice("flat", "validation")

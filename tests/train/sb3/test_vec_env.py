@@ -87,11 +87,3 @@ def test_what_sb3_asks_of_a_vec_env_is_there():
     with pytest.raises(NotImplementedError, match="objects"):
         env.env_method("x")
     env.close()
-
-
-def test_reset_starts_the_same_first_episodes_again():
-    env = training_env(2)
-    first = env.reset()
-    for step in range(5):
-        env.step(noise(step, 2))
-    np.testing.assert_array_equal(env.reset(), first)

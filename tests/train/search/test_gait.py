@@ -7,25 +7,10 @@ import numpy as np
 import pytest
 
 from policies.gaits.parameters import OFFSETS, GaitParameters, searched_parameters
-from policies.parameters import limits_of
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
 from train.search.command_map import response
 from train.search.gait import RANGES, commands, cost, shared_walk
-from train.search.subject import decode, encode
-
-
-def test_ranges_are_of_the_parameters_and_within_their_limits():
-    assert set(RANGES) == set(OFFSETS)
-    for ranges in RANGES.values():
-        for name, (low, high) in ranges.items():
-            assert limits_of(GaitParameters)[name][0] <= low < high <= limits_of(GaitParameters)[name][1], name
-    assert RANGES["walk"]["duty"][0] - RANGES["walk"]["duty_fall"][1] >= 0.75
-
-
-def test_a_point_and_its_parameters_are_the_same():
-    point = np.linspace(0.1, 0.9, len(RANGES["pronk"]))
-    np.testing.assert_allclose(encode(decode(point, GaitParameters(), RANGES["pronk"]), RANGES["pronk"]), point)
 
 
 def test_commands_stay_within_the_range_and_half_go_straight():
@@ -47,7 +32,7 @@ def test_a_spoilt_gait_costs_more():
     spoilt = [
         replace(good, **change) for change in ({"body_height": 0.12}, {"forward_gain": 0.3}, {"stance_shift": 0.12})
     ]
-    first, *others = shared_walk("trot", [good, *spoilt], command, episode_seeds("search", 9, 8), 300, 2)
+    first, *others = shared_walk("trot", [good, *spoilt], command, episode_seeds("search", 9, 8), 260, 1)
     assert all(cost(walk, command) > cost(first, command) + 0.5 for walk in others)
 
 

@@ -1,22 +1,18 @@
 """The trot's search: its fits by hand, its panel of candidates, its cost, and what it writes."""
 
 import dataclasses
-import json
 import math
 
 import numpy as np
 import pytest
 
-import policies
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts.hardware import Hardware
 from evaluate.rollouts.rollout import run
-from policies.parameters import scaled_parameters
 from policies.trot.open_loop import SEARCH_RANGES, Trot, TrotParameters, searched_parameters
 from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds
 from tests.quad_env.robots.alike import alike
-from train.__main__ import main
 from train.scenarios import practice
 from train.search import trot
 from train.search.command_map import WEAKNESS_WEIGHT, undone
@@ -98,38 +94,15 @@ def test_a_point_of_the_cube_is_a_set_of_parameters_and_back():
 def test_the_cost_is_the_mean_of_the_scaled_errors():
     ones = {name: np.repeat([0.0, 2 * scale, 4 * scale], 2) for name, scale in ERROR_SCALES.items()}
     np.testing.assert_allclose(cost(measures(**ones), 3), [0.0, 8.0, 16.0])
-
-
-def test_a_robot_that_fell_at_once_has_all_overspeed():
-    overspeed = np.array([math.nan, 0, 0, 0, 0, 0])
-    np.testing.assert_allclose(cost(measures(overspeed=overspeed), 3), [0.5 / 0.02, 0.0, 0.0])
+    at_once = np.array([math.nan, 0, 0, 0, 0, 0])  # who falls in the first second has no overspeed: it counts in full
+    np.testing.assert_allclose(cost(measures(overspeed=at_once), 3), [0.5 / 0.02, 0.0, 0.0])
 
 
 def test_standing_still_costs_more_than_walking():
     """A gait that ignores commands follows its own, empty response perfectly."""
     still = dataclasses.replace(TrotParameters(), forward_gain=0.0, lateral_gain=0.0, yaw_gain=0.0)
-    walking, standing = candidate_costs([TrotParameters(), still], episode_seeds("search", 0, 8), 600, 1)
+    walking, standing = candidate_costs([TrotParameters(), still], episode_seeds("search", 0, 8), 300, 1)
     assert standing - walking > WEAKNESS_WEIGHT
-
-
-TINY = "--generations 1 --candidates 4 --episodes 8 --steps 101 --check-episodes 4 --threads 1"
-
-
-def test_a_robots_search_goes_to_its_own_folder_and_begins_with_its_own_size(tmp_path):
-    robot = alike(tmp_path)
-    path = tmp_path / "alike.xml"
-    assert main(["search", "trot", *TINY.split(), "--robot", str(path)]) == 0
-    own = tmp_path / "alike"
-    told = (own / "TROT.md").read_text(encoding="utf-8")
-    assert f"search trot --robot {path} --seed 0" in told
-    start, found = (
-        scaled_parameters(searched_parameters(), robot),
-        json.loads((own / "trot.json").read_text(encoding="utf-8")),
-    )
-    assert f"| blend_time | fixed | {start.blend_time:.9g} | {found['blend_time']:.9g} |" in told
-    low, high = (robot.leg_length / 0.6 * end for end in SEARCH_RANGES["body_height"])
-    assert low <= found["body_height"] <= high < 0.22
-    assert policies.make("trot", robot=robot).parameters == TrotParameters(**found)
 
 
 def test_candidates_walk_as_the_robot_on_its_own_ground(tmp_path, monkeypatch):

@@ -1,0 +1,119 @@
+"""Settings of a run as JSON, in its config.json and in bundles, those of version 0.1.0 included; their differences."""
+
+import dataclasses
+import json
+import types
+import typing
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from quad_env.cli.command_line import UsageError
+from quad_env.files.reading import read_bytes
+from train.config import ACTIVATION, PUSHES, TIMESTEP, TrainConfig
+from train.run_folder import CONFIG_FILE
+
+_NOT_OF_THE_RUN = ("seeds", "out", "resume", "threads")
+
+
+def to_dict(config: TrainConfig) -> dict[str, Any]:
+    """The settings that decide a run's result, as JSON types: all but where it is written and with how many threads."""
+    settings = {key: value for key, value in dataclasses.asdict(config).items() if key not in _NOT_OF_THE_RUN}
+    return typing.cast(dict[str, Any], json.loads(json.dumps(settings)))
+
+
+_REMOVED: Mapping[str, Mapping[str, Any]] = {
+    "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0}
+    | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}}
+    | {"pushes": PUSHES, "hardness": 1.0, "timestep": TIMESTEP},
+    "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
+    | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
+}
+"""Settings of version 0.1.0, by group, and the only value with which a run still loads; None: any."""
+
+
+def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
+    """The inverse of `to_dict`, of version 0.1.0 too. Raises UsageError on what is no configuration."""
+    try:
+        return typing.cast(TrainConfig, decode(TrainConfig, _of_today(settings)))
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise UsageError(f"not a training configuration: {error}") from None
+
+
+def _of_today(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings without those that were removed. Raises ValueError where a run depends on one of them."""
+    found = {**settings, "ppo": dict(settings.get("ppo", {}))}
+    for group, removed in _REMOVED.items():
+        values = found[group] if group else found
+        for name, only in removed.items():
+            if values.pop(name, only) != only and only is not None:
+                raise ValueError(f"{name} was removed after version 0.1.0")
+    return found
+
+
+def load_config(folder: Path) -> TrainConfig:
+    """The settings of the run in `folder`. Raises UsageError where there is none."""
+    try:
+        settings = json.loads(read_bytes(folder / CONFIG_FILE))
+    except OSError as error:
+        raise UsageError(
+            f"no run in {folder}: {CONFIG_FILE} cannot be read ({error.strerror}); name its folder with --out"
+        ) from None
+    except ValueError:
+        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is not JSON; name another folder with --out") from None
+    return from_dict(settings)
+
+
+def decode(kind: Any, value: Any) -> Any:
+    """A value of that type, dataclasses among them, from JSON types. Raises an error of Python's for what is none."""
+    if dataclasses.is_dataclass(kind):
+        hints = typing.get_type_hints(kind)
+        unknown = set(value) - set(hints)
+        if unknown:
+            raise ValueError(f"unknown settings {sorted(unknown)}")
+        decoded = {name: decode(hints[name], entry) for name, entry in value.items()}
+        return typing.cast(type[Any], kind)(**decoded)
+    parts = typing.get_args(kind)
+    if typing.get_origin(kind) is tuple:
+        item, *rest = parts
+        kinds = [item] * len(value) if rest == [Ellipsis] else [item, *rest]
+        return tuple(decode(k, v) for k, v in zip(kinds, value, strict=True))
+    if typing.get_origin(kind) is Literal:
+        if value not in parts:
+            raise ValueError(f"{value!r} is none of {', '.join(parts)}")
+        return value
+    if typing.get_origin(kind) is types.UnionType:  # with None
+        return None if value is None else decode(parts[0], value)
+    return kind(value)
+
+
+class Change(NamedTuple):
+    """A setting in which two runs differ, by its option."""
+
+    option: str
+    old: Any
+    new: Any
+
+    @property
+    def extends(self) -> bool:
+        """Whether the change only makes the run longer."""
+        return self.option == "--steps" and self.new > self.old
+
+    def __str__(self) -> str:
+        return f"{self.option}: the run has {self.old}, the command {self.new}"
+
+
+def differences(old: TrainConfig, new: TrainConfig) -> list[Change]:
+    """Differences between two runs' settings, of those that decide the result."""
+    after = dict(flat(to_dict(new)))
+    return [Change(f"--{name}", value, after[name]) for name, value in flat(to_dict(old)) if value != after[name]]
+
+
+def flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Settings of `to_dict` by the names of their options, groups flattened."""
+    for key, value in settings.items():
+        name = prefix + key.replace("_", "-")
+        if isinstance(value, dict):
+            yield from flat(value, f"{name}.")
+        else:
+            yield name, value

@@ -1,0 +1,73 @@
+"""Types of options that are written in a way of their own: whole numbers as 1e6, reward weights and reward terms."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Annotated
+
+from tyro.constructors import PrimitiveConstructorSpec
+
+from quad_env.config import RewardWeights
+from train.reward_term import FileTerm
+
+REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, fall=-5.0)
+"""The environment's, and a slope where the robot is so far off its command that the tracking rewards are flat. A second
+there costs about 1: less than a fall, or falling would earn more."""
+
+
+def _whole(words: list[str]) -> int:
+    value = float(words[0])
+    if not value.is_integer():
+        raise ValueError(f"{words[0]} is no whole number")
+    return int(value)
+
+
+Count = Annotated[
+    int,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="INT",
+        instance_from_str=_whole,
+        is_instance=lambda value: isinstance(value, int),
+        str_from_instance=lambda value: [str(value)],
+    ),
+]
+"""A whole number that may be written as 1e6."""
+OwnTerm = Annotated[
+    FileTerm,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="FILE.py:FUNCTION=WEIGHT",
+        instance_from_str=lambda words: FileTerm.parse(words[0]),
+        is_instance=lambda value: isinstance(value, FileTerm),
+        str_from_instance=lambda value: [str(value)],
+    ),
+]
+"""A reward term in a user's file."""
+
+
+def weights(words: Sequence[str]) -> RewardWeights:
+    """The default weights with those of `NAME=WEIGHT` words. Raises ValueError."""
+    names, changed = [each.name for each in dataclasses.fields(RewardWeights)], dict[str, float]()
+    for word in words:
+        name, _, value = word.partition("=")
+        if (field := name.replace("-", "_")) not in names:
+            raise ValueError(f"there is no reward term {name!r}; valid: {', '.join(names)}")
+        changed[field] = float(value)
+    return dataclasses.replace(REWARDS, **changed)
+
+
+def weight_words(rewards: RewardWeights) -> list[str]:
+    """The inverse of `weights`."""
+    return [f"{name.replace('_', '-')}={weight}" for name, weight in dataclasses.asdict(rewards).items()]
+
+
+Weights = Annotated[
+    RewardWeights,
+    PrimitiveConstructorSpec(
+        nargs="*",
+        metavar="NAME=WEIGHT [NAME=WEIGHT ...]",
+        instance_from_str=weights,
+        is_instance=lambda value: isinstance(value, RewardWeights),
+        str_from_instance=weight_words,
+    ),
+]
