@@ -15,21 +15,16 @@ OPTIONS = Options(steps=64, seeds=2, episodes=1)
 TINY = "--ppo.envs 8 --ppo.rollout-steps 4 --ppo.minibatch 16 --ppo.epochs 1 --mixture flat 1 --max-episode-steps 8"
 
 
-@pytest.mark.parametrize("name", VARIANTS)
-def test_a_variant_differs_from_the_default_in_its_options_alone(name):
-    run, default = config(OPTIONS, name, 1), config(OPTIONS, DEFAULT, 1)
-    changed = {"--rewards" if "--rewards." in each.option else each.option for each in differences(default, run)}
-    named = {word.replace("no-", "") for word in VARIANTS[name].split() if word.startswith("--")}
-    assert changed == named
-    assert run.validation == default.validation
-    assert run.folder.name == "seed-1"
+def test_variants_differ_from_the_default_in_their_options_alone_and_can_be_trained():
+    default = config(OPTIONS, DEFAULT, 1)
     assert differences(DEFAULTS["residual"], default)[0].option == "--steps"
-
-
-@pytest.mark.parametrize("name", VARIANTS)
-def test_a_variant_can_be_trained(name):
-    run = config(OPTIONS, name, 0)
-    make_env(dataclasses.replace(run, ppo=dataclasses.replace(run.ppo, envs=16))).close()
+    for name, options in VARIANTS.items():
+        run = config(OPTIONS, name, 1)
+        changed = {"--rewards" if "--rewards." in each.option else each.option for each in differences(default, run)}
+        assert changed == {word.replace("no-", "") for word in options.split() if word.startswith("--")}, name
+        assert run.validation == default.validation
+        assert run.folder.name == "seed-1"
+        make_env(dataclasses.replace(run, ppo=dataclasses.replace(run.ppo, envs=2))).close()
 
 
 def test_the_rows_by_hand():
@@ -63,9 +58,3 @@ def test_a_study_trains_what_is_missing_and_writes_table_and_figure(tmp_path, mo
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("policy.safetensors")} == trained
     assert main([*words, "--steps", "128"]) == 2
     assert "holds a run of other settings" in capsys.readouterr().err
-
-
-def test_an_unknown_variant_is_answered_with_the_valid_ones(capsys):
-    assert main(["ablations", "--variants", "no brain"]) == 2
-    assert "'no memory'" in capsys.readouterr().err
-    assert dataclasses.replace(OPTIONS).variants == tuple(VARIANTS)
