@@ -10,8 +10,6 @@ import importlib
 import io
 import re
 import shlex
-import subprocess
-import sys
 import textwrap
 from pathlib import Path
 
@@ -81,9 +79,10 @@ def test_every_fence_is_closed_and_swallows_no_heading_and_no_table(page: str) -
     [block for text in PAGES.values() for block in blocks("python", text) if not file_name(block)],
     ids=lambda block: block.strip().splitlines()[-1][:40],
 )
-def test_python_block_runs_as_it_stands(block: str, tmp_path: Path) -> None:
-    run = subprocess.run([sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
+def test_python_block_runs_as_it_stands(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("quad_env.scenarios.axes.AXES", dict(AXES))  # one of the blocks adds an axis
+    exec(compile(block, "block", "exec"), {"__name__": "__main__"})
 
 
 def named_by(package: str) -> list[str]:
@@ -134,11 +133,8 @@ def test_compared_policies_exist() -> None:
     assert names <= set(policies.names())
 
 
-def test_the_readme_is_short() -> None:
-    assert len(README.splitlines()) <= 90
-
-
 def test_prose_and_tables_are_short() -> None:
+    assert len(README.splitlines()) <= 90
     outside = [re.sub(r"^( *)```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE) for text in PAGES.values()]
     lines = [line for text in outside for line in text.splitlines()]
     rows = [line for line in lines if line.lstrip().startswith("|")]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 import policies
@@ -23,7 +24,7 @@ from evaluate.rollouts.rollout import run
 from evaluate.statistics.intervals import share_difference_interval, wilson_interval
 from evaluate.statistics.significance import holm, mcnemar
 from quad_env.cli.command_line import UsageError, check_numbers
-from quad_env.cli.format import percent, signed
+from quad_env.cli.format import NO_BREAK, share, signed
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 
@@ -106,11 +107,10 @@ def table(found: list[Pair], corrected: list[float]) -> Table:
     made = Table("scenario", "policy", "success", "there", "points more", "p (Holm)", "within")
     for pair, p_value in zip(found, corrected, strict=True):
         only_there, only_here = int((pair.there & ~pair.here).sum()), int((pair.here & ~pair.there).sum())
-        low, high = share_difference_interval(only_there, only_here, len(pair.here))
-        difference = pair.there.mean() - pair.here.mean()
-        change = f"{signed(100 * difference, 0)} [{signed(100 * low, 0)}, {signed(100 * high, 0)}]"
-        shares = (_share(pair.here), _share(pair.there))
-        made.add_row(pair.scenario, pair.policy, *shares, change, f"{p_value:.2g}", "yes" if pair.agrees else "no")
+        interval = share_difference_interval(only_there, only_here, len(pair.here))
+        change = points_more(pair.there.mean() - pair.here.mean(), interval)
+        figures = map(escape, (share_of(pair.here), share_of(pair.there), change))
+        made.add_row(pair.scenario, pair.policy, *figures, f"{p_value:.2g}", "yes" if pair.agrees else "no")
     return made
 
 
@@ -131,11 +131,17 @@ def _interval(successes: Bools) -> tuple[float, float]:
     return wilson_interval(int(successes.sum()), len(successes))
 
 
-def _within(share: float, successes: Bools) -> bool:
+def _within(value: float, successes: Bools) -> bool:
     low, high = _interval(successes)
-    return low <= share <= high
+    return low <= value <= high
 
 
-def _share(successes: Bools) -> str:
-    low, high = _interval(successes)
-    return f"{percent(float(successes.mean()))} [{100 * low:.0f}, {100 * high:.0f}]"
+def share_of(successes: Bools) -> str:
+    """`41 % [36, 47]`: the share of successes with its 95 % interval."""
+    return share(float(successes.mean()), _interval(successes))
+
+
+def points_more(difference: float, ends: tuple[float, float]) -> str:
+    """`−4 [−12, +3]`: a difference of shares with its interval, points."""
+    low, high = (signed(100.0 * end, 0) for end in ends)
+    return f"{signed(100.0 * difference, 0)} [{low},{NO_BREAK}{high}]"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.support.bars import BARS, check
-from benchmarks.support.measure import difference, interleave, machine, machine_line, speed_ratio, spread
+from benchmarks.support.measure import difference, interleave, speed_ratio, spread
 
 
 def test_subjects_take_turns_and_the_first_round_does_not_count(monkeypatch) -> None:
@@ -28,11 +28,6 @@ def test_subjects_take_turns_and_the_first_round_does_not_count(monkeypatch) -> 
     assert rounds == [("title", 4, done) for done in (2, 4, 6, 8)]
     assert seconds["a"].tolist() == [2.0, 4.0, 6.0]
     assert seconds["b"].tolist() == [3.0, 5.0, 7.0]
-
-
-def test_every_round_counts_without_a_warm_up() -> None:
-    seconds = interleave({"a": iter([1.0, 2.0]).__next__}, 2, warm_up=0)
-    assert seconds["a"].tolist() == [1.0, 2.0]
 
 
 def test_spread_is_median_and_quartiles() -> None:
@@ -74,9 +69,3 @@ def test_a_bar_wants_a_value_for_each_limit() -> None:
 def test_every_bar_names_a_command_that_exists(repository) -> None:
     modules = {bar.command.split()[0] for bar in BARS.values()}
     assert {name for name in modules if not (repository / "benchmarks" / f"{name}.py").exists()} == set()
-
-
-def test_machine_line_has_what_figures_depend_on() -> None:
-    facts = machine()
-    line = machine_line(facts)
-    assert all(str(facts[key]) in line for key in ("cpu", "cores", "python", "mujoco", "numpy"))

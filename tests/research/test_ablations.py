@@ -7,7 +7,7 @@ import pytest
 
 from research.__main__ import main
 from research.training import ablations
-from research.training.ablations import DEFAULT, VARIANTS, Found, Options, config, rows
+from research.training.ablations import DEFAULT, VARIANTS, Options, config, rows
 from train.config import DEFAULTS, differences
 from train.run import make_env
 
@@ -19,20 +19,26 @@ def test_variants_differ_from_the_default_in_their_options_alone_and_can_be_trai
     default = config(OPTIONS, DEFAULT, 1)
     assert differences(DEFAULTS["residual"], default)[0].option == "--steps"
     for name, options in VARIANTS.items():
-        run = config(OPTIONS, name, 1)
-        changed = {"--rewards" if "--rewards." in each.option else each.option for each in differences(default, run)}
+        variant = config(OPTIONS, name, 1)
+        changed = {
+            "--rewards" if "--rewards." in each.option else each.option for each in differences(default, variant)
+        }
         assert changed == {word.replace("no-", "") for word in options.split() if word.startswith("--")}, name
-        assert run.validation == default.validation
-        assert run.folder.name == "seed-1"
-        make_env(dataclasses.replace(run, ppo=dataclasses.replace(run.ppo, envs=2))).close()
+        assert variant.validation == default.validation
+        assert variant.folder.name == "seed-1"
+        make_env(dataclasses.replace(variant, ppo=dataclasses.replace(variant.ppo, envs=2))).close()
+
+
+def run(success, error, minutes):
+    return {"success": success, "flat_velocity_error": error, "minutes": minutes}
 
 
 def test_the_rows_by_hand():
     """Means 60 and 50 of spreads 1 and 1: Welch's 95 % for 2 and 2 is 10 ± 4.303 · 1."""
-    found = [
-        Found(DEFAULT, (50.0 - np.sqrt(0.5), 50.0 + np.sqrt(0.5)), (0.1, 0.2), (1.0, 3.0)),
-        Found("no memory", (60.0 - np.sqrt(0.5), 60.0 + np.sqrt(0.5)), (0.3, 0.5), (1.0, 2.0)),
-    ]
+    found = {
+        DEFAULT: [run(50.0 - np.sqrt(0.5), 0.1, 1.0), run(50.0 + np.sqrt(0.5), 0.2, 3.0)],
+        "no memory": [run(60.0 - np.sqrt(0.5), 0.3, 1.0), run(60.0 + np.sqrt(0.5), 0.5, 2.0)],
+    }
     first, second = rows(found)
     assert (first["success_by_seed_percent"], first["median_percent"], first["minutes"]) == ("49.3 50.7", 50.0, 2.0)
     assert "low" not in first

@@ -92,7 +92,8 @@ def test_a_robot_stands_that_is_upright_high_and_still(tilt, height, speed, turn
     assert standing(observation, infos).tolist() == [expected]
 
 
-def test_pushed_robots_that_fall_alone_recover_with_the_layer_which_gave_alarm_before() -> None:
+def test_pushed_robots_that_fall_alone_recover_with_the_layer_which_gave_alarm_before(monkeypatch) -> None:
+    monkeypatch.setattr(safety, "STEPS", 600)
     where, seeds = AXES["push"].scenario(65.0, "push"), episode_seeds("search", 0, 8)
     alone, guarded = (
         safety.run(policy, where, seeds) for policy in (policies.make("trot"), Safe(policies.make("trot")))

@@ -24,7 +24,7 @@ RUNS = {
     "gait-diagram --gait pace --then stand --start 1 --out FOLDER/new/gait.png": ({drawn(5, 1)}, "gait.png"),
     "recovery --robots 2 --seeds search": ({drawn(5, 2, "search")}, "standing within 5 s"),
     "jump --robots 2": ({drawn(5, 2)}, "landed standing"),
-    "safety --policy trot_feedback --episodes 2 --hours 0.0015 --seeds validation": (
+    "safety --episodes 2 --hours 0.0015 --seeds validation": (
         {drawn(5000 + level, 2, "validation") for level in range(8)} | {drawn(5500, 4, "validation")},
         "false alarms",
     ),

@@ -50,11 +50,3 @@ def test_robots_walk_side_by_side(tmp_path) -> None:
     assert np.abs(ours - theirs).mean() > 1.0
     for frames in (ours, theirs):
         assert (np.abs(np.diff(frames, axis=0)).max(axis=-1) > 40).mean() > 0.005  # each walks
-
-
-@pytest.mark.rendering
-def test_an_unknown_camera_is_one_line(tmp_path, capsys) -> None:
-    assert main(["pictures", "--policies", "trot", "--camera", "selfie", "--out", str(tmp_path / "strip.png")]) == 2
-    error = capsys.readouterr().err
-    assert "selfie" in error
-    assert error.count("\n") == 1

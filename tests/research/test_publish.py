@@ -22,7 +22,6 @@ from train.run_record import command
 
 OPTIONS = (
     "--threads 1 --mixture flat 1.0 --validation.episodes 1 --validation.scenarios flat --steps 64 "
-    "--max-episode-steps 8 "
     "--ppo.envs 8 --ppo.rollout-steps 4 --ppo.minibatch 32 --ppo.epochs 1 --ppo.actor 8 --ppo.critic 8"
 )
 
@@ -166,7 +165,7 @@ def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path
 def test_a_damaged_or_unfinished_run_is_not_published(file, change, complaint, runs, tmp_path, capsys):
     folder = tmp_path / "run"
     shutil.copytree(runs / "0", folder)
-    (folder / "checkpoints" / "000000000000.json").unlink()  # or the run would go on from there
+    (folder / "checkpoints" / "000000000000.json").unlink(missing_ok=True)  # or the run would go on from there
     before = (folder / file).read_bytes()
     (folder / file).write_text(change(before.decode(errors="replace")), encoding="utf-8")
     assert (folder / file).read_bytes() != before
