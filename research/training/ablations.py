@@ -91,7 +91,7 @@ def main(options: Options) -> int:
     return 0
 
 
-def judged_scenarios() -> tuple[str, ...]:
+def validation_scenarios() -> tuple[str, ...]:
     """Scenarios of the validation: those that the default trains on, for all variants."""
     return DEFAULTS["residual"].complete_validation.scenarios
 
@@ -100,7 +100,7 @@ def config(options: Options, name: str, seed: int) -> TrainConfig:
     """Settings of one run."""
     words = f"{VARIANTS[name]} --steps {options.steps} --seed {seed} --threads {options.threads}".split()
     words += ["--validation.interval", "0", "--validation.episodes", str(options.episodes)]
-    words += ["--validation.scenarios", *judged_scenarios()]
+    words += ["--validation.scenarios", *validation_scenarios()]
     folder = "".join(letter if letter.isalnum() else "-" for letter in name)
     return replace(parse(words), out=options.out / folder / f"seed-{seed}")
 
