@@ -11,6 +11,7 @@ import io
 import re
 import shlex
 import textwrap
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -90,9 +91,9 @@ def named_by(package: str) -> list[str]:
     return list(getattr(importlib.import_module(f"{package}.__main__"), "COMMANDS", {}))
 
 
-def help_of(words: list[str]) -> str:
+@cache
+def help_of(package: str, *rest: str) -> str:
     """Help of the command that these words, without options, call."""
-    package, *rest = words
     main = importlib.import_module(package if "." in package else f"{package}.__main__").main
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), contextlib.suppress(SystemExit):
@@ -108,7 +109,7 @@ def test_command_and_its_options_exist(command: str) -> None:
     called = next((name.split() for name in named if words[1 : 1 + len(name.split())] == name.split()), [])
     assert called or len(words) == 1 or words[1].startswith("-") or "/" in words[1], f"no command {words[1]}"
     options = {word.partition("=")[0] for word in words if word.startswith("--")}
-    assert options <= set(re.findall(r"--[\w.-]+", help_of([package, *called])))
+    assert options <= set(re.findall(r"--[\w.-]+", help_of(package, *called)))
 
 
 def test_every_subcommand_is_on_the_page_of_commands() -> None:
