@@ -120,20 +120,6 @@ def test_every_subcommand_is_on_the_page_of_commands() -> None:
             assert re.search(rf"`(python -m {package} )?({name}|{last})\b[^`]*`", text), f"{package} {name}"
 
 
-def test_compared_policies_exist() -> None:
-    listed = [re.search(r"--policies ([^-]+)", command) for command in commands()]
-    names = {
-        name
-        for found in listed
-        if found
-        for name in found[1].split()
-        if "/" not in name and not policies.is_reference(name)
-    }
-    names = {name.partition("@")[0].removeprefix(policies.SAFE) for name in names}
-    assert names
-    assert names <= set(policies.names())
-
-
 def test_prose_and_tables_are_short() -> None:
     assert len(README.splitlines()) <= 90
     outside = [re.sub(r"^( *)```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE) for text in PAGES.values()]

@@ -166,14 +166,11 @@ def test_the_wheel_works_in_an_environment_without_a_clone(
     assert len(asked.stderr.splitlines()) == 1
 
 
-def test_importing_policies_does_not_load_the_simulator(tmp_path: Path) -> None:
-    run = python("import sys, policies; print('mujoco' in sys.modules)", cwd=tmp_path)
-    assert run.stdout.strip() == "False", run.stderr
-
-
-def test_evaluation_needs_no_torch(tmp_path: Path) -> None:
+def test_evaluation_needs_no_torch_and_importing_policies_no_simulator(tmp_path: Path) -> None:
     code = """
 import runpy, sys
+import policies
+assert "mujoco" not in sys.modules
 class NotInstalled:
     def find_spec(self, name, path=None, target=None):
         if name.partition(".")[0] in ("torch", "stable_baselines3", "tensorboard"):
@@ -203,19 +200,13 @@ def test_import_contracts_hold(repository: Path) -> None:
     assert run.returncode == 0, run.stdout
 
 
-def test_every_import_is_a_declared_dependency(repository: Path) -> None:
-    base = requirements(repository)
-    for packages, declared in (
-        ((*EVALUATION, VIEW), base),
-        (("train",), base | requirements(repository, "train") | requirements(repository, "onnx")),
-    ):
-        providers = third_party(repository, packages)
-        assert [name for name, providing in providers.items() if not providing & declared] == []
-
-
-def test_every_dependency_is_used(repository: Path) -> None:
-    base = set().union(*third_party(repository, (*EVALUATION, VIEW)).values())
-    training = set().union(*third_party(repository, PACKAGES).values()) | INDIRECT
-    assert requirements(repository) <= base
-    assert requirements(repository, "train") <= training
+def test_every_import_is_a_declared_dependency_and_every_dependency_is_imported(repository: Path) -> None:
+    base, extra = requirements(repository), requirements(repository, "train")
+    evaluation, training = (third_party(repository, packages) for packages in ((*EVALUATION, VIEW), ("train",)))
+    assert [name for name, providing in evaluation.items() if not providing & base] == []
+    declared = base | extra | requirements(repository, "onnx")
+    assert [name for name, providing in training.items() if not providing & declared] == []
+    used = set().union(*evaluation.values())
+    assert base <= used
+    assert extra <= used.union(INDIRECT, *training.values())
     assert optional(repository) <= set(imported(repository / "evaluate"))

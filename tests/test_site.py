@@ -1,13 +1,11 @@
-"""The documentation site: built without a warning, no broken link, nothing from a network; its notebooks run."""
+"""The documentation site: built without a warning, such as one of a broken link, nothing from a network; its notebooks
+run."""
 
 import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
-from html.parser import HTMLParser
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
 
 import pytest
 
@@ -18,49 +16,6 @@ REPOSITORY = Path(__file__).parents[1]
 NOTEBOOKS = sorted((REPOSITORY / "docs" / "notebooks").glob("*.ipynb"))
 LONG, SHORT = '"--episodes", "16"', '"--episodes", "2", "--threads", "1"'
 """What a notebook says, and what is run."""
-LOADING = {"img": "src", "link": "href", "script": "src", "source": "src"}
-"""Attributes by which a page loads something by itself."""
-
-
-class Page(HTMLParser):
-    """What a page has: ids, links, and what it loads."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
-        self.ids: set[str] = set()
-        self.links: list[str] = []
-        self.loaded: list[str] = []
-        self.feed(path.read_text(encoding="utf-8"))
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        found = {name: value for name, value in attrs if value}
-        self.ids |= {found[name] for name in ("id", "name") if name in found}
-        if tag == "a" and "href" in found:
-            self.links.append(found["href"])
-        if tag in LOADING and (target := found.get(LOADING[tag])) and found.get("rel") != "canonical":
-            self.loaded.append(target)
-
-
-def pages_of(folder: Path) -> dict[Path, Page]:
-    return {path.resolve(): Page(path) for path in sorted(folder.rglob("*.html"))}
-
-
-def broken_links(folder: Path) -> Iterator[str]:
-    """What pages in a folder link to or load in it that is not there: files, and places in pages."""
-    pages = pages_of(folder)
-    for path, page in pages.items():
-        for link in (*page.links, *page.loaded):
-            parts = urlsplit(link)
-            if parts.scheme or parts.netloc:
-                continue
-            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
-            place = unquote(parts.fragment)
-            if not target.is_file() or (place and target in pages and place not in pages[target].ids):
-                yield f"{path.relative_to(folder.resolve())}: {link}"
-
-
-def loaded_from_elsewhere(folder: Path) -> list[str]:
-    return [link for page in pages_of(folder).values() for link in page.loaded if urlsplit(link).netloc]
 
 
 @pytest.fixture(scope="module")
@@ -78,10 +33,11 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_no_link_is_broken_and_no_page_loads_from_elsewhere_or_names_the_machine(site: Path) -> None:
-    assert list(broken_links(site)) == []
-    assert loaded_from_elsewhere(site) == []
-    assert [page for page in site.rglob("*.html") if str(REPOSITORY) in page.read_text(encoding="utf-8")] == []
+def test_no_page_loads_from_elsewhere_or_names_the_machine(site: Path) -> None:
+    pages = {path.relative_to(site).as_posix(): path.read_text(encoding="utf-8") for path in site.rglob("*.html")}
+    loading = re.compile(r"<(?:img|script|source)[^>]* src=\"(?:\w+:)?//|<link[^>]* href=\"(?:\w+:)?//")
+    assert len(pages) > 40
+    assert [name for name, text in pages.items() if loading.search(text) or str(REPOSITORY) in text] == []
 
 
 @pytest.mark.rendering
@@ -101,8 +57,8 @@ def test_a_notebook_runs_and_draws(notebook: Path) -> None:
 
 def test_every_public_name_has_its_entry(site: Path) -> None:
     for module in (quad_env, policies):
-        ids = Page(site / "docs" / "api" / f"{module.__name__}.html").ids
-        documented = {name for name in module.__all__ if f"{module.__name__}.{name}" in ids}
+        text = (site / "docs" / "api" / f"{module.__name__}.html").read_text(encoding="utf-8")
+        documented = {name for name in module.__all__ if f'id="{module.__name__}.{name}"' in text}
         missing = {name for name in module.__all__ if callable(getattr(module, name))} - documented
         assert missing == set()
 
@@ -130,16 +86,3 @@ def test_every_example_is_shown(site: Path) -> None:
     assert files
     for path in files:
         assert f"<h2>{path.relative_to(REPOSITORY).as_posix()}<" in text
-
-
-def test_the_check_of_links_sees_a_missing_file_a_missing_place_and_a_foreign_script(tmp_path: Path) -> None:
-    (tmp_path / "there.html").write_text('<h1 id="here">There</h1>', encoding="utf-8")
-    good = '<a href="there.html#here">1</a><a href="#top" id="top">2</a><a href="https://example.org/x">3</a>'
-    (tmp_path / "page.html").write_text(good, encoding="utf-8")
-    assert list(broken_links(tmp_path)) == []
-    assert loaded_from_elsewhere(tmp_path) == []
-    bad = '<a href="gone.html">1</a><a href="there.html#gone">2</a><img src="gone.png"><script src="//a.org/x.js">'
-    (tmp_path / "page.html").write_text(bad, encoding="utf-8")
-    found = ["gone.html", "there.html#gone", "gone.png"]
-    assert list(broken_links(tmp_path)) == [f"page.html: {link}" for link in found]
-    assert loaded_from_elsewhere(tmp_path) == ["//a.org/x.js"]

@@ -65,6 +65,7 @@ def test_a_study_runs_the_episodes_of_its_options(words: str, tmp_path: Path, mo
         ("estimation --scenarios moon", "--scenarios: unknown scenario 'moon'"),
         ("estimation --policies ghost --episodes 2", "--policies: no policy 'ghost'"),
         ("prediction --out a.svg", "--out must be a PNG file"),
+        ("estimation --page nowhere.md", "cannot read the page nowhere.md"),
         ("prediction --page nowhere.md", "cannot read the page nowhere.md"),
         ("straight-walking --robot go9", "unknown robot"),
         ("straight-walking --robot simple_quad --policies gallop", "no policy 'gallop'"),
@@ -76,6 +77,8 @@ def test_a_study_runs_the_episodes_of_its_options(words: str, tmp_path: Path, mo
         ("publish no-such-run", "no run in no-such-run"),
         ("trials", "name the folders of the runs"),
         ("trials .", "no run in ."),
+        ("sweep --ranges ppo.gamma 0.9 2", "--ppo.gamma must be from 0 to 1"),
+        ("sweep --ranges x 0 1", "x is no number among the settings"),
         ("ablations --variants brainless", "--variants: unknown 'brainless'; valid:"),
     ],
 )

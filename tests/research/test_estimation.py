@@ -7,7 +7,6 @@ import pytest
 
 from evaluate.rollouts import rollout
 from evaluate.rollouts.hardware import IDEAL
-from quad_env.cli.command_line import UsageError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import SCENARIOS
 from quad_env.seeding import episode_seeds
@@ -108,10 +107,3 @@ def test_the_filter_knows_its_error_on_a_hard_and_on_a_soft_gait(monkeypatch) ->
         assert np.nanmean(found.nees) < 8.0
         assert estimation.rms(found.height) < 0.006
         assert 0.7 < estimation.rms(found.height) / estimation.rms(found.height_claimed) < 1.4
-
-
-def test_a_page_without_the_places_is_refused_before_any_walk(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
-    with pytest.raises(UsageError, match="<!-- success -->"):
-        estimation.main(estimation.Options(page=page))

@@ -8,7 +8,7 @@ import pytest
 from quad_env.cli.command_line import UsageError
 from research.__main__ import main
 from research.training import sweep
-from research.training.sweep import JOURNAL, TABLE, Options, changed, cost, distributions
+from research.training.sweep import JOURNAL, TABLE, changed, cost
 from train.config import PpoConfig, TrainConfig, load_config
 from train.run_folder import VALIDATIONS_FILE
 
@@ -66,14 +66,6 @@ def test_settings_are_changed_by_name_and_whole_numbers_stay_whole():
             changed(TrainConfig(), {name: 1.0})
 
 
-def test_ranges_ten_times_wide_are_searched_on_a_logarithmic_scale():
-    ranges = (("ppo.learning_rate", 1e-4, 1e-3), ("ppo.epochs", 2.0, 10.0), ("ppo.log_std_init", -3.0, -0.5))
-    rate, epochs, noise = distributions(Options(ranges=ranges), TrainConfig()).values()
-    assert (rate.low, rate.high, rate.log) == (1e-4, 1e-3, True)
-    assert (epochs.low, epochs.high, epochs.log, type(epochs.low)) == (2, 10, False, int)
-    assert not noise.log
-
-
 def test_a_trial_is_a_run_success_decides_before_the_error_and_one_that_fails_comes_last(training, tmp_path, capsys):
     stub = training(broken=1)
     assert run(tmp_path / "sweep", 4) == 0
@@ -118,17 +110,6 @@ def test_a_sweep_is_not_begun_twice_nor_carried_on_with_other_options(training, 
     ):
         assert run(tmp_path / "sweep", 2, *words) == 2
         assert complaint in capsys.readouterr().err
-
-
-def test_ranges_beyond_what_can_be_trained_with_are_one_line(tmp_path, capsys):
-    for words, complaint in (
-        (["ppo.gamma", "0.9", "2"], "--ppo.gamma must be from 0 to 1"),
-        (["x", "0", "1"], "x is no"),
-    ):
-        assert main(["sweep", "--ranges", *words, "--out", str(tmp_path / "sweep")]) == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        assert complaint in line
-    assert not (tmp_path / "sweep").exists()
 
 
 def test_a_real_trial_is_judged_by_its_best_validation(tmp_path, monkeypatch):
