@@ -17,10 +17,8 @@ from rich.table import Table
 
 import policies
 from evaluate.analysis.comparison import SIGNIFICANT
-from evaluate.measures.metrics import measure
 from evaluate.rollouts import battery
-from evaluate.rollouts.experiment import evaluation_seeds
-from evaluate.rollouts.rollout import run
+from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
 from evaluate.statistics.intervals import share_difference_interval, wilson_interval
 from evaluate.statistics.significance import holm, mcnemar
 from quad_env.cli.command_line import UsageError, check_numbers
@@ -28,8 +26,6 @@ from quad_env.cli.format import NO_BREAK, share, signed
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 
-AT_ONCE = 64
-"""Episodes simulated side by side."""
 LIMITS = {"episodes": (1, 65_536), "seed": (0, 2**63 - 1), "other": (0, 2**31), "threads": (1, 256)}
 Bools = NDArray[np.bool_]
 
@@ -97,9 +93,8 @@ def elsewhere(scenario: Scenario, seed: int) -> Scenario:
 
 def succeeded(policy: str, scenario: Scenario, seeds: NDArray[np.int64], threads: int) -> Bools:
     """Which of the episodes succeed, (n,)."""
-    parts = np.array_split(seeds, -(-len(seeds) // AT_ONCE))
-    measured = (measure(run(policies.resolve(policy), scenario, part, nthread=threads)) for part in parts)
-    return np.concatenate([each.succeeded for each in measured])
+    labelled = LabelledPolicy(policy, policies.resolve(policy))
+    return run_cell(labelled, scenario, seeds, Settings(threads, lambda *_: None)).measures.succeeded
 
 
 def table(found: list[Pair], corrected: list[float]) -> Table:
