@@ -20,7 +20,7 @@ class Options(Output):
 def measure(options: Options) -> Outcome:
     """One measurement after the other, at the sizes that the bars are for."""
     quick = options.quick
-    scenario, envs = vector_env.JUDGED
+    scenario, envs = vector_env.REFERENCE
     outcomes = {
         "single_env": single_env.measure(single_env.Options(quick=quick)),
         "vector_env": vector_env.measure(vector_env.Options(quick=quick, envs=(envs,), scenarios=(scenario,))),

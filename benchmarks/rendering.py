@@ -15,8 +15,8 @@ from benchmarks.support.measure import Subject, interleave, spread
 from quad_env import ENV_ID
 from quad_env.cli.launcher import launch
 
-JUDGED = "flat"
-SCENARIOS = (JUDGED, "stairs", "rough")
+REFERENCE = "flat"
+SCENARIOS = (REFERENCE, "stairs", "rough")
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def measure(options: Options) -> Outcome:
     rows = table("Rendering, 640 x 480", "ground", "frames a second of processor time")
     for name, rate in rates.items():
         rows.add_row(name, cell(rate, 1))
-    return Outcome({"frames_a_second": rates}, (rows,), (check("rendering", rates[JUDGED].median),))
+    return Outcome({"frames_a_second": rates}, (rows,), (check("rendering", rates[REFERENCE].median),))
 
 
 def _frame_of(env: gym.Env, frames: int) -> Subject:

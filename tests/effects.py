@@ -45,9 +45,6 @@ def robots(read: Callable[[Batch], Any]) -> Reading:
 
 WATCHED = (
     "policies:resolve",
-    "research.statistics.checks:share_of_yes",
-    "research.studies.gait_diagram:draw",
-    "research.studies.prediction:draw",
     "quad_env.physics.rendering:Camera.__init__",
 )
 """Functions of which it is noted how they are called; they do what they do."""

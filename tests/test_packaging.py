@@ -1,6 +1,8 @@
 """What is shipped: the wheel holds quad_env alone, each package pulls in only what it may, every dependency is used."""
 
 import ast
+import contextlib
+import importlib
 import os
 import subprocess
 import sys
@@ -31,6 +33,8 @@ assert env.observation_space.contains(env.step(env.action_space.sample())[0])
 assert gymnasium.make_vec("SimpleQuad-v0", num_envs=2).num_envs == 2
 import quad_env
 print(quad_env.__version__, quad_env.__file__)
+from quad_env.__main__ import main
+assert [main(words) for words in (["info"], ["describe", "simple_quad"], ["doctor"])] == [0, 0, 0]
 """
 
 
@@ -143,52 +147,30 @@ def test_the_version_is_the_same_everywhere(wheel: zipfile.ZipFile, repository: 
     assert f"\n## {version} - 2" in (repository / "CHANGELOG.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(
-    ("words", "code", "said"),
-    [
-        (("-c", MAKE), 0, "site-packages"),
-        (("-m", "quad_env", "info"), 0, "SimpleQuad-v0"),
-        (("-m", "quad_env", "describe", "simple_quad"), 0, "It stands"),
-        (("-m", "quad_env", "doctor"), 0, "MuJoCo"),
-        (("-m", "quad_env", "doctor", "--policy", "trot"), 2, "clone"),
-        (("-m", "quad_env", "view"), 2, "clone"),
-        (("-m", "quad_env", "record", "walk.mcap"), 2, "clone"),
-    ],
-    ids=lambda value: " ".join(value[1:])[:40].strip() if isinstance(value, tuple) else "",
-)
 def test_the_wheel_works_in_an_environment_without_a_clone(
-    empty_environment: Path, repository: Path, tmp_path: Path, words: tuple[str, ...], code: int, said: str
+    empty_environment: Path, repository: Path, tmp_path: Path
 ) -> None:
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    command = [str(empty_environment), *words]
-    run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    assert run.returncode == code, run.stderr
-    assert said in (run.stderr if code else run.stdout)
-    assert len(run.stderr.splitlines()) == (1 if code else 0)
-    if words[1] == MAKE:
-        assert run.stdout.startswith(f"{project(repository)['version']} ")
+
+    def run(*words: str) -> subprocess.CompletedProcess[str]:
+        command = [str(empty_environment), *words]
+        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+
+    made = run("-c", MAKE)
+    assert (made.returncode, made.stderr) == (0, "")
+    assert made.stdout.startswith(f"{project(repository)['version']} ")
+    assert all(said in made.stdout for said in ("site-packages", "SimpleQuad-v0", "It stands", "MuJoCo"))
+    asked = run("-m", "quad_env", "view")
+    assert asked.returncode == 2
+    assert "clone" in asked.stderr
+    assert len(asked.stderr.splitlines()) == 1
 
 
-def test_importing_policies_does_not_load_the_simulator(tmp_path: Path) -> None:
-    run = python("import sys, policies; print('mujoco' in sys.modules)", cwd=tmp_path)
-    assert run.stdout.strip() == "False", run.stderr
-
-
-@pytest.mark.parametrize("package", EVALUATION)
-def test_no_module_loads_the_learner(package: str, tmp_path: Path) -> None:
-    code = f"""
-import importlib, pkgutil, sys, {package}
-for module in pkgutil.iter_modules({package}.__path__):
-    importlib.import_module("{package}." + module.name)
-print(sorted(set(sys.modules) & {{"torch", "stable_baselines3", "tensorboard"}}))
-"""
-    run = python(code, cwd=tmp_path)
-    assert run.stdout.strip() == "[]", run.stderr
-
-
-def test_evaluation_needs_no_torch(tmp_path: Path) -> None:
+def test_evaluation_needs_no_torch_and_importing_policies_no_simulator(tmp_path: Path) -> None:
     code = """
 import runpy, sys
+import policies
+assert "mujoco" not in sys.modules
 class NotInstalled:
     def find_spec(self, name, path=None, target=None):
         if name.partition(".")[0] in ("torch", "stable_baselines3", "tensorboard"):
@@ -196,18 +178,20 @@ class NotInstalled:
 sys.meta_path.insert(0, NotInstalled())
 runpy.run_module("evaluate", run_name="__main__", alter_sys=True)
 """
-    words = "--policies trot residual --scenarios flat --episodes 2 --out results"
+    words = "--policies trot residual --scenarios flat --episodes 1 --no-film --threads 1 --out results"
     run = python(code, *words.split(), cwd=tmp_path)
     assert run.returncode == 0, run.stderr
 
 
-@pytest.mark.parametrize("module", ["evaluate", "train"])
-def test_launcher_is_the_package(repository: Path, module: str) -> None:
-    launcher, package = (
-        subprocess.run([sys.executable, *how, "--help"], cwd=repository, capture_output=True, text=True, check=True)
-        for how in ([f"{module}.py"], ["-m", module])
-    )
-    assert launcher.stdout == package.stdout
+@pytest.mark.parametrize("package", ["evaluate", "train"])
+def test_launcher_is_the_package(repository: Path, package: str, capsys) -> None:
+    command = [sys.executable, f"{package}.py", "--help"]
+    launcher = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=True)
+    with contextlib.suppress(SystemExit):
+        importlib.import_module(f"{package}.__main__").main(["--help"])
+    said = [text.split("[OPTIONS]")[0] for text in (launcher.stdout, capsys.readouterr().out)]
+    assert said[0] == said[1]
+    assert said[0].startswith(f"usage: python -m {package} ")
 
 
 def test_import_contracts_hold(repository: Path) -> None:
@@ -216,19 +200,13 @@ def test_import_contracts_hold(repository: Path) -> None:
     assert run.returncode == 0, run.stdout
 
 
-def test_every_import_is_a_declared_dependency(repository: Path) -> None:
-    base = requirements(repository)
-    for packages, declared in (
-        ((*EVALUATION, VIEW), base),
-        (("train",), base | requirements(repository, "train") | requirements(repository, "onnx")),
-    ):
-        providers = third_party(repository, packages)
-        assert [name for name, providing in providers.items() if not providing & declared] == []
-
-
-def test_every_dependency_is_used(repository: Path) -> None:
-    base = set().union(*third_party(repository, (*EVALUATION, VIEW)).values())
-    training = set().union(*third_party(repository, PACKAGES).values()) | INDIRECT
-    assert requirements(repository) <= base
-    assert requirements(repository, "train") <= training
+def test_every_import_is_a_declared_dependency_and_every_dependency_is_imported(repository: Path) -> None:
+    base, extra = requirements(repository), requirements(repository, "train")
+    evaluation, training = (third_party(repository, packages) for packages in ((*EVALUATION, VIEW), ("train",)))
+    assert [name for name, providing in evaluation.items() if not providing & base] == []
+    declared = base | extra | requirements(repository, "onnx")
+    assert [name for name, providing in training.items() if not providing & declared] == []
+    used = set().union(*evaluation.values())
+    assert base <= used
+    assert extra <= used.union(INDIRECT, *training.values())
     assert optional(repository) <= set(imported(repository / "evaluate"))

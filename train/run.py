@@ -10,7 +10,6 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
 from policies.residual import NO_SHIFT, authority_of
-from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from quad_env.files.writing import sole_use

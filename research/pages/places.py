@@ -4,6 +4,7 @@ from pathlib import Path
 
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
+from quad_env.files.writing import write_atomically
 
 RESULTS = "results"
 """Name of a file's first place."""
@@ -28,3 +29,9 @@ def page_with(page: Path, *places: str) -> str:
     for place in places:
         insert(text, [], place)
     return text
+
+
+def put(page: Path | None, lines: list[str], place: str = RESULTS) -> None:
+    """Write the lines into that place of the page, if there is one."""
+    if page is not None:
+        write_atomically(page, insert(page_with(page), lines, place).encode())

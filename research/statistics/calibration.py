@@ -6,7 +6,6 @@ truth, or how often the test claims a difference that is not there.
 
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,18 +36,15 @@ class Options:
 
 def main(options: Options) -> int:
     """Repeat and print; the exit code."""
-    rows = [check for check in _checks(options) if options.only in check.name]
+    if not options.episodes or not options.fall_probabilities:
+        raise UsageError("--episodes and --fall-probabilities must each have at least one value")
+    check_numbers(options, LIMITS)
+    every = checks.all_checks(options.episodes, options.fall_probabilities)
+    rows = [check for check in every if options.only in check.name]
     if not rows:
         raise UsageError(f"--only: no row is named like {options.only}")
     _run(rows, options)
     return 0
-
-
-def _checks(options: Options) -> Iterator[Check]:
-    if not options.episodes or not options.fall_probabilities:
-        raise UsageError("--episodes and --fall-probabilities must each have at least one value")
-    check_numbers(options, LIMITS)
-    yield from checks.all_checks(options.episodes, options.fall_probabilities)
 
 
 def _run(rows: list[Check], options: Options) -> None:
@@ -70,15 +66,4 @@ def _run(rows: list[Check], options: Options) -> None:
         elapsed = time.perf_counter() - start
         left = elapsed / number * (len(rows) - number)
         print(f"[{number}/{len(rows)}] {elapsed:.0f} s, about {left:.0f} s left", file=sys.stderr, flush=True)
-    by_chance = sum(_outside_by_chance(check, options.sets) for check in rows)
-    print(f"{outside} of {len(rows)} rows out of bounds; {by_chance:.1f} are expected by chance if all is as meant")
-
-
-def _outside_by_chance(check: Check, sets: int) -> float:
-    from scipy.stats import binom
-
-    if np.isnan(check.expected):
-        return 0.0
-    shares = np.arange(sets + 1) / sets
-    low, high = check.bounds
-    return float(binom.pmf(np.arange(sets + 1), sets, check.expected)[(shares < low) | (shares > high)].sum())
+    print(f"{outside} of {len(rows)} rows out of bounds")

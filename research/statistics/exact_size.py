@@ -4,9 +4,8 @@ from functools import cache
 
 import numpy as np
 
+from evaluate.analysis.comparison import SIGNIFICANT as SIGNIFICANT
 from evaluate.statistics.significance import fall_rates_test, mcnemar
-
-SIGNIFICANT = 0.05
 
 
 @cache

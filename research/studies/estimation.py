@@ -31,13 +31,12 @@ from policies.legs.level_frame import level_frame
 from quad_env import SCENARIOS, SENSORS
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.format import ABSENT
-from quad_env.files.writing import write_atomically
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.channel import steps_late
 from quad_env.sensing.error_state import TILT, VELOCITY
 from quad_env.sensing.estimators import ESTIMATORS
-from research.pages.places import RESULTS, insert, page_with
+from research.pages.places import RESULTS, page_with, put
 from research.studies import policies_on_estimates
 from research.studies.ground import elsewhere
 
@@ -103,15 +102,14 @@ def main(options: Options) -> int:
     chosen = [makers[name] for name in options.tables]
     if "success" in options.tables:
         _check_success(options)
-    text = None if options.page is None else page_with(options.page, *(place for place, _ in chosen))
+    if options.page is not None:
+        page_with(options.page, *(place for place, _ in chosen))
     for place, lines_of in chosen:
         lines = []
         for line in lines_of(options):  # shown as they come: a row takes minutes
             print(line, flush=True)
             lines.append(line)
-        if options.page is not None and text is not None:
-            text = insert(text, lines, place)
-            write_atomically(options.page, text.encode())
+        put(options.page, lines, place)
     return 0
 
 

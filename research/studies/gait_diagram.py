@@ -40,13 +40,11 @@ class Options:
 def draw(policy: Gaits, strides: Strides, title: str, out: Path) -> None:
     """Write the diagram of the first robot that `policy` walked: a row a foot, the commanded stances pale above the
     measured ones."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
+    from matplotlib.figure import Figure
 
     legs, period = policy.robot.leg_names, policy.control_period
-    figure, axes = plt.subplots(figsize=(9, 2.8), layout="constrained")
+    figure = Figure(figsize=(9, 2.8), layout="constrained")
+    axes = figure.subplots()
     for contacts, shift, colour, label in (
         (strides.commanded[:, 0], 0.0, "#9ecae1", "commanded"),
         (strides.measured[:, 0], 0.4, "#08519c", "measured"),
@@ -58,19 +56,12 @@ def draw(policy: Gaits, strides: Strides, title: str, out: Path) -> None:
     axes.set(xlabel="time, s", title=title, yticks=range(len(legs)), yticklabels=legs, ylim=(len(legs) - 0.4, -0.6))
     figure.legend(loc="outside right upper", frameon=False)
     figure.savefig(out, dpi=110)
-    plt.close(figure)
 
 
 def main(options: Options) -> int:
     """Draw the diagram; the exit code."""
     _check(options)
     policy, title = Gaits(options.gait), " → ".join(filter(None, (options.gait, options.then)))
-    draw(policy, _strides(policy, options), title, options.out)
-    print(options.out)
-    return 0
-
-
-def _strides(policy: Gaits, options: Options) -> Strides:
     first, last = (round(time / policy.control_period) for time in (options.start, options.start + options.length))
 
     def change(step: Step) -> None:
@@ -78,7 +69,10 @@ def _strides(policy: Gaits, options: Options) -> Strides:
             policy.request(options.then)
 
     seeds = episode_seeds("evaluation", options.seed, 1)
-    return walked(policy, np.array(options.command), seeds, change, steps=last).since(first)
+    strides = walked(policy, np.array(options.command), seeds, change, steps=last).since(first)
+    draw(policy, strides, title, options.out)
+    print(options.out)
+    return 0
 
 
 def _check(options: Options) -> None:

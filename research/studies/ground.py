@@ -12,23 +12,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 import policies
 from evaluate.analysis.comparison import SIGNIFICANT
-from evaluate.measures.metrics import measure
 from evaluate.rollouts import battery
-from evaluate.rollouts.experiment import evaluation_seeds
-from evaluate.rollouts.rollout import run
+from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
 from evaluate.statistics.intervals import share_difference_interval, wilson_interval
 from evaluate.statistics.significance import holm, mcnemar
 from quad_env.cli.command_line import UsageError, check_numbers
-from quad_env.cli.format import percent, signed
+from quad_env.cli.format import NO_BREAK, share, signed
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 
-AT_ONCE = 64
-"""Episodes simulated side by side."""
 LIMITS = {"episodes": (1, 65_536), "seed": (0, 2**63 - 1), "other": (0, 2**31), "threads": (1, 256)}
 Bools = NDArray[np.bool_]
 
@@ -96,9 +93,8 @@ def elsewhere(scenario: Scenario, seed: int) -> Scenario:
 
 def succeeded(policy: str, scenario: Scenario, seeds: NDArray[np.int64], threads: int) -> Bools:
     """Which of the episodes succeed, (n,)."""
-    parts = np.array_split(seeds, -(-len(seeds) // AT_ONCE))
-    measured = (measure(run(policies.resolve(policy), scenario, part, nthread=threads)) for part in parts)
-    return np.concatenate([each.succeeded for each in measured])
+    labelled = LabelledPolicy(policy, policies.resolve(policy))
+    return run_cell(labelled, scenario, seeds, Settings(threads, lambda *_: None)).measures.succeeded
 
 
 def table(found: list[Pair], corrected: list[float]) -> Table:
@@ -106,11 +102,10 @@ def table(found: list[Pair], corrected: list[float]) -> Table:
     made = Table("scenario", "policy", "success", "there", "points more", "p (Holm)", "within")
     for pair, p_value in zip(found, corrected, strict=True):
         only_there, only_here = int((pair.there & ~pair.here).sum()), int((pair.here & ~pair.there).sum())
-        low, high = share_difference_interval(only_there, only_here, len(pair.here))
-        difference = pair.there.mean() - pair.here.mean()
-        change = f"{signed(100 * difference, 0)} [{signed(100 * low, 0)}, {signed(100 * high, 0)}]"
-        shares = (_share(pair.here), _share(pair.there))
-        made.add_row(pair.scenario, pair.policy, *shares, change, f"{p_value:.2g}", "yes" if pair.agrees else "no")
+        interval = share_difference_interval(only_there, only_here, len(pair.here))
+        change = points_more(pair.there.mean() - pair.here.mean(), interval)
+        figures = map(escape, (share_of(pair.here), share_of(pair.there), change))
+        made.add_row(pair.scenario, pair.policy, *figures, f"{p_value:.2g}", "yes" if pair.agrees else "no")
     return made
 
 
@@ -131,11 +126,17 @@ def _interval(successes: Bools) -> tuple[float, float]:
     return wilson_interval(int(successes.sum()), len(successes))
 
 
-def _within(share: float, successes: Bools) -> bool:
+def _within(value: float, successes: Bools) -> bool:
     low, high = _interval(successes)
-    return low <= share <= high
+    return low <= value <= high
 
 
-def _share(successes: Bools) -> str:
-    low, high = _interval(successes)
-    return f"{percent(float(successes.mean()))} [{100 * low:.0f}, {100 * high:.0f}]"
+def share_of(successes: Bools) -> str:
+    """`41 % [36, 47]`: the share of successes with its 95 % interval."""
+    return share(float(successes.mean()), _interval(successes))
+
+
+def points_more(difference: float, ends: tuple[float, float]) -> str:
+    """`−4 [−12, +3]`: a difference of shares with its interval, points."""
+    low, high = (signed(100.0 * end, 0) for end in ends)
+    return f"{signed(100.0 * difference, 0)} [{low},{NO_BREAK}{high}]"

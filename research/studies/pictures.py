@@ -6,9 +6,7 @@ side by side; with `--robots simple_quad go1 go2 --policies residual` too, the r
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import tyro
 from PIL import Image
 
 import quad_env
@@ -40,8 +38,6 @@ class Options:
 
     policies: tuple[str, ...] = ("document_repaired", "trot", "trot_feedback", "robust")
     """Names of policies, folders of trained ones, or files, as of python -m evaluate."""
-    trust: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
     scenarios: tuple[str, ...] = ("flat", "push", "rough")
     """Names of scenarios."""
     out: Path = Path("results/walking.png")
@@ -58,8 +54,6 @@ class Options:
     """Frames (count); by default 8 of a strip, 60 of a moving picture."""
     seed: int = 0
     """Seed of the episode."""
-    camera: str = "track"
-    """Camera of the model: track or side."""
 
     @property
     def moving(self) -> bool:
@@ -80,10 +74,7 @@ class Options:
 def main(options: Options) -> int:
     """Draw the strips; the exit code."""
     _check(options)
-    try:
-        draw(options)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
+    draw(options)
     print(options.out)
     return 0
 
@@ -98,7 +89,7 @@ def _check(options: Options) -> None:
         raise UsageError("--policies, --scenarios and --robots must each name at least one")
     for hardware in (hardware_of(robot, "--robots") for robot in options.robots):
         for policy in options.policies:
-            hardware.policy(policy, options.trust)
+            hardware.policy(policy)
         try:
             for scenario in options.scenarios:
                 quad_env.scenario(scenario, hardware.quadruped)
@@ -125,14 +116,13 @@ def walk(hardware: Hardware, policy: str, scenario: str, options: Options) -> li
     """Frames of one episode, with its name on the first, or on all that are to move; a fallen robot lies there."""
     units = zip(options.command, ("m/s", "m/s", "rad/s"), strict=True)
     taken = frames_of(
-        hardware.policy(policy, options.trust),
+        hardware.policy(policy),
         scenario,
         options.seed,
         first=1 + round(options.start / CONTROL_PERIOD),
         every=round(options.period / CONTROL_PERIOD),
         count=options.count,
         size=(SAMPLES * WIDTH, SAMPLES * HEIGHT),
-        camera=options.camera,
         command=[scaled(hardware.quadruped, value, unit) for value, unit in units],
         hardware=hardware,
     )

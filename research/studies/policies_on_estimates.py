@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from evaluate.analysis.comparison import SUCCESS_RATE, by_episode, paired_difference
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, run_cell
 from evaluate.rollouts.hardware import IDEAL, Hardware
-from evaluate.statistics.intervals import wilson_interval
 from policies.base import Floats
-from quad_env.cli.format import NO_BREAK, share, signed
 from quad_env.scenarios.scenario import Scenario
 from quad_env.sensing.estimators import ESTIMATORS
+from research.studies.ground import points_more, share_of
 
 
 class Successes(NamedTuple):
@@ -27,20 +26,13 @@ class Successes(NamedTuple):
     """Name of each estimator -> successes of the same episodes."""
 
 
-def successes(
-    policy: str,
-    scenario: Scenario,
-    seeds: NDArray[np.int64],
-    sensors: str,
-    nthread: int,
-) -> Successes:
+def successes(policy: str, scenario: Scenario, seeds: NDArray[np.int64], sensors: str, nthread: int) -> Successes:
     """Successes of the policy of that name or path with those sensors; PolicyError if there is none."""
 
     def of(hardware: Hardware) -> Floats:
         labelled = LabelledPolicy(policy, hardware.policy(policy))
-        return by_episode(
-            run_cell(labelled, scenario, seeds, Settings(nthread, lambda *_: None, hardware=hardware)), SUCCESS_RATE
-        )
+        settings = Settings(nthread, lambda *_: None, hardware=hardware)
+        return by_episode(run_cell(labelled, scenario, seeds, settings), SUCCESS_RATE)
 
     return Successes(of(IDEAL), {name: of(Hardware(sensors=sensors, estimator=name)) for name in ESTIMATORS})
 
@@ -56,18 +48,8 @@ def table(
     for scenario in scenarios:
         for policy in policies:
             found = successes(policy, scenario, seeds, sensors, nthread)
-            cells = [scenario.name, f"`{policy}`", _share(found.truth)]
+            cells = [scenario.name, f"`{policy}`", share_of(found.truth)]
             for each in found.estimates.values():
-                cells += [_share(each), _difference(each, found.truth)]
+                difference, ends, _, _ = paired_difference(SUCCESS_RATE, each, found.truth)
+                cells += [share_of(each), points_more(difference, ends)]
             yield f"| {' | '.join(cells)} |"
-
-
-def _share(succeeded: Floats) -> str:
-    return share(float(succeeded.mean()), wilson_interval(int(succeeded.sum()), len(succeeded)))
-
-
-def _difference(a: Floats, b: Floats) -> str:
-    """`−4 [−12, +3]`: points by which the share of a is above that of b."""
-    difference, ends, _, _ = paired_difference(SUCCESS_RATE, a, b)
-    low, high = (signed(100.0 * end, 0) for end in ends)
-    return f"{signed(100.0 * difference, 0)} [{low},{NO_BREAK}{high}]"

@@ -24,13 +24,13 @@ from policies.base import Floats
 from policies.mpc.policy import HORIZON, Mpc, MpcWbc
 from quad_env import SCENARIOS
 from quad_env.cli.command_line import check_numbers, make_room_for_picture
-from quad_env.files.writing import write_atomically
+from quad_env.physics.dynamics import WholeBody, whole_body
 from quad_env.robots.collisions import foot_geoms
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
-from research.pages.places import insert, page_with
-from research.studies.estimation import roll_pitch
+from research.pages.places import page_with, put
+from research.studies.estimation import norm, roll_pitch
 from research.studies.ground import elsewhere
 
 SETTLING = 100
@@ -120,13 +120,13 @@ def main(options: Options) -> int:
     """Walk, print, draw, and write the table; the exit code. Raises UsageError."""
     check_numbers(options, _LIMITS)
     make_room_for_picture(options.out, "--out")
-    text = None if options.page is None else page_with(options.page, "prediction")
+    if options.page is not None:
+        page_with(options.page, "prediction")
     policy = MpcWbc() if options.policy == "mpc_wbc" else Mpc()
     lines = list(table(policy, options))
     seeds = episode_seeds("validation", options.seed, 1)
     draw(policy, walk(policy, "flat", seeds, COMMAND), options.start, options.out)
-    if options.page is not None and text is not None:
-        write_atomically(options.page, insert(text, lines, "prediction").encode())
+    put(options.page, lines, "prediction")
     print("\n".join([*lines, str(options.out)]))
     return 0
 
@@ -177,17 +177,7 @@ def errors(found: Walk, steps: int, horizon_step: float, control_period: float, 
     height = 1e3 * (then.centre[..., 2] - now.centre[..., 2] - rise)
     moved = np.einsum("snij,snj->sni", heading, then.velocity) - velocity
     leant = np.degrees(tilt_of(then.rotation) - tilt_of(now.rotation) - tilt)
-    return np.array(
-        [
-            np.sqrt(np.nanmean(each[good] ** 2))
-            for each in (
-                height,
-                np.hypot(moved[..., 0], moved[..., 1]),
-                moved[..., 2],
-                np.hypot(*leant.transpose(2, 0, 1)),
-            )
-        ]
-    )
+    return np.array([norm(each[good]) for each in (height[..., None], moved[..., :2], moved[..., 2:], leant)])
 
 
 def turned_back(rotation: Floats) -> Floats:
@@ -241,43 +231,33 @@ class _Watch:
 
 def draw(policy: Mpc, found: Walk, start: int, out: Path) -> None:
     """Write the picture of the first robot's first stride from control step `start` on."""
-    import matplotlib as mpl
+    from matplotlib.figure import Figure
 
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    first = start + int(
-        np.argmin(found.phase[start : start + round(1.0 / (policy.frequency * policy.control_period)), 0])
-    )
-    late = round(policy.parameters.horizon_step / policy.control_period)
-    last = first + HORIZON * late
+    stride = round(1.0 / (policy.frequency * policy.control_period))
+    first = start + int(np.argmin(found.phase[start : start + stride, 0]))
+    last = first + HORIZON * round(policy.parameters.horizon_step / policy.control_period)
     measured = WholeBody(*(each[first : last + 1, 0] for each in found.measured))
-    heading = turned_back(measured.rotation[0])
+    velocity = measured.velocity @ turned_back(measured.rotation[0]).T
+    lean = np.degrees(tilt_of(measured.rotation) - tilt_of(measured.rotation[0]))
     times = policy.control_period * np.arange(last - first + 1)
     ends = policy.parameters.horizon_step * np.arange(HORIZON + 1)
-    velocity = measured.velocity @ heading.T
-    lean = np.degrees(tilt_of(measured.rotation) - tilt_of(measured.rotation[0]))
-    predicted_tilt = np.degrees(found.tilt[first, 0])
-    figure, panels = plt.subplots(2, 4, figsize=(12, 5), layout="constrained", sharex=True)
+    rise, planned, tilt, forces = (each[first, 0] for each in (found.rise, found.velocity, found.tilt, found.forces))
     shown = (
-        (
-            "rise of the centre of mass, mm",
-            1e3 * (measured.centre[:, 2] - measured.centre[0, 2]),
-            1e3 * found.rise[first, 0],
-        ),
-        ("forward velocity, m/s", velocity[:, 0], found.velocity[first, 0, :, 0]),
-        ("upward velocity, m/s", velocity[:, 2], found.velocity[first, 0, :, 2]),
-        ("change of pitch, °", lean[:, 1], predicted_tilt[:, 1]),
+        ("rise of the centre of mass, mm", 1e3 * (measured.centre[:, 2] - measured.centre[0, 2]), 1e3 * rise),
+        ("forward velocity, m/s", velocity[:, 0], planned[:, 0]),
+        ("upward velocity, m/s", velocity[:, 2], planned[:, 2]),
+        ("change of pitch, °", lean[:, 1], np.degrees(tilt[:, 1])),
     )
+    figure = Figure(figsize=(12, 5), layout="constrained")
+    panels = figure.subplots(2, 4, sharex=True)
     for axes, (title, happened, predicted) in zip(panels[0], shown, strict=True):
         axes.plot(times, happened, color=COLOURS[0], label="measured")
         axes.plot(ends, (happened[0], *predicted), "o--", color=COLOURS[1], markersize=4, label="predicted")
         axes.set_title(title, fontsize=10, loc="left")
     for leg, axes in enumerate(panels[1]):
         axes.plot(times, measured.forces[:, leg, 2], color=COLOURS[0])
-        axes.stairs(found.forces[first, 0, :, leg, 2], ends, color=COLOURS[1], linestyle="--", baseline=None)
+        axes.stairs(forces[:, leg, 2], ends, color=COLOURS[1], linestyle="--", baseline=None)
         axes.set_title(f"{policy.robot.leg_names[leg]}, upward force, N", fontsize=10, loc="left")
         axes.set_xlabel("time, s")
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper right", frameon=False, ncols=2)
     figure.savefig(out, dpi=90)
-    plt.close(figure)

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -21,7 +21,7 @@ from evaluate.records import trace
 from evaluate.records.store import Run, read_run
 from evaluate.report.headings import FIRST
 from evaluate.report.table import console_table, row_name
-from evaluate.statistics.intervals import Interval, wilson_interval
+from evaluate.statistics.intervals import wilson_interval
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import percent
 from quad_env.config import FALL_RULE
@@ -31,6 +31,11 @@ from research.studies.fall_rules import FallCriterion
 
 FILE = "rescored.json"
 Rule = TypeVar("Rule")
+Key = tuple[str, str, str]
+"""Scenario, policy and rule."""
+Figures = dict[str, Any]
+"""As the file has them."""
+Scores = Mapping[Key, Figures]
 
 
 @dataclass(frozen=True)
@@ -45,31 +50,24 @@ class Options:
     """Names of rules of success: success/2, success/1, success-half, success-double, survival; or all."""
 
 
-@dataclass(frozen=True)
-class Score:
-    """Falls, or successes, of one policy on one scenario under one rule."""
-
-    policy: str
-    scenario: str
-    rule: str
-    count: int
-    """Episodes that fell, or succeeded."""
-    rate: float
-    rate_ci: Interval
-    """Wilson, 95 %."""
-    figures: dict[str, Any]
-    """All figures of the score for the file."""
-
-
 def main(options: Options) -> int:
     """Apply the rules, print and write; the exit code."""
     rules = _chosen(fall_rules.RULES, options.rules, "--rules")
     of_success = _chosen(outcomes.RULES, options.success, "--success")
     falls, successes = rescore(options.results, rules, of_success)
     console = Console(file=sys.stdout)
-    console.print(table("success", [rule.name for rule in of_success], successes))
-    console.print(table("falls", [rule.name for rule in rules], falls))
-    write(falls, rules, successes, of_success, options.results / FILE)
+    console.print(table("success", "success_rate", successes))
+    console.print(table("falls", "fall_rate", falls))
+    contents = {
+        "schema": 1,
+        "rules": {rule.name: {"words": rule.words, "source": rule.source} for rule in rules},
+        "policies": _by_policy(falls),
+        "success": {
+            "rules": {rule.name: {"words": rule.words} for rule in of_success},
+            "policies": _by_policy(successes),
+        },
+    }
+    write_atomically(options.results / FILE, (json.dumps(contents, indent=2, allow_nan=False) + "\n").encode())
     return 0
 
 
@@ -82,104 +80,77 @@ def _chosen(rules: Mapping[str, Rule], names: tuple[str, ...], option: str) -> t
 
 def rescore(
     results: Path, rules: tuple[FallCriterion, ...], of_success: tuple[SuccessRule, ...]
-) -> tuple[list[Score], list[Score]]:
+) -> tuple[Scores, Scores]:
     """Falls and successes of every traced cell under every rule; UsageError where there is no trace."""
     run = read_run(results)
     paths = sorted((results / trace.FOLDER).glob("*.parquet"))
     if not paths:
         raise UsageError(f"no traces in {results / trace.FOLDER}; run the evaluation with --trace")
-    steps: dict[tuple[str, str, str], list[NDArray[np.float64]]] = {}
-    found: dict[tuple[str, str, str], list[NDArray[np.object_]]] = {}
+    own = fall_rules.RULES[FALL_RULE]
+    times: dict[Key, list[NDArray[np.float64]]] = {}
+    found: dict[Key, list[NDArray[np.object_]]] = {}
     for path in paths:
         try:
             header, episodes = trace.read(path, "compact")
         except (KeyError, OSError, TypeError, ValueError) as error:
             raise UsageError(f"cannot read {path}: {error}") from error
-        for rule in {FALL_RULE: fall_rules.RULES[FALL_RULE], **{rule.name: rule for rule in rules}}.values():
+        of = header.scenario, header.policy
+        for rule in dict.fromkeys((own, *rules)):
             step = fall_rules.fall_step(rule, episodes)
             time = np.where(step < episodes.steps, (step + 1) * episodes.dt, np.nan)
-            steps.setdefault((header.scenario, header.policy, rule.name), []).append(time)
+            times.setdefault((*of, rule.name), []).append(time)
         for rule_of_success in of_success:
-            key = (header.scenario, header.policy, rule_of_success.name)
-            found.setdefault(key, []).append(outcome(episodes, rule_of_success))
-    scores = [_falls(*key, np.concatenate(times)) for key, times in steps.items()]
-    _check_belong(scores, run, results / trace.FOLDER)
-    wanted = {rule.name for rule in rules}
-    successes = [_successes(*key, np.concatenate(parts)) for key, parts in found.items()]
-    return [score for score in scores if score.rule in wanted], successes
+            found.setdefault((*of, rule_of_success.name), []).append(outcome(episodes, rule_of_success))
+    falls = {key: _falls(np.concatenate(parts)) for key, parts in times.items()}
+    _check_belong(falls, run, results / trace.FOLDER)
+    successes = {key: _successes(key[2], np.concatenate(parts)) for key, parts in found.items()}
+    return {key: figures for key, figures in falls.items() if own in rules or key[2] != own.name}, successes
 
 
-def _check_belong(scores: list[Score], run: Run, folder: Path) -> None:
+def _check_belong(falls: Scores, run: Run, folder: Path) -> None:
     """UsageError unless the run has every traced cell, with as many falls as its trace under their own rule."""
-    there = {(cell.policy, cell.scenario.name): (cell.episodes, int(cell.measures.fell.sum())) for cell in run.cells}
-    for score in scores:
-        found = score.figures["episodes"], score.count
-        if score.rule == FALL_RULE and there.get((score.policy, score.scenario)) != found:
+    there = {(cell.scenario.name, cell.policy): (cell.episodes, int(cell.measures.fell.sum())) for cell in run.cells}
+    for (scenario, policy, rule), figures in falls.items():
+        if rule == FALL_RULE and there.get((scenario, policy)) != (figures["episodes"], figures["falls"]):
             raise UsageError(
-                f"the trace of {score.policy} on {score.scenario} is not of these results: "
+                f"the trace of {policy} on {scenario} is not of these results: "
                 f"delete {folder} and run the evaluation again"
             )
 
 
-def _falls(scenario: str, policy: str, rule: str, time: NDArray[np.float64]) -> Score:
+def _falls(time: NDArray[np.float64]) -> Figures:
+    """Figures of episodes (n,) by the time of their fall, s, NaN without one."""
     fell = ~np.isnan(time)
-    more = {"time_to_fall": float(time[fell].mean()) if fell.any() else None}  # mean over the episodes that fell, s
-    return _score((policy, scenario, rule), fell, ("falls", "fall_rate"), more)
+    return _shares(fell, "falls", "fall_rate") | {"time_to_fall": float(time[fell].mean()) if fell.any() else None}
 
 
-def _successes(scenario: str, policy: str, rule: str, found: NDArray[np.object_]) -> Score:
-    more = {"outcomes": {name: int((found == name).sum()) for name in outcomes.RULES[rule].outcomes}}
-    return _score((policy, scenario, rule), found == outcomes.SUCCEEDED, ("successes", "success_rate"), more)
+def _successes(rule: str, found: NDArray[np.object_]) -> Figures:
+    """Figures of episodes (n,) by their outcome."""
+    counts = {name: int((found == name).sum()) for name in outcomes.RULES[rule].outcomes}
+    return _shares(found == outcomes.SUCCEEDED, "successes", "success_rate") | {"outcomes": counts}
 
 
-def _score(of: tuple[str, str, str], counted: NDArray[np.bool_], names: tuple[str, str], more: dict[str, Any]) -> Score:
-    """The score of episodes (n,) that are counted or not; `names` are those of count and rate in the file."""
-    episodes, count = len(counted), int(counted.sum())
-    rate, interval = count / episodes, wilson_interval(count, episodes)
-    figures = {"episodes": episodes, names[0]: count, names[1]: rate, f"{names[1]}_ci": interval, **more}
-    return Score(*of, count, rate, interval, figures)
+def _shares(counted: NDArray[np.bool_], count: str, rate: str) -> Figures:
+    episodes, number = len(counted), int(counted.sum())
+    interval = wilson_interval(number, episodes)
+    return {"episodes": episodes, count: number, rate: number / episodes, f"{rate}_ci": interval}
 
 
-def table(what: str, rules: Sequence[str], scores: Sequence[Score]) -> Table:
+def table(what: str, rate: str, scores: Scores) -> Table:
     """A row for each policy on each scenario, a column for each rule; 80 columns are enough."""
     found: dict[str, dict[str, dict[str, str]]] = {}
-    for score in scores:
-        row = found.setdefault(score.scenario, {}).setdefault(score.policy, {FIRST: row_name(score.policy)})
-        row[score.rule] = _shown(score)
-    heads = {FIRST: "policy", **{rule: rule.replace("-", "-\n") for rule in rules}}
+    for (scenario, policy, rule), figures in scores.items():
+        low, high = (100 * end for end in figures[f"{rate}_ci"])
+        row = found.setdefault(scenario, {}).setdefault(policy, {FIRST: row_name(policy)})
+        row[rule] = f"{percent(figures[rate])}\n{escape(f'[{low:.0f}, {high:.0f}]')}"
+    heads = {FIRST: "policy", **{rule: rule.replace("-", "-\n") for _, _, rule in scores}}
     groups = {scenario: by_policy.values() for scenario, by_policy in found.items()}
     return console_table(f"{what}, with Wilson 95 % intervals", heads, groups)
 
 
-def write(
-    falls: Sequence[Score],
-    rules: Sequence[FallCriterion],
-    successes: Sequence[Score],
-    of_success: Sequence[SuccessRule],
-    path: Path,
-) -> None:
-    """Write the scores and what the rules mean."""
-    contents = {
-        "schema": 1,
-        "rules": {rule.name: {"words": rule.words, "source": rule.source} for rule in rules},
-        "policies": _by_policy(falls),
-        "success": {
-            "rules": {rule.name: {"words": rule.words} for rule in of_success},
-            "policies": _by_policy(successes),
-        },
-    }
-    write_atomically(path, (json.dumps(contents, indent=2, allow_nan=False) + "\n").encode())
-
-
-def _by_policy(scores: Sequence[Score]) -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
+def _by_policy(scores: Scores) -> dict[str, Any]:
     """Policy -> "scenarios" -> scenario -> rule -> figures."""
-    policies: dict[str, dict[str, dict[str, dict[str, Any]]]] = {}
-    for score in scores:
-        scenarios = policies.setdefault(score.policy, {"scenarios": {}})["scenarios"]
-        scenarios.setdefault(score.scenario, {})[score.rule] = score.figures
+    policies: dict[str, dict[str, dict[str, dict[str, Figures]]]] = {}
+    for (scenario, policy, rule), figures in scores.items():
+        policies.setdefault(policy, {"scenarios": {}})["scenarios"].setdefault(scenario, {})[rule] = figures
     return policies
-
-
-def _shown(score: Score) -> str:
-    low, high = score.rate_ci
-    return f"{percent(score.rate)}\n{escape(f'[{100 * low:.0f}, {100 * high:.0f}]')}"

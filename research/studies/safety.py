@@ -7,10 +7,9 @@ policy that tracks commands.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-import tyro
 from numpy.typing import NDArray
 
 import policies
@@ -37,8 +36,6 @@ class Options:
 
     policy: str = "trot"
     """Policy that it guards: a name, the folder of a trained one, or a file, as of python -m evaluate."""
-    trust: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
     episodes: int = 64
     """Episodes at each level of the push axis, without and with the layer (count)."""
     hours: float = 2.0
@@ -66,15 +63,10 @@ class Run:
 def main(options: Options) -> int:
     """Score and print; the exit code."""
     check_numbers(options, {"episodes": (1, 65_536), "hours": (0.001, 1000.0), "seed": (0, 2**31)})
-    _policy(options)
+    policies.resolve(options.policy)
     _push_axis(options)
     _undisturbed(options)
     return 0
-
-
-def _policy(options: Options) -> Policy:
-    """A fresh one; PolicyError."""
-    return policies.resolve(options.policy, trust=options.trust)
 
 
 def _push_axis(options: Options) -> None:
@@ -83,8 +75,8 @@ def _push_axis(options: Options) -> None:
     for level, severity in enumerate(AXES["push"].levels):
         where = AXES["push"].scenario(severity, f"push:{level + 1}")
         seeds = episode_seeds(options.seeds, options.seed * 1000 + level, options.episodes)
-        alone = run(_policy(options), where, seeds)
-        guarded = run(Safe(_policy(options)), where, seeds)
+        alone = run(policies.resolve(options.policy), where, seeds)
+        guarded = run(Safe(policies.resolve(options.policy)), where, seeds)
         saved = alone.fell & ~guarded.fell
         leads = [lead(guarded.alarms[robot], alone.fall_step[robot]) for robot in np.flatnonzero(alone.fell)]
         middle = f"{np.median(leads):8.2f}" if leads else f"{'-':>8}"
@@ -107,7 +99,7 @@ def _undisturbed(options: Options) -> None:
     for words, speed in walks.items():
         alarms = falls = 0
         for chunk in np.array_split(seeds, -(-count // AT_ONCE)):
-            guarded = run(Safe(_policy(options)), scenario("flat"), chunk, forward=speed)
+            guarded = run(Safe(policies.resolve(options.policy)), scenario("flat"), chunk, forward=speed)
             alarms, falls = alarms + sum(map(len, guarded.alarms)), falls + int(guarded.fell.sum())
         found = f"{alarms} in {hours:.2f} h of undisturbed walking at {words}, {alarms / hours:.2f} an hour"
         print(f"false alarms: {found}; {falls} of {count} fell", flush=True)

@@ -31,7 +31,7 @@ from quad_env.robots.similarity import scaled
 from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import Scenario
 from research.pages.csv_text import csv_text
-from research.pages.places import RESULTS, insert, page_with
+from research.pages.places import RESULTS, page_with, put
 
 GROUNDS = {"flat": "level", "push": "pushed", "rough": "uneven"}
 """Scenario -> its name in the tables."""
@@ -64,7 +64,8 @@ def main(options: Options) -> int:
     """Walk, print and write; the exit code. Raises UsageError."""
     check_numbers(options, LIMITS)
     hardware = hardware_of(options.robot)
-    page = None if options.page is None else page_with(options.page, RESULTS)
+    if options.page is not None:
+        page_with(options.page, RESULTS)
     walks = scenarios(hardware.quadruped, options.speeds)
     for option, given in (("speeds", [walk.name for walk in walks]), ("policies", options.policies)):
         if not given or len(set(given)) < len(given):
@@ -75,8 +76,7 @@ def main(options: Options) -> int:
     write_atomically(options.table, csv_text(table))
     short = lines(options, hardware.quadruped, table)
     print("\n".join(short))
-    if page is not None and options.page is not None:
-        write_atomically(options.page, insert(page, short).encode())
+    put(options.page, short)
     return 0
 
 
@@ -100,13 +100,17 @@ def rows(
     settings = Settings(1, lambda *_: None, executor=process_pool(options.threads), hardware=hardware)
     total = len(walks) * len(compared)
     cells = list(track(run_cells(compared, walks, seeds, settings), description="walking", total=total))
-    found = []
-    for walk in walks:
-        for policy in compared:
-            (cell,) = (each for each in cells if each.scenario.name == walk.name and each.policy == policy.label)
-            ground, speed = GROUNDS[walk.name.split()[0]], walk.commands.forward[0]
-            found.append({"ground": ground, "speed": speed, "policy": policy.label, **_figures(cell.measures)})
-    return found
+    of = {(cell.scenario.name, cell.policy): _figures(cell.measures) for cell in cells}
+    return [
+        {
+            "ground": GROUNDS[walk.name.split()[0]],
+            "speed": walk.commands.forward[0],
+            "policy": policy.label,
+            **of[walk.name, policy.label],
+        }
+        for walk in walks
+        for policy in compared
+    ]
 
 
 def lines(options: Options, robot: Robot, table: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -121,9 +125,7 @@ def lines(options: Options, robot: Robot, table: Sequence[Mapping[str, Any]]) ->
         f"{robot.name}, {robot.mass:.1f} kg; {options.episodes} episodes of 10 s each, the same for all policies; "
         f"pushes of {push:.3g} N·s, ground of {rough:.3g} m. In each cell: success, cost of transport.",
         "",
-        *markdown.table(
-            {FIRST: "ground, speed", **{name: f"`{name}`" for name in options.policies}}, by_walk.values()
-        ).splitlines(),
+        markdown.table({FIRST: "ground, speed", **{name: f"`{name}`" for name in options.policies}}, by_walk.values()),
     ]
 
 

@@ -72,18 +72,6 @@ class Options:
     """CSV file to write; the figure goes next to it, as a PNG of the same name."""
 
 
-@dataclass(frozen=True)
-class Found:
-    """The runs of a variant, seed after seed."""
-
-    name: str
-    success: tuple[float, ...]
-    """Mean over the scenarios, %."""
-    flat_error: tuple[float, ...]
-    """Velocity error on flat ground, m/s."""
-    minutes: tuple[float, ...]
-
-
 def main(options: Options) -> int:
     """Train what has not been trained yet, then write table and figure; the exit code. Raises UsageError."""
     check_numbers(options, limits_of(options))
@@ -98,14 +86,14 @@ def main(options: Options) -> int:
         for name in names:
             print(f"{name}, seed {seed}", flush=True)
             finish(runs[name][seed])
-    table = rows([found(name, runs[name]) for name in names])
+    table = rows({name: list(map(found, runs[name])) for name in names})
     write_atomically(options.table, csv_text(table))
     draw(table, options.table.with_suffix(".png"))
     print(csv_text(table).decode(), end="")
     return 0
 
 
-def judged_scenarios() -> tuple[str, ...]:
+def validation_scenarios() -> tuple[str, ...]:
     """Scenarios of the validation: those that the default trains on, for all variants."""
     return DEFAULTS["residual"].complete_validation.scenarios
 
@@ -114,7 +102,7 @@ def config(options: Options, name: str, seed: int) -> TrainConfig:
     """Settings of one run."""
     words = f"{VARIANTS[name]} --steps {options.steps} --seed {seed} --threads {options.threads}".split()
     words += ["--validation.interval", "0", "--validation.episodes", str(options.episodes)]
-    words += ["--validation.scenarios", *judged_scenarios()]
+    words += ["--validation.scenarios", *validation_scenarios()]
     folder = "".join(letter if letter.isalnum() else "-" for letter in name)
     return replace(parse(words), out=options.out / folder / f"seed-{seed}")
 
@@ -130,32 +118,29 @@ def finish(run: TrainConfig) -> None:
         train(replace(run, resume=resume))
 
 
-def found(name: str, runs: Sequence[TrainConfig]) -> Found:
-    """Results of the finished runs of a variant."""
-    last = [json.loads(read_bytes(run.folder / VALIDATIONS_FILE))["validations"][-1] for run in runs]
-    seconds = [last_metrics(run.folder)["time/seconds"] for run in runs]
-    return Found(
-        name,
-        tuple(100.0 * each["success"] for each in last),
-        tuple(each["scenarios"]["flat"]["velocity_error"] for each in last),
-        tuple(second / 60.0 for second in seconds),
-    )
+def found(run: TrainConfig) -> dict[str, float]:
+    """Results of a finished run: success, mean over the scenarios, %; velocity error on flat ground, m/s; minutes."""
+    last = json.loads(read_bytes(run.folder / VALIDATIONS_FILE))["validations"][-1]
+    return {
+        "success": 100.0 * last["success"],
+        "flat_velocity_error": last["scenarios"]["flat"]["velocity_error"],
+        "minutes": last_metrics(run.folder)["time/seconds"] / 60.0,
+    }
 
 
-def rows(variants: Sequence[Found]) -> list[dict[str, Any]]:
-    """A row for each variant, the default first: success, and its difference of means over seeds."""
-    default = np.array(variants[0].success)
+def rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dict[str, Any]]:
+    """A row for each variant: success, and its difference of means over seeds from that of the default."""
+    success = {name: np.array([run["success"] for run in runs]) for name, runs in variants.items()}
     return [
         {
-            "variant": each.name,
-            "options": VARIANTS[each.name],
-            "success_by_seed_percent": " ".join(f"{value:.1f}" for value in each.success),
-            "median_percent": float(np.median(each.success)),
-            **(_difference(np.array(each.success), default) if each is not variants[0] else {}),
-            "flat_velocity_error": float(np.median(each.flat_error)),
-            "minutes": float(np.median(each.minutes)),
+            "variant": name,
+            "options": VARIANTS[name],
+            "success_by_seed_percent": " ".join(f"{value:.1f}" for value in success[name]),
+            "median_percent": float(np.median(success[name])),
+            **(_difference(success[name], success[DEFAULT]) if name != DEFAULT else {}),
+            **{of: float(np.median([run[of] for run in runs])) for of in ("flat_velocity_error", "minutes")},
         }
-        for each in variants
+        for name, runs in variants.items()
     ]
 
 

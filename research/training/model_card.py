@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
+from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SIGNIFICANT, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
 from evaluate.report import markdown
@@ -19,8 +19,6 @@ from train.run_record import command
 
 BOTH = (FALL_RATE, "velocity_error", "yaw_rate_error")
 """Metrics whose cells have the figures of both the base and the policy."""
-SIGNIFICANT = 0.05
-"""Largest p-value, corrected, with which a difference is one."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evaluate.report import markdown
 from policies.parameters import limits_of, number
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.launcher import raise_on_interrupt
@@ -70,7 +71,8 @@ class Options:
 def main(options: Options) -> int:
     """Run the trials that are left, then print the table of all; the exit code. Raises UsageError."""
     check_numbers(options, limits_of(options))
-    start = _start(options)
+    like = load_config(options.like) if options.like else DEFAULTS[options.policy]
+    start = dataclasses.replace(like, steps=options.steps, seed=options.seed, threads=options.threads)
     for end in (1, 2):
         check(changed(start, {each[0]: each[end] for each in options.ranges}))
     if (options.out / JOURNAL).exists() is not options.resume:
@@ -85,7 +87,7 @@ def main(options: Options) -> int:
                 _run(study, trial, options, start)
         except KeyboardInterrupt:
             raise KeyboardInterrupt("carry the sweep on with the same options and --resume") from None
-        text = "\n".join(table(study.trials, options.out)) + "\n"
+        text = table(study.trials, options.out) + "\n"
         write_atomically(options.out / TABLE, text.encode())
     print(text, end="")
     return 0
@@ -105,11 +107,6 @@ def changed(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
 
     found: TrainConfig = reduce(change, values.items(), config)
     return found
-
-
-def _start(options: Options) -> TrainConfig:
-    like = load_config(options.like) if options.like else DEFAULTS[options.policy]
-    return dataclasses.replace(like, steps=options.steps, seed=options.seed, threads=options.threads)
 
 
 def distributions(options: Options, start: TrainConfig) -> "dict[str, BaseDistribution]":
@@ -185,16 +182,16 @@ def cost(folder: Path) -> float:
     return float(FAILURES * (1.0 - found["success"]) + found["score"])
 
 
-def table(trials: "list[FrozenTrial]", folder: Path) -> list[str]:
+def table(trials: "list[FrozenTrial]", folder: Path) -> str:
     """The trials in Markdown, the best first, those that failed last."""
-    names = list(trials[0].params)
-    lines = [f"| {' | '.join(['run', 'success', 'error, m/s', *names])} |", "|---" * (3 + len(names)) + "|"]
+    rows = []
     for trial in sorted(trials, key=lambda trial: float("inf") if trial.value is None else trial.value):
         run = _folder_of(trial, folder)
         found = None if trial.value is None else best_validation(run)
-        result = ["failed", ""] if found is None else [f"{found['success']:.1%}", f"{found['score']:.3f}"]
-        lines.append(f"| {' | '.join([run.name, *result, *(f'{trial.params[name]:.4g}' for name in names)])} |")
-    return lines
+        success, error = ("failed", "") if found is None else (f"{found['success']:.1%}", f"{found['score']:.3f}")
+        settings = {name: f"{value:.4g}" for name, value in trial.params.items()}
+        rows.append({"run": run.name, "success": success, "error, m/s": error, **settings})
+    return markdown.table({name: name for name in rows[0]}, rows)
 
 
 def _folder_of(trial: "Trial | FrozenTrial", folder: Path) -> Path:

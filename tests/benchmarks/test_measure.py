@@ -5,8 +5,8 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from benchmarks.support.bars import BARS, check
-from benchmarks.support.measure import difference, interleave, machine, machine_line, speed_ratio, spread
+from benchmarks.support.bars import check
+from benchmarks.support.measure import difference, interleave, speed_ratio, spread
 
 
 def test_subjects_take_turns_and_the_first_round_does_not_count(monkeypatch) -> None:
@@ -30,11 +30,6 @@ def test_subjects_take_turns_and_the_first_round_does_not_count(monkeypatch) -> 
     assert seconds["b"].tolist() == [3.0, 5.0, 7.0]
 
 
-def test_every_round_counts_without_a_warm_up() -> None:
-    seconds = interleave({"a": iter([1.0, 2.0]).__next__}, 2, warm_up=0)
-    assert seconds["a"].tolist() == [1.0, 2.0]
-
-
 def test_spread_is_median_and_quartiles() -> None:
     found = spread(np.array([5.0, 1.0, 3.0, 2.0, 4.0]))
     assert (found.low, found.median, found.high) == (2.0, 3.0, 4.0)
@@ -49,34 +44,13 @@ def test_ratio_and_difference_are_taken_round_by_round() -> None:
     assert difference(subject, other).median == -1.0
 
 
-@pytest.mark.parametrize(
-    ("bar", "values", "met"),
-    [
-        ("single_env", (0.55,), True),
-        ("single_env", (0.549,), False),
-        ("help", (0.8,), True),
-        ("help", (0.81,), False),
-        ("vector_env", (0.95, 9.0), True),
-        ("vector_env", (0.5, 6.0), True),
-        ("vector_env", (0.89, 6.1), False),
-        ("physics", (float("nan"),), False),
-    ],
-)
-def test_a_bar_is_met_by_one_of_its_limits(bar: str, values: tuple[float, ...], met: bool) -> None:
-    assert check(bar, *values).met is met
-
-
-def test_a_bar_wants_a_value_for_each_limit() -> None:
+def test_a_bar_is_met_by_one_of_its_limits() -> None:
+    assert check("single_env", 0.55).met
+    assert not check("single_env", 0.549).met
+    assert not check("help", 0.81).met
+    assert check("vector_env", 0.95, 9.0).met
+    assert check("vector_env", 0.5, 6.0).met
+    assert not check("vector_env", 0.89, 6.1).met
+    assert not check("physics", float("nan")).met
     with pytest.raises(ValueError, match="1 values for 2 limits"):
         check("vector_env", 1.0)
-
-
-def test_every_bar_names_a_command_that_exists(repository) -> None:
-    modules = {bar.command.split()[0] for bar in BARS.values()}
-    assert {name for name in modules if not (repository / "benchmarks" / f"{name}.py").exists()} == set()
-
-
-def test_machine_line_has_what_figures_depend_on() -> None:
-    facts = machine()
-    line = machine_line(facts)
-    assert all(str(facts[key]) in line for key in ("cpu", "cores", "python", "mujoco", "numpy"))

@@ -101,14 +101,6 @@ def test_what_it_leaves_is_loaded_as_any_residual_and_walks_as_it_was_trained(tm
     assert np.abs(recorded.correction).max() > 0.0
 
 
-def test_the_network_of_a_bundle_is_the_actors_mean() -> None:
-    torch.manual_seed(0)
-    learner = Learner(5, 3)
-    torch.nn.init.normal_(learner.actor[-1].weight)
-    seen = torch.randn(7, 5)
-    np.testing.assert_allclose(learner.network()(seen.numpy()), learner.actor(seen).detach(), atol=1e-5)
-
-
 def test_the_script_trains_and_judges_beside_the_base(tmp_path, monkeypatch, capsys) -> None:
     found = {"success_rate": 0.5, "velocity_error": 0.1, "yaw_rate_error": 0.2, "fall_rate": 0.0}
     monkeypatch.setattr(residual_ppo, "validate", lambda *_: {"flat": found})

@@ -15,7 +15,7 @@ from research.statistics.synthetic import episodes, mean_error
 FALLS = (0.1, 0.3, 0.5, 0.7, 0.9)
 COUNT = 64
 COVERAGE = [check.name for check in checks.coverage_checks(COUNT, 0.5)]
-PUSHES = [axes.AXES["push"].level(number) for number in (1, 2, 3)]
+BREAKING = {check.name: check for check in checks.breaking_checks(COUNT)}
 LEVEL = ["sign flips, exchangeable pairs", "McNemar, ties by lot", "relabelling, disjoint episodes"]
 
 
@@ -40,62 +40,27 @@ def share(rules, name: str, sets: int, falls=FALLS) -> float:
 
 
 @pytest.mark.parametrize("name", COVERAGE)
-def test_intervals_cover_the_truth_and_90_percent_intervals_would_be_seen(name, monkeypatch) -> None:
+def test_intervals_cover_the_truth_and_80_percent_intervals_would_be_seen(name, monkeypatch) -> None:
     low, high = checks.COVERS
     assert low <= share(checks.coverage_checks, name, 700) <= high
-    monkeypatch.setattr(statistics, "CONFIDENCE", 0.9)
-    assert share(checks.coverage_checks, name, 700) < low
+    monkeypatch.setattr(statistics, "CONFIDENCE", 0.8)
+    assert share(checks.coverage_checks, name, 150) < low
 
 
-def test_bca_for_a_paired_difference_would_be_seen(monkeypatch) -> None:
-    """With few falls among few episodes it estimates a skewness that is hardly there, and covers 90 %."""
-    name = "bootstrap, paired difference of errors"
-    assert share(checks.coverage_checks, name, 1500, falls=(0.1,)) > 0.92
-    monkeypatch.setattr(checks, "difference_interval", statistics.bootstrap_interval)
-    assert share(checks.coverage_checks, name, 1500, falls=(0.1,)) < 0.92
-
-
-BREAKING = {check.name: check for check in checks.breaking_checks(COUNT)}
-
-
-@pytest.mark.parametrize("name", BREAKING)
-def test_breaking_point_intervals_cover_the_truth_whatever_the_shape(name) -> None:
-    low, high = BREAKING[name].bounds
-    assert low <= checks.share_of_yes(BREAKING[name], 60, seed=2) <= high
-
-
-def test_a_60_percent_breaking_point_would_be_seen(monkeypatch) -> None:
-    name = "breaking point, one half at a level"
+def test_breaking_point_intervals_cover_the_truth_whatever_the_shape_and_one_of_60_percent_would_be_seen(
+    monkeypatch,
+) -> None:
+    for name, check in BREAKING.items():
+        low, high = check.bounds
+        assert low <= checks.share_of_yes(check, 30, seed=2) <= high, name
     monkeypatch.setattr(breaking_point, "CONFIDENCE", 0.6)
-    assert checks.share_of_yes(BREAKING[name], 300, seed=2) < checks.AT_LEAST[0]
-
-
-def test_a_curve_with_a_shape_would_be_seen(monkeypatch) -> None:
-    """Intervals of a logistic fit through the levels, as wide as they come: the flat stretch is not in its family."""
-    from scipy.optimize import curve_fit
-    from scipy.special import expit
-
-    def logistic(severities, failed):
-        def curve(x, middle, steepness):
-            return expit(steepness * (x - middle))
-
-        (middle, _), covariance = curve_fit(curve, np.log(severities), failed.mean(axis=1), (4.0, 4.0))
-        reach = 1.96 * np.sqrt(covariance[0, 0])
-        ends = (float(np.exp(middle - reach)), float(np.exp(middle + reach)))
-        return breaking_point.BreakingPoint("crossed", float(np.exp(middle)), ends)
-
-    name = "breaking point, an edge"
-    edge = checks.Axis((35.0, 40.0, 65.0, 100.0), checks.AXES[", an edge"].kinds)
-    monkeypatch.setitem(checks.AXES, ", an edge", edge)
-    monkeypatch.setattr(checks, "breaking_point", logistic)
-    (check,) = (check for check in checks.breaking_checks(COUNT) if check.name == name)
-    assert checks.share_of_yes(check, 60, seed=2) < checks.AT_LEAST[0]
+    assert checks.share_of_yes(BREAKING["breaking point, one half at a level"], 200, seed=2) < checks.AT_LEAST[0]
 
 
 @pytest.mark.parametrize("name", LEVEL)
 def test_tests_hold_their_level(name) -> None:
     low, high = checks.HOLDS_LEVEL
-    assert low <= share(checks.null_checks, name, 2000) <= high
+    assert low <= share(checks.null_checks, name, 1000) <= high
 
 
 def test_exact_mcnemar_is_conservative_by_as_much_as_its_jumps() -> None:
@@ -131,10 +96,9 @@ def test_a_family_without_differences_makes_one_false_claim_in_twenty(made_up_ce
     claims, uncorrected = [], []
     for seed in range(200):
         generator = np.random.default_rng([5, seed])
-        never = np.zeros(20, bool)
         cells = [
-            made_up_cell(policy, never, generator.gamma(4.0, 0.1, 20), scenario)
-            for scenario in PUSHES
+            made_up_cell(policy, np.zeros(20, bool), generator.gamma(4.0, 0.1, 20), axes.AXES["push"].level(number))
+            for number in (1, 2, 3)
             for policy in ("trot", "a")
         ]
         family = [c for c in compare(cells) if c.metric == "velocity_error"]
@@ -154,22 +118,5 @@ def test_made_up_errors_have_the_mean_they_claim() -> None:
 def test_the_command_prints_a_row_a_check(capsys) -> None:
     arguments = ["--sets", "20", "--episodes", "16", "--fall-probabilities", "0.4", "--only", "McNemar"]
     assert main(["calibration", *arguments]) == 0
-    printed = capsys.readouterr()
-    assert [line.split("  ")[0] for line in printed.out.splitlines()[2:-1]] == [
-        "McNemar, exchangeable pairs",
-        "McNemar, ties by lot",
-    ]
-    assert len(printed.err.splitlines()) == 2
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["--only", "nothing", "--episodes", "8"],
-        ["--sets", "1"],
-        ["--fall-probabilities", "1.2"],
-    ],
-)
-def test_mistakes_are_one_line(arguments, capsys) -> None:
-    assert main(["calibration", *arguments]) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
+    rows = capsys.readouterr().out.splitlines()[2:-1]
+    assert [row.split("  ")[0] for row in rows] == ["McNemar, exchangeable pairs", "McNemar, ties by lot"]

@@ -7,12 +7,12 @@ import pytest
 
 from evaluate.rollouts import rollout
 from evaluate.rollouts.hardware import IDEAL
-from quad_env.cli.command_line import UsageError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import SCENARIOS
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.error_state import VELOCITY, size
 from research.studies import estimation, policies_on_estimates
+from tests.batches import begun
 
 DOWN = np.array([[0.0, 0.0, -1.0]])
 
@@ -29,8 +29,11 @@ def test_each_table_goes_to_its_own_place(brief, tmp_path: Path, capsys) -> None
         "a\n<!-- results -->\nold\n<!-- /results -->\nb\n<!-- success -->\nold\n<!-- /success -->\nc\n",
         encoding="utf-8",
     )
-    chosen = {"policies": ("stand",), "scenarios": ("flat",), "episodes": 2, "page": page}
-    assert estimation.main(estimation.Options(**chosen)) == 0
+    chosen = {"policies": ("stand",), "scenarios": ("flat",), "episodes": 2, "seed": 5, "page": page}
+    with begun() as batches:
+        assert estimation.main(estimation.Options(**chosen)) == 0
+    assert {batch.seeds for batch in batches} == {tuple(episode_seeds("validation", 5, 2).tolist())}
+    assert {getattr(batch.env.scenario.terrain, "seed", 1) for batch in batches} == {1}
     text, printed = page.read_text(encoding="utf-8"), capsys.readouterr().out
     assert "old" not in text
     assert text.index("| walk |") < text.index("<!-- /results -->") < text.index("| scenario |")
@@ -97,29 +100,8 @@ def test_the_band_holds_95_per_cent_of_means() -> None:
 
 def test_the_filter_knows_its_error_on_a_hard_and_on_a_soft_gait(monkeypatch) -> None:
     """NEES of `trot_feedback`, whose feet hit the ground hard and come up with it, is 17 where that is left out."""
-    monkeypatch.setattr(estimation, "STEPS", 400)
+    monkeypatch.setattr(estimation, "STEPS", 300)
     for policy in ("trot", "trot_feedback"):
-        options = estimation.Options(policy=policy, episodes=6, seeds="search")
+        options = estimation.Options(policy=policy, episodes=4, seeds="search")
         found = estimation.errors(options, estimation.walks(2)["flat"], "kalman")
         assert np.nanmean(found.nees) < 8.0
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"sensors": "truth"}, "--sensors: the estimator kalman has no sensors"),
-        ({"scenarios": ("moon",)}, "--scenarios: unknown scenario 'moon'"),
-        ({"policies": ("ghost",), "episodes": 2}, "--policies: no policy 'ghost'"),
-        ({"episodes": 1}, "--episodes must be from 2"),
-    ],
-)
-def test_what_cannot_be_measured_is_said(options, words) -> None:
-    with pytest.raises(UsageError, match=words):
-        estimation.main(estimation.Options(**options))
-
-
-def test_a_page_without_the_places_is_refused_before_any_walk(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
-    with pytest.raises(UsageError, match="<!-- success -->"):
-        estimation.main(estimation.Options(page=page))

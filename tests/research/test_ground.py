@@ -1,9 +1,7 @@
 """Success on two sets of surfaces."""
 
 import numpy as np
-import pytest
 
-from quad_env.cli.command_line import UsageError
 from quad_env.scenarios.named import SCENARIOS
 from research.studies import ground
 
@@ -30,30 +28,8 @@ def test_a_policy_that_hangs_on_the_ground_is_found_out(monkeypatch, capsys) -> 
     assert ground.main(ground.Options(policies=("stand",), scenarios=("rough",), episodes=16)) == 0
 
 
-def test_real_episodes_are_the_same_seeds_on_another_field(monkeypatch) -> None:
-    seen = []
-    real = ground.run
-
-    def brief(policy, scenario, seeds, **settings):
-        seen.append((scenario.terrain.seed, scenario.terrain.peak_to_valley, seeds.tolist()))
-        return real(policy, scenario, seeds, steps=120, **settings)
-
-    monkeypatch.setattr(ground, "run", brief)
-    (found,) = ground.pairs(ground.Options(policies=("stand",), episodes=2, threads=1), [SCENARIOS["rough"]])
-    assert len(found.here) == len(found.there) == 2
-    (a, b) = seen
-    assert (a[0], b[0]) == (0, 3)
-    assert a[1:] == b[1:]
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (ground.Options(scenarios=("flat",)), "the ground of flat is not random"),
-        (ground.Options(scenarios=("moon",)), "--scenarios: unknown scenario 'moon'"),
-        (ground.Options(other=0), "is the ground of rough itself"),
-    ],
-)
-def test_what_cannot_be_compared_is_said(options, words) -> None:
-    with pytest.raises(UsageError, match=words):
-        ground.main(options)
+def test_the_other_ground_is_as_rough_on_another_field() -> None:
+    here, there = SCENARIOS["rough"], ground.elsewhere(SCENARIOS["rough"], 3)
+    assert (here.terrain.seed, there.terrain.seed) == (0, 3)
+    assert here.terrain.peak_to_valley == there.terrain.peak_to_valley
+    assert ground.elsewhere(SCENARIOS["flat"], 3) is SCENARIOS["flat"]

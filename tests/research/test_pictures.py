@@ -1,4 +1,4 @@
-"""Strips of frames: they show the robot moving; mistakes are one line before anything is drawn."""
+"""Strips of frames and moving pictures show the robots moving."""
 
 import numpy as np
 import pytest
@@ -50,47 +50,3 @@ def test_robots_walk_side_by_side(tmp_path) -> None:
     assert np.abs(ours - theirs).mean() > 1.0
     for frames in (ours, theirs):
         assert (np.abs(np.diff(frames, axis=0)).max(axis=-1) > 40).mean() > 0.005  # each walks
-
-
-@pytest.mark.rendering
-def test_a_policy_that_falls_is_shown_where_it_lies(tmp_path) -> None:
-    arguments = ["--policies", "document", "--scenarios", "flat", "--start", "0", "--every", "1.0", "--frames", "4"]
-    assert main(["pictures", *arguments, "--out", str(tmp_path / "strip.png")]) == 0
-    with Image.open(tmp_path / "strip.png") as picture:
-        assert picture.size == (4 * 240, 200)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        (["--policies", "trott"], "trott"),
-        (["--policies"], "--policies"),
-        (["--scenarios", "ice"], "ice"),
-        (["--frames", "1000000000"], "--frames"),
-        (["--start", "-1"], "--start"),
-        (["--out", "strip.nonsense"], "--out"),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-)
-def test_a_mistake_is_one_line_and_nothing_is_drawn(tmp_path, capsys, monkeypatch, arguments, word) -> None:
-    def drawn(_options) -> None:
-        raise AssertionError("a picture was drawn")
-
-    monkeypatch.setattr("research.studies.pictures.draw", drawn)
-    monkeypatch.chdir(tmp_path)
-    defaults = [] if "--policies" in arguments else ["--policies", "trot"]
-    assert main(["pictures", *defaults, *arguments]) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.startswith("error: ")
-    assert printed.err.count("\n") == 1
-    assert word in printed.err
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.rendering
-def test_an_unknown_camera_is_one_line(tmp_path, capsys) -> None:
-    assert main(["pictures", "--policies", "trot", "--camera", "selfie", "--out", str(tmp_path / "strip.png")]) == 2
-    error = capsys.readouterr().err
-    assert "selfie" in error
-    assert error.count("\n") == 1

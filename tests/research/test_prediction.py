@@ -11,6 +11,7 @@ from quad_env.seeding import episode_seeds
 from research.__main__ import main
 from research.studies import prediction
 from research.studies.prediction import Walk, errors, walk
+from tests.batches import begun
 
 PERIODS = 0.04, 0.01
 
@@ -19,7 +20,7 @@ PERIODS = 0.04, 0.01
 def walked() -> Walk:
     """By parameters that no search changes: what is tested are the forecasts."""
     seeds = episode_seeds("validation", 3, 2)
-    return walk(MpcWbc(MpcParameters()), "flat", seeds, command=(0.5, 0.0, 0.6), steps=300)
+    return walk(MpcWbc(MpcParameters()), "flat", seeds, command=(0.5, 0.0, 0.6), steps=220)
 
 
 def test_a_prediction_errs_less_than_the_assumption_that_nothing_changes(walked: Walk) -> None:
@@ -49,19 +50,17 @@ def test_forecasts_of_another_moment_or_in_another_frame_err_more(
 
 
 def test_the_command_draws_a_stride_and_writes_its_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(prediction, "GROUNDS", ("flat",))
+    monkeypatch.setattr(prediction, "GROUNDS", ("rough",))
+    monkeypatch.setattr(prediction.walk, "__defaults__", (None, 260))
     page = tmp_path / "page.md"
     page.write_text("before\n<!-- prediction -->\n<!-- /prediction -->\nafter\n", encoding="utf-8")
     words = ["--episodes", "1", "--start", "100", "--out", str(tmp_path / "p.png"), "--page", str(page)]
-    assert main(["prediction", *words]) == 0
+    with begun() as batches:
+        assert main(["prediction", *words, "--seed", "5"]) == 0
+    assert {batch.seeds for batch in batches} == {tuple(episode_seeds("validation", 5, 1).tolist())}
+    assert batches[0].env.scenario.terrain.seed == 1
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
     text = page.read_text(encoding="utf-8")
-    assert "| flat | 0.40 |" in text
+    assert "| rough | 0.40 |" in text
     assert text.startswith("before")
     assert text.endswith("after\n")
-
-
-@pytest.mark.parametrize("words", [["--out", "a.svg"], ["--start", "10"], ["--page", "nowhere.md"]])
-def test_what_cannot_be_done_is_one_line(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["prediction", *words]) == 2
-    assert len(capsys.readouterr().err.strip().splitlines()) == 1

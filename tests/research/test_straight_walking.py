@@ -38,13 +38,3 @@ def test_the_table_has_a_row_for_each_and_goes_to_its_page(tmp_path, capsys) -> 
     (line,) = (line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| level"))
     assert f" | 100\N{NO-BREAK SPACE}%, {float(trot['cost_of_transport']):.2f} |" in line
     assert "14.2 kg; 2 episodes" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("words", "reason"),
-    [(["--robot", "go9"], "unknown robot"), (["--policies", "gallop"], "gallop"), (["--episodes", "1"], "episodes")],
-)
-def test_a_mistake_is_one_line(words, reason, capsys) -> None:
-    assert main(["straight-walking", "--robot", "simple_quad", *words]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert reason in line
