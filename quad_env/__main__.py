@@ -35,6 +35,7 @@ MODULES = {
     "describe": "quad_env.describe",
     "doctor": "quad_env.doctor.command",
     "scenarios": "quad_env.scenarios.listing",
+    "view": "quad_env.view",
 }
 """Modules of this package's own commands."""
 MOVED = {"dataset": "python examples/clients/minari_dataset.py"}
