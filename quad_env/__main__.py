@@ -16,6 +16,11 @@ if __name__ == "__main__":  # before the imports that take time
 from quad_env.cli.program import Command, Program
 
 _DOCTOR = "live.commands.doctor" if launcher.IS_CLONE else "quad_env.doctor.command"
+_VIEW = (
+    Command("live.commands.view", "robots in the browser, to watch, steer and push")
+    if launcher.IS_CLONE
+    else Command("quad_env.view", "the standing robot in a window")
+)
 _EVERY = {
     "info": Command("quad_env.info", "robot, spaces, scenarios, actuators and sensors of the environment"),
     "describe": Command(
@@ -26,7 +31,7 @@ _EVERY = {
         "quad_env.scenarios.listing", "every scenario: what happens in it, its severities, and how to write them"
     ),
     "policies": Command("live.commands.policies", "the policies by name, what each is, what was trained on what"),
-    "view": Command("live.commands.view", "robots in the browser, to watch, steer and push"),
+    "view": _VIEW,
     "film": Command("live.commands.film", "an episode as a film: policies side by side, a ghost of the command"),
     "record": Command("live.commands.record", "an episode as an MCAP file or a ROS 2 bag"),
     "ros": Command("live.commands.ros", "the simulated robot as a ROS node, in real time"),

@@ -5,6 +5,7 @@ import ctypes
 import importlib
 import os
 import sys
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -193,10 +194,17 @@ class Window:
         from mujoco import viewer
 
         self._model, self._shown = model, mujoco.MjData(model)
+        others = set(threading.enumerate())
         self._viewer = viewer.launch_passive(model, self._shown, show_left_ui=False, show_right_ui=False)
         self._viewer.cam.type = mujoco.mjtCamera.mjCAMERA_TRACKING
         self._viewer.cam.trackbodyid = model.body("base_link").id
         self._viewer.cam.distance = 2.5
+        self._threads = set(threading.enumerate()) - others
+
+    @property
+    def is_open(self) -> bool:
+        """Whether nobody has closed the window."""
+        return bool(self._viewer.is_running())
 
     def draw(self, data: mujoco.MjData, depth: bool = False) -> None:
         """Show the snapshot."""
@@ -206,8 +214,10 @@ class Window:
         self._viewer.sync()
 
     def close(self) -> None:
-        """Close the window."""
+        """Close the window; its thread has ended then, which otherwise crashes a process that ends before it."""
         self._viewer.close()
+        for thread in self._threads:
+            thread.join()
 
 
 def shows_windows() -> bool:

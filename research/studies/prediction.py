@@ -24,7 +24,6 @@ from policies.base import Floats
 from policies.mpc.policy import HORIZON, Mpc, MpcWbc
 from quad_env import SCENARIOS
 from quad_env.cli.command_line import check_numbers, make_room_for_picture
-from quad_env.physics.dynamics import WholeBody, whole_body
 from quad_env.robots.collisions import foot_geoms
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
