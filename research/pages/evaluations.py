@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from evaluate.analysis.results import with_nan
 from evaluate.analysis.score import WORDS, Score
 from evaluate.commands.options import command
-from evaluate.commands.plan import limited
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
 from evaluate.report.headings import FIRST
 from evaluate.report.markdown import table
@@ -73,8 +72,9 @@ def made_by(found: dict[str, Any]) -> str:
     """The command that makes these figures, without options at their defaults, and the versions that it ran with."""
     provenance, versions, scenarios = found.get("provenance", {}), found["versions"], scenarios_of(found)
     battery = next((name for name in BATTERIES if [one.name for one in resolve((name,))] == scenarios), None)
+    only_on = provenance.get("only_on", {})
     chosen = {
-        "policies": list(limited(found["policies"], provenance.get("only_on", {}))),
+        "policies": [f"{name}@{','.join(only_on[name])}" if name in only_on else name for name in found["policies"]],
         "scenarios": [battery] if battery else scenarios,
         "episodes": found["episodes"],
         "seed": found["seed"],
