@@ -21,6 +21,7 @@ from evaluate.rollouts import battery
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
 from evaluate.statistics.intervals import share_difference_interval, wilson_interval
 from evaluate.statistics.significance import holm, mcnemar
+from policies.base import Floats
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.format import NO_BREAK, share, signed
 from quad_env.scenarios.scenario import Scenario
@@ -122,7 +123,7 @@ def _on_random_ground(options: Options) -> list[Scenario]:
     return found
 
 
-def _interval(successes: Bools) -> tuple[float, float]:
+def _interval(successes: Bools | Floats) -> tuple[float, float]:
     return wilson_interval(int(successes.sum()), len(successes))
 
 
@@ -131,8 +132,8 @@ def _within(value: float, successes: Bools) -> bool:
     return low <= value <= high
 
 
-def share_of(successes: Bools) -> str:
-    """`41 % [36, 47]`: the share of successes with its 95 % interval."""
+def share_of(successes: Bools | Floats) -> str:
+    """`41 % [36, 47]`: the share of successes, true or 1, with its 95 % interval."""
     return share(float(successes.mean()), _interval(successes))
 
 
