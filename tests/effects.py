@@ -45,7 +45,6 @@ def robots(read: Callable[[Batch], Any]) -> Reading:
 
 WATCHED = (
     "policies:resolve",
-    "quad_env.physics.rendering:Camera.__init__",
 )
 """Functions of which it is noted how they are called; they do what they do."""
 
