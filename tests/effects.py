@@ -43,10 +43,7 @@ def robots(read: Callable[[Batch], Any]) -> Reading:
     return lambda made: [read(each) for each in made.batches]
 
 
-WATCHED = (
-    "policies:resolve",
-    "quad_env.physics.rendering:Camera.__init__",
-)
+WATCHED = ("policies:resolve",)
 """Functions of which it is noted how they are called; they do what they do."""
 
 

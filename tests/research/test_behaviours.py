@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from policies.behaviour.jump import Jump, keyframes_of
+from policies.behaviour.motion import Jump, keyframes_of
 
 import policies
 from evaluate.measures.at_rest import standing
