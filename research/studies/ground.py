@@ -133,11 +133,7 @@ def _within(value: float, successes: Bools) -> bool:
 
 
 def share_of(successes: Bools | Floats) -> str:
-<<<<<<< HEAD
-    """`41 % [36, 47]`: the share of successes with its 95 % interval."""
-=======
     """`41 % [36, 47]`: the share of successes, true or 1, with its 95 % interval."""
->>>>>>> research
     return share(float(successes.mean()), _interval(successes))
 
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from policies.behaviour.motion import Jump, keyframes_of
 
 import policies
 from evaluate.measures.at_rest import standing
 from policies.base import CONTROL_PERIOD
 from policies.behaviour import Behaviour
+from policies.behaviour.motion import Jump, keyframes_of
 from policies.gaits.parameters import GAITS
 from policies.gaits.policy import TARGET_RATE_LIMIT
 from policies.safety import Safe
