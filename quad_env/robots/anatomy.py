@@ -97,31 +97,24 @@ class Anatomy:
         """What the joints are, in the robot's terms, where the model has them at `qpos0`, (12,), rad."""
         return np.concatenate([leg.zeros for leg in self.legs])
 
-    def trunk_shell(self, model: Any) -> list[int]:
-        """Ids of the geoms that say where the trunk is: those of its body that meet the ground, else those of bodies
-        that are welded to it, else those that are shown. Raises ModelError where it has none."""
-        its = [self.trunk], welded(model, self.trunk)
-        for among in (self.grounded, None):
-            for bodies in its:
-                if geoms := geoms_of(model, bodies, among):
-                    return geoms
-        raise ModelError("the trunk has no geom: nothing shows how large it is")
-
     def trunk_collides(self, model: Any) -> bool:
         """Whether the trunk, or a body that is welded to it, meets the ground by itself."""
         return bool(geoms_of(model, welded(model, self.trunk), self.grounded))
 
     def trunk_box(self, model: Any) -> tuple[Floats, Floats]:
-        """Centre and full lengths of the box around the trunk along its own axes, (3,) each, base frame, m."""
-        points = np.concatenate([self.in_base(model, geom) for geom in self.trunk_shell(model)])
+        """Centre and full lengths of the box around the trunk along its own axes, (3,) each, base frame, m.
+
+        Around the geoms of its body that meet the ground, else those of bodies that are welded to it, else those that
+        are shown. Raises ModelError where it has none.
+        """
+        bodies = [self.trunk], welded(model, self.trunk)
+        found = (geoms_of(model, its, among) for among in (self.grounded, None) for its in bodies)
+        if (shell := next(filter(None, found), None)) is None:
+            raise ModelError("the trunk has no geom: nothing shows how large it is")
+        placed = ((int(model.geom_bodyid[geom]), corners(model, geom)) for geom in shell)
+        points = np.concatenate([self.places[body] + own @ self.axes[body].T for body, own in placed])
         low, high = points.min(axis=0), points.max(axis=0)
         return 0.5 * (low + high), high - low
-
-    def in_base(self, model: Any, geom: int) -> Floats:
-        """Corners of the box around a geom of the trunk, or of a body that is welded to it, base frame, (8, 3), m."""
-        body = int(model.geom_bodyid[geom])
-        at: Floats = self.places[body] + corners(model, geom) @ self.axes[body].T
-        return at
 
     def limits(self, model: Any) -> tuple[Floats, Floats]:
         """Lower and upper limits of the joints in the robot's terms, (12,) each, rad; ±π where there are none."""

@@ -43,7 +43,7 @@ def own_rules(own: Any, found: Anatomy) -> list[tuple[Any, str, Any]]:
 
 def renamed(name: str) -> str:
     """Name on our ground of a part that has got one from here; the name as it is of any other."""
-    return name.removeprefix(OWN + HERE) if name.startswith(OWN + HERE) else name
+    return name.removeprefix(OWN + HERE)
 
 
 def watched(parts: Parts, model: Any, found: Anatomy) -> Iterator[tuple[str, list[Any]]]:
