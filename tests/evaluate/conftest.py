@@ -29,6 +29,12 @@ class Run:
     stderr: str
 
 
+@pytest.fixture
+def no_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A report of which the page, whose plots take seconds, is left out."""
+    monkeypatch.setattr("evaluate.commands.outputs.write_report", lambda *_, **__: None)
+
+
 POLICIES = ("document", "stand", "trot")
 SCENARIOS = ("flat", "push")
 EPISODES = 5

@@ -173,6 +173,7 @@ def test_a_residual_that_is_not_shipped_is_said_to_be_missing(capsys, tmp_path, 
     assert "python -m train" in line
 
 
+@pytest.mark.usefixtures("no_page")
 def test_a_bundle_is_compared_under_the_path_it_was_called_by(tmp_path, bundle_folder, monkeypatch) -> None:
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
     out = tmp_path / "out"

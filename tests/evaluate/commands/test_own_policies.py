@@ -36,7 +36,7 @@ def file(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def _short_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
+def _short_episodes(no_page, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
 
 

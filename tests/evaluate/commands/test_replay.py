@@ -93,6 +93,7 @@ def test_a_mistake_is_one_line(run, capsys, arguments, words) -> None:
         assert word in said
 
 
+@pytest.mark.usefixtures("no_page")
 def test_an_episode_is_run_again_with_its_hardware(tmp_path, capsys, monkeypatch) -> None:
     option, usual, other, column = "sensors", "truth", "typical", "velocity_error"
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)

@@ -32,6 +32,9 @@ OLD = Path(__file__).parents[2] / "data" / "results_of_2c74e47"
 """Written before there were hashes."""
 
 
+pytestmark = pytest.mark.usefixtures("no_page")
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """The old results as this version writes them, with their traces."""
@@ -41,12 +44,6 @@ def folder(tmp_path: Path) -> Path:
     write_parquet(run.cells, tmp_path / EPISODES, manifest.fingerprint)
     shutil.copytree(OLD / "traces", tmp_path / "traces")
     return tmp_path
-
-
-@pytest.fixture(autouse=True)
-def no_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A report of which the page, whose plots take a second, is left out."""
-    monkeypatch.setattr("evaluate.commands.outputs.write_report", lambda *_, **__: None)
 
 
 def command(*arguments: object) -> tuple[int, str]:
