@@ -47,13 +47,10 @@ def _scale() -> str:
 
 def _pushes(results: Results, axis: SeverityAxis, policy: str) -> tuple[Floats, Floats]:
     """Impulses (m, 2) and falls (m,) of the pushes that the robot was upright for."""
-    cells = [cell for level in axis.levels if (cell := cell_of(results, level.name, policy))]
-    impulses = [cell.measures.push_impulse.reshape(-1, 2) for cell in cells]
-    fell = [cell.measures.push_fell.ravel() for cell in cells]
-    if not cells:
-        return np.empty((0, 2)), np.empty(0)
-    happened = np.isfinite(np.concatenate(fell))
-    return np.concatenate(impulses)[happened], np.concatenate(fell)[happened]
+    found = [cell.measures for level in axis.levels if (cell := cell_of(results, level.name, policy))]
+    impulses = np.concatenate([np.empty((0, 2)), *(each.push_impulse.reshape(-1, 2) for each in found)])
+    fell = np.concatenate([np.empty(0), *(each.push_fell.ravel() for each in found)])
+    return impulses[np.isfinite(fell)], fell[np.isfinite(fell)]
 
 
 def push_plot(impulses: Floats, fell: Floats, title: str) -> bytes:
