@@ -94,7 +94,7 @@ def read_run(folder: Path) -> Run:
     manifest, rows, stored = _read(folder)
     try:
         return Run(manifest, tuple(_cells(manifest, rows)), stored)
-    except (TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise _unreadable(folder, error) from error
 
 
