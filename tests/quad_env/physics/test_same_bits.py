@@ -81,12 +81,11 @@ def single_digests(scenario: str, robot: int, steps: int, limit: int, **options:
 
 
 @pytest.mark.parametrize("axis", sorted({"flat", *AXES}))
-def test_on_every_axis_a_single_env_equals_its_row_in_batches_on_1_and_2_threads(axis: str) -> None:
+def test_on_every_axis_a_single_env_equals_its_row_in_a_batch_on_2_threads(axis: str) -> None:
     """Over three episodes, so that delays, sensors, payloads and filters start again at different times."""
-    short = {"steps": 160, "limit": 55}
-    singles = [single_digests(axis, robot, **short) for robot in range(3)]
-    assert batch_digests(axis, 3, 1, [0, 1, 2], **short) == singles
-    assert batch_digests(axis, 9, 2, [0, 1, 2], **short) == singles
+    short = {"steps": 120, "limit": 45}
+    singles = [single_digests(axis, robot, **short) for robot in (0, 2)]
+    assert batch_digests(axis, 7, 2, [0, 2], **short) == singles
 
 
 def test_motors_that_lag_and_heat_up_are_the_same_alone_and_in_batches() -> None:
