@@ -22,23 +22,23 @@ from quad_env.cli.progress import show_progress
 from quad_env.files.writing import sole_use
 
 
-def execute(plan: Plan, show: Show = print_results) -> int:
-    """Run every cell and conclude, the outcome shown so; the exit code.
+def execute(plan: Plan, show: Show = print_results) -> None:
+    """Run every cell and conclude, the outcome shown so.
 
     Raises UsageError, FolderInUse, and after Ctrl-C a KeyboardInterrupt that says what is kept.
     """
     with sole_use(plan.options.out):
-        return _execute(plan, show)
+        _execute(plan, show)
 
 
-def _execute(plan: Plan, show: Show) -> int:
+def _execute(plan: Plan, show: Show) -> None:
     out, manifest = plan.options.out, plan.manifest
     ending = Ending(show, plan.options.baseline, plan.options.film, plan.options.trust)
     if plan.options.resume and (run := read_run(out)).complete:
         print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
         conclude(run, out, ending)
         remove_chunks(out)
-        return 0
+        return
     if not plan.options.resume and is_unfinished(out):
         print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
@@ -50,12 +50,11 @@ def _execute(plan: Plan, show: Show) -> int:
         if not memory.is_short(error):
             raise
         raise UsageError(f"{memory.SHORT}; {_then(store)}") from error
-    if not interrupted:
-        remove_chunks(out)
-        return 0
-    total = len(manifest.cells)
-    kept = f"wrote the {len(done)} finished parts of {total}" if done else "kept what was done"
-    raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
+    if interrupted:
+        total = len(manifest.cells)
+        kept = f"wrote the {len(done)} finished parts of {total}" if done else "kept what was done"
+        raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
+    remove_chunks(out)
 
 
 def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
