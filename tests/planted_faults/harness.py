@@ -11,17 +11,6 @@ Faults = Mapping[str, tuple[Plant, Check]]
 """What plants a fault and the check that must fail with it, by the fault's name."""
 
 
-def replaced(module: object, name: str, faulty: object) -> Plant:
-    """A fault in the place of something of a module."""
-    return lambda patch: patch.setattr(module, name, faulty)
-
-
-def wrapped(module: object, name: str, faulty: Callable[..., object]) -> Plant:
-    """A fault in the place of a function, which is the first argument of the fault."""
-    true = getattr(module, name)
-    return replaced(module, name, lambda *arguments: faulty(true, *arguments))
-
-
 def checks_of(module: Mapping[str, Any]) -> list[Check]:
     """The functions of a module, given by its `globals()`, whose names begin with `check_`."""
     return [value for name, value in sorted(module.items()) if name.startswith("check_")]

@@ -99,7 +99,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
             "--estimator kalman", once(lambda each: type(each.env.estimator).__name__), ["KalmanFilter"]
         ),
         "seed": Effect("--seed 5", SEEDS, drawn(5, 3)),
-        "out": Effect("--out FOLDER/new", written("new/report.html"), True),
+        "out": Effect("--out FOLDER/new", written("new/results.json"), True),
         "gate": FAILS,
         "baseline": Effect("--baseline crouch", baselines("new/results.json"), {"crouch"}),
         "film": Effect("--no-film", called("report", "film"), [False]),
@@ -114,7 +114,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         ),
     },
     "report": {
-        "folder": Effect("FOLDER/a", written("a/report.html"), True),
+        "folder": Effect("FOLDER/a", written("a/results.json"), True),
         "gate": FAILS,
         "baseline": Effect("--baseline crouch", baselines("a/results.json"), {"crouch"}),
         "film": Effect("--no-film", called("report", "film"), [False]),
@@ -198,7 +198,7 @@ def test_options_reach_what_they_govern(
 ) -> None:
     for name in ("a", "b"):
         shutil.copytree(evaluated, tmp_path / name)
-    (tmp_path / "a/report.html").unlink()
+    (tmp_path / "a/results.json").unlink()
     effects = {name: each for name, each in EFFECTS[command].items() if each.given == given}
     text = " ".join([given, *(each.words for each in effects.values())]).replace("FOLDER", str(tmp_path))
     words = ["stand falls > 50 %" if word == "GATE" else word for word in text.split()]
