@@ -18,6 +18,7 @@ from tests.quad_env.robots.made import Made
 from train import robot_pipeline
 from train.__main__ import main
 from train.config_file import load_config
+from train.search import trot
 
 BRIEF = replace(robot_pipeline.SEARCH, generations=1, candidates=4, episodes=8, steps=101, check_episodes=4)
 TRAINING = (
@@ -49,6 +50,8 @@ def walked(tmp_path_factory: pytest.TempPathFactory, simulated: list[Batch]) -> 
     assert robot.source == folder / "alike.xml"
     with pytest.MonkeyPatch.context() as patch, begun() as batches:
         patch.setattr(robot_pipeline, "SEARCH", BRIEF)
+        true_run = trot.run  # the fit and the comparison of the search walk for 10 s
+        patch.setattr(trot, "run", lambda *args, **options: true_run(*args, **{"steps": BRIEF.steps} | options))
         code = main(found)
     simulated += batches
     return folder / "out", found, code
