@@ -43,8 +43,7 @@ def compare(words: list[str]) -> int:
     plan = _plan(["--policies", *words] if bare else words)
     from evaluate.commands.execution import execute  # only now, so that a mistake is answered at once
 
-    execute(plan)
-    return 0
+    return execute(plan)
 
 
 def _plan(words: list[str]) -> "Plan":

@@ -22,8 +22,8 @@ from quad_env.cli.progress import show_progress
 from quad_env.files.writing import sole_use
 
 
-def execute(plan: Plan, show: Show = print_results) -> None:
-    """Run every cell and conclude, the outcome shown so.
+def execute(plan: Plan, show: Show = print_results) -> int:
+    """Run every cell and conclude, the outcome shown so; the exit code.
 
     Raises UsageError, FolderInUse, and after Ctrl-C a KeyboardInterrupt that says what is kept.
     """
