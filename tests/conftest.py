@@ -87,3 +87,18 @@ def running() -> Callable[..., contextlib.AbstractContextManager[subprocess.Pope
     What is left would be a failure of another test, whichever runs when its pipes are collected.
     """
     return _running
+
+
+@pytest.fixture
+def display() -> Iterator[str]:
+    """A virtual display, whose server ends with the test whatever becomes of the window."""
+    reading, writing = os.pipe()
+    command = ["Xvfb", "-displayfd", str(writing), "-screen", "0", "640x480x24", "-nolisten", "tcp"]
+    server = subprocess.Popen(command, pass_fds=[writing], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    os.close(writing)
+    try:
+        with os.fdopen(reading) as number:
+            yield f":{number.readline().strip()}"
+    finally:
+        server.terminate()
+        server.wait()

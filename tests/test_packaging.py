@@ -4,6 +4,7 @@ import ast
 import contextlib
 import importlib
 import os
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -20,6 +21,8 @@ import gymnasium
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+
+from tests.waiting import until
 
 EVALUATION = ("quad_env", "policies", "evaluate")
 PACKAGES = (*EVALUATION, "train")
@@ -160,10 +163,29 @@ def test_the_wheel_works_in_an_environment_without_a_clone(
     assert (made.returncode, made.stderr) == (0, "")
     assert made.stdout.startswith(f"{project(repository)['version']} ")
     assert all(said in made.stdout for said in ("site-packages", "SimpleQuad-v0", "It stands", "MuJoCo"))
-    asked = run("-m", "quad_env", "view")
+    asked = run("-m", "quad_env", "record", "walk.mcap")
     assert asked.returncode == 2
     assert "clone" in asked.stderr
     assert len(asked.stderr.splitlines()) == 1
+
+
+@pytest.mark.rendering
+@pytest.mark.skipif(shutil.which("Xvfb") is None or shutil.which("xdotool") is None, reason="needs Xvfb and xdotool")
+def test_the_wheel_shows_the_standing_robot_until_its_window_is_closed(
+    empty_environment: Path, tmp_path: Path, display: str
+) -> None:
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON") and key != "MUJOCO_GL"}
+    environment = kept | {"DISPLAY": display}
+    view = subprocess.Popen([str(empty_environment), "-m", "quad_env", "view"], cwd=tmp_path, env=environment)
+    try:
+        window = ["xdotool", "search", "--sync", "--name", "MuJoCo"]
+        found = subprocess.run(window, env=environment, capture_output=True, text=True, check=True, timeout=120)
+        close = ["xdotool", "key", "--window", found.stdout.split()[0], "ctrl+q"]
+        until(lambda: subprocess.run(close, env=environment, check=False) and view.poll() is not None, "it stays open")
+        assert view.returncode == 0
+    finally:
+        view.kill()
+        view.wait()
 
 
 def test_evaluation_needs_no_torch_and_importing_policies_no_simulator(tmp_path: Path) -> None:

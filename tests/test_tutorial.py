@@ -21,14 +21,13 @@ SHORTER = (
     (r"--episodes \d+", "--episodes 1 --threads 1"),
     (r"--scenarios flat", "--scenarios flat --no-film"),
     (r"--steps \S+", f"--steps 64 {TINY_TRAINING}"),
-    (r"view .*", r"\g<0> --seconds 1 --no-browser --port 0"),
     (r" push:3", ""),
     (r"push --policies trot", "push --policies"),
     (r"results/first 20", "results/first 1"),
     (r"episode\.webp", "episode.png"),  # five frames instead of 250
 )
-"""With one episode each, on flat ground alone, a training that is done at once, a view that ends, a strip of frames in
-place of a film."""
+"""With one episode each, on flat ground alone, a training that is done at once, a strip of frames in place of a
+film."""
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -49,6 +48,8 @@ def test_the_tutorial_runs_from_its_beginning_to_its_end(tmp_path: Path, monkeyp
             line = re.sub(long, short, line)
         python, module, package, *words = line.split()
         assert (python, module) == ("python", "-m")
+        if words[0] == "view":  # until Ctrl-C; tests/live/view runs it
+            continue
         assert importlib.import_module(f"{package}.__main__").main(words) == 0, line
     assert (tmp_path / "episode.png").stat().st_size > 10_000
     assert {path.name for path in (tmp_path / "results").iterdir()} == {"first", "push", "second"}

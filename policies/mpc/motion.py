@@ -53,7 +53,8 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
     frame = level_frame(rows[:, OBSERVATION["projected_gravity"]].T)
     roll, pitch = frame.roll, frame.pitch
     orientation = _quaternion(roll, pitch)
-    rotation = np.moveaxis(np.array(rotation_matrix(of_robots(orientation))), -1, 0)
+    # In one layout for any number of robots: the last bits of a product depend on it.
+    rotation = np.ascontiguousarray(np.moveaxis(np.array(rotation_matrix(of_robots(orientation))), -1, 0))
     turning = rows[:, OBSERVATION["angular_velocity"]]
     velocity = np.einsum("nij,nj->ni", rotation, rows[:, OBSERVATION["linear_velocity"]])
     angles = rows[:, OBSERVATION["joint_position"]] + robot.home_pose

@@ -120,6 +120,6 @@ class Following:
 
     def _move(self, movement: str, places: str, now: Floats, walking: Floats) -> None:
         memory = self.memory
-        moved = np.abs(now - memory[places]).sum(axis=0)
+        moved = sum(np.abs(now - memory[places]))  # in this order for any number of robots; NumPy's differs for one
         memory[movement] = memory[movement] + self._share * walking * (moved - memory[movement])
         memory[places] = now

@@ -1,4 +1,4 @@
-"""Marks and further robots that are drawn into a scene of MuJoCo, in the world frame."""
+"""Marks that are drawn into a scene of MuJoCo, in the world frame."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,8 +10,6 @@ from quad_env.columns import Array, Vector
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0 … 1."""
-COMPANIONS: tuple[Colour, ...] = ((0.95, 0.55, 0.1, 1.0), (0.3, 0.75, 0.35, 1.0), (0.75, 0.35, 0.8, 1.0))
-"""Colours of the second robot of a scene, the third and so on."""
 _SHORTEST = 1e-3
 """m; shorter arrows are not drawn, for they have no direction."""
 _SHADOWLESS = mujoco.mjtCatBit.mjCAT_DECOR
@@ -28,15 +26,6 @@ class Arrow(NamedTuple):
     colour: Colour
 
 
-class Ball(NamedTuple):
-    """About a point, (3), m."""
-
-    centre: Vector[float]
-    radius: float
-    """m"""
-    colour: Colour
-
-
 class Ghost(NamedTuple):
     """The robot once more, in its home pose and one colour."""
 
@@ -47,7 +36,7 @@ class Ghost(NamedTuple):
     colour: Colour
 
 
-Mark = Arrow | Ball | Ghost
+Mark = Arrow | Ghost
 
 
 class Marker:
@@ -62,19 +51,8 @@ class Marker:
         for mark in marks:
             if isinstance(mark, Arrow):
                 _add_arrow(scene, mark)
-            elif isinstance(mark, Ball):
-                _add_ball(scene, mark)
             else:
                 self._add_ghost(scene, mark)
-
-    def accompany(self, scene: mujoco.MjvScene, robots: Sequence[mujoco.MjData]) -> None:
-        """Add robots of the same model, each in one of `COMPANIONS`."""
-        what = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.mjtCatBit.mjCAT_DYNAMIC
-        for robot, colour in zip(robots, COMPANIONS, strict=False):
-            before = scene.ngeom
-            mujoco.mjv_addGeoms(self._model, robot, *what, scene)
-            for geom in scene.geoms[before : scene.ngeom]:
-                _paint(geom, colour)
 
     def _add_ghost(self, scene: mujoco.MjvScene, ghost: Ghost) -> None:
         before = scene.ngeom
@@ -98,14 +76,6 @@ def _add_arrow(scene: mujoco.MjvScene, arrow: Arrow) -> None:
     mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(arrow.colour, np.float32))
     mujoco.mjv_connector(geom, kind, arrow.radius, start, end)
     geom.size[2] *= 2.0  # of which MuJoCo draws half
-    geom.category = _SHADOWLESS
-    scene.ngeom += 1
-
-
-def _add_ball(scene: mujoco.MjvScene, ball: Ball) -> None:
-    geom, size = scene.geoms[scene.ngeom], np.full(3, ball.radius)
-    colour = np.array(ball.colour, np.float32)
-    mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_SPHERE, size, np.array(ball.centre), np.eye(3).ravel(), colour)
     geom.category = _SHADOWLESS
     scene.ngeom += 1
 

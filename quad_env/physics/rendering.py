@@ -81,18 +81,16 @@ class Camera:
         depth: bool = False,
         marks: Sequence[Mark] = (),
         *,
-        others: Sequence[mujoco.MjData] = (),
         viewpoint: Viewpoint | None = None,
         forces: bool = False,
     ) -> NDArray[Any]:
         """Frame (height, width, 3) uint8, or depth (height, width) float32 in m.
 
         Args:
-            data: snapshot of the first robot.
+            data: snapshot of the robot.
             marks: drawn into the frame.
-            others: snapshots of further robots, each in a colour of its own.
             viewpoint: of a free camera.
-            forces: whether those of the first robot's contacts are shown.
+            forces: whether those of the robot's contacts are shown.
         """
         camera = self._camera or self._free(data, viewpoint or Viewpoint())
         renderer, flags = self._renderer, self._option.flags
@@ -103,7 +101,6 @@ class Camera:
         if self._ground is not None:
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._fine
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
-        self._marker.accompany(renderer.scene, others)
         self._marker.draw(renderer.scene, marks)
         return np.array(renderer.render())
 

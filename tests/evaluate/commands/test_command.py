@@ -97,7 +97,7 @@ def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_pa
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         path.write_bytes(content)
 
-    for module in ("analysis.results", "records.parquet", "report.markdown", "report.page"):
+    for module in ("analysis.results", "records.parquet", "report.page"):
         monkeypatch.setattr(f"evaluate.{module}.write_atomically", write)
     assert main([*QUICK, "--out", str(tmp_path)]) == 2
     printed = capsys.readouterr()

@@ -15,6 +15,7 @@ from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import PATIENCE, Mpc, MpcWbc
 from policies.mpc.quadratic_program import Programs, Solutions, solve
+from quad_env import OBSERVATION_SIZE
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -87,6 +88,18 @@ def test_robots_that_nobody_asks_for_cost_no_plans_and_change_none_of_the_others
     for _ in range(10):
         np.testing.assert_array_equal(some.act(rows)[some.needed], every.act(rows)[some.needed])
     assert sum(solved) == 10 * (2 + 3)  # plans of two robots, torques of three
+
+
+def test_the_motion_of_a_robot_alone_has_the_same_bits_as_among_others() -> None:
+    dynamics, rows = Dynamics(SIMPLE_QUAD), np.random.default_rng(0).normal(size=(3, OBSERVATION_SIZE))
+
+    def arrays(rows: np.ndarray) -> list[np.ndarray]:
+        *found, bodies, feet_velocity = motion(SIMPLE_QUAD, dynamics, rows)
+        return [*found, *bodies, feet_velocity]
+
+    for robot in range(3):
+        for alone, among in zip(arrays(rows[[robot]]), arrays(rows), strict=True):
+            np.testing.assert_array_equal(alone[0], among[robot])
 
 
 def test_shifted_footholds_are_those_of_another_parameter_and_a_restarted_robot_has_its_own() -> None:
