@@ -1,4 +1,4 @@
-"""`python -m train`: see `train.command`."""
+"""`python -m train`: see `train.commands.run`."""
 
 import sys
 from pathlib import Path
@@ -12,7 +12,7 @@ if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
     launcher.check_packages("train", "train")
 
-from train.command import COMMANDS, PROGRAM
+from train.commands.run import COMMANDS, PROGRAM
 
 __all__ = ["COMMANDS", "PROGRAM", "main"]
 main = PROGRAM.main

@@ -24,7 +24,7 @@ from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
 from research.pages.csv_text import csv_text
 from research.pages.evaluations import png
-from train.command import parse
+from train.commands.run import parse
 from train.config import DEFAULTS, TrainConfig
 from train.config_file import differences, load_config
 from train.option_types import Count

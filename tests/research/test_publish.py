@@ -16,7 +16,7 @@ from research.__main__ import main
 from research.training.model_card import TrainedRun, difference, does, model_card, scores
 from research.training.publish import choose
 from train.__main__ import main as train
-from train.command import parse
+from train.commands.run import parse
 from train.config import DEFAULTS
 from train.config_file import to_dict
 from train.run_record import command

@@ -17,7 +17,7 @@ import policies
 from quad_env.files.writing import sole_use
 from quad_env.physics import simulation
 from train.__main__ import main
-from train.command import COMMANDS, parse
+from train.commands.run import COMMANDS, parse
 from train.config_file import load_config, to_dict
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 from train.sb3 import checkpoint

@@ -25,7 +25,7 @@ from tests.quad_env.robots.alike import alike
 from train import run as training_run
 from train import validation
 from train.__main__ import main
-from train.command import parse
+from train.commands.run import parse
 from train.config import TrainConfig
 from train.run import make_env
 from train.run_folder import VALIDATIONS_FILE, steps_done

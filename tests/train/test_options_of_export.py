@@ -14,8 +14,8 @@ from policies.network import Network
 from policies.residual import Features, ResidualPolicy
 from tests.effects import Called, Effect, check_all, check_other_than_usual
 from tests.quad_env.robots.alike import alike
-from train import export
 from train.__main__ import main
+from train.commands import export
 
 
 def exported(made: Called, key: str) -> Any:

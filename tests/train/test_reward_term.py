@@ -7,7 +7,7 @@ import pytest
 
 from quad_env.cli.command_line import UsageError
 from train.__main__ import main
-from train.command import parse
+from train.commands.run import parse
 from train.config_file import load_config, to_dict
 from train.run_folder import METRICS_FILE, RECORD_FILE
 

@@ -15,8 +15,8 @@ from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
-from train import robot_pipeline
 from train.__main__ import main
+from train.commands import robot as robot_pipeline
 from train.config_file import load_config
 from train.search import trot
 

@@ -25,7 +25,7 @@ from quad_env.scenarios.scenario import scaled
 from quad_env.task.terminations import fall_code
 from tests.quad_env.robots.alike import alike
 from train import validation
-from train.command import parse
+from train.commands.run import parse
 from train.config import ValidationConfig
 from train.training_robots import make_batch
 

@@ -124,7 +124,7 @@ def _stages(options: Options) -> list[Stage]:
         search_command.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
 
     def train() -> None:
-        from train.command import run  # here, since it knows this command
+        from train.commands.run import run  # here, since it knows this command
 
         words = ["--robot", options.toml, "--base", options.base, "--steps", options.steps, "--seed", options.seed]
         words += ["--threads", options.threads, "--out", training]
