@@ -73,13 +73,13 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
     names what could not be written.
     """
     results = analysed(run, ending.baseline)
-    judged = [gates.evaluate(gate, results) for gate in ending.gates] if run.complete else []
+    gate_results = [gates.evaluate(gate, results) for gate in ending.gates] if run.complete else []
     console = Terminal()
-    failures = _tried("the table", partial(_print, results, judged, ending, console))
+    failures = _tried("the table", partial(_print, results, gate_results, ending, console))
     if failures:
         console.on_broken_pipe()
     film, fingerprint = ending.film and run.complete, run.manifest.fingerprint
-    about: dict[str, Any] = {"trust": ending.trust, "gates": judged}
+    about: dict[str, Any] = {"trust": ending.trust, "gates": gate_results}
     about["made_by"] = command(run.manifest.options), run.manifest.date
     for name, write in (
         ("results.json", partial(write_json, results)),
@@ -90,12 +90,12 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
         failures += _tried(str(path), partial(write, path)) or _tried("its name", partial(_print_path, console, path))
     if failures:
         raise UsageError(f"cannot write {'; '.join(failures)}; once it can be: python -m evaluate report {folder}")
-    return 0 if all(each.passed for each in judged) else GATE_FAILED
+    return 0 if all(each.passed for each in gate_results) else GATE_FAILED
 
 
-def _print(results: Results, judged: Sequence[GateResult], ending: Ending, console: Console) -> None:
+def _print(results: Results, gate_results: Sequence[GateResult], ending: Ending, console: Console) -> None:
     ending.show(results, console)
-    for line in (*warnings(results), *(f"gate {each.line}" for each in judged)):
+    for line in (*warnings(results), *(f"gate {each.line}" for each in gate_results)):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 

@@ -22,7 +22,7 @@ Packet = dict[str, Any]
 
 
 class LinkLost(UsageError):
-    """The process that speaks ROS has ended; the message tells why, as far as that is known."""
+    """The process that speaks ROS has ended; the message says why, if that is known."""
 
 
 class Link:

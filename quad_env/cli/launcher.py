@@ -101,7 +101,7 @@ def launch(main: Callable[[], int]) -> int:
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Whether nobody reads any longer what is printed; Windows calls that an invalid argument."""
+    """Whether the reader of the output has gone; Windows calls that an invalid argument."""
     invalid = sys.platform == "win32" and error.errno == errno.EINVAL and error.filename is None
     return invalid or isinstance(error, BrokenPipeError)
 

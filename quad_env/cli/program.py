@@ -106,7 +106,7 @@ def exit_code(run: Callable[[], int]) -> int:
 
 
 def _line_for(error: Exception) -> str:
-    """What a user is told of an error that is none of the program; any other is raised again."""
+    """The line that a user sees for an error that is not of the program; any other is raised again."""
     if isinstance(error, UserError):
         return str(error)
     if is_out_of_memory(error):

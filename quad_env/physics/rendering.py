@@ -200,7 +200,7 @@ class Window:
 
     @property
     def is_open(self) -> bool:
-        """Whether nobody has closed the window."""
+        """Whether the window is still open."""
         return bool(self._viewer.is_running())
 
     def draw(self, data: mujoco.MjData, depth: bool = False) -> None:

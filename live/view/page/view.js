@@ -5,14 +5,14 @@ import { Gamepads } from "./gamepads.js";
 const at = (id) => document.getElementById(id);
 const RANGES = { forward: [-1, 1.5], left: [-0.8, 0.8], turn: [-1.2, 1.2] };
 const STEPS = { forward: 0.1, left: 0.1, turn: 0.2 };
-const SETTLING = 400; // ms after something was set here in which what is told does not set it back
+const SETTLING = 400; // ms after something was set here in which the reported state does not set it back
 const KEPT_EVENTS = 12;
 
 const command = { forward: 0, left: 0, turn: 0 };
 const curves = new Curves(at);
 let socket = null;
 let axes = [];
-let told = null; // the latest state
+let latest = null; // the latest state
 let decoding = 0; // frames that came and are not shown yet
 let set = 0; // when something was set here, ms
 
@@ -68,7 +68,7 @@ function offered({ robot, policies, axes: offeredAxes }) {
   for (const select of [at("policy-0"), at("policy-1")]) select.replaceChildren(...policies.map((name) => new Option(name)));
   at("scenario").replaceChildren(new Option("flat"), ...axes.map(({ name }) => new Option(name)).filter((o) => o.value !== "flat"));
   severity();
-  if (told) show_scenario(told.scenario);
+  if (latest) show_scenario(latest.scenario);
 }
 
 const chosen_axis = () => axes.find(({ name }) => name === at("scenario").value);
@@ -105,9 +105,9 @@ function choose_scenario() {
 }
 
 function stated(state) {
-  const first = !told;
-  if (told?.scenario !== state.scenario) show_scenario(state.scenario);
-  told = state;
+  const first = !latest;
+  if (latest?.scenario !== state.scenario) show_scenario(state.scenario);
+  latest = state;
   const here = performance.now() - set > SETTLING;
   if (here || first) {
     [command.forward, command.left, command.turn] = state.command;
@@ -215,9 +215,9 @@ function steer(changes) {
 
 const halt = () => steer({ forward: 0, left: 0, turn: 0 });
 const push = () => send("push", { direction: Number(at("direction").value), impulse: Number(at("impulse").value) });
-const pause = () => send("pause", { on: !told?.paused });
-const again = () => send("reset", { seed: told?.seed ?? 0 });
-const follow = () => send("follow", { on: !told?.follow });
+const pause = () => send("pause", { on: !latest?.paused });
+const again = () => send("reset", { seed: latest?.seed ?? 0 });
+const follow = () => send("follow", { on: !latest?.follow });
 
 const KEYS = {
   ArrowUp: () => steer({ forward: command.forward + STEPS.forward }),
