@@ -1,4 +1,4 @@
-"""The loop of the live view: does what pages ask for, moves the robots in real time, shows them and reports their state."""
+"""The loop of the live view: does what pages ask for, moves the robots in real time, shows them and their state."""
 
 import json
 import queue
