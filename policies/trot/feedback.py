@@ -90,6 +90,11 @@ class TrotFeedback(GaitedPolicy):
         self._memory = Memory(**robots, **legs, **places, **velocities, **planar, felt=felt)
         super().__init__(robot=robot, control_period=control_period)
 
+    @property
+    def memory(self) -> Memory:
+        """What is remembered of each robot from one control step to the next, by name."""
+        return self._memory
+
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
         self._memory.allocate(num_envs)
