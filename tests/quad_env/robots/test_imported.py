@@ -1,6 +1,5 @@
 """A robot is anybody's: the same legs are found whatever their names, order, axes and zero pose, and stand and walk."""
 
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,6 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
 import policies
 from policies.legs.kinematics import joint_angles
@@ -88,16 +86,6 @@ def test_it_stands_marches_on_the_spot_and_walks_ahead(robot: Robot) -> None:
     np.testing.assert_allclose(np.mean(velocities, axis=0)[1], (0.3, 0.0, 0.0), atol=0.1)
     assert np.ptp(heights, axis=0).min() > 0.02 * robot.leg_length  # every foot is lifted
     assert np.linalg.norm(np.subtract(places, places[0]), axis=1).max() < 0.5 * robot.leg_length
-
-
-@pytest.mark.parametrize("robot", ["knees apart"], indirect=True)
-def test_the_environment_is_one(robot: Robot) -> None:
-    env = gym.make("quad_env:SimpleQuad-v0", robot=robot)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that the space of actions is not [-1, 1]
-        check_env(env.unwrapped, skip_render_check=True)
-    np.testing.assert_allclose(env.action_space.low, robot.joint_lower, atol=1e-6)
-    assert env.observation_space.shape == (48,)
 
 
 @pytest.mark.parametrize("name", ["trot", "mpc", "document", "gaits", "pace", "walk"])

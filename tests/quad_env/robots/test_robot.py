@@ -75,18 +75,6 @@ def test_positive_hip_angle_swings_the_foot_to_the_left_and_positive_thigh_angle
     assert data.site("fl_foot").xpos[0] == pytest.approx(straight[0] - 0.6 * np.sin(0.1))
 
 
-def test_servos_and_geometry_are_those_of_the_compiled_model(model: mujoco.MjModel) -> None:
-    assert (model.actuator_gainprm[:, 0] == SIMPLE_QUAD.servo_stiffness).all()
-    assert (model.actuator_biasprm[:, 2] == -SIMPLE_QUAD.servo_damping).all()
-    assert (2 * model.geom("trunk").size == SIMPLE_QUAD.trunk_size).all()
-    for leg, hip, side in zip(SIMPLE_QUAD.leg_names, SIMPLE_QUAD.hip_positions, SIMPLE_QUAD.side, strict=True):
-        np.testing.assert_array_equal(model.body(f"{leg}_hip_link").pos, hip)
-        np.testing.assert_array_equal(model.body(f"{leg}_thigh_link").pos, (0.0, side * SIMPLE_QUAD.hip_offset, 0.0))
-        assert model.body(f"{leg}_calf_link").pos[2] == -SIMPLE_QUAD.thigh_length
-        assert model.geom(f"{leg}_foot").pos[2] == -SIMPLE_QUAD.calf_length
-        assert model.geom(f"{leg}_foot").size[0] == SIMPLE_QUAD.foot_radius
-
-
 def test_diagonal_legs_lie_across_whatever_their_order() -> None:
     names = [[SIMPLE_QUAD.leg_names[leg] for leg in pair] for pair in SIMPLE_QUAD.diagonals]
     assert names == [["fl", "hr"], ["fr", "hl"]]
