@@ -116,27 +116,8 @@ def ground_of_evaluation(module: str) -> Plant:
     return lambda patch: patch.setattr(f"{module}.practice", lambda name, *_, **__: scenario(name))
 
 
-def one_scenario_for_all_robots(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("train.training_robots.robots_per_scenario", lambda config: {"rough": config.ppo.envs})
-
-
 def number_of_pushes_forgotten(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("train.training_robots._pushed", lambda original: original)
-
-
-def validation_on_flat_ground_alone(patch: pytest.MonkeyPatch) -> None:
-    true_validate = validation.validate
-    patch.setattr(
-        validation,
-        "validate",
-        lambda policy, config, *rest: true_validate(policy, replace(config, scenarios=("flat",)), *rest),
-    )
-
-
-def the_same_episodes_in_every_generation(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(
-        searches, "episode_seeds", lambda purpose, seed, count: np.resize(episode_seeds(purpose, seed, 3), count)
-    )
 
 
 FAULTS: Faults = {
@@ -148,10 +129,6 @@ FAULTS: Faults = {
         ground_of_evaluation("train.validation"),
         check_validation_is_on_its_own_episodes_and_ground,
     ),
-    "validation on flat ground alone": (
-        validation_on_flat_ground_alone,
-        check_validation_is_on_its_own_episodes_and_ground,
-    ),
     "searches on evaluation seeds": (
         seeds_of_evaluation("train.search.subject"),
         check_searches_are_on_their_own_episodes_and_ground,
@@ -160,24 +137,12 @@ FAULTS: Faults = {
         ground_of_evaluation("train.search.trot"),
         check_searches_are_on_their_own_episodes_and_ground,
     ),
-    "search of the feedback on evaluation ground": (
-        ground_of_evaluation("train.search.feedback"),
-        check_searches_are_on_their_own_episodes_and_ground,
-    ),
-    "searches on the same episodes in every generation": (
-        the_same_episodes_in_every_generation,
-        check_searches_are_on_their_own_episodes_and_ground,
-    ),
     "training on evaluation seeds": (
         seeds_of_evaluation("train.training_robots"),
         check_training_robots_have_their_own_episodes_ground_and_pushes,
     ),
     "training on evaluation ground": (
         ground_of_evaluation("train.training_robots"),
-        check_training_robots_have_their_own_episodes_ground_and_pushes,
-    ),
-    "training with the mixture ignored": (
-        one_scenario_for_all_robots,
         check_training_robots_have_their_own_episodes_ground_and_pushes,
     ),
     "training with the pushes of an evaluation": (

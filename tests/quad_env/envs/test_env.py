@@ -66,12 +66,7 @@ def test_worker_processes_make_it_under_every_start_method(method: str) -> None:
 def test_info_keys_are_those_of_the_contract() -> None:
     env = gym.make("SimpleQuad-v0")
     assert env.unwrapped.dt == 0.01
-    _, info = env.reset(seed=0)
-    after = env.step(SIMPLE_QUAD.home_pose.astype(np.float32))[4]
-    for found in (info, after):
-        assert {"command", "heading_velocity", "fall", "diverged"} <= set(found)
+    infos = env.reset(seed=0)[1], env.step(SIMPLE_QUAD.home_pose.astype(np.float32))[4]
+    for found in infos:
         assert found["command"].shape == found["heading_velocity"].shape == (3,)
-        assert found["fall"] == 0
-        assert found["diverged"] == np.False_
-    reward = env.step(SIMPLE_QUAD.home_pose.astype(np.float32))
-    assert reward[1] == pytest.approx(sum(value for key, value in reward[4].items() if key.startswith("reward_")))
+        assert (found["fall"], found["diverged"]) == (0, False)
