@@ -28,18 +28,17 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.task import rewards
 from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests, one_call_old
 
-FORWARD = {"command": (0.5, 0.0, 0.0)}
 TILTED = replace(quad_env.SCENARIOS["flat"], start=quad_env.StartNoise(tilt=0.4))
 
 
-def walk(env: gym.Env, seed: int, steps: int):
-    """Observation, info and a snapshot of MuJoCo's own data after each step of the trot."""
+def walk(env: gym.Env, command: tuple[float, float, float]):
+    """Observation, reward, info and a snapshot of MuJoCo's own data after each of 30 steps of the trot."""
     policy = policies.make("trot")
     policy.reset()
-    observation, _ = env.reset(seed=seed, options=FORWARD)
-    for _ in range(steps):
-        observation, _, _, _, info = env.step(policy.act(observation))
-        yield observation, info, env.unwrapped.data
+    observation, _ = env.reset(seed=1, options={"command": command})
+    for _ in range(30):
+        observation, reward, _, _, info = env.step(policy.act(observation))
+        yield observation, reward, info, env.unwrapped.data
 
 
 def part(observation: np.ndarray, name: str) -> np.ndarray:
@@ -64,7 +63,7 @@ def check_joints_move_when_their_own_target_does() -> None:
     for index, name in enumerate(quad_env.JOINT_NAMES):
         target = SIMPLE_QUAD.home_pose.astype(np.float32)
         target[index] += 0.3
-        env.reset(seed=0, options=FORWARD)
+        env.reset(seed=0)
         for _ in range(10):
             env.step(target)
         data = env.unwrapped.data
@@ -75,7 +74,7 @@ def check_joints_move_when_their_own_target_does() -> None:
 def check_readings_are_mujocos_of_this_step() -> None:
     """Frames, axes and joints by their names: every reading is the one worked out from MuJoCo's data."""
     env = gym.make("SimpleQuad-v0")
-    for observation, info, data in walk(env, 0, 30):
+    for observation, _, info, data in walk(env, (0.5, 0.0, 0.0)):
         axes = trunk_axes(data)
         np.testing.assert_allclose(part(observation, "linear_velocity"), axes.T @ data.qvel[:3], atol=1e-5)
         np.testing.assert_allclose(part(observation, "angular_velocity"), data.qvel[3:6], rtol=1e-5, atol=1e-5)
@@ -106,18 +105,13 @@ def check_evaluation_seeds_are_never_drawn_elsewhere() -> None:
 def check_rewards_are_their_terms_of_this_step() -> None:
     """Tracking, tilt and vertical velocity are those of MuJoCo's data after the step, weighted as documented."""
     env = gym.make("SimpleQuad-v0", scenario=TILTED)
-    command = np.array((0.6, -0.3, 0.8))
-    policy = policies.make("trot")
-    policy.reset()
-    observation, _ = env.reset(seed=1, options={"command": command})
-    for _ in range(30):
-        observation, reward, _, _, info = env.step(policy.act(observation))
-        data = env.unwrapped.data
+    forward, lateral, wanted_yaw_rate = command = (0.6, -0.3, 0.8)
+    for _, reward, info, data in walk(env, command):
         axes = trunk_axes(data)
-        *velocity, yaw_rate = heading_velocity(data)
+        ahead, left, yaw_rate = heading_velocity(data)
         by_hand = {
-            "linear_velocity_tracking": 0.012 * np.exp(-np.linalg.norm(command[:2] - velocity) / 0.25),
-            "yaw_rate_tracking": 0.008 * np.exp(-abs(command[2] - yaw_rate) / 0.25),
+            "linear_velocity_tracking": 0.012 * np.exp(-np.hypot(forward - ahead, lateral - left) / 0.25),
+            "yaw_rate_tracking": 0.008 * np.exp(-abs(wanted_yaw_rate - yaw_rate) / 0.25),
             "tilt": -0.005 * (1 - axes[2, 2] ** 2),
             "vertical_velocity": -0.005 * data.qvel[2] ** 2,
             "roll_pitch_rate": -0.0002 * (data.qvel[3:5] ** 2).sum(),

@@ -3,7 +3,6 @@
 What is checked is what a user's own reward term is shown.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +16,7 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics import footsteps
 from quad_env.physics.footsteps import Footsteps
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests, one_call_old
+from tests.planted_faults.harness import Faults, checks_of, fault_tests, one_call_old
 
 SPINNING = replace(quad_env.SCENARIOS["rough"], start=quad_env.StartNoise(tilt=0.3, angular_velocity=3.0))
 LEGS = len(SIMPLE_QUAD.leg_names)
@@ -87,24 +86,6 @@ def check_swings_are_counted_by_their_steps_in_the_air() -> None:
     assert bounces > 3
 
 
-def check_only_robots_that_restart_forget_their_swings() -> None:
-    """The first of two is restarted; the other's feet are those of a twin that nobody restarts."""
-    walk, twin = Walk(2, autoreset_mode="DISABLED"), Walk(2)
-    for step in range(60):
-        if step == 30:
-            first = np.array([True, False])
-            walk.env.reset(options={"reset_mask": first, "command": (0.6, 0.2, 0.5)})
-        shown, wanted = walk.step(), twin.step()
-        for name in shown:
-            np.testing.assert_array_equal(shown[name][1], wanted[name][1], err_msg=name)
-        if step == 29:
-            assert (shown["air_time"][0] > 0.02).any(), "feet must be in the air where they are put down"
-        if step == 30:
-            assert shown["air_time"][0].max() <= 0.01
-            assert not shown["swing_time"][0].any()
-            assert not shown["impact_speed"][0].any()
-
-
 def velocity_in_base_frame(patch: pytest.MonkeyPatch) -> None:
     true_motion = footsteps.feet_motion_in_world
 
@@ -129,16 +110,6 @@ def impact_after_the_touch_down(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Footsteps, "advance", faulty)
 
 
-def begun(change: Callable[[Any], Any]) -> Plant:
-    """Swings begin anew of `change` of the robots that should."""
-
-    def plant(patch: pytest.MonkeyPatch) -> None:
-        true_begin = Footsteps.begin
-        patch.setattr(Footsteps, "begin", lambda self, ids: true_begin(self, change(ids)))
-
-    return plant
-
-
 FAULTS: Faults = {
     "velocity in the base frame": (velocity_in_base_frame, check_feet_are_where_and_as_fast_as_mujoco_says),
     "feet of a step ago": (one_call_old(Footsteps, "feet"), check_feet_are_where_and_as_fast_as_mujoco_says),
@@ -147,8 +118,6 @@ FAULTS: Faults = {
         impact_after_the_touch_down,
         check_swings_are_counted_by_their_steps_in_the_air,
     ),
-    "swings go on": (begun(lambda ids: ids[:0]), check_only_robots_that_restart_forget_their_swings),
-    "everybody's swings begin": (begun(lambda _: slice(None)), check_only_robots_that_restart_forget_their_swings),
 }
 
 

@@ -66,23 +66,6 @@ def test_the_largest_torque_lies_on_the_curve_and_braking_is_held_to_the_current
         np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-def test_no_physics_step_of_a_control_step_leaves_the_curve() -> None:
-    """At 500 Hz every step is looked at; at 100 Hz, with the same targets, the motion is the same to the bit."""
-    fine, coarse = (simulate(Actuator(CURVE), rate) for rate in (EVERY_SUBSTEP, EVERY_CONTROL_STEP))
-    largest = 0.0
-    for target in wild(100):
-        for _ in range(5):
-            speed = fine.qvel[0, 6:].copy()
-            fine.step(target, None)
-            torque = fine.torque[0]
-            assert (torque <= np.clip(100 * (1 - speed / 10), -100, 100) + 1e-9).all()
-            assert (torque >= np.clip(-100 * (1 + speed / 10), -100, 100) - 1e-9).all()
-            largest = max(largest, float(np.abs(speed).max()))
-        coarse.step(target, None)
-        np.testing.assert_array_equal(motion(fine), motion(coarse))
-    assert largest > 5
-
-
 @pytest.mark.parametrize(("stall", "limit", "weaker"), [(100.0, 40.0, 40.0), (30.0, 100.0, 30.0)])
 def test_of_two_torque_limits_the_weaker_holds(stall: float, limit: float, weaker: float) -> None:
     simulation = simulate(Actuator(TorqueSpeed(stall, 10.0)), motors=Motors(limit))

@@ -412,9 +412,6 @@ FIELDS = {
     "Imu.gyro_noise": noisy("gyro", 0.3),
     "Imu.gyro_range": cut("gyro", 0.1),
     "Imu.accelerometer_noise": noisy("accelerometer", 0.7),
-    "Imu.rotation": Effect(
-        (0.0, 0.0, math.pi / 2), series(sensor("gyro")), lambda before: before[:, [1, 0, 2]] * (1.0, -1.0, 1.0)
-    ),
     "Encoders.bits": Effect(
         8, series(sensor("joint_position")), lambda before: np.rint(before / math.tau * 256) * math.tau / 256
     ),

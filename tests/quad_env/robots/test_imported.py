@@ -229,11 +229,3 @@ def test_figures_from_a_file_come_before_what_is_inferred(tmp_path: Path) -> Non
         told.write_text(f'mjcf = "made.xml"\n{line}\n', encoding="utf-8")
         with pytest.raises(ModelError, match=said):
             robot_of(str(told))
-
-
-def test_a_file_that_is_not_there_or_huge_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(FileNotFoundError, match="no file"):
-        Robot.from_mjcf(tmp_path / "made.xml")
-    monkeypatch.setattr("quad_env.robots.model_file.LARGEST_FILE", 100)
-    with pytest.raises(ModelError, match="larger than"):
-        Robot.from_mjcf(Made().write(tmp_path))

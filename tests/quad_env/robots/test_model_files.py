@@ -211,27 +211,12 @@ def test_the_lowest_geom_is_the_foot_whatever_its_shape(shape: str, tmp_path: Pa
         target = robot.home_pose + np.random.default_rng(0).uniform(-0.2, 0.2, 12) + np.resize(turn, 12)
         for _ in range(3):
             *_, info = env.step(target[None].astype(np.float32))
-        data = env.simulation.snapshot(0)
+        data, model = env.simulation.snapshot(0), env.simulation.model
+        ground = model.geom("ground").id
         for place, leg in enumerate(robot.leg_names):
-            lowest = min(_lowest(robot.model, data, geom) for geom in foot_geoms(robot.model, leg))
+            geoms = foot_geoms(model, leg)
+            lowest = min(mujoco.mj_geomDistance(model, data, geom, ground, 1.0, None) for geom in geoms)
             assert info["foot_height"][0, place] == pytest.approx(lowest, abs=2e-3)
-
-
-def _lowest(model: Any, data: Any, geom: int) -> float:
-    """Of a geom, by MuJoCo's own distance to a plane far below it, m."""
-    kinds = mujoco.mjtGeom
-    spot, size, axes = data.geom_xpos[geom], model.geom_size[geom], data.geom_xmat[geom].reshape(3, 3)
-    kind = model.geom_type[geom]
-    if kind == kinds.mjGEOM_SPHERE:
-        return float(spot[2] - size[0])
-    if kind == kinds.mjGEOM_CAPSULE:
-        return float(spot[2] - size[0] - size[1] * abs(axes[2, 2]))
-    if kind == kinds.mjGEOM_ELLIPSOID:
-        return float(spot[2] - np.linalg.norm(size * axes[2]))
-    if kind == kinds.mjGEOM_CYLINDER:
-        return float(spot[2] - size[1] * abs(axes[2, 2]) - size[0] * np.sqrt(1.0 - axes[2, 2] ** 2))
-    half = model.geom_aabb[geom, 3:]  # a box, or the mesh that is one
-    return float(spot[2] - half @ np.abs(axes[2]))
 
 
 HEADS = Made(extra=f'{BALL.format(x=0.3, z=0.1)}<body name="head">{BALL.format(x=0.3, z=-0.1)}</body>').xml()

@@ -93,15 +93,28 @@ def walk(sensors: str, num_envs: int, seeds: list[int], steps: int, estimator: s
     return errors[..., GRAVITY_SEEN], errors[..., VELOCITY_SEEN], made[0].estimator
 
 
+def rms(errors: np.ndarray) -> float:
+    return float(np.sqrt((errors**2).sum(axis=-1).mean()))
+
+
 def test_it_is_nearer_to_the_truth_than_the_complementary_filter() -> None:
     by_kalman, by_complementary = (walk("typical", 2, [0, 1], 200, name)[1] for name in (KALMAN, ESTIMATORS[0]))
-    assert np.sqrt(np.mean(by_kalman[100:] ** 2)) < 0.7 * np.sqrt(np.mean(by_complementary[100:] ** 2))
+    assert rms(by_kalman[100:]) < 0.7 * rms(by_complementary[100:])
 
 
-def test_ideal_sensors_leave_next_to_nothing() -> None:
-    tilt, velocity, _ = walk("ideal", 2, [1, 2], 200)
-    assert np.sqrt(np.mean(tilt[100:] ** 2)) < 0.01
-    assert np.sqrt(np.mean(velocity[100:] ** 2)) < 0.05
+@pytest.mark.parametrize(
+    ("sensors", "estimator", "gravity", "velocity"),
+    [
+        ("ideal", ESTIMATORS[0], 0.025, 0.06),
+        ("typical", ESTIMATORS[0], 0.035, 0.2),
+        ("ideal", KALMAN, 0.017, 0.087),
+    ],
+)
+def test_of_a_trot_the_estimates_are_close(sensors: str, estimator: str, gravity: float, velocity: float) -> None:
+    tilts, velocities, _ = walk(sensors, 6, [*range(6)], 250, estimator)
+    assert rms(tilts[100:]) < gravity
+    assert rms(velocities[100:]) < velocity
+    assert np.abs(velocities[100:].mean(axis=(0, 1))).max() < 0.04
 
 
 def test_robots_are_estimated_each_by_itself() -> None:

@@ -10,13 +10,6 @@ from quad_env import SENSORS, JointTorque, SensorSuite, TaskConfig
 from quad_env.sensing.suite import sensor_suite
 
 
-@pytest.mark.parametrize("name", [None, "truth"])
-def test_the_truth_is_no_suite_and_adds_nothing_to_the_infos(name: str | None) -> None:
-    assert sensor_suite(name) is None
-    for env in (gym.make("SimpleQuad-v0", sensors=name), gym.make_vec("SimpleQuad-v0", num_envs=2, sensors=name)):
-        assert "sensors" not in env.reset(seed=0)[1]
-
-
 @pytest.mark.parametrize("name", ["typcal", 3])
 def test_an_unknown_name_is_answered_with_the_valid_ones(name: object) -> None:
     for make in (gym.make, gym.make_vec):
@@ -24,7 +17,8 @@ def test_an_unknown_name_is_answered_with_the_valid_ones(name: object) -> None:
             make("SimpleQuad-v0", sensors=name)
 
 
-def test_a_name_is_its_suite() -> None:
+def test_a_name_is_its_suite_and_the_truth_is_none() -> None:
+    assert sensor_suite(None) is sensor_suite("truth") is None
     assert sensor_suite("typical") == SensorSuite() == SENSORS["typical"]
     assert sensor_suite(SENSORS["ideal"]) is SENSORS["ideal"]
 
