@@ -96,14 +96,6 @@ def check_training_robots_have_their_own_episodes_ground_and_pushes() -> None:
     assert len(set(seeds)) == 6
 
 
-def check_the_validation_score_counts_both_errors_of_every_scenario() -> None:
-    found = {
-        "flat": {"velocity_error": 0.1, "yaw_rate_error": 0.4, "fall_rate": 0.0},
-        "rough": {"velocity_error": 0.3, "yaw_rate_error": 0.8, "fall_rate": 0.5},
-    }
-    assert validation.score(found) == pytest.approx((0.1 + 0.5 * 0.4 + 0.3 + 0.5 * 0.8) / 2)
-
-
 def seeds_of_evaluation(module: str) -> Plant:
     """The module draws its episodes from the evaluation's family."""
     return lambda patch: patch.setattr(
@@ -148,10 +140,6 @@ FAULTS: Faults = {
     "training with the pushes of an evaluation": (
         number_of_pushes_forgotten,
         check_training_robots_have_their_own_episodes_ground_and_pushes,
-    ),
-    "yaw dropped from the validation score": (
-        lambda patch: patch.setattr(validation, "YAW_WEIGHT", 0.0),
-        check_the_validation_score_counts_both_errors_of_every_scenario,
     ),
 }
 

@@ -175,8 +175,3 @@ def test_the_trot_walks_on_the_default_motor() -> None:
         speeds.append(infos["heading_velocity"][:, 0])
     assert not terminated.any()
     np.testing.assert_allclose(np.mean(speeds[100:], axis=0), 0.8, atol=0.1)
-
-
-def test_an_unknown_actuator_is_refused_with_the_valid_ones() -> None:
-    with pytest.raises(ValueError, match="unknown actuator 'moter'; valid: ideal, torque_speed, motor"):
-        gym.make("quad_env:SimpleQuad-v0", actuator="moter")

@@ -124,20 +124,10 @@ def test_bad_options_of_reset_are_refused(options: Any, message: str) -> None:
         make(2).reset(options=options)
 
 
-def test_a_batch_wants_a_reset_before_its_first_step() -> None:
-    with pytest.raises(gym.error.ResetNeeded):
-        make().step(np.tile(HOME, (3, 1)))
-
-
 @pytest.mark.parametrize("seed", [-1, [0.5, 1, 2], [True, 1, 2], ["a", 1, 2]])
 def test_bad_seeds_are_refused(seed: Any) -> None:
     with pytest.raises(ValueError, match="seed"):
         make().reset(seed=seed)
-
-
-@pytest.mark.parametrize("mode", ["NEXT_STEP", "NextStep", AutoresetMode.NEXT_STEP])
-def test_autoreset_modes_go_by_either_name(mode: Any) -> None:
-    assert make(autoreset_mode=mode).autoreset_mode is AutoresetMode.NEXT_STEP
 
 
 def test_next_step_mode_resets_on_the_step_after_the_last_and_ignores_its_action() -> None:
@@ -231,6 +221,17 @@ def test_divergence_ends_the_episode_with_finite_readings_and_leaves_the_others_
         ({"nthread": 0}, "nthread"),
         ({"max_episode_steps": 0}, "max_episode_steps"),
         ({"render_mode": "human"}, "render"),
+        ({"config": "fast"}, r"quad_env\.TaskConfig or None, got 'fast'"),
+        ({"scenario": {"name": "x"}}, "Scenario"),
+        ({"scenario": {"type": "Slope", "angle": 0.1}}, "unknown scenario"),
+        ({"actuator": "moter"}, "unknown actuator 'moter'; valid: ideal, torque_speed, motor"),
+        ({"actuator": {"power": 3.0}}, "Actuator"),
+        ({"sensors": "typcal"}, "valid: truth, ideal, typical, or a quad_env"),
+        ({"sensors": quad_env.SensorSuite(torque=quad_env.JointTorque(rate=30.0))}, "control rate"),
+        ({"sensors": "typical", "estimator": "ekf"}, "valid: complementary, kalman"),
+        ({"estimator": "kalman"}, "has no sensors to estimate from"),
+        ({"height_scan": True}, r"height_scan is a quad_env\.HeightScan or None, got True"),
+        ({"height_scan": quad_env.HeightScan(rate=33.0)}, "control rate"),
     ],
 )
 def test_bad_arguments_name_the_remedy(kwargs: dict[str, Any], message: str) -> None:

@@ -59,24 +59,6 @@ def test_the_first_three_scenarios_are_as_ever() -> None:
     assert SCENARIOS["rough"].terrain == SmoothRandom(0.12, 0.3, 34.0, 16.0, 0.1, 0)
 
 
-def test_a_disturbance_shifts_no_other_draw() -> None:
-    plain = Scenario("plain", pushes=Pushes())
-    troubled = replace(
-        plain,
-        force=SteadyForce(),
-        payload=Payload(),
-        latency=Latency(),
-        noise=SensorNoise(),
-        dropouts=Dropouts(),
-    )
-    a, b = (Episode(SIMPLE_QUAD, scenario, 5, 2, 0.01) for scenario in (plain, troubled))
-    np.testing.assert_array_equal(a.start, b.start)
-    np.testing.assert_array_equal(a.pushes.force, b.pushes.force)
-    np.testing.assert_array_equal([a.next_command(), a.next_command()], [b.next_command(), b.next_command()])
-    alone = Episode(SIMPLE_QUAD, replace(plain, payload=Payload()), 5, 2, 0.01)
-    np.testing.assert_array_equal(alone.load, b.load)
-
-
 def started(scenario: Scenario) -> Simulation:
     """Eight robots at the start of an episode."""
     simulation = Simulation(SIMPLE_QUAD, scenario, 8, 1, 100.0)
@@ -137,7 +119,3 @@ def test_each_disturbance_of_a_surprise_has_its_share_of_the_reference(share: fl
     assert scenario.dropouts == Dropouts(duration=0.1 * share)
     assert scenario.ground.friction == pytest.approx(0.8 * 0.75**share)
     assert scenario.motors == Motors(torque_limit=100.0 * 0.5**share, bandwidth=20.0 / share)
-
-
-def test_actions_and_readings_are_both_late() -> None:
-    assert AXES["latency"].at(0.07).latency == Latency(action=0.07, observation=0.07)

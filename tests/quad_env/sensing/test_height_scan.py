@@ -104,11 +104,3 @@ def test_what_is_out_of_view_is_no_part_of_it() -> None:
     wide, narrow = scans(whole, 2, 5), scans(ahead, 2, 5)
     np.testing.assert_array_equal(narrow, wide[..., ahead.seen.ravel()])
     assert ahead.term.width == narrow.shape[-1]
-
-
-def test_what_is_no_scan_is_refused_by_name() -> None:
-    for make in (gym.make, gym.make_vec):
-        with pytest.raises(ValueError, match=r"height_scan is a quad_env\.HeightScan or None, got True"):
-            make("SimpleQuad-v0", height_scan=True)
-        with pytest.raises(ValueError, match="control rate"):
-            make("SimpleQuad-v0", height_scan=HeightScan(rate=33.0))

@@ -1,6 +1,5 @@
 """The error-state filter: its derivatives, its frames, its covariance, and many robots at once."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -140,18 +139,6 @@ def test_a_reset_forgets_one_robot_alone() -> None:
     vec.reset(seed=[3, 4], options={"reset_mask": np.array([True, False])})
     np.testing.assert_array_equal(filter_.covariance[1], kept)
     assert not filter_.velocity[0].any()
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        pytest.param({"estimator": "ekf", "sensors": "typical"}, "valid: complementary, kalman", id="unknown"),
-        pytest.param({"estimator": KALMAN}, "has no sensors to estimate from", id="of the truth"),
-    ],
-)
-def test_a_wrong_estimator_is_refused(settings: dict[str, str], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        gym.make("quad_env:SimpleQuad-v0", **settings)
 
 
 def read(gyro: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Read:
