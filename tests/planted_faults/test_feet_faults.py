@@ -3,6 +3,7 @@
 What is checked is what a user's own reward term is shown.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +17,7 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics import footsteps
 from quad_env.physics.footsteps import Footsteps
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.planted_faults.harness import Faults, checks_of, fault_tests, one_call_old
+from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests, one_call_old
 
 SPINNING = replace(quad_env.SCENARIOS["rough"], start=quad_env.StartNoise(tilt=0.3, angular_velocity=3.0))
 LEGS = len(SIMPLE_QUAD.leg_names)
@@ -64,11 +65,15 @@ def check_feet_are_where_and_as_fast_as_mujoco_says() -> None:
 
 
 def check_swings_are_counted_by_their_steps_in_the_air() -> None:
-    """Against an account of each foot's contacts and velocities, step by step."""
-    walk, period = Walk(3), 0.01
+    """Against an account of each foot's contacts and velocities, step by step; the first robot is restarted once."""
+    walk, period = Walk(3, autoreset_mode="DISABLED"), 0.01
     air, falling = np.zeros((3, LEGS), int), np.zeros((3, LEGS))
     swings, bounces = 0, 0
-    for _ in range(150):
+    for step in range(150):
+        if step == 75:
+            assert (air[0] > 2).any(), "feet must be in the air where they are put down"
+            walk.env.reset(options={"reset_mask": np.arange(3) == 0, "command": (0.6, 0.2, 0.5)})
+            air[0] = 0
         shown = walk.step()
         for robot, leg in np.ndindex(3, LEGS):
             down, steps = shown["contact"][robot, leg], air[robot, leg]
@@ -110,9 +115,21 @@ def impact_after_the_touch_down(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Footsteps, "advance", faulty)
 
 
+def begun(change: Callable[[Any], Any]) -> Plant:
+    """Swings begin anew of `change` of the robots that should."""
+
+    def plant(patch: pytest.MonkeyPatch) -> None:
+        true_begin = Footsteps.begin
+        patch.setattr(Footsteps, "begin", lambda self, ids: true_begin(self, change(ids)))
+
+    return plant
+
+
 FAULTS: Faults = {
     "velocity in the base frame": (velocity_in_base_frame, check_feet_are_where_and_as_fast_as_mujoco_says),
     "feet of a step ago": (one_call_old(Footsteps, "feet"), check_feet_are_where_and_as_fast_as_mujoco_says),
+    "swings go on": (begun(lambda ids: ids[:0]), check_swings_are_counted_by_their_steps_in_the_air),
+    "everybody's swings begin": (begun(lambda _: slice(None)), check_swings_are_counted_by_their_steps_in_the_air),
     "bounces are swings": (bounces_counted, check_swings_are_counted_by_their_steps_in_the_air),
     "impact speed after the touch-down": (
         impact_after_the_touch_down,

@@ -31,10 +31,11 @@ def task(function: Callable[[Any], Any], weight: float = -0.25, **options: Any) 
     return quad_env.TaskConfig(reward_terms=(quad_env.RewardTerm("mine", function, weight),), **options)
 
 
-@pytest.mark.parametrize("function", [joint_speed, partial(foot_speed)])
+@pytest.mark.parametrize("function", [joint_speed, partial(foot_speed), lambda state: state.height])
 def test_one_robot_is_paid_as_in_a_batch_to_the_bit_and_no_other_number_changes(function: Callable[..., Any]) -> None:
     config = task(function)
-    one, batch, plain = SimpleQuadEnv(config=config), SimpleQuadVectorEnv(2, config=config), SimpleQuadVectorEnv(2)
+    one, batch = SimpleQuadEnv("rough", config=config), SimpleQuadVectorEnv(2, "rough", config=config)
+    plain = SimpleQuadVectorEnv(2, "rough")
     for env in (one, batch, plain):
         env.reset(seed=3)
     for _ in range(5):
