@@ -20,8 +20,6 @@ def test_it_says_what_the_environment_is(capsys) -> None:
     lines = capsys.readouterr().out.splitlines()
     text = "\n".join(" ".join(line.split()) for line in lines)
     assert max(map(len, lines)) <= 92
-    assert len(lines) <= 70
-    assert lines[0].startswith("SimpleQuad-v0 ")
     env = gym.make("quad_env:SimpleQuad-v0")
     assert f"float32, shape {env.action_space.shape}:" in text
     assert f"float32, shape {env.observation_space.shape}" in text

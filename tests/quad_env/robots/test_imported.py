@@ -219,8 +219,6 @@ def test_figures_from_a_file_come_before_what_is_inferred(tmp_path: Path) -> Non
     assert robot.home_pose[2] > 0.0
     for line, said in {
         "servo_stifness = 3": "'servo_stifness' cannot be given; what can: home_pose, ",
-        "name = 3": "a robot's name is that of a folder too",
-        "knee_direction = 0": "knee_direction is -1 or 1, or one of these a leg, got 0",
         "knee_direction = [1, 1, -1]": r"one of these a leg, got \[1, 1, -1\]",
         "rated_torque = -1": "rated_torque is a number above 0, got -1",
         "home_pose = [1, 2]": "home_pose is three angles",
