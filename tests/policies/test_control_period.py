@@ -13,8 +13,7 @@ from policies.bundle import save
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
 from policies.safety import Mode, PolicyProcessError, Watched
-from quad_env import OBSERVATION, OBSERVATION_SIZE, TaskConfig
-from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, table_with
 
@@ -54,25 +53,6 @@ def assert_the_same_in_time(often, seldom, slack=SLACK, leaps=LEAPS):
     same = (np.abs(often[1::2] - seldom) <= slack).all(axis=1)
     assert same.mean() >= 1.0 - leaps
     assert np.ptp(seldom, axis=0).max() >= 3.0 * slack
-
-
-def stride_frequency(control_rate):
-    """Frequency, Hz, at which a trotting robot's front left thigh swings, from two seconds of its walk."""
-    env = SimpleQuadVectorEnv(1, "flat", nthread=1, config=TaskConfig(control_rate=control_rate))
-    policy = policies.make("trot", robot=env.robot, control_period=env.dt)
-    observation, _ = env.reset(seed=3, options={"command": np.array([0.3, 0.0, 0.0])})
-    speeds = []
-    for _ in range(round(2.0 * control_rate)):
-        observation, *_ = env.step(policy.act(observation))
-        speeds.append(observation[0, OBSERVATION["joint_velocity"]][1])
-    env.close()
-    return np.fft.rfftfreq(len(speeds), env.dt)[np.abs(np.fft.rfft(speeds)).argmax()]
-
-
-def test_a_trot_steps_its_feet_as_often_when_it_is_asked_half_as_often():
-    expected = policies.make("trot").frequency
-    assert stride_frequency(100.0) == pytest.approx(expected, abs=0.25)
-    assert stride_frequency(50.0) == pytest.approx(expected, abs=0.25)
 
 
 @pytest.mark.parametrize("name", UNTRAINED)

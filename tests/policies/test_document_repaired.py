@@ -39,15 +39,6 @@ def test_stance_by_hand():
     assert hip == pytest.approx(np.arctan2(-0.25, -0.15) - np.arctan2(-np.sqrt(0.075), -0.1), abs=1e-12)
 
 
-def test_only_the_calf_meets_its_stop_and_only_in_swing():
-    targets = DocumentRepaired().targets(CYCLE).reshape(-1, 4, 3)
-    assert np.abs(targets[:, :, 0]).max() < 0.5
-    assert np.abs(targets[:, :, 1]).max() < 1.5
-    past_stop = targets[:, 0, 2] < -2.5
-    assert past_stop.any()
-    assert (CYCLE[past_stop] < np.pi).all()
-
-
 def test_it_starts_from_the_home_pose_and_ends_on_the_gait():
     policy = policies.make("document_repaired")
     actions = np.array([policy.act(np.zeros(OBSERVATION_SIZE, np.float32)) for _ in range(120)])

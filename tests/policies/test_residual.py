@@ -122,14 +122,3 @@ def test_correction_is_bounded_by_the_authority():
     np.testing.assert_allclose(corrected - base, [[0.15, 0.3, 0.3] * 4], atol=1e-6)
     halved = compose(SIMPLE_QUAD, base, np.full((1, 12), -0.5, np.float32), authority_of(SIMPLE_QUAD))
     np.testing.assert_allclose(halved - base, [[-0.075, -0.15, -0.15] * 4], atol=1e-6)
-
-
-def test_corrected_action_stays_within_the_joint_limits():
-    base = np.stack([SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper]).astype(np.float32)
-    outward = np.stack([-np.ones(12), np.ones(12)]).astype(np.float32)
-    np.testing.assert_array_equal(compose(SIMPLE_QUAD, base, outward, authority_of(SIMPLE_QUAD)), base)
-
-
-def test_network_of_the_wrong_width_is_refused():
-    with pytest.raises(ValueError, match="62 inputs"):
-        ResidualPolicy(policies.make("trot"), constant_network(OBSERVATION_SIZE, 0.0))

@@ -96,15 +96,6 @@ def test_a_folder_that_cannot_be_one_says_what_to_do(out, remedy, tmp_path, caps
     assert remedy in one_line(capsys)
 
 
-def test_a_folder_that_cannot_be_written_to_says_what_to_do(tmp_path, monkeypatch, capsys):
-    def fail(folder):
-        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(folder))
-
-    monkeypatch.setattr("train.run_folder.make_writable_folder", fail)
-    assert main([*TINY, "--out", str(tmp_path / "run")]) == 2
-    assert f"({os.strerror(errno.EROFS)}): choose another --out" in one_line(capsys)
-
-
 def test_a_disk_that_fills_up_on_the_way_says_how_to_go_on(tmp_path, monkeypatch, capsys):
     def full(path, content):
         if path.name == "000000000128.json":

@@ -3,8 +3,6 @@
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import policies
 from policies.history import Inputs
@@ -35,20 +33,6 @@ def residual(n, base="trot", hold=1, authority=None, inputs=PRESENT, **options):
 def noise(step, n):
     """Corrections that make robots fall at different times."""
     return np.random.default_rng(step).uniform(-1, 1, (n, 12)).astype(np.float32)
-
-
-def test_a_zero_correction_walks_the_base_bit_for_bit():
-    env, seen = residual(3)
-    reference, trot = robots(3), policies.make("trot")
-    trot.reset(3)
-    observation, _ = reference.reset(seed=SEEDS[:3])
-    for _ in range(120):
-        action = trot.act(observation)
-        np.testing.assert_array_equal(seen, Features(trot).see(observation, action))
-        observation, rewards, terminated, _, _ = reference.step(action)
-        assert not terminated.any()
-        seen, mine, *_ = env.step(np.zeros((3, 12)))
-        np.testing.assert_array_equal(mine, rewards)
 
 
 def test_the_final_observation_is_the_last_one_seen_by_a_robot_that_was_never_reset():
@@ -191,20 +175,6 @@ def test_a_robot_that_falls_while_a_correction_is_held_ends_there():
             np.testing.assert_array_equal(infos["final_obs"], plain_infos["final_obs"])
             return
     raise AssertionError("280 control steps and no fall")
-
-
-def test_other_peoples_wrappers_count_its_episodes():
-    """Gymnasium's own, which goes by the autoreset mode that the environment names."""
-    env = RecordEpisodeStatistics(residual(3, steps=4)[0])
-    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    env.reset(seed=SEEDS[:3])
-    rewards = []
-    for step in range(8):
-        _, reward, _, _, infos = env.step(noise(step, 3))
-        rewards.append(reward)
-        if step in (3, 7):
-            assert infos["episode"]["l"].tolist() == [4, 4, 4]
-            np.testing.assert_allclose(infos["episode"]["r"], np.sum(rewards[-4:], axis=0))
 
 
 def test_what_it_cannot_work_with_is_refused_with_a_remedy():

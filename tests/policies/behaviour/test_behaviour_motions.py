@@ -75,11 +75,6 @@ def test_legs_out_of_place_are_tucked_again_and_a_robot_that_leans_begins_again(
     assert path[-1] == expected
 
 
-def test_parameters_must_be_finite():
-    with pytest.raises(ValueError, match="tuck_time"):
-        replace(searched_parameters(), tuck_time=np.nan)
-
-
 def test_starts_in_any_pose_have_every_orientation_alike_and_touch_the_ground():
     env = SimpleQuadVectorEnv(150, LYING, nthread=1, terminate_on_fall=False)
     observation, _ = env.reset(seed=episode_seeds("search", 4, 150).tolist())

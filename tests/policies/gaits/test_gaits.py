@@ -78,13 +78,6 @@ def test_feet_land_in_the_order_that_the_gait_is_named_for(gait, behind):
         assert min(abs(late - expected), 40 - abs(late - expected)) <= 1, leg
 
 
-@pytest.mark.parametrize("duty", [0.5, 0.8])
-def test_feet_are_commanded_down_for_the_duty_factor(duty):
-    policy = bare("walk", duty=duty)
-    steps(policy, (0.3, 0.0, 0.0), 150)
-    np.testing.assert_allclose(1.0 - steps(policy, (0.3, 0.0, 0.0), 400)[1].mean(axis=(0, 1)), duty, atol=0.026)
-
-
 def test_standing_feet_move_against_the_commanded_velocity_at_their_place():
     policy, command = bare("trot"), (-0.3, 0.2, 0.6)
     steps(policy, command, 200)

@@ -95,12 +95,6 @@ def test_noise_shows(scenario: str) -> None:
     np.testing.assert_allclose(found, np.tile(np.square(NOISE[scenario]) - QUIET**2, (2, 1)), rtol=0.3)
 
 
-def test_motions_without_noise_seem_to_have_none() -> None:
-    policy = walked("flat")
-    variances = np.maximum(policy.observer._noise._seeming, 0.0)
-    assert (np.sqrt(variances) < QUIET).all()
-
-
 @pytest.mark.parametrize("scenario", ["latency=0.02", "noise=0.8"])
 def test_robots_walk_on_late_and_on_noisy_readings(scenario: str) -> None:
     missed = [motion.velocity - motion.command for motion in walked(scenario).read[100:]]
@@ -134,9 +128,3 @@ def test_a_restarted_robot_has_no_noise_until_it_shows() -> None:
         found = noise.variances(np.zeros((2, SENSED.stop)))
     assert not found[0].any()
     assert found[1].all()
-
-
-def test_readings_of_zeros_are_no_error() -> None:
-    policy = MpcWbc()
-    for _ in range(3):
-        assert np.isfinite(policy.act(np.zeros(48))).all()

@@ -1,9 +1,7 @@
 """SB3's view of the residual: what its learner needs to bootstrap, and no more."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
-from stable_baselines3.common.vec_env import VecEnv
 
 import policies
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -73,17 +71,3 @@ def test_a_fall_at_the_time_limit_is_a_fall(monkeypatch):
     monkeypatch.setattr(env.env, "step", lambda _: (inner[0], inner[1], np.ones(1, bool), np.ones(1, bool), ends))
     _, _, _, infos = env.step(noise(0, 1))
     assert infos[0]["TimeLimit.truncated"] is False
-
-
-def test_what_sb3_asks_of_a_vec_env_is_there():
-    env = training_env(3)
-    assert isinstance(env, VecEnv)
-    assert env.get_attr("render_mode") == [None, None, None]
-    assert env.get_attr("num_envs", indices=1) == [3]
-    assert env.env_is_wrapped(gym.Wrapper, indices=[0, 2]) == [False, False]
-    assert not env.has_attr("no_such_thing")
-    with pytest.raises(NotImplementedError, match="attributes"):
-        env.set_attr("x", 1)
-    with pytest.raises(NotImplementedError, match="objects"):
-        env.env_method("x")
-    env.close()

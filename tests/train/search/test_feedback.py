@@ -14,15 +14,11 @@ from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import DIVERGED, FELL, OFF_COMMAND, POLICY_ERROR, STALLED, SUCCEEDED
 from policies.parameters import limits_of
 from policies.residual_bases import BASES
-from quad_env.scenarios.named import scenario
-from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
-from train.scenarios import practice
 from train.search import feedback
 from train.search.feedback import (
     ADOPTED,
-    EXERCISES,
     KEPT,
     OUTCOME_COSTS,
     POLICIES,
@@ -91,32 +87,6 @@ def test_whatever_is_graded_the_outcomes_keep_their_order(command, one, other, g
         first = episode_costs(found(better, [command], [one], **graded[0]))
         assert first <= episode_costs(found(worse, [command], [other], **graded[1]))
     assert OUTCOME_COSTS[POLICY_ERROR] == OUTCOME_COSTS[FELL]
-
-
-def test_standing_still_costs_more_than_walking_off_command_and_falling_more_than_either():
-    """On the same episodes."""
-    trot = policies.make("trot_integral").parameters
-    slow = dataclasses.replace(trot, forward_gain=0.8, lateral_gain=0.4, yaw_gain=0.6, integral_gain=0.0)
-    tumbling = dataclasses.replace(trot, stance_width=0.1, body_height=0.42, frequency=1.0)
-    made = [BASES["trot_integral"].make(parameters=each) for each in (trot, slow, tumbling)]
-    seeds = episode_seeds("search", 9, 3)
-    good, off, fallen, still = candidate_costs([*made, policies.make("stand")], ["flat=1.5"], seeds, 300, 1)
-    (measures,) = walked([made[1]], ["flat=1.5"], seeds, "search", 300)
-    assert (measures.outcome == OFF_COMMAND).any()
-    assert not measures.fell.any()
-    assert good < off < still < fallen
-
-
-def test_the_search_is_not_on_the_ground_of_the_evaluation():
-    for name in EXERCISES:
-        exam = scenario(name)
-        surfaces = {practice(name, purpose).terrain for purpose in ("search", "validation")}
-        if isinstance(exam.terrain, SmoothRandom):
-            assert exam.terrain not in surfaces
-            assert {dataclasses.replace(each, seed=exam.terrain.seed) for each in surfaces} == {exam.terrain}
-            assert len(surfaces) == 2
-        else:
-            assert surfaces == {exam.terrain}
 
 
 def test_exercises_are_walked_side_by_side_and_every_cost_is_that_of_the_member_alone():

@@ -9,7 +9,6 @@ import pytest
 from policies.gaits.parameters import OFFSETS, GaitParameters, searched_parameters
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
-from train.search.command_map import response
 from train.search.gait import RANGES, commands, cost, shared_walk
 
 
@@ -18,12 +17,6 @@ def test_commands_stay_within_the_range_and_half_go_straight():
     assert (drawn[:20, 1:] == 0.0).all()
     np.testing.assert_allclose(drawn[[0, 19], 0], [0.12, 0.4])
     assert (np.abs(drawn) <= [0.4, 0.3, 0.6]).all()
-
-
-def test_response_is_the_map_that_made_the_velocities():
-    command = np.random.default_rng(1).uniform(-1.0, 1.0, (9, 3))
-    answer = np.random.default_rng(2).uniform(-1.0, 1.0, (4, 3))
-    np.testing.assert_allclose(response(command, command @ answer[:3] + answer[3]), answer)
 
 
 def test_a_spoilt_gait_costs_more():

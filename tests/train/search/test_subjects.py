@@ -65,6 +65,7 @@ def test_search_of_the_trot(tmp_path: Path) -> None:
     words = "--robot FOLDER/alike.xml --generations 2 --candidates 5 --episodes 8 --steps 110 --check-episodes 4"
     run = searched("trot", f"{words} --spread 0.1", tmp_path)
     assert {each.env.robot.name for each in run.batches} == {"alike"}
+    assert run.batches[1].env.scenario.severity == pytest.approx(35.0 * 0.1 * 0.4**0.5)  # as hard for its size
     generation = [(name, 5 * 8, 110) for name in ("flat", "push", "rough")]
     fit, check = [("flat", 4, FULL)] * 3, [(name, 4, FULL) for name in ("flat", "push", "rough") for _ in range(2)]
     assert run.shapes == [*generation * 2, *fit, *check]
