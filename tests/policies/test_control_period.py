@@ -2,6 +2,7 @@
 
 import dataclasses
 from functools import partial
+from operator import methodcaller
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from policies.behaviour import State
 from policies.bundle import save
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
-from policies.safety import Mode, PolicyProcessError, Watched
+from policies.safety import PolicyProcessError, Watched
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, table_with
@@ -72,39 +73,30 @@ def test_a_policy_asks_for_the_same_at_the_same_time_whatever_its_control_period
     assert_the_same_in_time(*asked, SLACK_OF.get(name, SLACK), LEAPS_OF.get(name, LEAPS))
 
 
-def test_a_change_of_gait_takes_the_same_time():
+CHANGES = {
+    "gait": (partial(policies.make, "gaits"), methodcaller("request", "bound"), WALKING, 1.2, 1.2),
+    "jump": (
+        partial(policies.Behaviour, State.STAND, follow=False),
+        methodcaller("request", "jump"),
+        AT_REST,
+        0.2,
+        0.4,
+    ),
+    "get up": (partial(policies.Behaviour, follow=False), methodcaller("request", "stand"), ON_ITS_BACK, 0.2, 0.4),
+    "stop": (partial(policies.make, "safe:trot"), methodcaller("emergency_stop"), AT_REST, 0.2, 0.8),
+}
+"""What is made, what is requested of it, what it reads, and seconds before and after the request."""
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_change_takes_the_same_time(change):
+    make, ask_for_it, observation, before, after = CHANGES[change]
     seen = []
     for period in (0.01, 0.02):
-        policy = policies.make("gaits", control_period=period)
-        ask(policy, WALKING, 1.2)
-        policy.request("bound")
-        seen.append(ask(policy, WALKING, 1.2))
-        assert policy.settled[0]
-    assert_the_same_in_time(*seen)
-
-
-@pytest.mark.parametrize(
-    ("start", "request_", "observation"),
-    [(State.STAND, "jump", AT_REST), (State.PASSIVE, "stand", ON_ITS_BACK)],
-    ids=["jump", "recover"],
-)
-def test_a_behaviour_takes_the_same_time(start, request_, observation):
-    seen = []
-    for period in (0.01, 0.02):
-        policy = policies.Behaviour(start, follow=False, control_period=period)
-        before = ask(policy, observation, 0.2)
-        policy.request(request_)
-        seen.append(np.concatenate((before, ask(policy, observation, 0.4))))
-    assert_the_same_in_time(*seen)
-
-
-def test_a_controlled_stop_takes_the_same_time():
-    seen = []
-    for period in (0.01, 0.02):
-        policy = policies.make("safe:trot", control_period=period)
-        policy.emergency_stop()
-        seen.append(ask(policy, AT_REST, 0.8))
-        assert policy.mode[0] == Mode.STOP
+        policy = make(control_period=period)
+        first = ask(policy, observation, before)
+        ask_for_it(policy)
+        seen.append(np.concatenate((first, ask(policy, observation, after))))
     assert_the_same_in_time(*seen)
 
 

@@ -35,20 +35,6 @@ def noise(step, n):
     return np.random.default_rng(step).uniform(-1, 1, (n, 12)).astype(np.float32)
 
 
-def test_the_final_observation_is_the_last_one_seen_by_a_robot_that_was_never_reset():
-    """Robots of 20 steps here, of 40 there: at step 20 the ones end in the very state that the others pass through."""
-    (short, _), (long, _) = residual(2, steps=20), residual(2, steps=40)
-    for step in range(20):
-        after_reset, _, terminated, truncated, infos = short.step(noise(step, 2))
-        passing, _, _, _, passing_infos = long.step(noise(step, 2))
-    assert truncated.all()
-    assert not terminated.any()
-    np.testing.assert_array_equal(infos["final_obs"], passing)
-    np.testing.assert_array_equal(infos["final_info"]["heading_velocity"], passing_infos["heading_velocity"])
-    assert infos["_final_obs"].all()
-    assert np.abs(after_reset - passing).max(axis=1).min() > 0.01
-
-
 def test_the_first_features_after_a_restart_are_those_of_a_fresh_robot_with_the_next_episode():
     env, _ = residual(2, steps=10)
     for step in range(10):

@@ -7,15 +7,7 @@ import policies
 from evaluate.rollouts import rollout
 from evaluate.rollouts.strides import Strides, walked
 from policies.gaits.change import CHANGE_TIME
-from policies.gaits.parameters import (
-    GAITS,
-    OFFSETS,
-    GaitParameters,
-    froude,
-    row,
-    slowed,
-    stepping,
-)
+from policies.gaits.parameters import GAITS, OFFSETS, GaitParameters, froude, row, slowed, stepping
 from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
 from policies.legs.kinematics import foot_positions
 from quad_env import OBSERVATION, OBSERVATION_SIZE

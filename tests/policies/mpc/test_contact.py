@@ -146,19 +146,6 @@ def test_a_slip_lowers_what_is_relied_on_and_is_forgotten() -> None:
     assert sense.grip[1] > 0.9 * parameters.friction
 
 
-def test_a_restarted_robot_has_no_past() -> None:
-    robot, sense = Trotting((0.0, 40.0, 0.0)), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
-    for _ in range(50):
-        now = robot.step()
-        sense.estimate(now, NO_LOAD)
-    assert np.abs(sense.wrench).max() > 5.0
-    sense.restart(np.array([True]))
-    assert not sense.wrench.any()
-    first = sense.estimate(now, NO_LOAD)
-    again = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
-    np.testing.assert_array_equal(first, again.estimate(now, NO_LOAD))
-
-
 def test_what_pushes_stays_where_it_is_in_the_world() -> None:
     yaw_rate = -1.5
     sense = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)

@@ -13,7 +13,7 @@ from policies.gaits.parameters import OFFSETS
 from policies.legs.contacts import duty_factors, landing_offsets, landings, wrapped
 from policies.mpc.contact import contact_states
 from policies.mpc.parameters import OTHER_GAITS, MpcParameters
-from policies.mpc.policy import Mpc, MpcWbc
+from policies.mpc.policy import MpcWbc
 from quad_env.seeding import episode_seeds
 
 ROBOTS, STEPS, FROM = 2, 300, 100
@@ -87,8 +87,3 @@ def test_every_gait_has_its_parameters_and_a_name_that_makes_it() -> None:
         made = policies.make(f"mpc_wbc_{gait}")
         assert (made.name, made.parameters) == (f"mpc_wbc_{gait}", OTHER_GAITS[gait])
         assert made.leg_offsets == OFFSETS[gait]
-
-
-def test_an_unknown_gait_is_answered_with_the_valid_ones() -> None:
-    with pytest.raises(ValueError, match=r"'gallop'; there are bound, pace, pronk, trot, walk"):
-        Mpc(gait="gallop")

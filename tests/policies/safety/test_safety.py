@@ -13,7 +13,7 @@ from evaluate.commands.options import Options
 from evaluate.commands.plan import check
 from evaluate.measures.at_rest import Motion, controlled_stops
 from policies.base import CONTROL_PERIOD, Policy
-from policies.safety import DeadlineMissed, Mode, PolicyProcessError, Safe, SafetyLimits, Watched
+from policies.safety import Mode, PolicyProcessError, Safe, SafetyLimits, Watched
 from policies.safety.target_limits import limited
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.actuation.models import Actuator, TorqueSpeed
@@ -105,7 +105,7 @@ def watched():
     policy.close()
 
 
-def test_watched_policy_gives_the_bits_of_the_policy_and_its_exceptions_by_name_until_it_hangs(watched):
+def test_watched_policy_gives_the_bits_of_the_policy_and_its_exceptions_by_name(watched):
     """Of 1024 robots, whose observations are more than a pipe holds."""
     plain, robots = policies.make("trot"), 1024
     watched.reset(robots), plain.reset(robots)
@@ -116,12 +116,6 @@ def test_watched_policy_gives_the_bits_of_the_policy_and_its_exceptions_by_name_
         assert watched.act(row).tobytes() == plain.act(row).tobytes()
     with pytest.raises(PolicyProcessError, match="ValueError: observation must"):
         watched.ask(("act", np.zeros(3, np.float32)), 30.0)
-    os.kill(watched._process.pid, signal.SIGSTOP)
-    watched._deadline = 0.5
-    with pytest.raises(DeadlineMissed, match="500 ms"):
-        watched.act(row)
-    with pytest.raises(PolicyProcessError, match="reset"):
-        watched.act(row)
 
 
 def test_policy_that_hangs_is_answered_for_within_a_control_step_and_stopped_until_a_reset(watched):

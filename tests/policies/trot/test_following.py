@@ -1,4 +1,4 @@
-"""How far joints follow their targets: what is measured, what is not, and that each robot has its own."""
+"""How far joints follow their targets: what is measured, and what is not."""
 
 import numpy as np
 
@@ -7,14 +7,13 @@ from policies.trot.perception import Following
 JOINTS, STEPS = 12, 200
 
 
-def followed(share, delay=0, walking=1.0, robots=1):
+def followed(share, delay=0, walking=1.0):
     """After strides whose joints move by that share of their targets' movement, that many control periods late."""
     following = Following(JOINTS, 0.01)
-    following.memory.allocate(robots)
-    walks = np.full(robots, walking)
+    walks = np.array([walking])
     for step in range(STEPS):
-        targets = 0.3 * np.sin(0.3 * step + np.arange(JOINTS))[:, None] * np.ones(robots)
-        late = 0.3 * np.sin(0.3 * (step - delay) + np.arange(JOINTS))[:, None] * np.ones(robots)
+        targets = 0.3 * np.sin(0.3 * step + np.arange(JOINTS))[:, None]
+        late = 0.3 * np.sin(0.3 * (step - delay) + np.arange(JOINTS))[:, None]
         following.read(share * late, walks)
         following.command(targets, walks)
     return following

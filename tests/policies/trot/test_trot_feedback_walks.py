@@ -1,14 +1,10 @@
 """The trot with feedback in episodes: that it walks, and where it does what it is asked."""
 
-import dataclasses
-
 import pytest
 
 import policies
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
-from policies.trot.feedback import TrotFeedback
-from policies.trot.feedback_parameters import searched_parameters
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
@@ -34,16 +30,3 @@ def test_it_mostly_does_what_it_is_asked_where_the_trot_mostly_does_not(axis, se
     )
     assert feedback >= 0.5
     assert feedback >= trot + 0.3
-
-
-@pytest.mark.parametrize(
-    ("axis", "severity", "off"),
-    [("noise", 0.8, {"sensor_filter": 0.0}), ("slow_motors", 5.0, {"least_following": 0.0})],
-)
-def test_the_filter_and_the_slower_gait_are_what_noisy_sensors_and_slow_motors_need(axis, severity, off):
-    with_it, without = (
-        walk(axis, severity, 8, TrotFeedback(parameters)).succeeded.mean()
-        for parameters in (searched_parameters(), dataclasses.replace(searched_parameters(), **off))
-    )
-    assert with_it >= 0.6
-    assert with_it >= without + 0.25
