@@ -48,9 +48,3 @@ def test_a_missing_or_damaged_file_names_the_search(module, content, tmp_path, m
     monkeypatch.setattr(module, "PARAMETERS_FILE", file)
     with pytest.raises(policies.PolicyError, match=f"train search {search}`"):
         policies.make(name)
-
-
-def test_the_walk_keeps_every_foot_down_for_three_quarters_of_the_time() -> None:
-    found = gaits.searched_parameters()
-    assert set(found) == set(gaits.OFFSETS)
-    assert found["walk"].duty - found["walk"].duty_fall >= 0.75

@@ -1,6 +1,7 @@
 """A run that is stopped anywhere and carried on is the one in one go, bit for bit: weights, validations, bundles."""
 
 import contextlib
+import itertools
 import json
 import os
 import random
@@ -103,21 +104,33 @@ def resume(folder):
     assert main(["--resume", "--threads", "1", "--out", str(folder)]) == 0
 
 
-def killed_after(steps, go_on):
-    """Whatever `go_on` does, dead after so many steps of each robot."""
-    step_wait, taken = TrainingVecEnv.step_wait, 0
+@contextlib.contextmanager
+def after(steps, what):
+    """After so many steps of each robot that happens."""
+    step_wait, taken = TrainingVecEnv.step_wait, itertools.count()
 
-    def dying(env):
-        nonlocal taken
-        if taken == steps:
-            raise Killed
-        taken += 1
+    def stepping(env):
+        if next(taken) == steps:
+            what()
         return step_wait(env)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(TrainingVecEnv, "step_wait", dying)
-        with pytest.raises(Killed):
-            go_on()
+        patch.setattr(TrainingVecEnv, "step_wait", stepping)
+        yield
+
+
+def killed_after(steps, go_on):
+    def die():
+        raise Killed
+
+    with after(steps, die), pytest.raises(Killed):
+        go_on()
+
+
+def interrupted_after(steps, words):
+    """Ctrl-C in the last of so many steps of each robot."""
+    with after(steps - 1, partial(os.kill, os.getpid(), signal.SIGINT)):
+        assert main(words) == 130
 
 
 @pytest.mark.parametrize("steps", [0, 16, 28])
@@ -151,22 +164,6 @@ def test_a_run_that_is_stopped_between_its_final_files_ends_with_the_same_bits(
     if not (done and module is checkpoint):
         resume(killed)
     assert bits(killed) == bits(runs / "whole")
-
-
-def interrupted_after(steps, words):
-    """Ctrl-C after so many steps of each robot; what the command says then."""
-    step_wait, taken = TrainingVecEnv.step_wait, 0
-
-    def stepping(env):
-        nonlocal taken
-        taken += 1
-        if taken == steps:
-            os.kill(os.getpid(), signal.SIGINT)
-        return step_wait(env)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(TrainingVecEnv, "step_wait", stepping)
-        assert main(words) == 130
 
 
 @pytest.mark.parametrize("steps", [9, 20])  # at the end of a segment; within the second

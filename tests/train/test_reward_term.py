@@ -38,11 +38,6 @@ def breaks_down(state):
     global CALLS
     CALLS += 1
     return state.height if CALLS < 5 else state.height * np.nan
-
-def tilt(state):
-    return state.height
-
-number = 3
 """
 
 

@@ -70,43 +70,14 @@ class Walk(policies.Trot):
 walk = policies.Trot()
 
 class Faulty(Counts):
-    # What a robot that is commanded forward gets in its third call.
     def __call__(self, observation):
         action = super().__call__(observation)
         return self.fault() if observation[-3] > 0.0 and self.calls == 3 else action
-
-class Raises(Faulty):
-    def fault(self):
-        raise KeyError("two\\nlines")
-
-class Exits(Faulty):
-    def fault(self):
-        sys.exit(4)
-
-class Paints(Faulty):
-    def fault(self):
-        raise ValueError("\x1b[31m red\x07")
-
-class Hangs(Faulty):
-    def fault(self):
-        time.sleep(60.0)
 
 class Slow(Counts):
     def __call__(self, observation):
         time.sleep(0.02)
         return super().__call__(observation)
-
-class Short(Faulty):
-    def fault(self):
-        return np.zeros(3)
-
-class Nan(Faulty):
-    def fault(self):
-        return np.full(12, np.nan)
-
-class Ends(Faulty):
-    def fault(self):
-        os._exit(3)
 
 class AllRaise:
     def __init__(self):
@@ -131,6 +102,17 @@ class NeedsMore:
 
 number = 3
 """
+FAULTS = {
+    "Raises": ("raise KeyError('two\\nlines')", "raised KeyError: 'two\\nlines'"),
+    "Exits": ("sys.exit(4)", "raised SystemExit: 4"),
+    "Paints": ("raise ValueError('\x1b[31m red\x07')", "raised ValueError: [31m red"),
+    "Short": ("return np.zeros(3)", "gave float64 of shape (3,), not numbers of shape (12,)"),
+    "Nan": ("return np.full(12, np.nan)", "gave targets that are not finite"),
+}
+"""What a robot that is commanded forward gets in its third call, and the reason that is given; by class."""
+WITHOUT_ANSWER = {"Hangs": ("time.sleep(60.0)",), "Ends": ("os._exit(3)",)}
+for name, (fault, *_) in (FAULTS | WITHOUT_ANSWER).items():
+    FILE += f"\nclass {name}(Faulty):\n    def fault(self):\n        {fault}\n"
 OBSERVATIONS = np.zeros((3, OBSERVATION_SIZE), np.float32)
 OBSERVATIONS[1, OBSERVATION["command"].start] = 1.0
 OTHERS = [0, 2]
@@ -191,20 +173,11 @@ def test_a_policy_of_ours_in_a_file_acts_as_it_does_here(file: Path) -> None:
         np.testing.assert_array_equal(answer.signals["phase"], trot.phase)
 
 
-@pytest.mark.parametrize(
-    ("name", "reason"),
-    [
-        ("Raises", "raised KeyError: 'two\\nlines'"),
-        ("Exits", "raised SystemExit: 4"),
-        ("Paints", "raised ValueError: [31m red"),
-        ("Short", "gave float64 of shape (3,), not numbers of shape (12,)"),
-        ("Nan", "gave targets that are not finite"),
-    ],
-)
-def test_a_failure_is_that_of_one_robot(file: Path, name: str, reason: str) -> None:
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_failure_is_that_of_one_robot(file: Path, name: str) -> None:
     of = served(file, name)
     actions, failures = third_step(of)
-    assert failures == {1: reason}
+    assert failures == {1: FAULTS[name][1]}
     np.testing.assert_allclose(actions[OTHERS], 0.03)
     again = of.step(OBSERVATIONS)
     assert again.failures == {}

@@ -69,16 +69,6 @@ def test_the_prediction_is_what_steps_of_newton_s_and_euler_s_laws_give() -> Non
             np.testing.assert_allclose(getattr(found, name)[0, step], value, atol=1e-10, err_msg=name)
 
 
-def test_a_force_under_the_fore_feet_lifts_the_nose_and_one_under_the_left_feet_the_left_side() -> None:
-    up = np.array([0.0, 0.0, 100.0])
-    turning = HORIZON.moments(body().inertia, arms())[0, 0] @ up
-    roll, pitch = turning[:, 0], turning[:, 1]
-    assert (pitch[:2] < 0.0).all()
-    assert (pitch[2:] > 0.0).all()  # the trunk's pitch is positive with the nose down
-    assert (roll[[0, 2]] > 0.0).all()
-    assert (roll[[1, 3]] < 0.0).all()
-
-
 def cost(forces: np.ndarray) -> float:
     found, goal = HORIZON.predicted(body(), arms(), forces), wanted()
     missed = sum(

@@ -12,7 +12,7 @@ import policies
 from evaluate.commands.options import Options
 from evaluate.commands.plan import check
 from evaluate.measures.at_rest import Motion, controlled_stops
-from policies.base import CONTROL_PERIOD, Policy
+from policies.base import CONTROL_PERIOD
 from policies.safety import Mode, PolicyProcessError, Safe, SafetyLimits, Watched
 from policies.safety.target_limits import limited
 from quad_env import OBSERVATION, OBSERVATION_SIZE
@@ -24,26 +24,17 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 BROKEN, STEPS = 60, 300
 
 
-class Breaking(Policy):
+class Breaking(policies.Trot):
     """The trot until a step, then something else."""
 
-    name = "breaking"
-
-    def __init__(self, broken, after=BROKEN):
+    def __init__(self, broken):
         super().__init__()
-        self._trot, self._broken, self._after = policies.make("trot"), broken, after
-
-    def _allocate(self, num_envs):
-        self.calls = 0
-        self._trot.reset(num_envs)
-
-    def _restart(self, mask):
-        self._trot.reset_where(mask)
+        self.broken, self.calls = broken, 0
 
     def _act(self, observation):
         self.calls += 1
-        action = self._trot.act(observation)
-        return action if self.calls < self._after else self._broken(action)
+        action = super()._act(observation)
+        return action if self.calls < BROKEN else self.broken(action)
 
 
 def raising(_):

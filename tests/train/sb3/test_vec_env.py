@@ -51,19 +51,6 @@ def test_infos_are_empty_but_for_robots_that_finished():
             assert infos[0]["TimeLimit.truncated"] is True
 
 
-def test_only_time_limits_count_as_truncation():
-    """A robot whose legs are thrown about falls; its end must not be bootstrapped from."""
-    env = training_env(4, base="stand", first=[1000, 1000, 1000, 3], authority=3.0)
-    ends = {}
-    for step in range(300):
-        _, _, finished, infos = env.step(noise(step, 4))
-        for i in np.flatnonzero(finished):
-            ends.setdefault(int(i), infos[i]["TimeLimit.truncated"])
-        if len(ends) == 4:
-            break
-    assert ends == {0: False, 1: False, 2: False, 3: True}
-
-
 def test_a_fall_at_the_time_limit_is_a_fall(monkeypatch):
     env = training_env(1)
     inner = env.env.step(noise(0, 1))

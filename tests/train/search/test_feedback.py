@@ -57,11 +57,9 @@ def found(outcome, commands, velocities, *, error=0.0, overspeed=0.0):
     [
         (found(SUCCEEDED, [FORWARD], [FORWARD]), 0.0),
         (found(SUCCEEDED, [FORWARD], [FORWARD], error=0.2), 0.15 * 0.1),
-        (found(SUCCEEDED, [FORWARD], [FORWARD], overspeed=0.05), 0.1 * 0.5),
         (found(SUCCEEDED, [FORWARD], [FORWARD], overspeed=0.3), 0.1),
         # 0.35 m/s are allowed of 1 m/s: half of that is 1/8 of the largest deviation counted.
         (found(SUCCEEDED, [FORWARD], [(0.825, 0.0, 0.0)]), 0.25 / 8),
-        (found(OFF_COMMAND, [FORWARD], [(0.3, 0.0, 0.0)]), 1.0 + 0.25 * 2 / 4),
         # The worst interval counts: 0.5 rad/s off where 0.15 rad/s are allowed.
         (found(OFF_COMMAND, [FORWARD, STILL], [FORWARD, (0.0, 0.0, 0.45)]), 1.0 + 0.25 * 3 / 4),
         (found(OFF_COMMAND, [STILL], [(5.0, 0.0, 0.0)]), 1.25),
