@@ -14,16 +14,13 @@ from policies.bundle import save
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
 from policies.safety import PolicyProcessError, Watched
-from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env import OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, table_with
+from tests.policies.readings import reading
 
 UNTRAINED = [name for name in policies.names() if name not in policies.TRAINED]
-AT_REST = np.zeros((1, OBSERVATION_SIZE), np.float32)
-"""A robot that stands level in the home pose."""
-AT_REST[:, OBSERVATION["projected_gravity"]] = (0.0, 0.0, -1.0)
-WALKING = AT_REST.copy()
-WALKING[:, OBSERVATION["command"]] = (0.4, 0.1, 0.2)
+AT_REST, WALKING = reading(1), reading(1, command=(0.4, 0.1, 0.2))
 ON_ITS_BACK = -AT_REST
 SLACK = 0.08
 """What rates of change and blends that end between two steps leave, rad."""

@@ -10,21 +10,15 @@ from policies.gaits.change import CHANGE_TIME
 from policies.gaits.parameters import GAITS, OFFSETS, GaitParameters, froude, row, slowed, stepping
 from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
 from policies.legs.kinematics import foot_positions
-from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
+from tests.policies.readings import reading
 
 LEGS = ("fl", "fr", "hl", "hr")
 # The bare path: nothing made up for, no feedback, an identity for the command map, 40 ticks a cycle.
 BARE = GaitParameters(
     frequency=2.5, frequency_rise=0.0, duty=0.6, duty_fall=0.0, body_height=0.4, stance_load=0.0, servo_lead=0.0
 )
-
-
-def observe(command, count=1):
-    observation = np.zeros((count, OBSERVATION_SIZE), np.float32)
-    observation[:, OBSERVATION["command"]] = command
-    return observation
 
 
 def bare(gait, **changes):
@@ -35,7 +29,7 @@ def bare(gait, **changes):
 
 def steps(policy, command, count):
     """Actions (count, n, 12) and swings (count, n, 4) at a held command."""
-    rows = [(policy.act(observe(command, policy.num_envs)), policy.swing) for _ in range(count)]
+    rows = [(policy.act(reading(policy.num_envs, command=command)), policy.swing) for _ in range(count)]
     return np.array([action for action, _ in rows], np.float64), np.array([swing for _, swing in rows])
 
 
@@ -112,7 +106,7 @@ def test_no_target_jumps_in_a_change_of_gait_at_any_time_of_the_cycle(first):
         for number, other in enumerate(others):
             if (asked := (begin == step) & (target == number)).any():
                 policy.request(other, asked)
-        actions.append(policy.act(observe((0.4, 0.0, 0.0), policy.num_envs)))
+        actions.append(policy.act(reading(policy.num_envs, command=(0.4, 0.0, 0.0))))
     rate = np.abs(np.diff(np.array(actions, np.float64), axis=0)) / 0.01
     assert rate.max() < TARGET_RATE_LIMIT
     assert policy.settled[[others[each] != "stand" for each in target]].all()
@@ -126,7 +120,7 @@ def test_standing_comes_to_rest_in_the_home_pose_with_every_swing_finished(first
     for step in range(600):
         if (asked := lag == step).any():
             policy.request("stand", asked)
-        action = policy.act(observe((0.4, 0.1, 0.2), 16))
+        action = policy.act(reading(16, command=(0.4, 0.1, 0.2)))
         swings.append(policy.swing)
     assert policy.settled.all()
     np.testing.assert_allclose(action, np.tile(SIMPLE_QUAD.home_pose, (16, 1)), atol=0.03)
@@ -158,7 +152,7 @@ def test_offsets_go_the_shorter_way_and_arrive():
     policy.request("trot")
     seen = []
     for _ in range(round(CHANGE_TIME / 0.01)):
-        policy.act(observe((0.0, 0.0, 0.0)))
+        policy.act(reading())
         seen.append(policy.offsets[0])
     # hl from a quarter of a cycle to half of one, hr from three quarters to a whole one.
     np.testing.assert_allclose(np.ptp(seen, axis=0), [0.0, 0.0, np.pi / 2, np.pi / 2], atol=0.01)

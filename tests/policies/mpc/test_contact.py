@@ -8,9 +8,9 @@ import policies
 from policies.mpc.contact import ContactSense, as_accelerations
 from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
-from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.policies.readings import reading
 
 PERIOD, SUBSTEPS = 0.01, 5
 DYNAMICS = Dynamics(SIMPLE_QUAD)
@@ -33,18 +33,14 @@ class Trotting:
         self.forces = np.zeros((4, 3))
 
     def observation(self) -> np.ndarray:
-        rotation = self.rotation
-        seen = np.zeros(OBSERVATION_SIZE)
-        for name, value in (
-            ("projected_gravity", -rotation[2]),
-            ("angular_velocity", self.data.qvel[3:6]),
-            ("linear_velocity", rotation.T @ self.data.qvel[:3]),
-            ("joint_position", self.data.qpos[7:] - SIMPLE_QUAD.home_pose),
-            ("joint_velocity", self.data.qvel[6:]),
-            ("previous_action", self.target - SIMPLE_QUAD.home_pose),
-        ):
-            seen[OBSERVATION[name]] = value
-        return seen.astype(np.float32)
+        return reading(
+            projected_gravity=-self.rotation[2],
+            angular_velocity=self.data.qvel[3:6],
+            linear_velocity=self.rotation.T @ self.data.qvel[:3],
+            joint_position=self.data.qpos[7:] - SIMPLE_QUAD.home_pose,
+            joint_velocity=self.data.qvel[6:],
+            previous_action=self.target - SIMPLE_QUAD.home_pose,
+        )
 
     @property
     def rotation(self) -> np.ndarray:

@@ -20,6 +20,7 @@ from quad_env import OBSERVATION_SIZE
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
+from tests.policies.readings import reading
 from train.scenarios import practice
 
 BOTH = pytest.mark.parametrize("policy", [Mpc, MpcWbc])
@@ -46,8 +47,7 @@ def test_it_stays_up_on_slippery_ground_by_what_it_feels(monkeypatch: pytest.Mon
 
 def observations(count: int) -> np.ndarray:
     """What robots see in place, standing and pushed."""
-    rows = np.zeros((count, 48), np.float32)
-    rows[:, 2] = -1.0
+    rows = reading(count)
     rows[:, 3:9] = np.random.default_rng(2).normal(0.0, 0.1, (count, 6))
     rows[:, 45] = np.linspace(0.0, 0.5, count)
     return rows

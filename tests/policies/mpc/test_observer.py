@@ -14,6 +14,7 @@ from policies.mpc.policy import MpcWbc
 from policies.mpc.reading_noise import GROUPS, QUIET, SENSED, ReadingNoise
 from quad_env import OBSERVATION
 from quad_env.seeding import episode_seeds
+from tests.policies.readings import reading
 from train.scenarios import practice
 
 SEEDS, STEPS = episode_seeds("search", 0, 2), 150
@@ -111,10 +112,7 @@ def test_a_restart_forgets_one_robot_alone() -> None:
 def test_targets_are_those_that_were_asked_for_not_its_own() -> None:
     """As under a residual, which shifts them."""
     policy = MpcWbc()
-    seen = np.zeros((1, 48), np.float32)
-    seen[:, OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
-    seen[:, OBSERVATION["previous_action"]] = 0.1
-    read = policy.observer.read(seen, np.zeros((1, 6)))
+    read = policy.observer.read(reading(1, previous_action=0.1), np.zeros((1, 6)))
     np.testing.assert_allclose(read.targets, policy.robot.home_pose[None] + 0.1, atol=1e-6)
 
 

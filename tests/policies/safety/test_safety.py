@@ -20,6 +20,7 @@ from quad_env.actuation.models import Actuator, TorqueSpeed
 from quad_env.columns import of_robots
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.policies.readings import reading
 
 BROKEN, STEPS = 60, 300
 
@@ -122,7 +123,7 @@ def test_policy_that_hangs_is_answered_for_within_a_control_step_and_stopped_unt
     assert "DeadlineMissed" in policy.failures()[0]
     assert policy.stopped.all()
     policy.reset(1)
-    policy.act(np.zeros((1, OBSERVATION_SIZE), np.float32))
+    policy.act(reading(1))
     assert not policy.stopped.any()
 
 
@@ -146,9 +147,7 @@ def test_emergency_stop_of_a_walking_robot_is_a_controlled_stop_until_a_reset_or
     policy.reset_where(np.array([True, False, False]))
     assert policy.mode.tolist() == [Mode.FOLLOW, Mode.STOP, Mode.STOP]
     policy.emergency_stop(np.array([True, False, False]), damp=True)
-    at_home = np.zeros((3, OBSERVATION_SIZE), np.float32)
-    at_home[:, OBSERVATION["projected_gravity"]] = (0, 0, -1)
-    np.testing.assert_allclose(policy.act(at_home)[0], SIMPLE_QUAD.home_pose, atol=1e-6)
+    np.testing.assert_allclose(policy.act(reading(3))[0], SIMPLE_QUAD.home_pose, atol=1e-6)
     assert policy.mode[0] == Mode.DAMP
 
 

@@ -6,21 +6,15 @@ import numpy as np
 
 import policies
 from policies.trot.integral import TrotIntegral, integral_parameters
-from quad_env import OBSERVATION, OBSERVATION_SIZE
+from tests.policies.readings import reading
 
 PERIOD = 0.01
 
 
 def felt(forward=0.0, yaw_rate=0.0, command=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, -1.0)):
-    observation = np.zeros((1, OBSERVATION_SIZE), np.float32)
-    for term, value in (
-        ("linear_velocity", (forward, 0.0, 0.0)),
-        ("angular_velocity", (0.0, 0.0, yaw_rate)),
-        ("command", command),
-        ("projected_gravity", gravity),
-    ):
-        observation[:, OBSERVATION[term]] = value
-    return observation
+    turning = (0.0, 0.0, yaw_rate)
+    moving = {"linear_velocity": (forward, 0.0, 0.0), "angular_velocity": turning, "projected_gravity": gravity}
+    return reading(1, command=command, **moving)
 
 
 def told(policy, monkeypatch):

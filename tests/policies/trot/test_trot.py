@@ -9,9 +9,9 @@ from evaluate.rollouts import rollout
 from policies.gait_cycle import TROT_OFFSETS, Gait
 from policies.legs.kinematics import foot_positions
 from policies.trot.open_loop import Trot, TrotParameters, held_up, searched_parameters
-from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
+from tests.policies.readings import reading
 
 # The bare path: nothing made up for, an identity for the command map, and no waiting for the command.
 BARE = TrotParameters(
@@ -35,18 +35,12 @@ BARE = TrotParameters(
 )
 
 
-def observe(command):
-    observation = np.zeros((*np.shape(command)[:-1], OBSERVATION_SIZE), np.float32)
-    observation[..., OBSERVATION["command"]] = command
-    return observation
-
-
 def steady(parameters, command, steps=80, settle=40):
     """Actions (steps, 12) and phases (steps,) at a held command, once blended in."""
     policy = Trot(parameters)
     for _ in range(settle):
-        policy.act(observe(command))
-    rows = [(policy.act(observe(command)), policy.phase[0]) for _ in range(steps)]
+        policy.act(reading(command=command))
+    rows = [(policy.act(reading(command=command)), policy.phase[0]) for _ in range(steps)]
     return np.array([action for action, _ in rows], dtype=np.float64), np.array([phase for _, phase in rows])
 
 
@@ -93,14 +87,14 @@ def test_command_is_followed_no_faster_than_the_acceleration_limits():
     slow = Trot(replace(BARE, linear_acceleration=4.0, yaw_acceleration=6.0))
     settled = Trot(BARE)
     for _ in range(60):
-        slow.act(observe((0.0, 0.0, 0.0))), settled.act(observe((0.0, 0.0, 0.0)))
+        slow.act(reading()), settled.act(reading())
     for _ in range(10):
-        late = slow.act(observe((1.0, -0.5, 1.2)))
-        expected = settled.act(observe((0.4, -0.4, 0.6)))
+        late = slow.act(reading(command=(1.0, -0.5, 1.2)))
+        expected = settled.act(reading(command=(0.4, -0.4, 0.6)))
     np.testing.assert_allclose(late, expected, atol=1e-6)
     for _ in range(20):
-        late = slow.act(observe((1.0, -0.5, 1.2)))
-        expected = settled.act(observe((1.0, -0.5, 1.2)))
+        late = slow.act(reading(command=(1.0, -0.5, 1.2)))
+        expected = settled.act(reading(command=(1.0, -0.5, 1.2)))
     np.testing.assert_allclose(late, expected, atol=1e-6)
 
 
@@ -117,13 +111,13 @@ MAP = {"forward_gain": 1.2, "forward_bias": 0.1, "lateral_gain": 0.9, "yaw_gain"
 def test_the_command_that_is_followed_by_hand(changes, command, expected):
     mapped, plain = Trot(replace(BARE, **changes)), Trot(BARE)
     for _ in range(50):
-        asked, plainly = mapped.act(observe(command)), plain.act(observe(expected))
+        asked, plainly = mapped.act(reading(command=command)), plain.act(reading(command=expected))
     np.testing.assert_allclose(asked, plainly, atol=1e-6)
 
 
 def test_it_sets_out_from_the_home_pose():
     policy = Trot(BARE)
-    actions = np.array([policy.act(observe((1.5, 0.8, 1.2))) for _ in range(30)])
+    actions = np.array([policy.act(reading(command=(1.5, 0.8, 1.2))) for _ in range(30)])
     assert np.abs(actions[0] - SIMPLE_QUAD.home_pose).max() < 0.01
     assert np.abs(np.diff(actions, axis=0)).max() < 0.2
 
@@ -175,6 +169,6 @@ def test_shipped_trot_gives_the_actions_that_the_shipped_residual_stands_on():
     for _ in range(20):
         command = rng.uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (16, 3))
         for _ in range(25):
-            action = policy.act(observe(command))
+            action = policy.act(reading(16, command=command))
     legs = [[0.065947, 1.5, -2.082401], [-0.111987, 1.179002, -2.387846], [-0.061249, 1.310344, -2.450294]]
     np.testing.assert_allclose(action[3], [*legs[0], *legs[1], *legs[2], 0.034696, 1.5, -2.094196], atol=2e-6)

@@ -17,9 +17,9 @@ SCALE = observation_table(SIMPLE_QUAD).scale
 SMALL = PpoConfig(envs=4, rollout_steps=2, minibatch=8, actor=(8, 6), critic=(8,))
 
 
-def learner(**changes):
-    config = dataclasses.replace(TrainConfig(), threads=1, ppo=dataclasses.replace(SMALL, **changes))
-    return config, build(config, make_env(config))
+def learner():
+    config = dataclasses.replace(TrainConfig(), threads=1, ppo=SMALL)
+    return build(config, make_env(config))
 
 
 def shaken(model):
@@ -32,7 +32,7 @@ def shaken(model):
 
 
 def test_the_first_policy_corrects_nothing_anywhere():
-    _, model = learner()
+    model = learner()
     inputs = np.random.default_rng(0).normal(size=(50, model.observation_space.shape[0])).astype(np.float32)
     assert not model.predict(inputs, deterministic=True)[0].any()
     network = actor_network(model)
@@ -41,8 +41,7 @@ def test_the_first_policy_corrects_nothing_anywhere():
 
 
 def test_only_the_critic_sees_what_the_robot_cannot_know():
-    _, model = learner()
-    shaken(model)
+    model = shaken(learner())
     env = model.get_env()
     observation = torch.as_tensor(np.random.default_rng(0).normal(size=(5, env.observation_space.shape[0])))
     told = observation.float()
@@ -56,8 +55,7 @@ def test_only_the_critic_sees_what_the_robot_cannot_know():
 
 
 def test_the_numpy_network_is_the_torch_actor():
-    _, model = learner()
-    shaken(model)
+    model = shaken(learner())
     inputs = np.random.default_rng(0).normal(size=(200, model.observation_space.shape[0])).astype(np.float32)
     with torch.no_grad():
         expected = model.policy.get_distribution(torch.from_numpy(inputs)).distribution.mean.numpy()

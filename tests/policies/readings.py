@@ -1,0 +1,16 @@
+"""What policies read, as tests make it up."""
+
+from typing import Any
+
+import numpy as np
+
+from quad_env import OBSERVATION, OBSERVATION_SIZE
+
+
+def reading(robots: int | None = None, **terms: Any) -> np.ndarray:
+    """Of robots that stand level and at rest in the home pose but for these terms, (n, 48); of one without, (48,)."""
+    rows = np.zeros((1 if robots is None else robots, OBSERVATION_SIZE), np.float32)
+    rows[:, OBSERVATION["projected_gravity"]] = (0.0, 0.0, -1.0)
+    for name, values in terms.items():
+        rows[:, OBSERVATION[name]] = values
+    return rows[0] if robots is None else rows
