@@ -1,10 +1,11 @@
-"""What policies read, as tests make it up."""
+"""What policies read, as tests make it up, and where they want the feet."""
 
 from typing import Any
 
 import numpy as np
 
-from quad_env import OBSERVATION, OBSERVATION_SIZE
+from policies.legs.kinematics import foot_positions
+from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD
 
 
 def reading(robots: int | None = None, **terms: Any) -> np.ndarray:
@@ -14,3 +15,9 @@ def reading(robots: int | None = None, **terms: Any) -> np.ndarray:
     for name, values in terms.items():
         rows[:, OBSERVATION[name]] = values
     return rows[0] if robots is None else rows
+
+
+def feet(actions: np.ndarray) -> np.ndarray:
+    """Where actions (…, 12) put the feet, base frame, (…, 4, 3), m."""
+    joints = actions.astype(np.float64).reshape(*actions.shape[:-1], 4, 3)
+    return foot_positions(SIMPLE_QUAD, joints) + SIMPLE_QUAD.hip_positions

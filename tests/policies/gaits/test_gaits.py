@@ -9,10 +9,9 @@ from evaluate.rollouts.strides import Strides, walked
 from policies.gaits.change import CHANGE_TIME
 from policies.gaits.parameters import GAITS, OFFSETS, GaitParameters, froude, row, slowed, stepping
 from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
-from policies.legs.kinematics import foot_positions
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
-from tests.policies.readings import reading
+from tests.policies.readings import feet, reading
 
 LEGS = ("fl", "fr", "hl", "hr")
 # The bare path: nothing made up for, no feedback, an identity for the command map, 40 ticks a cycle.
@@ -31,11 +30,6 @@ def steps(policy, command, count):
     """Actions (count, n, 12) and swings (count, n, 4) at a held command."""
     rows = [(policy.act(reading(policy.num_envs, command=command)), policy.swing) for _ in range(count)]
     return np.array([action for action, _ in rows], np.float64), np.array([swing for _, swing in rows])
-
-
-def feet(actions):
-    """Feet in the base frame, (steps, 4, 3), of the first robot."""
-    return foot_positions(SIMPLE_QUAD, actions[:, 0].reshape(-1, 4, 3)) + SIMPLE_QUAD.hip_positions
 
 
 def touch_downs(swing):
@@ -68,7 +62,7 @@ def test_standing_feet_move_against_the_commanded_velocity_at_their_place():
     policy, command = bare("trot"), (-0.3, 0.2, 0.6)
     steps(policy, command, 200)
     actions, swing = steps(policy, command, 80)
-    where = feet(actions)
+    where = feet(actions[:, 0])
     velocity = np.diff(where, axis=0) / 0.01
     standing = ~swing[:-1, 0] & ~swing[1:, 0]
     vx, vy, yaw_rate = command

@@ -10,6 +10,7 @@ from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from research.studies.prediction import whole_body
 from tests.policies.readings import reading
 
 PERIOD, SUBSTEPS = 0.01, 5
@@ -55,19 +56,8 @@ class Trotting:
         self.forces = np.zeros((4, 3))
         for _ in range(SUBSTEPS):
             mujoco.mj_step(self.model, self.data)
-            self.forces += self._contacts() / SUBSTEPS
+            self.forces += whole_body(SIMPLE_QUAD, self.model, self.data).forces / SUBSTEPS
         return motion(SIMPLE_QUAD, DYNAMICS, self.observation()[None])
-
-    def _contacts(self) -> np.ndarray:
-        found, wrench = np.zeros((4, 3)), np.empty(6)
-        feet = [self.model.geom(f"{leg}_foot").id for leg in SIMPLE_QUAD.leg_names]
-        for index, contact in enumerate(self.data.contact):
-            mujoco.mj_contactForce(self.model, self.data, index, wrench)
-            force = contact.frame.reshape(3, 3).T @ wrench[:3]
-            for geom, sign in ((contact.geom1, -1.0), (contact.geom2, 1.0)):
-                if geom in feet:
-                    found[feet.index(geom)] += sign * force
-        return found
 
     def turned(self, vectors: np.ndarray) -> np.ndarray:
         """World vectors in the level frame."""

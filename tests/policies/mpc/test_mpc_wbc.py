@@ -183,7 +183,6 @@ def test_without_the_whole_body_s_program_each_leg_goes_by_itself() -> None:
 
 @pytest.mark.parametrize("kind", ["plans", "torques"])
 def test_a_robot_without_solutions_is_stopped_on_its_feet(kind: str) -> None:
-    """From 1 s on, while it walks."""
     solver = Unreliable(kind)
     policy, vec = MpcWbc(solver=solver), gym.make_vec("quad_env:SimpleQuad-v0", num_envs=2, readings=True)
     rows, _ = vec.reset(seed=[3, 4], options={"command": (0.5, 0.0, 0.0)})

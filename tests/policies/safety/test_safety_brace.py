@@ -6,7 +6,6 @@ import pytest
 import policies
 from policies.base import CONTROL_PERIOD, Policy
 from policies.behaviour.transitions import TOPPLING_TILT
-from policies.legs.kinematics import foot_positions
 from policies.safety import Mode, Safe, SafetyLimits
 from policies.safety.brace import RELEASE_TIME, REST_TIME, braced
 from policies.safety.fall_prediction import RECENT_TIME, next_recent, next_reference, velocity_deviation
@@ -17,7 +16,7 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
-from tests.policies.readings import reading
+from tests.policies.readings import feet, reading
 
 
 class Told(Policy):
@@ -78,10 +77,7 @@ def test_push_while_getting_up_is_braced_for_again():
     assert policy.mode[0] == Mode.CATCH
 
 
-@pytest.mark.parametrize(
-    "state",
-    [{"velocity": (0.7, 0.0, 0.0)}, {"turning": (0.0, 2.0, 0.0)}, {"up": (0.6, 0.0, 0.8)}],
-)
+@pytest.mark.parametrize("state", [{"velocity": (0.7, 0, 0)}, {"turning": (0, 2.0, 0)}, {"up": (0.6, 0, 0.8)}])
 def test_robot_that_moves_turns_or_leans_stays_braced(state):
     policy = Safe(Told(), alarm_above=1.0)
     policy.reset(1)
@@ -103,12 +99,9 @@ def test_robot_that_is_too_far_over_is_the_policys_again():
 
 
 def test_brace_is_wide_and_low_and_lets_the_side_down_that_rises():
-    def feet(turning):
-        joints = braced(SIMPLE_QUAD, moving(turning=turning)).reshape(4, 3)
-        return foot_positions(SIMPLE_QUAD, joints) + SIMPLE_QUAD.hip_positions
-
-    level, rolling, pitching = feet((0.0, 0.0, 0.0)), feet((0.5, 0.0, 0.0)), feet((0.0, 0.5, 0.0))
-    home = foot_positions(SIMPLE_QUAD, SIMPLE_QUAD.home_pose.reshape(4, 3)) + SIMPLE_QUAD.hip_positions
+    turning = ((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0))
+    level, rolling, pitching = (feet(braced(SIMPLE_QUAD, moving(turning=rates)))[0] for rates in turning)
+    home = feet(SIMPLE_QUAD.home_pose)
     assert (np.abs(level[:, 1]) > np.abs(home[:, 1])).all()
     assert (level[:, 2] > home[:, 2]).all()
     assert (np.sign(rolling - level)[:, 2] == SIMPLE_QUAD.side).all()  # +x turns the left side up

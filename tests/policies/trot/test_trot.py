@@ -11,7 +11,7 @@ from policies.legs.kinematics import foot_positions
 from policies.trot.open_loop import Trot, TrotParameters, held_up, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
-from tests.policies.readings import reading
+from tests.policies.readings import feet, reading
 
 # The bare path: nothing made up for, an identity for the command map, and no waiting for the command.
 BARE = TrotParameters(
@@ -42,11 +42,6 @@ def steady(parameters, command, steps=80, settle=40):
         policy.act(reading(command=command))
     rows = [(policy.act(reading(command=command)), policy.phase[0]) for _ in range(steps)]
     return np.array([action for action, _ in rows], dtype=np.float64), np.array([phase for _, phase in rows])
-
-
-def feet(actions):
-    """Feet in the base frame, (steps, 4, 3)."""
-    return foot_positions(SIMPLE_QUAD, actions.reshape(-1, 4, 3)) + SIMPLE_QUAD.hip_positions
 
 
 @pytest.mark.parametrize("command", [(0.0, 0.0, 1.0), (-0.6, 0.4, -0.8)])

@@ -79,7 +79,6 @@ speeds = st.tuples(*[st.floats(-5, 5)] * 3)
 
 @given(speeds, speeds, speeds, st.tuples(amounts, amounts))
 def test_whatever_is_graded_the_outcomes_keep_their_order(command, one, other, graded):
-    """Standing still and falling never cost less than walking."""
     order = (SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR)
     for better, worse in itertools.pairwise(order):
         first = episode_costs(found(better, [command], [one], **graded[0]))
