@@ -12,11 +12,7 @@ WEIGHTS = Weights(
     np.array([10.0, 9.0, 2.0]), np.array([1.0, 2.0, 100.0]), np.array([0.1, 0.2, 0.3]), np.array([2.0, 3.0, 0.5]), 1e-5
 )
 HORIZON = Horizon(STEPS, PERIOD, WEIGHTS)
-
-
-def friction(share: float = 0.6) -> Friction:
-    """Of one robot."""
-    return Friction(np.array([share]), np.array([0.0]), np.array([170.0]))
+FRICTION = Friction(np.array([0.6]), np.array([0.0]), np.array([170.0]))
 
 
 def body() -> Body:
@@ -48,9 +44,9 @@ def wanted() -> Reference:
     return Reference(*(aim[None] for aim in aims))
 
 
-def of_one(share: float = 0.6) -> Programs:
+def of_one() -> Programs:
     """The robot's program."""
-    ((robots, programs),) = HORIZON.programs(body(), arms(), standing(), wanted(), friction(share))
+    ((robots, programs),) = HORIZON.programs(body(), arms(), standing(), wanted(), FRICTION)
     assert robots.tolist() == [0]
     return programs
 
@@ -90,7 +86,7 @@ def test_the_program_s_cost_is_that_of_the_prediction() -> None:
 
 
 def test_friction_holds_a_force_within_its_pyramid() -> None:
-    rows, lower, upper = (part[0] for part in friction_rows(2, friction()))
+    rows, lower, upper = (part[0] for part in friction_rows(2, FRICTION))
 
     def allowed(first: list[float], second: list[float]) -> bool:
         reached = rows @ np.array([*first, *second])

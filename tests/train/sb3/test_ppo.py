@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.task.observations import observation_table
 from train.config import PpoConfig, TrainConfig
 from train.run import make_env
 from train.sb3.ppo import AdaptiveRate, actor_network, build, learning_rate
-
-SCALE = observation_table(SIMPLE_QUAD).scale
 
 SMALL = PpoConfig(envs=4, rollout_steps=2, minibatch=8, actor=(8, 6), critic=(8,))
 
