@@ -23,15 +23,13 @@ from quad_env.seeding import episode_seeds
 from tests.policies.readings import reading
 from train.scenarios import practice
 
-BOTH = pytest.mark.parametrize("policy", [Mpc, MpcWbc])
-
 
 def walked(policy: Mpc, scenario: str = "flat", steps: int = 300) -> Measures:
     """What two robots did, which look for 3 s at the commands of search episodes."""
     return measure(rollout.run(policy, practice(scenario, "search"), episode_seeds("search", 9, 2), steps=steps))
 
 
-@BOTH
+@pytest.mark.parametrize("policy", [Mpc, MpcWbc])
 def test_it_does_what_it_is_asked_to_do_on_flat_ground(policy: type[Mpc]) -> None:
     found = walked(policy())
     assert not found.fell.any()
