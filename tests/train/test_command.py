@@ -47,14 +47,6 @@ def files(folder):
     return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_run_leaves_bundles_settings_checkpoint_and_log(finished_run):
-    written = files(finished_run)
-    assert {CONFIG_FILE, "best/policy.json", "best/policy.safetensors", "last/policy.json"} <= written
-    assert "checkpoints/000000000256.json" in written
-    assert any(name.startswith("tensorboard/") for name in written)
-    assert json.loads((finished_run / CONFIG_FILE).read_text(encoding="utf-8"))["ppo"]["actor"] == [8]
-
-
 def test_training_goes_by_its_timestep_and_validation_by_the_robots_own(tmp_path, monkeypatch):
     made, compiled = [], simulation.compile_model
 

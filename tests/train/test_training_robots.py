@@ -114,7 +114,6 @@ def test_what_is_privileged_is_the_truth_whatever_the_robots_sense():
 @pytest.mark.parametrize(
     ("longest", "ppo", "rollouts"),
     [
-        (1000, PpoConfig(envs=3, rollout_steps=16, hold=1), 62),  # of 62.5
         (1000, PpoConfig(envs=256, rollout_steps=24, hold=2), 21),  # of 20.8
         (10, PpoConfig(envs=1, rollout_steps=64, hold=1), 1),
     ],

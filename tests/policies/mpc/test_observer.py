@@ -114,15 +114,3 @@ def test_targets_are_those_that_were_asked_for_not_its_own() -> None:
     policy = MpcWbc()
     read = policy.observer.read(reading(1, previous_action=0.1), np.zeros((1, 6)))
     np.testing.assert_allclose(read.targets, policy.robot.home_pose[None] + 0.1, atol=1e-6)
-
-
-def test_a_restarted_robot_has_no_noise_until_it_shows() -> None:
-    noise, rng = ReadingNoise(0.01), np.random.default_rng(0)
-    noise.allocate(2)
-    for _ in range(50):
-        noise.variances(rng.standard_normal((2, SENSED.stop)))
-    noise.restart(np.array([True, False]))
-    for _ in range(5):
-        found = noise.variances(np.zeros((2, SENSED.stop)))
-    assert not found[0].any()
-    assert found[1].all()

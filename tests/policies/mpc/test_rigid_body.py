@@ -100,3 +100,25 @@ def test_friction_holds_a_force_within_its_pyramid() -> None:
     assert not allowed(held, [0.0, 0.0, 170.1])
     _, lower, _ = friction_rows(1, Friction(np.array([0.6]), np.array([5.0]), np.array([170.0])))
     assert lower[0, 4] == 5.0  # the vertical force presses at least as hard
+
+
+def test_programs_of_many_robots_are_those_of_each() -> None:
+    """Five robots, some with other feet on the ground."""
+    random, shape = np.random.default_rng(3), (5, STEPS, 4, 3)
+    bodies = [np.repeat(part, 5, axis=0) for part in body()]
+    bodies = [part * (1.0 + 0.2 * random.random((5, *(1,) * (part.ndim - 1)))) for part in bodies]
+    feet, stands = arms() + 0.02 * random.normal(size=shape), np.repeat(standing(), 5, axis=0)
+    stands[1, 0] = stands[4, 0] = True
+    stands[2, 0, 0] = False
+    goal = [np.repeat(part, 5, axis=0) for part in wanted()]
+    bounds = Friction(0.3 + 0.5 * random.random(5), np.zeros(5), 150.0 + 50.0 * random.random(5))
+    seen = []
+    for robots, together in HORIZON.programs(Body(*bodies), feet, stands, Reference(*goal), bounds):
+        for place, robot in enumerate(robots):
+            one = slice(robot, robot + 1)
+            of_one, goal_of_one = Body(*(part[one] for part in bodies)), Reference(*(part[one] for part in goal))
+            ((_, alone),) = HORIZON.programs(of_one, feet[one], stands[one], goal_of_one, bounds.of(one))
+            for name in ("hessian", "gradient", "rows", "lower", "upper"):
+                np.testing.assert_array_equal(getattr(together, name)[place], getattr(alone, name)[0], err_msg=name)
+            seen.append(robot)
+    assert sorted(seen) == [0, 1, 2, 3, 4]

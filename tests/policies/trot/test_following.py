@@ -27,3 +27,17 @@ def test_the_ratio_is_that_of_the_movements_however_late_the_joints_are():
 
 def test_what_a_robot_does_while_it_does_not_walk_teaches_nothing():
     assert followed(0.1, walking=0.0).ratio[0] == 1.0
+
+
+def test_a_robot_alone_has_the_same_bits_as_among_others():
+    strides = np.random.default_rng(0).normal(size=(20, JOINTS, 3))
+
+    def ratio(strides):
+        following, walks = Following(JOINTS, 0.01), np.ones(strides.shape[2])
+        following.memory.allocate(strides.shape[2])
+        for targets, joints in zip(strides[::2], strides[1::2], strict=True):
+            following.read(joints, walks)
+            following.command(targets, walks)
+        return following.ratio
+
+    assert [ratio(strides[:, :, [robot]])[0] for robot in range(3)] == ratio(strides).tolist()
