@@ -35,6 +35,16 @@ def no_page(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("evaluate.commands.outputs.write_report", lambda *_, **__: None)
 
 
+@pytest.fixture
+def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mistake must be found before anything is simulated."""
+
+    def simulated(*_args: Any, **_options: Any) -> None:
+        raise AssertionError("an episode was simulated")
+
+    monkeypatch.setattr("evaluate.rollouts.rollout.run", simulated)
+
+
 POLICIES = ("document", "stand", "trot")
 SCENARIOS = ("flat", "push")
 EPISODES = 5

@@ -243,21 +243,6 @@ def test_requirements_since_the_last_pull_are_found(
         assert seen in complaints(Subject(), OF_THE_INSTALLATION[:1])["packages"].seen
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--robot", "nobody"], "unknown robot 'nobody'; there are simple_quad, "),
-        (["--robot", "nowhere.xml"], "nowhere.xml is no file"),
-        (["--policy", "trott"], "name one of behaviour, "),
-    ],
-)
-def test_a_mistake_is_a_line_and_exit_code_2(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["doctor", *words]) == 2
-    printed = capsys.readouterr()
-    assert (printed.out, printed.err.count("\n")) == ("", 1)
-    assert said in printed.err
-
-
 def test_cause_and_remedy_are_printed_under_the_observation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = edited(tmp_path, ('range="-2.5 0"', 'range="-143 0"'))
     assert main(["doctor", "--robot", str(path)]) == 1

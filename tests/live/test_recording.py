@@ -23,7 +23,6 @@ from evaluate.rollouts.rollout import roll_out
 from live.recording import recorder, rows
 from live.recording.messages import STANDARD, topic_name
 from live.recording.recorder import recorder_for
-from quad_env.__main__ import main
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.waiting import until
@@ -202,28 +201,6 @@ def test_an_episode_after_a_reset_goes_on_in_time_and_a_slow_writer_loses_nothin
     lines = [(at, line) for at, line in events_of(told) if not line.startswith("command")]
     assert lines == [(0, "before the start"), (30, "residual chosen"), (31, "reset")]
     assert told["/imu"][31][1].linear_acceleration.z == pytest.approx(9.81, abs=0.5)  # no jump from one to the other
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ([], "exists already"),
-        (["--policy", "trott"], "trott"),
-        (["--scenario", "push:all"], "name one of them"),
-        (["--seconds", "nan"], "--seconds must be"),
-        (["--command", "nan", "0", "0"], "--command must be"),
-    ],
-)
-def test_a_mistake_is_a_line_and_nothing_is_written(
-    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    kept = tmp_path / "mine.mcap"
-    kept.write_text("mine", encoding="utf-8")
-    assert main(["record", str(tmp_path / "walk.mcap" if words else kept), *words]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert said in error
-    assert [path.read_text(encoding="utf-8") for path in tmp_path.iterdir()] == ["mine"]
 
 
 def finished(path: Path) -> Decoded:

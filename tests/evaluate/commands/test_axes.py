@@ -73,13 +73,6 @@ def test_an_interrupted_run_goes_on(folder, tmp_path, monkeypatch) -> None:
     assert (tmp_path / "fall_rates.svg").is_file()
 
 
-def test_an_axis_that_is_none_lists_them(capsys, tmp_path) -> None:
-    assert main(["axes", "ice", "--out", str(tmp_path / "out")]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert "slippery" in error
-
-
 def test_training_seeds_are_reported_apart(folder) -> None:
     results = json.loads((folder / "out" / "results.json").read_text(encoding="utf-8"))
     assert list(results["training_seeds"]) == [str(folder)]
@@ -93,13 +86,6 @@ def test_training_seeds_are_reported_apart(folder) -> None:
         assert found["standard_deviation"] == pytest.approx(np.std(values, ddof=1))
         assert (found["lowest"], found["highest"]) == pytest.approx((min(values), max(values)))
     assert len(group["scenarios"]) == len(AXES["push"].levels)
-
-
-def test_a_command_that_is_none_may_be_a_policy_or_a_slip(tmp_path, capsys) -> None:
-    assert main(["crouch", "--scenarios", "ice", "--out", str(tmp_path)]) == 2
-    assert "unknown scenario 'ice'" in capsys.readouterr().err
-    assert main(["repaly", "--out", str(tmp_path)]) == 2
-    assert "did you mean the command replay?" in capsys.readouterr().err
 
 
 def test_a_report_of_measures_that_are_no_more_is_refused(folder, tmp_path, capsys) -> None:

@@ -21,68 +21,21 @@ PYTHON = (sys.executable, "-W", "error")
 
 
 @pytest.fixture
-def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A mistake must be found before anything is simulated."""
-
-    def simulated(*_args, **_options):
-        raise AssertionError("an episode was simulated")
-
-    monkeypatch.setattr("evaluate.rollouts.rollout.run", simulated)
-
-
-@pytest.fixture
 def bundle_folder(tmp_path: Path) -> Path:
     return trained(tmp_path / "trained")
 
 
-def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    """The one line that these arguments are refused with."""
-    assert main([str(argument) for argument in arguments]) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    lines = printed.err.splitlines()
-    assert len(lines) == 1, printed.err
-    assert lines[0].startswith("error: ")
-    return lines[0]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--policies", "trott"], ["trott", "document_repaired", "stand", "trot"]),
-        (["--policies", "trot", "stand", "trot"], ["trot", "more than once"]),
-        (["--scenarios", "ice"], ["ice", "flat", "push", "rough"]),
-        (["--episodes", "0"], ["--episodes", "0"]),
-        (["--episodes", "many"], ["--episodes", "many", "--help"]),
-        (["--seed", "-1"], ["--seed"]),
-        (["--actuator", "moter"], ["actuator", "moter", "ideal, torque_speed, motor"]),
-        (["--nonsense"], ["--nonsense", "--help"]),
-    ],
-    ids=" ".join,
-)
 @pytest.mark.usefixtures("no_simulation")
-def test_a_mistake_is_one_line_that_names_the_remedy(capsys, tmp_path, arguments, words) -> None:
-    defaults = [] if "--policies" in arguments else ["--policies", "trot"]
-    line = refused(capsys, *defaults, *arguments, "--out", tmp_path)
-    for word in words:
-        assert word in line
-    assert list(tmp_path.iterdir()) == []
-
-
-GATED = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
-
-
-@pytest.mark.usefixtures("no_simulation")
-def test_a_folder_that_cannot_be_written_to_is_refused(capsys, tmp_path) -> None:
+def test_a_folder_that_cannot_be_written_to_is_refused(refused, tmp_path) -> None:
     (tmp_path / "file").write_text("not a folder", encoding="utf-8")
-    assert "--out" in refused(capsys, "--policies", "trot", "--out", tmp_path / "file")
+    assert "--out" in refused(main, "trot", "--out", tmp_path / "file")
     (tmp_path / "report.html").mkdir()
-    line = refused(capsys, "--policies", "trot", "--out", tmp_path)
+    line = refused(main, "trot", "--out", tmp_path)
     assert str(tmp_path / "report.html") in line
     assert "--out" in line
     (tmp_path / "report.html").rmdir()
     (tmp_path / "parts").touch()
-    assert "--out" in refused(capsys, "--policies", "trot", "--out", tmp_path)
+    assert "--out" in refused(main, "trot", "--out", tmp_path)
 
 
 QUICK = ("--policies", "document", "--scenarios", "flat", "--episodes", "1", "--no-film")
@@ -145,32 +98,10 @@ def test_a_gate_that_does_not_hold_sets_the_exit_code(capsys, tmp_path) -> None:
     assert main(["report", str(tmp_path), "--no-film", "--gate", "stand falls <= 0.5"]) == 0
 
 
-@pytest.mark.parametrize(
-    ("gate", "words"),
-    [
-        ("stand falls", "cannot be read"),
-        ("trot falls <= 1", "trot"),
-        ("stand joy <= 1", "joy"),
-    ],
-)
 @pytest.mark.usefixtures("no_simulation")
-def test_a_gate_that_cannot_be_evaluated_is_refused(capsys, tmp_path, gate, words) -> None:
-    line = refused(capsys, *GATED, "--gate", gate, "--out", tmp_path / "out")
-    assert line.startswith("error: --gate: ")
-    assert words in line
-
-
-@pytest.mark.usefixtures("no_simulation")
-def test_one_bundle_by_two_paths_is_refused(capsys, tmp_path, bundle_folder) -> None:
-    other = bundle_folder.parent / "." / "trained"
-    assert "more than once" in refused(capsys, "--policies", bundle_folder, f"{other}/", "--out", tmp_path)
-
-
-@pytest.mark.usefixtures("no_simulation")
-def test_a_residual_that_is_not_shipped_is_said_to_be_missing(capsys, tmp_path, monkeypatch) -> None:
+def test_a_residual_that_is_not_shipped_is_said_to_be_missing(refused, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(policies.shipped, "MODELS", tmp_path / "models")
-    line = refused(capsys, "--out", tmp_path / "out")
-    assert "python -m train" in line
+    assert "python -m train" in refused(main, "--out", tmp_path / "out")
 
 
 @pytest.mark.usefixtures("no_page")
@@ -251,13 +182,13 @@ def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay, runn
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks of folders there")
 @pytest.mark.usefixtures("no_simulation")
 @pytest.mark.parametrize("arguments", [(), ("--resume",)], ids=" ".join)
-def test_a_folder_that_another_run_writes_to_is_refused_at_once(capsys, tmp_path, run, arguments) -> None:
+def test_a_folder_that_another_run_writes_to_is_refused_at_once(refused, tmp_path, run, arguments) -> None:
     """Its own run, too, which --resume would carry on; before its first part no manifest stands there."""
     mine = ["--policies", "document", "stand", "trot", "--scenarios", "flat", "push", "--episodes", "5", "--seed", "3"]
     for folder in (run.folder, tmp_path):
         before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
         with sole_use(folder):
-            assert f"{folder} is being written to" in refused(capsys, *mine, *arguments, "--out", folder)
+            assert f"{folder} is being written to" in refused(main, *mine, *arguments, "--out", folder)
         assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before
 
 

@@ -121,23 +121,6 @@ def test_a_column_that_one_of_them_lacks_is_left_out(run, tmp_path, capsys) -> N
     assert (code, "6 of 6" in said, "–" in said) == (0, True, True)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--policies", "trott", "trot"), ("trott", "document, stand, trot")),
-        (("--policies", "trot"), ("--policies",)),
-        (("--json", "."), ("--json", "is a folder")),
-    ],
-    ids=lambda value: " ".join(value),
-)
-def test_a_mistake_is_one_line(run, capsys, arguments, words) -> None:
-    code, said = compare(capsys, run.folder, run.folder, *arguments)
-    error = [line for line in said.splitlines() if line.startswith("error: ")]
-    assert (code, len(error)) == (2, 1)
-    for word in words:
-        assert word in error[0]
-
-
 def test_nothing_in_common_is_said(run, tmp_path, capsys) -> None:
     def renamed(rows: pa.Table) -> pa.Table:
         return column(rows, "policy", [f"old {policy}" for policy in rows.column("policy").to_pylist()])
@@ -145,5 +128,3 @@ def test_nothing_in_common_is_said(run, tmp_path, capsys) -> None:
     b = other(run, tmp_path / "b", renamed, policies={f"old {policy}": "" for policy in ("document", "stand", "trot")})
     code, said = compare(capsys, run.folder, b)
     assert (code, "--policies ONE_OF_A ONE_OF_B" in said) == (2, True)
-    code, said = compare(capsys, run.folder, tmp_path / "nothing")
-    assert (code, said.count("\n")) == (2, 1)

@@ -254,21 +254,3 @@ def test_a_folder_without_results_is_one_line(capsys, tmp_path) -> None:
             assert main(words) == 2
             said = f"error: {path} is no folder with results of `python -m evaluate`: it has no manifest.json\n"
             assert capsys.readouterr() == ("", said)
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("trot stand --scenarios flat --out FOLDER --baseline gallop", "--baseline: gallop is not among the policies"),
-        ("report RUN --baseline gallop", "--baseline: gallop is not among the policies"),
-        ("trot@ --out out", "--policies: name scenarios after the @ of trot@, as in document@flat"),
-    ],
-)
-def test_values_that_nothing_can_be_done_with_are_one_line(
-    capsys, tmp_path, monkeypatch, evaluated, words, said
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(words.replace("FOLDER", str(tmp_path)).replace("RUN", str(evaluated)).split()) == 2
-    printed = capsys.readouterr()
-    assert (printed.out, printed.err.count("\n")) == ("", 1)
-    assert printed.err.startswith(f"error: {said}")

@@ -70,29 +70,6 @@ def test_what_may_have_caused_a_difference_is_said(run, tmp_path, capsys, monkey
         assert words in said
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("30",), ("rows 0 to 29", "30")),
-        (("-1",), ("-1",)),
-        (("many",), ("many", "--help")),
-        (("1", "--policy", "trott"), ("trott", "document, stand, trot")),
-        (("1", "--scenario", "ice"), ("ice", "flat, push")),
-        (("1", "--policy", "trot"), ("--scenario",)),
-        (("1", "--scenario", "push"), ("--policy",)),
-        (("5", "--policy", "trot", "--scenario", "push"), ("0 to 4",)),
-        (("1", "--video", "film.avi"), (".mp4", ".webp", "film.avi")),
-    ],
-    ids=lambda value: " ".join(value),
-)
-def test_a_mistake_is_one_line(run, capsys, arguments, words) -> None:
-    code, said = replay(capsys, run.folder, *arguments)
-    assert (code, said.count("\n")) == (2, 1)
-    assert said.startswith("error: ")
-    for word in words:
-        assert word in said
-
-
 @pytest.mark.usefixtures("no_page")
 def test_an_episode_is_run_again_with_its_hardware(tmp_path, capsys, monkeypatch) -> None:
     option, usual, other, column = "sensors", "truth", "typical", "velocity_error"

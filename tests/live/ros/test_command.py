@@ -51,24 +51,6 @@ def test_a_master_on_another_machine_needs_the_network(uri: str) -> None:
     assert interpreter.environment({"ROS_MASTER_URI": uri}, network=True)["ROS_MASTER_URI"] == uri
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--scenario", "push:all"], "name one of them"),
-        (["--real-time-factor", "0"], "--real-time-factor must be"),
-        (["--version", "3"], "see `python -m quad_env ros --help`"),
-    ],
-)
-def test_a_mistake_is_a_line(
-    words: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(interpreter, "MODULES", {"1": ("json",)})
-    assert main(["ros", *words]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert said in error
-
-
 READY = 'import socket, time; link = socket.socket(fileno=0); link.send(b\'{"ready": "here"}\'); '
 
 

@@ -11,9 +11,8 @@ import pytest
 
 from live.view.driver import Driver
 from live.view.loop import LiveView
-from live.view.requests import LARGEST_SEED, Request
+from live.view.requests import Request
 from live.view.server import Server
-from quad_env.__main__ import main
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
@@ -83,8 +82,3 @@ def test_ctrl_c_is_not_lost_where_an_exception_would_be(view: tuple[Driver, Live
             live.run()
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def test_a_seed_that_no_page_can_name_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["view", "--seed", str(LARGEST_SEED + 1)]) == 2
-    assert "--seed" in capsys.readouterr().err
