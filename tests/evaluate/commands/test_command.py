@@ -66,7 +66,7 @@ def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_pa
     assert (found["flat"]["velocity_error"], found["flat"]["velocity_error_ci"]) == (2.0, [None, None])
 
 
-def test_help_loads_nothing_heavy_and_the_launcher_is_the_same_command(repository) -> None:
+def test_help_loads_nothing_heavy() -> None:
     code = (
         "import sys\nfrom evaluate.__main__ import main\n"
         "try:\n    main(['--help'])\nexcept SystemExit as end:\n    code = end.code\n"
@@ -78,11 +78,6 @@ def test_help_loads_nothing_heavy_and_the_launcher_is_the_same_command(repositor
     for option in ("--policies", "--scenarios", "--episodes", "--seed", "--out", "--threads"):
         assert option in printed
     assert "default: 24" in printed
-    command = [*PYTHON, "evaluate.py", "--policies", "nobody"]
-    finished = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=False)
-    assert finished.returncode == 2
-    assert finished.stderr.startswith("error: --policies: ")
-    assert finished.stderr.count("\n") == 1
 
 
 GATED = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
