@@ -15,14 +15,8 @@ import policies
 from evaluate.__main__ import main
 from evaluate.records.store import FILES
 from quad_env.files.writing import FolderInUse, sole_use
-from tests.evaluate.trained import trained
 
 PYTHON = (sys.executable, "-W", "error")
-
-
-@pytest.fixture
-def bundle_folder(tmp_path: Path) -> Path:
-    return trained(tmp_path / "trained")
 
 
 @pytest.mark.usefixtures("no_simulation")
@@ -97,19 +91,6 @@ def test_a_gate_that_does_not_hold_sets_the_exit_code(capsys, tmp_path) -> None:
 def test_a_residual_that_is_not_shipped_is_said_to_be_missing(refused, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(policies.shipped, "MODELS", tmp_path / "models")
     assert "python -m train" in refused(main, "--out", tmp_path / "out")
-
-
-@pytest.mark.usefixtures("no_page")
-def test_a_bundle_is_compared_under_the_path_it_was_called_by(tmp_path, bundle_folder, monkeypatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
-    out = tmp_path / "out"
-    arguments = ["--policies", "trot", f"{bundle_folder}/", "--scenarios", "flat", "--episodes", "2", "--no-film"]
-    assert main([*arguments, "--out", str(out)]) == 0
-    results = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    assert list(results["policies"]) == ["trot", str(bundle_folder)]
-    # A network of zeros corrects nothing: the same episodes to the last bit.
-    assert {c["difference"] for c in results["comparisons"]} == {0.0}
-    assert {c["p_value"] for c in results["comparisons"]} == {1.0}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")

@@ -2,8 +2,6 @@
 
 import dataclasses
 import json
-import shutil
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -13,27 +11,14 @@ import pytest
 import quad_env
 from evaluate.__main__ import main
 from evaluate.records import manifest
-from evaluate.records.episode_table import read_table, write_table
+from evaluate.records.episode_table import read_table
+from tests.evaluate.altered import column, other
 
 
 def compare(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
     code = main(["compare", *map(str, arguments)])
     printed = capsys.readouterr()
     return code, printed.out + printed.err
-
-
-def other(run, folder: Path, change=lambda rows: rows, **fields) -> Path:
-    """A copy of the run with other rows, and another manifest."""
-    shutil.copytree(run.folder, folder, dirs_exist_ok=True)
-    found = dataclasses.replace(manifest.read(folder), **fields).begun()
-    found.write(folder)
-    write_table(change(read_table(folder / "episodes.parquet")), folder / "episodes.parquet", found.fingerprint)
-    return folder
-
-
-def column(rows: pa.Table, name: str, values: object) -> pa.Table:
-    place = rows.schema.get_field_index(name)
-    return rows.set_column(place, rows.schema.field(name), pa.array(values, rows.schema.field(name).type))
 
 
 def test_a_run_and_itself_are_the_same_to_the_bit(run, capsys) -> None:
