@@ -17,6 +17,7 @@ from quad_env.__main__ import main
 from quad_env.doctor.check import Check, Finding, Subject, examine
 from quad_env.doctor.command import CHECKS
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.live.view.test_driver import FAILING
 from tests.quad_env.robots.made import Made
 
 OF_THE_INSTALLATION, OF_THE_ROBOT = CHECKS[:3], CHECKS[3:]
@@ -166,12 +167,8 @@ def test_a_policy_that_does_not_move_is_found() -> None:
 
 def test_the_error_of_a_users_policy_is_reported(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
-    file.write_text(
-        "class Late:\n    n = 0\n    def __call__(self, observation):\n        self.n += 1\n"
-        "        return [0.0, 0.5, -1.0] * 4 if self.n < 50 else 1 / 0\n",
-        encoding="utf-8",
-    )
-    found = of_policy(f"{file}:Late")["policy"]
+    file.write_text(FAILING, encoding="utf-8")
+    found = of_policy(f"{file}:Failing")["policy"]
     assert "ZeroDivisionError" in found.seen
     assert "docs/your-policy.md" in found.remedy
 

@@ -11,7 +11,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
@@ -25,20 +24,10 @@ from live.recording.messages import STANDARD, topic_name
 from live.recording.recorder import recorder_for
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.live.decoded import Decoded, events_of, read_mcap
 from tests.waiting import until
 
 STEPS = 130
-Decoded = dict[str, list[tuple[int, Any]]]
-
-
-def read_mcap(path: Path) -> Decoded:
-    """Every message of a file, by topic."""
-    told: Decoded = {}
-    with path.open("rb") as file:
-        messages = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
-        for _schema, channel, message, content in messages:
-            told.setdefault(channel.topic, []).append((message.log_time, content))
-    return told
 
 
 class Recording(NamedTuple):
@@ -157,11 +146,6 @@ def test_a_bag_has_the_same_and_keeps_topics_of_one_message_for_nodes_that_start
 
 def test_topics_are_named_as_ros_allows() -> None:
     assert [topic_name("rewards", name) for name in ("two feet!", "3rd")] == ["/rewards/two_feet_", "/rewards/_3rd"]
-
-
-def events_of(told: Decoded) -> list[tuple[int, str]]:
-    """Control step, or start of an episode, at whose end each event was, and its line."""
-    return [(stamp // 10_000_000, line.msg) for stamp, line in told.get("/events", [])]
 
 
 def test_the_log_has_pushes_falls_and_commands_when_they_were(tmp_path: Path) -> None:

@@ -104,14 +104,3 @@ def test_a_policy_of_another_robot_is_refused_and_nothing_has_changed() -> None:
     sighted.height_scan = quad_env.HeightScan()
     with pytest.raises(PolicyError, match="other ground heights"):
         Session([policies.make("trot"), sighted])
-
-
-def test_listeners_hear_what_somebody_did() -> None:
-    heard: list[str] = []
-    live = session("trot")
-    live.listeners.append(heard.append)
-    live.push((30.0, 40.0), 0.2)
-    live.choose(0, policies.make("stand"))
-    live.reset()
-    assert heard == ["pushed by hand, 10 N·s", "stand chosen", "reset, seed 4"]
-    live.close()
