@@ -74,19 +74,6 @@ def test_help_loads_nothing_heavy() -> None:
     assert "default: 24" in printed
 
 
-GATED = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
-
-
-def test_a_gate_that_does_not_hold_sets_the_exit_code(capsys, tmp_path) -> None:
-    """The document's controller always falls, a standing robot hardly ever."""
-    out = ("--out", str(tmp_path))
-    assert main([*GATED, "--gate", "stand falls <= 50 %", "document falls < 50 %", *out]) == 1
-    said = capsys.readouterr().out.replace("\u00a0", " ")
-    assert "gate passed: stand falls <= 50 % (0 % on flat)" in said
-    assert "gate failed: document falls < 50 % (100 % on flat)" in said
-    assert main(["report", str(tmp_path), "--no-film", "--gate", "stand falls <= 0.5"]) == 0
-
-
 @pytest.mark.usefixtures("no_simulation")
 def test_a_residual_that_is_not_shipped_is_said_to_be_missing(refused, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(policies.shipped, "MODELS", tmp_path / "models")
@@ -137,11 +124,17 @@ def test_ctrl_c_keeps_what_was_done(repository, tmp_path, running) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
-@pytest.mark.parametrize("delay", [0.3, 1.2])
-def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay, running) -> None:
+@pytest.mark.parametrize(
+    ("words", "delay"),
+    [
+        ("evaluate trot --scenarios flat --episodes 512 --out {}", 0.3),
+        ("evaluate trot --scenarios flat --episodes 512 --out {}", 1.2),
+        ("quad_env view --no-browser --port 0", 0.2),
+    ],
+)
+def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, words, delay, running) -> None:
     """While modules are loaded, too, where a KeyboardInterrupt could come out as any error."""
-    arguments = ("--policies", "trot", "--scenarios", "flat", "--episodes", "512")
-    command = [*PYTHON, "-X", "importtime", "-m", "evaluate", *arguments, "--out", str(tmp_path)]
+    command = [*PYTHON, "-X", "importtime", "-m", *words.format(tmp_path).split()]
     with running(command, cwd=repository) as process:
         # Before that it is Python starting up.
         while not process.stderr.readline().endswith("quad_env.cli.command_line\n"):
@@ -151,7 +144,8 @@ def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay, runn
         output, error = process.communicate(timeout=120)
     assert (process.returncode, output) == (130, "")
     said = [line for line in error.splitlines() if not line.startswith("import time:")]
-    assert said == ["interrupted: no further file was written"]
+    assert len(said) == 1
+    assert said[0].startswith("interrupted: ")
     assert list(tmp_path.iterdir()) == []
 
 

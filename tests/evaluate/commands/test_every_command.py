@@ -1,4 +1,4 @@
-"""Every command of `python -m evaluate`: its --help, mistakes and Ctrl-C, and an effect of each of its options.
+"""Every command of `python -m evaluate`: its --help, and an effect of each of its options.
 
 `EFFECTS` has an entry for each option, or `ELSEWHERE` names the test of it; an option without either fails. Options are
 given all at once, each other than its default; those that exclude others are given apart.
@@ -25,8 +25,6 @@ from tests.evaluate.records import test_resume
 
 BRIEF = 130
 """Control steps of an episode."""
-NEEDED = {"replay": ["folder", "0"], "compare": ["folder", "folder"]}
-"""Arguments that a command cannot be called without."""
 EVERY = pytest.mark.parametrize("name", COMMANDS)
 
 
@@ -219,31 +217,6 @@ def test_help_explains_every_option_with_its_default(capsys, name) -> None:
     for option in re.split(r"\n +(?=--[a-z])", plain)[1:]:
         words = " ".join(option.split())
         assert re.search(r"^--[a-z, -]+ .+ [a-z].+\(default: ", words), words
-
-
-@EVERY
-def test_mistakes_and_ctrl_c_are_one_line(capsys, monkeypatch, name) -> None:
-    assert main([name, *NEEDED.get(name, []), "--nonsense"]) == 2
-    said = f"error: Unrecognized options: --nonsense; see `python -m evaluate {name} --help`\n"
-    assert capsys.readouterr() == ("", said)
-
-    def interrupted(_options) -> int:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(import_module(COMMANDS[name].module), "main", interrupted)
-    assert main([name, *NEEDED.get(name, [])]) == 130
-    assert capsys.readouterr() == ("", "interrupted: no further file was written\n")
-
-
-def test_the_programs_help_lists_every_command_and_an_old_name_gives_the_new_one(capsys) -> None:
-    with pytest.raises(SystemExit):
-        main(["--help"])
-    printed = capsys.readouterr().out
-    for name, command in COMMANDS.items():
-        assert re.search(rf"^  {name} +{re.escape(command.summary)}$", printed, re.MULTILINE)
-        assert len(command.summary) <= 64  # a line of 80 columns holds it
-    assert main(["rescore", "results"]) == 2
-    assert capsys.readouterr().err == "error: `python -m evaluate rescore` is now `python -m research rescore`\n"
 
 
 def test_a_folder_without_results_is_one_line(refused, tmp_path) -> None:

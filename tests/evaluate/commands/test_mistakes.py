@@ -27,6 +27,8 @@ from policies.shipped import MODELS
         ("trot stand --scenarios flat --baseline gallop", ("--baseline: gallop is not among the policies",)),
         ("trot --scenarios flat --gate 'stand falls <= 1'", ("--gate: ", "stand")),
         ("repaly", ("did you mean the command replay?",)),
+        ("trot --resume", ("leave --resume out",)),
+        ("rescore results", ("`python -m evaluate rescore` is now `python -m research rescore`",)),
         ("axes ice", ("slippery",)),
         ("report RUN --baseline gallop", ("--baseline: gallop is not among the policies",)),
         ("replay RUN 30", ("rows 0 to 29", "30")),

@@ -3,11 +3,9 @@
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from PIL import Image
 
 import policies
 from evaluate.__main__ import main
-from evaluate.film.shooting import ALARM, BAD
 from evaluate.records import manifest
 from tests.evaluate.altered import other, with_value
 
@@ -75,16 +73,3 @@ def test_a_policy_that_is_gone_is_a_mistake(run, tmp_path, capsys, monkeypatch) 
     monkeypatch.setattr(policies, "_MAKERS", {"trot": policies.Trot})
     code, said = replay(capsys, run.folder, 0)
     assert (code, said.count("\n"), "'document'" in said) == (2, 1, True)
-
-
-@pytest.mark.rendering
-def test_an_episode_is_filmed_with_what_came_of_it(run, tmp_path, capsys) -> None:
-    """Of the stand, which refuses, and of the article's controller, which falls at once."""
-    colours = {}
-    for policy in ("stand", "document"):
-        strip = tmp_path / f"{policy}.png"
-        code, said = replay(capsys, run.folder, 1, "--policy", policy, "--scenario", "flat", "--video", strip)
-        assert (code, said.endswith(f"{strip}\n")) == (0, True)
-        with Image.open(strip) as image:
-            colours[policy] = image.convert("RGB").getpixel((image.width - 20, image.height - 10))
-    assert colours == {"stand": BAD, "document": ALARM}

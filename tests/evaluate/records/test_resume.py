@@ -155,11 +155,6 @@ def test_parts_of_any_size_are_filled_up_and_nothing_is_simulated_twice(tmp_path
     assert_same(tmp_path, whole)
 
 
-def test_a_run_that_has_no_part_yet_has_nothing_to_resume(tmp_path) -> None:
-    code, error = evaluate("--resume", "--out", tmp_path)
-    assert (code, error.count("\n"), "leave --resume out" in error) == (2, 1, True)
-
-
 def test_a_new_run_replaces_an_unfinished_one_and_leaves_foreign_files(tmp_path, whole) -> None:
     note = unfinished(whole, tmp_path) / "parts" / "note.txt"
     note.write_text("mine", encoding="utf-8")
