@@ -98,34 +98,28 @@ SHIPPED = {
 """A change of SimpleQuad's own model."""
 
 
-def check_complaint(subject: Subject, check: str, remedy: str) -> None:
+def with_problem(name: str, folder: Path) -> tuple[Subject, list[str]]:
+    """What has that problem, and what is expected."""
+    if name in SHIPPED:
+        old, new, *expected = SHIPPED[name]
+        return Subject(replace(SIMPLE_QUAD, mjcf=edited(folder, (old, new)))), expected
+    if name in FIGURES:
+        (lines, *expected), path = FIGURES[name], folder / "mine.toml"
+        text = f'mjcf = "{edited(folder).name}"\n{lines}\n'
+    else:
+        (text, *expected), path = MODELS[name], folder / "mine.xml"
+    assert text != XML
+    path.write_text(text, encoding="utf-8")
+    return Subject(str(path)), expected
+
+
+@pytest.mark.parametrize("name", [*MODELS, *FIGURES, *SHIPPED])
+def test_a_problem_is_found_at_its_root_with_its_remedy(name: str, tmp_path: Path) -> None:
+    subject, (check, remedy) = with_problem(name, tmp_path)
     found = complaints(subject)
     assert list(found) == [check], found
     assert remedy in found[check].remedy, found
     assert found[check].cause
-
-
-@pytest.mark.parametrize("name", MODELS)
-def test_a_problem_of_a_users_model_is_found_at_its_root_with_its_remedy(name: str, tmp_path: Path) -> None:
-    text, *expected = MODELS[name]
-    assert text != XML
-    path = tmp_path / "mine.xml"
-    path.write_text(text, encoding="utf-8")
-    check_complaint(Subject(str(path)), *expected)
-
-
-@pytest.mark.parametrize("name", FIGURES)
-def test_a_problem_of_a_users_figures_is_found(name: str, tmp_path: Path) -> None:
-    lines, *expected = FIGURES[name]
-    toml = tmp_path / "mine.toml"
-    toml.write_text(f'mjcf = "{edited(tmp_path).name}"\n{lines}\n', encoding="utf-8")
-    check_complaint(Subject(str(toml)), *expected)
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_a_problem_of_the_shipped_model_is_found(name: str, tmp_path: Path) -> None:
-    old, new, *expected = SHIPPED[name]
-    check_complaint(Subject(replace(SIMPLE_QUAD, mjcf=edited(tmp_path, (old, new)))), *expected)
 
 
 def bundle(folder: Path, **changes: object) -> Path:

@@ -7,7 +7,7 @@ given all at once, each other than its default; those that exclude others are gi
 import json
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
@@ -19,7 +19,8 @@ import pytest
 from evaluate.__main__ import COMMANDS, main
 from evaluate.commands import options as default
 from evaluate.rollouts.experiment import evaluation_seeds
-from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual, robots
+from tests.batches import Batch
+from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
 from tests.evaluate.commands import test_axes
 from tests.evaluate.records import test_resume
 
@@ -32,9 +33,9 @@ def options_of(command: str) -> Any:
     return import_module(COMMANDS[command].module).Options if command else default.Options
 
 
-def once(read: Reading) -> Reading:
+def once(read: Callable[[Batch], Any]) -> Reading:
     """A reading of the batches, each value once, in their order."""
-    return lambda made: list(dict.fromkeys(robots(read)(made)))
+    return lambda made: list(dict.fromkeys(map(read, made.batches)))
 
 
 SCENARIOS, COUNT = once(lambda each: each.env.scenario.name), once(lambda each: len(each.seeds))

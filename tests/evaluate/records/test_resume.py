@@ -269,22 +269,22 @@ def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
     assert research(["rescore", str(tmp_path)]) == 0
 
 
-def test_a_failure_of_the_system_is_not_taken_for_one_of_the_folder(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(rollout, "run", full)
-    code, error = evaluate(*RUN, "--threads", "1", "--out", tmp_path)
-    said = "error: cannot go on (No space left on device); begin again, for nothing was done yet\n"
-    assert (code, error) == (2, said)
-
-
-def test_a_trace_that_cannot_be_written_is_said_of_the_folder(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("evaluate.records.parquet.write_atomically", full)
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ("rollouts.rollout.run", "cannot go on (No space left on device); begin again, for nothing"),
+        ("records.parquet.write_atomically", "cannot write to {} (No space left on device); make room, then begin"),
+        ("records.manifest.Manifest.write", "make room, then begin again, for nothing was done yet"),
+    ],
+)
+def test_a_failure_of_the_system_is_told_from_one_of_the_folder(tmp_path, monkeypatch, place, said) -> None:
+    monkeypatch.setattr(f"evaluate.{place}", full)
     code, error = evaluate(*RUN, "--threads", "1", "--trace", "compact", "--out", tmp_path)
     assert code == 2
-    assert f"cannot write to {tmp_path} (No space left on device); make room, then begin again" in error
+    assert said.format(tmp_path) in error.splitlines()[-1]
 
 
-@pytest.mark.parametrize("begun", [True, False])
-def test_a_full_disk_says_what_may_be_done_then(tmp_path, monkeypatch, begun) -> None:
+def test_a_disk_that_is_full_later_on_says_how_to_go_on(tmp_path, monkeypatch) -> None:
     write_table_there = store.write_table
 
     def once(*arguments):
@@ -292,15 +292,10 @@ def test_a_full_disk_says_what_may_be_done_then(tmp_path, monkeypatch, begun) ->
         write_table_there(*arguments)
 
     monkeypatch.setattr(store, "write_table", once)
-    if not begun:
-        monkeypatch.setattr(manifest.Manifest, "write", full)
     code, error = evaluate(*RUN, "--threads", "1", "--out", tmp_path)
     assert code == 2
     line = error.splitlines()[-1]
     assert "(No space left on device); make room, then " in line
-    assert line.endswith(f"--resume --out {tmp_path}" if begun else "begin again, for nothing was done yet")
-    monkeypatch.undo()
-    if begun:
-        monkeypatch.setattr(rollout, "STEPS", STEPS)
-        monkeypatch.setattr("evaluate.commands.outputs.write_report", a_page)
-        assert evaluate("--resume", "--out", tmp_path)[0] == 0
+    assert line.endswith(f"--resume --out {tmp_path}")
+    monkeypatch.setattr(store, "write_table", write_table_there)
+    assert evaluate("--resume", "--out", tmp_path)[0] == 0
