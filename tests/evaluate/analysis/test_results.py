@@ -83,11 +83,7 @@ def test_all_is_measured_against_the_baseline_that_is_asked_for(made) -> None:
 
 def test_summaries_and_disturbances_are_those_of_the_robot_that_ran(made_up_cell) -> None:
     robot, cells = ROBOTS["go1"], []
-    more = {
-        "energy": np.full(8, 100.0),
-        "distance": np.full(8, 2.0),
-        "duty_factor": np.tile([0.2, 0.4, 0.6, 0.8], (8, 1)),
-    }
+    more = {"energy": np.full(8, 100.0), "distance": np.full(8, 2.0)}
     more["commands"] = np.linspace(0.1, 0.8, 8)[:, None, None] * np.ones(3)
     more["mean_velocities"] = 0.5 * more["commands"]
     for scenario in resolve(("flat", "push"), robot):
@@ -98,7 +94,6 @@ def test_summaries_and_disturbances_are_those_of_the_robot_that_ran(made_up_cell
     assert [each.axis for each in found.sensitivities] == ["push"]
     summary = found.summaries["flat", "trot"]
     assert summary.cost_of_transport == pytest.approx(100.0 / (robot.mass * 9.81 * 2.0))
-    assert summary.duty_factor == pytest.approx((0.2, 0.4, 0.6, 0.8))
     assert summary.response["forward"].gain == pytest.approx(0.5)
 
 

@@ -1,7 +1,6 @@
 """A run that is killed, or stopped by a mistake, goes on with --resume and ends as one that never stopped."""
 
 import contextlib
-import dataclasses
 import io
 import json
 import re
@@ -19,10 +18,10 @@ import pytest
 from evaluate.__main__ import main
 from evaluate.analysis.results import Results, as_json
 from evaluate.records import manifest, store, trace
-from evaluate.records.episode_table import read_table, write_table
+from evaluate.records.episode_table import cell_of, read_table, table, write_table
 from evaluate.records.store import FILES
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import Cell, Chunk
+from evaluate.rollouts.experiment import Chunk
 from quad_env.files.writing import write_atomically
 from research.__main__ import main as research
 
@@ -110,18 +109,6 @@ def test_a_killed_run_goes_on_to_the_same_files(repository, tmp_path, whole, wri
     assert_same(tmp_path, whole)
 
 
-def some(cell: Cell, numbers: np.ndarray) -> Cell:
-    """Those episodes of a cell."""
-    measures = {field.name: getattr(cell.measures, field.name)[numbers] for field in dataclasses.fields(cell.measures)}
-    return dataclasses.replace(
-        cell,
-        seeds=cell.seeds[numbers],
-        fall_reason=cell.fall_reason[numbers],
-        failure=None if cell.failure is None else cell.failure[numbers],
-        measures=type(cell.measures)(**measures),
-    )
-
-
 def unfinished(whole: Path, folder: Path) -> Path:
     """A folder as a killed run leaves it: two of four cells done, one of them in two chunks."""
     shutil.copytree(whole, folder, dirs_exist_ok=True)
@@ -129,7 +116,7 @@ def unfinished(whole: Path, folder: Path) -> Path:
     remove = [folder / name for name in OUTCOME[:3]]
     chunks = store.ChunkStore(folder, run.manifest)
     for cell, numbers in ((run.cells[0], range(5)), (run.cells[1], (0, 1)), (run.cells[1], (4,)), (run.cells[3], (2,))):
-        chunks.save(Chunk(np.array(numbers), some(cell, np.array(numbers))))
+        chunks.save(Chunk(np.array(numbers), cell_of(table(cell).take([*numbers]), cell.scenario)))
     for path in remove:
         path.unlink()
     return folder
