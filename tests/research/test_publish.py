@@ -138,12 +138,11 @@ def test_a_policy_is_published_stopped_or_not_and_evaluated_again(runs, tmp_path
     assert "holds no shipped policy with its MODEL.md" in capsys.readouterr().err
 
 
-def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path, monkeypatch, capsys):
+def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path, monkeypatch, refused):
     base = policies.make(parse([]).base)
     other = type(base)(parameters=dataclasses.replace(base.parameters, frequency=5.0))
     monkeypatch.setattr(policies, "make", lambda name, **_: other)
-    assert publish([str(runs / "0"), "--to", str(tmp_path / "model")]) == 2
-    assert "other parameters" in capsys.readouterr().err
+    assert "other parameters" in refused(main, "publish", runs / "0", "--to", tmp_path / "model")
     assert not (tmp_path / "model").exists()
 
 

@@ -35,7 +35,6 @@ SHORT = """
 import os, signal, sys
 from evaluate.rollouts import rollout
 from evaluate.__main__ import main
-from evaluate.records.episode_table import read_table, write_parquet, write_table
 from quad_env.files import writing as files
 from evaluate.commands import outputs as ending
 from evaluate.analysis import results

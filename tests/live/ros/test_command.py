@@ -2,6 +2,7 @@
 
 import os
 import sys
+from collections.abc import Callable
 from contextlib import closing
 
 import pytest
@@ -12,14 +13,12 @@ from quad_env.__main__ import main
 from quad_env.cli.command_line import UsageError
 
 
-def test_without_ros_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_ros_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]) -> None:
     monkeypatch.setattr(interpreter, "MODULES", {"1": ("json", "no_such_rospy"), "2": ("no_such_rclpy",)})
     monkeypatch.delenv("ROS_VERSION", raising=False)
-    assert main(["ros"]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith("error: no Python here has ROS 1 or ROS 2")
-    assert "apt-get install python3-rospy" in error
-    assert error.count("\n") == 1
+    said = refused(main, "ros")
+    assert said.startswith("error: no Python here has ROS 1 or ROS 2")
+    assert "apt-get install python3-rospy" in said
 
 
 def test_the_version_that_is_sourced_or_asked_for_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
