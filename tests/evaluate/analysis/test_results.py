@@ -67,7 +67,8 @@ def test_every_pair_is_compared_in_every_metric_with_the_baseline_second(run) ->
     for c in comparisons:
         assert 0.0 < c["p_value"] <= 1.0
         a, b = (run.results["policies"][c[side]]["scenarios"][c["scenario"]][c["metric"]] for side in "ab")
-        assert c["ci"][0] <= c["difference"] == pytest.approx(a - b) <= c["ci"][1]
+        assert c["difference"] == pytest.approx(a - b)
+        assert c["ci"][0] <= c["difference"] <= c["ci"][1]
         assert c["test"] == (
             "exact McNemar" if c["metric"] in ("success_rate", "fall_rate") else "paired sign-flip permutation"
         )

@@ -1,4 +1,6 @@
-"""Outcomes: the rule by hand, and robots that walk, stand still, are too slow, fall or are stopped."""
+"""Outcomes: the rule by hand, and robots that walk, stand still, fall or are stopped."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from evaluate.measures.outcomes import (
 )
 from evaluate.rollouts.rollout import run
 from policies.safety import Safe
+from quad_env import SCENARIOS, CommandRanges
 from quad_env.seeding import episode_seeds
 
 SEED, STEPS = episode_seeds("search", 12, 1), 400
@@ -129,6 +132,12 @@ def test_outcomes_by_success_1_give_those_by_success_2_exactly():
     assert (old[new == "succeeded"] == "succeeded").all()
 
 
+def asked(forward):
+    """Flat ground on which every command is that forward velocity, m/s."""
+    ranges = CommandRanges(forward=(forward, forward), lateral=(0.0, 0.0), yaw_rate=(0.0, 0.0), zero_fraction=0.0)
+    return replace(SCENARIOS["flat"], commands=ranges)
+
+
 class Stopped(Safe):
     """The trot under a safety layer that is told to stop it after 2 s."""
 
@@ -143,14 +152,13 @@ class Stopped(Safe):
     [
         (lambda: policies.make("trot"), 1.0, "succeeded"),
         (lambda: policies.make("stand"), 0.1, "stalled"),
-        (lambda: policies.make("trot"), 2.5, "off_command"),
         (lambda: policies.make("document"), 0.5, "fell"),
         (lambda: Stopped(policies.make("trot")), 0.5, "stalled"),
     ],
-    ids=("trot", "stands still", "asked for too much", "falls", "stopped"),
+    ids=("trot", "stands still", "falls", "stopped"),
 )
 def test_a_robot_gets_the_outcome_of_its_episode(make, forward, expected):
-    episodes = run(make(), "flat", SEED, steps=STEPS, command=(forward, 0.0, 0.0))
+    episodes = run(make(), asked(forward), SEED, steps=STEPS)
     assert measure(episodes).outcome.tolist() == [expected]
     assert outcome(episodes, RULES["survival"]).tolist() == ["fell" if expected == "fell" else "succeeded"]
 
