@@ -4,6 +4,7 @@ import io
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -12,8 +13,9 @@ from evaluate.analysis.severity_levels import severity_axes
 from evaluate.commands.outputs import analysed
 from evaluate.records.episode_table import read_table, write_table
 from evaluate.records.manifest import read
-from evaluate.records.store import read_run
+from evaluate.records.store import ChunkStore, read_run
 from evaluate.report.table import print_levels
+from evaluate.rollouts.experiment import Chunk
 from quad_env.scenarios.axes import AXES
 
 
@@ -46,9 +48,16 @@ def test_the_table_fits_into_80_columns_and_shows_severities_and_rates(folder) -
 
 
 @pytest.mark.usefixtures("no_simulation", "no_page")
-def test_it_goes_on_with_what_was_done(folder, tmp_path) -> None:
+def test_it_goes_on_with_what_was_done(folder, tmp_path, monkeypatch) -> None:
+    """As Ctrl-C leaves it: with its parts, and without an outcome."""
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 110)
     shutil.copytree(folder / "out", tmp_path, dirs_exist_ok=True)
-    (tmp_path / "fall_rates.svg").unlink()
+    run = read_run(tmp_path)
+    store = ChunkStore(tmp_path, run.manifest, resumed=True)
+    for cell in run.cells:
+        store.save(Chunk(np.arange(2), cell))
+    for name in ("results.json", "episodes.parquet", "fall_rates.svg"):
+        (tmp_path / name).unlink()
     words = ["axes", "push", "--policies", "document", "stand", "--episodes", "2", "--resume", "--out", str(tmp_path)]
     assert main(words) == 0
     assert (tmp_path / "fall_rates.svg").is_file()
