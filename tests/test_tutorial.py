@@ -53,9 +53,8 @@ def test_your_controller_and_the_residual_trained_on_it_walk(tmp_path: Path, mon
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr("sys.argv", ["train_it.py"])
-    for block in blocks("python", PAGES["docs/your-policy.md"]):
-        name = file_name(block)
-        assert name is not None
+    for block in filter(file_name, blocks("python", PAGES["docs/your-policy.md"])):
+        name = str(file_name(block))
         (tmp_path / name).write_text(block, encoding="utf-8")
         runpy.run_path(name)
     names = ("my_controller.py:MyTrot", "corrected.py:Corrected")
