@@ -199,8 +199,9 @@ def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
     """First body of each leg, below the trunk or what is welded to it -> its joints, hip first."""
     chains, kinds = branches(model, trunk), mujoco.mjtJoint
     joints = [joint for chain in chains.values() for joint in chain]
-    slides = [joint for joint in joints if model.jnt_type[joint] == kinds.mjJNT_SLIDE]
-    if loose := [joint for joint in joints if model.jnt_type[joint] not in (kinds.mjJNT_HINGE, kinds.mjJNT_SLIDE)]:
+    others = [joint for joint in joints if model.jnt_type[joint] != kinds.mjJNT_HINGE]
+    slides = [joint for joint in others if model.jnt_type[joint] == kinds.mjJNT_SLIDE]
+    if loose := [joint for joint in others if joint not in slides]:
         raise ModelError(f"joint {_name(model.joint(loose[0]))} is no hinge")
     if len(joints) != LEGS * JOINTS_PER_LEG or len(chains) != LEGS:
         hinges = {root: len(set(chain) - set(slides)) for root, chain in chains.items()}

@@ -62,12 +62,24 @@ def hold(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> Any:
         part.set_frame(part.parent.add_frame())
         part.pos = (data.xpos[body] - data.xpos[above]) @ data.xmat[above].reshape(3, 3)
         part.quat, part.alt.type = turned, mujoco.mjtOrientation.mjORIENTATION_QUAT
+    for part in (*_referring(mujoco, spec, {part.name for part in gone}), *gone):
+        spec.delete(part)
     kept = np.delete(np.arange(model.nq), places)
     for key in spec.keys:
         key.qpos, key.qvel, key.act, key.ctrl = model.key_qpos[key.id][kept], [], [], []
-    for part in gone:
-        spec.delete(part)
     return spec.compile()
+
+
+def _referring(mujoco: Any, spec: Any, names: set[str]) -> list[Any]:
+    """Tendons over joints of these names, motors and equalities of the joints or of these tendons, and all sensors."""
+    kinds, ties, joint = mujoco.mjtTrn, mujoco.mjtEq, mujoco.mjtWrap.mjWRAP_JOINT
+    over = [each for each in spec.tendons if any(w.type == joint and w.target.name in names for w in each.path)]
+    tendons = {each.name for each in over}
+    moved = {kinds.mjTRN_JOINT: names, kinds.mjTRN_JOINTINPARENT: names, kinds.mjTRN_TENDON: tendons}
+    tied = {ties.mjEQ_JOINT: names, ties.mjEQ_TENDON: tendons}
+    motors = [each for each in spec.actuators if each.target in moved.get(each.trntype, ())]
+    equalities = [each for each in spec.equalities if {each.name1, each.name2} & tied.get(each.type, set())]
+    return [*spec.sensors, *motors, *equalities, *over]
 
 
 def carried_by(model: Any, joints: Sequence[int]) -> frozenset[int]:

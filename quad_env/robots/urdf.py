@@ -10,6 +10,8 @@ from quad_env.robots.anatomy import ModelError
 
 READABLE = ".stl", ".obj", ".msh"
 """Endings of the meshes that MuJoCo reads."""
+LEAST_INERTIA = 1e-12
+"""Of a link, kg·m²; converters write less for links that are mere frames, and MuJoCo takes such rounding for a fault."""
 _PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.*)")
 
 
@@ -34,6 +36,9 @@ def urdf_spec(mujoco: Any, path: Path) -> Any:
             mesh = seen.find("geometry/mesh")
             if mesh is not None and not _readable(mesh.get("filename", "")):
                 link.remove(seen)
+    for inertia in robot.iter("inertia"):
+        if all(abs(float(moment)) < LEAST_INERTIA for moment in inertia.attrib.values()):
+            inertia.attrib.update(dict.fromkeys(inertia.attrib, "0"))
     files: dict[str, Path] = {}
     for mesh in robot.iter("mesh"):  # by numbers: MuJoCo takes two files of one name in two folders for one
         file = _found(path, compiler.get("meshdir", ""), mesh.get("filename", ""))
