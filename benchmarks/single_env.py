@@ -21,7 +21,7 @@ class Options(Common):
     """One robot: wrappers, checks, commands, observation, reward and infos against the physics alone."""
 
     robot: str = SIMPLE_QUAD.name
-    """Name of the robot, or path of its MJCF or TOML."""
+    """Name of the robot, or path of its MJCF, URDF or TOML."""
     steps: int = 500
     """Control steps of 10 ms in a round (count), at most an episode."""
 

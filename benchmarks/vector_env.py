@@ -44,7 +44,7 @@ class Options(Common):
     """n robots: commands, observations, rewards, ends, resets, pushes and terrain against the physics alone."""
 
     robot: str = SIMPLE_QUAD.name
-    """Name of the robot, or path of its MJCF or TOML."""
+    """Name of the robot, or path of its MJCF, URDF or TOML."""
     envs: tuple[int, ...] = (1, 64, 256, 1024, 4096)
     """Numbers of robots (count)."""
     scenarios: tuple[str, ...] = tuple(SCENARIOS)

@@ -35,7 +35,7 @@ class Options:
     """Describe a robot, and let it stand for two seconds."""
 
     robot: Annotated[str, tyro.conf.Positional]
-    """Robot: an MJCF (.xml), a .toml that this command has written, or a name of quad_env.ROBOTS."""
+    """Robot: an MJCF (.xml), a URDF (.urdf), a .toml that this command has written, or a name of quad_env.ROBOTS."""
     picture: Path | None = None
     """Picture of the standing robot to write, PNG."""
     toml: Path | None = None
@@ -53,7 +53,7 @@ def main(options: Options) -> int:
         print(standing(robot, options.picture))
     except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:
         model, toml = Path(options.robot), options.toml
-        if toml is not None and model.suffix == ".xml" and model.is_file() and not toml.exists():
+        if toml is not None and model.suffix in (".xml", ".urdf") and model.is_file() and not toml.exists():
             write_toml(toml, model, None)
             print(f"written, with the figures still to be given: {toml}", file=sys.stderr)
         raise UsageError(str(error)) from error
@@ -76,6 +76,8 @@ def text(robot: Robot) -> Iterator[str]:
         f"servos       {robot.servo_stiffness:.0f} N·m/rad, {robot.servo_damping:.1f} N·m·s/rad, "
         f"at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s"
     )
+    if robot.held:
+        yield f"joints       held at their reference: {', '.join(robot.held)}"
     if robot.imported:
         yield from (f"{heading:12} {remark}" for heading, remark in remarks(robot.mjcf))
     yield from (f"warning      {line}" for line in warnings_of(robot))

@@ -151,7 +151,7 @@ class TrainConfig:
     max_episode_steps: int = number(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
     robot: str = "simple_quad"
-    """Robot that is trained: a name of quad_env.ROBOTS such as go1, or the path of its MJCF or TOML."""
+    """Robot that is trained: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     actuator: str = "ideal"
     """Motors in training and validation, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"

@@ -29,7 +29,7 @@ class Options:
     seed: int = 0
     """Which set of episodes (whole number from 0)."""
     robot: str = Comparison.robot
-    """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF or TOML."""
+    """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     out: Path = Path("results/axes")
     """Folder for fall_rates.svg and the files of an evaluation."""
     resume: Flag = False

@@ -39,7 +39,7 @@ class Options:
     episodes: int = 24
     """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
     robot: str = "simple_quad"
-    """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF or TOML."""
+    """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     actuator: str = "ideal"
     """Motors of the joints, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"

@@ -20,7 +20,7 @@ class Hardware:
     sensors: str = "truth"
     estimator: str = "complementary"
     robot: str = "simple_quad"
-    """Or the path of its MJCF or TOML."""
+    """Or the path of its MJCF, URDF or TOML."""
 
     @property
     def quadruped(self) -> "Robot":

@@ -20,7 +20,7 @@ class EpisodeOptions:
     scenario: str = "flat"
     """Scenario, also with a level or severity: push:3, push=42."""
     robot: str = "simple_quad"
-    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
     seed: int = 0
     """Seed of the first episode (whole number from 0)."""
     trust: Flag = False

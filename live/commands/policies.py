@@ -21,7 +21,7 @@ class Options:
     """List the policies by the names that `--policy` and `--policies` take."""
 
     robot: str = "simple_quad"
-    """Robot whose trained policies to list: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+    """Robot whose trained policies to list: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
 
 
 def main(options: Options) -> int:

@@ -19,7 +19,7 @@ class Subject:
     """The robot, and perhaps the policy, that a run of checks examines."""
 
     given: "str | Robot" = "simple_quad"
-    """Name of a robot, path of its MJCF or TOML, or the robot itself."""
+    """Name of a robot, path of its MJCF, URDF or TOML, or the robot itself."""
     policy: str | None = None
     """Policy by name or path."""
 

@@ -35,7 +35,7 @@ class Options:
     """Examine installation, robot and policy; the exit code is 1 where something is wrong."""
 
     robot: str = "simple_quad"
-    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
     policy: str | None = None
     """Policy to examine too: its name, folder or file."""
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False

@@ -38,7 +38,9 @@ def model(subject: Subject) -> Finding:
         return problem(
             f"{robot.name} has no finite {', '.join(broken)}", cause, f"correct these numbers in {robot.mjcf}"
         )
-    return ok(f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, trunk {robot.home_height:.2f} m high")
+    held = f"; held at their reference: {', '.join(robot.held)}" if robot.held else ""
+    trunk = f"trunk {robot.home_height:.2f} m high"
+    return ok(f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, {trunk}{held}")
 
 
 def _why(error: str, subject: Subject) -> tuple[str, str]:

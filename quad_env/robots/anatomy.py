@@ -26,7 +26,7 @@ LEG_WORDS = {word: words[:2] for words in ("fl lf", "fr rf", "hl rl lh bl", "hr 
 """Leg by word of a joint's name; only words that mean one leg wherever they are used."""
 LINK_WORDS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1", "calf": "2", "knee": "2", "kfe": "2"}
 """Places in the leg that a word may mean, counted from the trunk: some call the thigh's joint a hip too."""
-_PARALLEL = 0.999
+PARALLEL = 0.999
 """Least cosine of two axes that are taken for parallel."""
 _SAME = 0.02
 """Largest difference between the legs of a robot in a length, as a share of a leg's."""
@@ -76,6 +76,10 @@ class Anatomy:
     """Rotations from the bodies' frames to the base frame at `qpos0`, (nbody, 3, 3)."""
     legs: tuple[Leg, ...]
     """In the order of the model."""
+    held: tuple[str, ...] = ()
+    """Names of the joints that belong to no leg and are gone from the model, see `held`."""
+    carried: frozenset[int] = frozenset()
+    """Ids of the bodies that these joints would move."""
 
     @property
     def bodies(self) -> list[int]:
@@ -99,7 +103,11 @@ class Anatomy:
 
     def trunk_collides(self, model: Any) -> bool:
         """Whether the trunk, or a body that is welded to it, meets the ground by itself."""
-        return bool(geoms_of(model, welded(model, self.trunk), self.grounded))
+        return bool(geoms_of(model, self._shell(model), self.grounded))
+
+    def _shell(self, model: Any) -> list[int]:
+        """Ids of the trunk and of what is welded to it in the file: no arm, held as it is."""
+        return [body for body in welded(model, self.trunk) if body not in self.carried]
 
     def trunk_box(self, model: Any) -> tuple[Floats, Floats]:
         """Centre and full lengths of the box around the trunk along its own axes, (3,) each, base frame, m.
@@ -107,7 +115,7 @@ class Anatomy:
         Around the geoms of its body that meet the ground, else those of bodies that are welded to it, else those that
         are shown. Raises ModelError where it has none.
         """
-        bodies = [self.trunk], welded(model, self.trunk)
+        bodies = [self.trunk], self._shell(model)
         found = (geoms_of(model, its, among) for among in (self.grounded, None) for its in bodies)
         if (shell := next(filter(None, found), None)) is None:
             raise ModelError("the trunk has no geom: nothing shows how large it is")
@@ -126,7 +134,7 @@ class Anatomy:
 
 def anatomy(mujoco: Any, model: Any) -> Anatomy:
     """Of a compiled model; `mujoco` is the package. Raises ModelError."""
-    root = _root(mujoco, model)
+    root = root_of(mujoco, model)
     chains = _chains(mujoco, model, root)
     above = {int(model.body_parentid[body]) for body in chains}
     trunk = above.pop() if len(above) == 1 else root
@@ -154,8 +162,9 @@ def _name(part: Any) -> str:
     return repr(part.name) if part.name else f"number {part.id}"
 
 
-def _root(mujoco: Any, model: Any) -> int:
-    """Id of the body with the free joint that has most hinges below it: crates and balls of the scene have none."""
+def root_of(mujoco: Any, model: Any) -> int:
+    """Id of the body with the free joint that has most hinges below it: crates and balls of the scene have none. Raises
+    ModelError."""
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     if not len(free):
         raise ModelError("the trunk is the body of a free joint; this model has 0 free joints")
@@ -174,23 +183,35 @@ def _joints_below(model: Any, body: int) -> Bools:
     return np.asarray(below[model.jnt_bodyid])
 
 
-def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
-    """First body of each leg, below the trunk or what is welded to it -> its joints, hip first."""
-    chains: dict[int, list[int]] = {}
+def branches(model: Any, trunk: int) -> dict[int, list[int]]:
+    """First body of each branch, below the trunk or what is welded to it -> its joints, the first of them first."""
+    found: dict[int, list[int]] = {}
     fixed = welded(model, trunk)
     for joint in np.flatnonzero(_joints_below(model, trunk)):
-        if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
-            raise ModelError(f"joint {_name(model.joint(joint))} is no hinge")
         first = int(model.jnt_bodyid[joint])
         while model.body_parentid[first] not in fixed:
             first = int(model.body_parentid[first])
-        chains.setdefault(first, []).append(int(joint))
-    if nameless := [joint for chain in chains.values() for joint in chain if not model.joint(joint).name]:
-        raise ModelError(f"joints are identified by their names; number {nameless[0]} of this model has none")
-    count = sum(map(len, chains.values()))
-    if count != LEGS * JOINTS_PER_LEG or len(chains) != LEGS:
-        counts = ", ".join(f"{len(c)} below {_name(model.body(root))}" for root, c in chains.items())
+        found.setdefault(first, []).append(int(joint))
+    return found
+
+
+def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
+    """First body of each leg, below the trunk or what is welded to it -> its joints, hip first."""
+    chains, kinds = branches(model, trunk), mujoco.mjtJoint
+    joints = [joint for chain in chains.values() for joint in chain]
+    others = [joint for joint in joints if model.jnt_type[joint] != kinds.mjJNT_HINGE]
+    slides = [joint for joint in others if model.jnt_type[joint] == kinds.mjJNT_SLIDE]
+    if loose := [joint for joint in others if joint not in slides]:
+        raise ModelError(f"joint {_name(model.joint(loose[0]))} is no hinge")
+    if len(joints) != LEGS * JOINTS_PER_LEG or len(chains) != LEGS:
+        hinges = {root: len(set(chain) - set(slides)) for root, chain in chains.items()}
+        counts = ", ".join(f"{count} below {_name(model.body(root))}" for root, count in hinges.items())
+        count = sum(hinges.values())
         raise ModelError(f"four legs of three hinges are wanted; this model has {count} hinges: {counts or 'none'}")
+    if nameless := [joint for joint in joints if not model.joint(joint).name]:
+        raise ModelError(f"joints are identified by their names; number {nameless[0]} of this model has none")
+    if slides:
+        raise ModelError(f"joint {_name(model.joint(slides[0]))} is no hinge")
     for root, chain in chains.items():
         bodies = [int(model.jnt_bodyid[joint]) for joint in chain]
         pairs = zip(bodies, (trunk, *bodies), strict=False)
@@ -204,9 +225,9 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     hip, thigh, knee = ((data.xanchor[joint] - origin) @ base for joint in chain)
     axes = [data.xaxis[joint] @ base for joint in chain]
     names = [_name(model.joint(joint)) for joint in chain]
-    if abs(axes[0][0]) < _PARALLEL:
+    if abs(axes[0][0]) < PARALLEL:
         raise ModelError(f"joint {names[0]}, the hip, turns about {_rounded(axes[0])}, not about the trunk's x axis")
-    if abs(axes[1] @ axes[2]) < _PARALLEL or abs(axes[1][0]) > 1.0 - _PARALLEL or axes[1][1] == 0.0:
+    if abs(axes[1] @ axes[2]) < PARALLEL or abs(axes[1][0]) > 1.0 - PARALLEL or axes[1][1] == 0.0:
         raise ModelError(
             f"joints {names[1]} and {names[2]} turn about {_rounded(axes[1])} and {_rounded(axes[2])}, "
             "not both about the leg's y axis"

@@ -48,7 +48,8 @@ def renamed(name: str) -> str:
 
 def watched(parts: Parts, model: Any, found: Anatomy) -> Iterator[tuple[str, list[Any]]]:
     """Name of each part that touches the ground -> the bodies, or geoms, whose contacts are its contacts."""
-    yield "trunk", _solid(parts, model, found, found.trunk, ()) or [parts.bodies[found.trunk]]
+    its_own = [] if found.trunk_collides(model) else [parts.bodies[found.trunk]]
+    yield "trunk", [*its_own, *_solid(parts, model, found, found.trunk, ())]
     for leg in found.legs:
         yield f"{leg.name}_foot", [parts.geoms[geom] for geom in leg.foot.geoms]
         for joint, link in zip(leg.joints[1:], LINKS[1:], strict=True):

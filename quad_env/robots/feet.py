@@ -45,7 +45,7 @@ def find_foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot 
     if not candidates:
         return None
     knee, axis = data.xanchor[joint], data.xaxis[joint]
-    hulls = {geom: _in_world(model, data, geom, surface(model, geom)) for geom in candidates}
+    hulls = {geom: in_world(model, data, geom, surface(model, geom)) for geom in candidates}
     farthest = max(candidates, key=lambda geom: _reach(model, data, geom, knee, hulls[geom]))
     down = _centre(model, data, farthest, knee) - knee
     down -= (down @ axis) * axis  # a foot may be wide
@@ -57,7 +57,7 @@ def find_foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot 
     geoms = tuple(sorted(short or level[:1], key=lambda geom: -depths[geom]))
     body = int(model.geom_bodyid[geoms[0]])
     ends = balls(model, geoms[0]) if len(geoms) == 1 else []
-    heights = [float((knee - _in_world(model, data, geoms[0], place)) @ down) for place, _ in ends]
+    heights = [float((knee - in_world(model, data, geoms[0], place)) @ down) for place, _ in ends]
     if len(ends) == 1 or (ends and np.ptp(heights) > ends[0][1]):  # no capsule that lies across the leg
         return Foot(geoms, body, *ends[int(np.argmin(heights))], np.zeros((0, 3)))
     points = np.concatenate([hulls[geom] for geom in geoms])
@@ -97,17 +97,17 @@ def _sole(points: Floats, knee: Floats, down: Floats, slack: float) -> Floats:
 def _reach(model: Any, data: Any, geom: int, knee: Floats, hull: Floats) -> float:
     """Farthest point of a geom from the knee, m; of one that is no ball by its hull, world frame, (k, 3)."""
     if ends := balls(model, geom):
-        return max(float(np.linalg.norm(_in_world(model, data, geom, end) - knee)) + radius for end, radius in ends)
+        return max(float(np.linalg.norm(in_world(model, data, geom, end) - knee)) + radius for end, radius in ends)
     return float(np.linalg.norm(hull - knee, axis=1).max())
 
 
 def _centre(model: Any, data: Any, geom: int, knee: Floats) -> Floats:
     """Centre of the lower end of a capsule or of a sphere, of the box around any other shape, world frame, m."""
     places = [place for place, _ in balls(model, geom)] or [box(model, geom)[0]]
-    return max((_in_world(model, data, geom, place) for place in places), key=lambda at: np.linalg.norm(at - knee))
+    return max((in_world(model, data, geom, place) for place in places), key=lambda at: np.linalg.norm(at - knee))
 
 
-def _in_world(model: Any, data: Any, geom: int, points: Floats) -> Floats:
+def in_world(model: Any, data: Any, geom: int, points: Floats) -> Floats:
     """Points of a geom's body, (..., 3), in the world frame."""
     body = int(model.geom_bodyid[geom])
     return np.asarray(data.xpos[body] + points @ data.xmat[body].reshape(3, 3).T)

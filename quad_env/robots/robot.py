@@ -17,16 +17,17 @@ class Robot(Figures):
 
     @classmethod
     def from_mjcf(cls, path: str | Path, name: str | None = None, **figures: Any) -> "Robot":
-        """The quadruped of an MJCF, whatever its parts are called and in whatever order its legs are.
+        """The quadruped of an MJCF or a URDF, whatever its parts are called and in whatever order its legs are.
 
-        The robot is the body with the free joint and all below it. A leg is a chain of three hinges: about the trunk's
-        x axis and twice about the leg's y axis; its foot is the lowest geom, of any shape, that collides. Lengths,
-        limits, torques and the way the knees bend are read from the compiled model, the home pose from its keyframe or,
-        without one, by SimpleQuad's proportions. Its joints have our servos, scaled from SimpleQuad's by mass and leg
-        length, with the least of the model's largest torques.
+        The robot is the body with the free joint, or a URDF's root link, and all below it. A leg is a chain of three
+        hinges: about the trunk's x axis and twice about the leg's y axis; its foot is the lowest geom, of any shape,
+        that collides. Lengths, limits, torques and the way the knees bend are read from the compiled model, the home
+        pose from its keyframe or, without one, by SimpleQuad's proportions. Its joints have our servos, scaled from
+        SimpleQuad's by mass and leg length, with the least of the model's largest torques. Other hinges and slides, as
+        of an arm or of wheels on the feet, are held where the first keyframe or else `qpos0` has them, see `held`.
 
         Args:
-            path: the MJCF, or a TOML file of figures with the MJCF's path from there as `mjcf`: what
+            path: the MJCF or URDF, or a TOML file of figures with the MJCF's path from there as `mjcf`: what
                 `python -m quad_env describe` writes.
             name: of the robot; None for the file's, without its ending.
             figures: fields of `Robot` that are not to be inferred.

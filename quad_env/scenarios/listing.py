@@ -24,7 +24,7 @@ class Options:
     """Options of a command that prints what is known of a robot."""
 
     robot: str = "simple_quad"
-    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
 
 
 def main(options: Options) -> int:

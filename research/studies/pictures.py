@@ -43,7 +43,7 @@ class Options:
     out: Path = Path("results/walking.png")
     """PNG to write, of strips; or WebP or GIF, of the policies moving side by side, a row a scenario."""
     robots: tuple[str, ...] = (Hardware.robot,)
-    """Robots side by side, names of quad_env.ROBOTS or paths of their MJCF or TOML; all with every policy."""
+    """Robots side by side, names of quad_env.ROBOTS or paths of their MJCF, URDF or TOML; all with every policy."""
     command: tuple[float, float, float] = (0.7, 0.0, 0.0)
     """Forward m/s, lateral m/s, yaw rate rad/s of SimpleQuad; of another robot what is as fast for its size."""
     start: float = 2.0

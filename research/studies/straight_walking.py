@@ -43,7 +43,7 @@ class Options:
     """Compare policies in walking straight ahead."""
 
     robot: str = "go1"
-    """Robot of every policy: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+    """Robot of every policy: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
     policies: tuple[str, ...] = ("trot", "trot_feedback", "mpc_wbc", "residual")
     """Names or folders of policies."""
     speeds: tuple[float, ...] = (0.3, 0.6, 0.9)

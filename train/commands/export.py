@@ -21,7 +21,7 @@ class Options:
     folder: Annotated[Path, tyro.conf.Positional] = Path("models/residual")
     """Folder of a trained policy, or of a training run."""
     robot: str | None = None
-    """Robot of the policy, if not a built-in one: the path of its MJCF or TOML."""
+    """Robot of the policy, if not a built-in one: the path of its MJCF, URDF or TOML."""
     out: Path = Path("results/residual.onnx")
     """File to write: the network, with the base and all settings of the policy as metadata."""
 

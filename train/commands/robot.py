@@ -46,7 +46,7 @@ class Options:
     """Describe, search, train, evaluate, report: some 20 minutes on two cores."""
 
     robot: Annotated[str, tyro.conf.Positional]
-    """MJCF of the robot, a TOML that `python -m quad_env describe` has written, or a name such as go1."""
+    """MJCF or URDF of the robot, a TOML that `python -m quad_env describe` has written, or a name such as go1."""
     base: BaseName = "trot_feedback"
     """Policy that the residual corrects."""
     steps: Count = number(4_000_000, limits=(1, 10**12 - 1))

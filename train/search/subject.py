@@ -53,7 +53,7 @@ class Options:
     gait: Literal["bound", "pace", "pronk", "trot", "walk"] | None = None
     """Gait of `search gait`."""
     robot: str | None = None
-    """Robot of `search trot`: a name of quad_env.ROBOTS such as go1, or the path of its MJCF or TOML."""
+    """Robot of `search trot`: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     seed: int = number(0, limits=(0, 2**31))
     """Seed of the search."""
     generations: int | None = None

@@ -9,6 +9,19 @@ HEAD = """<mujoco model="made"><compiler angle="radian" autolimits="true"/>
 <default><geom friction="0.9"/></default><worldbody><geom type="plane" size="5 5 1"/>{obstacle}
 <body name="torso" pos="0 0 0.5">{free}<inertial pos="0 0 0" mass="{mass}" diaginertia="0.05 0.1 0.1"/>
 <geom type="box" size="{trunk}"/>"""
+ARM = """<frame pos="0.1 0 0.05" euler="0 0 0.3"><body name="upper_arm" euler="0.2 0 0">
+<joint name="shoulder" axis="0 0 1"/><geom type="capsule" fromto="0 0 0 0.1 0 0.05" size="0.03" mass="0.2"/>
+<body name="lower_arm" pos="0.1 0 0.05"><joint name="elbow" axis="0 1 0" pos="0.02 0 0"/>
+<geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.02" mass="0.1"/><body name="gripper" pos="0.12 0 0">
+<joint name="finger" type="slide" axis="1 0 0"/><geom size="0.01" mass="0.05"/></body></body></body></frame>"""
+"""Of three joints."""
+WHEEL = """<body pos="{x} 0 {z}"><joint axis="0 -1 0"/>
+<geom type="cylinder" size="0.05 0.015" euler="1.5707963267948966 0 0" mass="0.1"/></body>"""
+ANKLE = '<body pos="{x} 0 {z}"><joint axis="0 1 0"/><geom size="0.02" pos="0 0 -0.03"/></body>'
+"""A foot and a wheel below a calf, on a hinge that bears and on one that does not."""
+FIFTH_LEG = """<body pos="-0.3 0 0"><joint name="E0" axis="1 0 0"/><geom size="0.05"/><body pos="0 0 -0.1">
+<joint name="E1" axis="0 1 0"/><geom size="0.05"/><body pos="0 0 -0.1"><joint name="E2" axis="0 1 0"/>
+<geom size="0.05" pos="0 0 -0.1"/></body></body></body>"""
 PLACES = {"fl": (1, 1), "fr": (1, -1), "hl": (-1, 1), "hr": (-1, -1)}
 
 

@@ -1,0 +1,113 @@
+"""Joints of a model that belong to none of its four legs, and how they are held: of an arm, a tail, wheels on the feet.
+
+Such a joint is taken away, and its body is welded where the joint's reference has it. A servo, however stiff, or an
+equality would be one more spring that decides which time step is stable, would yield under load, and would leave
+coordinates in the state that no policy knows; a weld is exact at any time step and costs nothing.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, PARALLEL, branches, root_of
+from quad_env.robots.feet import in_world
+from quad_env.robots.shapes import Bools, Floats, descendants, geoms_of, grounded, surface
+
+ROUND = 0.8
+"""Least reach of a wheel from its axis, as a share of its largest."""
+_TURNS = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+
+
+def spare_joints(mujoco: Any, model: Any) -> list[int]:
+    """Ids of the hinges and slides below the trunk that belong to none of its four legs; none where it is unclear which
+    these are, or where there are other joints, all of which `anatomy` refuses. Raises ModelError.
+
+    A leg has a hinge about the trunk's x axis and two parallel ones. Of more than three hinges those count that bear:
+    that move what collides and do not just turn it on the spot, as a wheel is.
+    """
+    root, kinds = root_of(mujoco, model), mujoco.mjtJoint
+    trees = branches(model, root)
+    joints = [joint for tree in trees.values() for joint in tree]
+    if not joints or not np.isin(model.jnt_type[joints], (kinds.mjJNT_HINGE, kinds.mjJNT_SLIDE)).all():
+        return []
+    data, meets = mujoco.MjData(model), grounded(model, root)
+    mujoco.mj_kinematics(model, data)
+    (above, count), *_ = Counter(int(model.body_parentid[first]) for first in trees).most_common()
+    ahead = data.xmat[above if count >= LEGS else root].reshape(3, 3)[:, 0]
+    legs = []
+    for tree in trees.values():
+        hinges = [joint for joint in tree if model.jnt_type[joint] == kinds.mjJNT_HINGE]
+        if len(hinges) > JOINTS_PER_LEG:
+            hinges = [joint for joint in hinges if _bears(model, data, joint, meets)]
+        if _is_leg(data.xaxis[hinges], ahead):
+            legs.append(hinges)
+    return sorted(set(joints).difference(*legs)) if len(legs) == LEGS else []
+
+
+def hold(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> Any:
+    """Take these joints out of a specification, their bodies welded where the first keyframe or, without one, `qpos0`
+    has them; its model. Bodies and geoms keep their ids."""
+    data, places = mujoco.MjData(model), model.jnt_qposadr[list(joints)]
+    if model.nkey:
+        data.qpos[places] = model.key_qpos[0][places]
+    mujoco.mj_kinematics(model, data)
+    bodies, gone = {part.id: part for part in spec.bodies}, [part for part in spec.joints if part.id in joints]
+    for body in {int(model.jnt_bodyid[joint]) for joint in joints}:
+        part, above = bodies[body], int(model.body_parentid[body])
+        back, turned = np.zeros(4), np.zeros(4)
+        mujoco.mju_negQuat(back, data.xquat[above])
+        mujoco.mju_mulQuat(turned, back, data.xquat[body])
+        part.set_frame(part.parent.add_frame())
+        part.pos = (data.xpos[body] - data.xpos[above]) @ data.xmat[above].reshape(3, 3)
+        part.quat, part.alt.type = turned, mujoco.mjtOrientation.mjORIENTATION_QUAT
+    for part in (*_referring(mujoco, spec, {part.name for part in gone}), *gone):
+        spec.delete(part)
+    kept = np.delete(np.arange(model.nq), places)
+    for key in spec.keys:
+        key.qpos, key.qvel, key.act, key.ctrl = model.key_qpos[key.id][kept], [], [], []
+    return spec.compile()
+
+
+def _referring(mujoco: Any, spec: Any, names: set[str]) -> list[Any]:
+    """Tendons over joints of these names, motors and equalities of the joints or of these tendons, and all sensors."""
+    kinds, ties, joint = mujoco.mjtTrn, mujoco.mjtEq, mujoco.mjtWrap.mjWRAP_JOINT
+    over = [each for each in spec.tendons if any(w.type == joint and w.target.name in names for w in each.path)]
+    tendons = {each.name for each in over}
+    moved = {kinds.mjTRN_JOINT: names, kinds.mjTRN_JOINTINPARENT: names, kinds.mjTRN_TENDON: tendons}
+    tied = {ties.mjEQ_JOINT: names, ties.mjEQ_TENDON: tendons}
+    motors = [each for each in spec.actuators if each.target in moved.get(each.trntype, ())]
+    equalities = [each for each in spec.equalities if {each.name1, each.name2} & tied.get(each.type, set())]
+    return [*spec.sensors, *motors, *equalities, *over]
+
+
+def carried_by(model: Any, joints: Sequence[int]) -> frozenset[int]:
+    """Ids of the bodies that these joints move."""
+    return frozenset(int(body) for joint in joints for body in np.flatnonzero(_moved(model, joint)))
+
+
+def _moved(model: Any, joint: int) -> Bools:
+    return descendants(model, int(model.jnt_bodyid[joint]))
+
+
+def _is_leg(axes: Floats, ahead: Floats) -> bool:
+    """Whether hinges about these axes, (k, 3), are those of a leg of a trunk whose x axis is `ahead`, (3,)."""
+    if len(axes) != JOINTS_PER_LEG:
+        return False
+    hip, thigh, calf = axes
+    return bool(abs(hip @ ahead) > PARALLEL and abs(thigh @ calf) > PARALLEL and abs(thigh @ ahead) <= 1.0 - PARALLEL)
+
+
+def _bears(model: Any, data: Any, joint: int, meets: Bools) -> bool:
+    """Whether a hinge moves what meets the ground, and not as the axle of a wheel does."""
+    geoms = geoms_of(model, np.flatnonzero(_moved(model, joint)), meets)
+    if not geoms:
+        return False
+    axis = data.xaxis[joint]
+    one = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    one /= np.linalg.norm(one)
+    around = np.outer(np.cos(_TURNS), one) + np.outer(np.sin(_TURNS), np.cross(axis, one))
+    points = np.concatenate([in_world(model, data, geom, surface(model, geom)) for geom in geoms]) - data.xanchor[joint]
+    reaches = (points @ around.T).max(axis=0)
+    return bool(reaches.min() < ROUND * reaches.max())
