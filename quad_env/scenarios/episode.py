@@ -12,6 +12,7 @@ from quad_env.config import AnyPose
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Dropouts, Pushes
 from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import HeightField
 from quad_env.seeding import EpisodeStreams
 
 
@@ -82,6 +83,14 @@ class Episode:
 def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) -> Array:
     """Start of one robot, (35,): x, y, m; yaw, roll, pitch, 12 joint offsets from home, rad; 3 linear, 3 angular and
     12 joint velocities, m/s and rad/s."""
+    row, terrain = _draw_start(robot, scenario, stream), scenario.terrain
+    if isinstance(terrain, HeightField) and terrain.start is not None:
+        row[:2] += terrain.start
+    return row
+
+
+def _draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) -> Array:
+    """The same about the middle of the ground."""
     noise, radius, joints = scenario.start, scenario.terrain.spawn_radius, robot.num_joints
     if isinstance(noise, AnyPose):
         return _draw_any_pose(robot, noise, radius, stream)

@@ -14,6 +14,7 @@ EXAMPLES = {
     "payload=15+slope=10": "several at once, joined by +",
     "push:all": "every level; only in python -m evaluate --scenarios, as the next two",
     "quick": "a battery of scenarios; so are default, full and all",
+    "hill.toml": "a terrain of yours, a picture or an array: docs/environment.md",
     "my_file.py:NAME": "a quad_env.Scenario of yours, in a file",
 }
 """The ways to write scenarios, and their meanings."""
