@@ -18,6 +18,7 @@ from evaluate.records.store import Run, read_run
 from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, run_cell
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.progress import bar
+from quad_env.scenarios.height_file import check_unchanged
 from quad_env.scenarios.terrain import HeightField, Terrain
 
 DIFFERS = 1
@@ -145,7 +146,7 @@ def _policy(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
 def _check_terrain(terrain: Terrain) -> None:
     try:
         if isinstance(terrain, HeightField):
-            terrain.check_unchanged()
+            check_unchanged(terrain.file, terrain.sha256)
     except ValueError as error:
         raise UsageError(f"the terrain of that episode is not here: {error}") from error
 

@@ -53,6 +53,8 @@ class Episode:
         self.streams = EpisodeStreams(seed, number)
         self.start = draw_start(robot, scenario, self.streams.start)
         """Start of the robot, see `draw_start`, (35,)."""
+        if isinstance(terrain := scenario.terrain, HeightField) and terrain.start is not None:
+            self.start[:2] += terrain.start
         self.pushes = _draw_pushes(scenario.pushes, self.streams.pushes, dt)
         self.force: Array | None = None
         """Steady force on the trunk in a uniformly random horizontal direction, world frame, (2,), N."""
@@ -83,14 +85,6 @@ class Episode:
 def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) -> Array:
     """Start of one robot, (35,): x, y, m; yaw, roll, pitch, 12 joint offsets from home, rad; 3 linear, 3 angular and
     12 joint velocities, m/s and rad/s."""
-    row, terrain = _draw_start(robot, scenario, stream), scenario.terrain
-    if isinstance(terrain, HeightField) and terrain.start is not None:
-        row[:2] += terrain.start
-    return row
-
-
-def _draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) -> Array:
-    """The same about the middle of the ground."""
     noise, radius, joints = scenario.start, scenario.terrain.spawn_radius, robot.num_joints
     if isinstance(noise, AnyPose):
         return _draw_any_pose(robot, noise, radius, stream)

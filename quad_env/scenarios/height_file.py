@@ -4,7 +4,6 @@ import hashlib
 import io
 import tomllib
 import warnings
-from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,9 +17,8 @@ from quad_env.files.text import described, one_line
 MOST_SAMPLES = 4_000_000
 LARGEST = 1e6
 """m, beyond any ground."""
-KEYS = "file", "size", "height", "start"
-_GREY = "L", "I;16"
-"""Pillow's modes of pictures of 8 and 16 bit."""
+KEYS = {"file": [str], "size": [float, float], "height": [float], "start": [float, float]}
+"""What a TOML file says, and of what it is made."""
 
 
 class Heights(NamedTuple):
@@ -35,28 +33,25 @@ class Heights(NamedTuple):
 
 
 def given(path: Path) -> dict[str, Any]:
-    """What a TOML file says of a ground, `file` found from the TOML's folder; ValueError, one line, for what it cannot
-    say."""
+    """What a TOML file says, with `file` found from its folder; ValueError, one line, for what describes no ground."""
     try:
         found = tomllib.loads(_content(path).decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(one_line(f"{path} is no TOML: {error}")) from error
-    if unknown := [name for name in found if name not in KEYS]:
-        raise ValueError(one_line(f"{path}: a terrain has no {', '.join(unknown)}; valid: {', '.join(KEYS)}"))
-    if not isinstance(file := found.get("file"), str):
-        raise ValueError(f'{path} names no heights: it wants a line such as file = "hill.png", or "hill.npy"')
-    if not _are_numbers(found.get("size"), 2):
-        raise ValueError(f"{path}: size is two numbers, m along x and y: it wants a line such as size = [8.0, 8.0]")
-    if not _are_numbers(found.get("start", [0, 0]), 2):
-        raise ValueError(f"{path}: start is two numbers, m from the middle along x and y, such as [0.0, 0.0]")
-    if not _are_numbers([found.get("height", 1)], 1):
-        raise ValueError(f"{path}: height is a number, m, such as 0.4")
-    pairs = {name: tuple(map(float, found[name])) for name in ("size", "start") if name in found}
-    return found | pairs | {"file": str(path.parent / file)}
+    if unknown := found.keys() - KEYS:
+        raise ValueError(one_line(f"{path}: a terrain has no {', '.join(sorted(unknown))}; valid: {', '.join(KEYS)}"))
+    for name, kinds in KEYS.items():
+        value = found.get(name)
+        parts = value if isinstance(value, list) and kinds[1:] else [value]
+        if (name in found or name in ("file", "size")) and [_kind(part) for part in parts] != kinds:
+            form = 'file = "hill.png" or "hill.npy", size = [8.0, 8.0], optionally height = 0.4 and start = [0.0, 0.0]'
+            raise ValueError(f"{path} has no {name} of a terrain, as in {form}")
+        found |= {name: tuple(map(float, parts))} if kinds[1:] and name in found else {}
+    return found | {"file": str(path.parent / found["file"])}
 
 
-def _are_numbers(values: Any, count: int) -> bool:
-    return isinstance(values, list) and [type(each) in (int, float) for each in values] == [True] * count
+def _kind(value: Any) -> type:
+    return float if type(value) is int else type(value)
 
 
 def sha256_of(file: str) -> str:
@@ -65,9 +60,9 @@ def sha256_of(file: str) -> str:
 
 
 def check_unchanged(file: str, sha256: str) -> None:
-    """Raise ValueError, one line, where the file cannot be read or is not the one of that SHA-256."""
-    if (now := sha256_of(file)) != sha256:
-        raise ValueError(f"{file} has changed: its SHA-256 was {sha256:.12}… and is {now:.12}…")
+    """Raise ValueError, one line, where the file is gone or is not the one of that SHA-256."""
+    if sha256_of(file) != sha256:
+        raise ValueError(f"{file} has changed: its SHA-256 is no longer {sha256}")
 
 
 @lru_cache(maxsize=4)
@@ -78,21 +73,14 @@ def read(file: str, sha256: str, peak: float | None) -> Heights:
     """
     check_unchanged(file, sha256)
     path = Path(file)
-    if (decode := _DECODERS.get(path.suffix.lower())) is None:
-        raise ValueError(f"{file} is neither a grey picture (.png) nor an array (.npy) of heights")
+    content = _content(path)
     try:
-        values = decode(_content(path))
-    except Exception as error:  # Pillow raises most kinds of them for files that are damaged
+        values = _values(content, path.suffix.lower(), peak)
+    except Exception as error:  # of most kinds: Pillow raises them for damaged files
         raise ValueError(f"{file}: {described(error).removeprefix('ValueError: ')}") from error
-    if peak is None and decode is _picture:
-        raise ValueError(f"{file} is a picture: height says how high its brightest pixel is above black, m")
-    if peak is not None:
-        if not (brightest := float(values.max())) > 0:
-            raise ValueError(f"{file}: its largest value is {brightest:g}, but height scales that: it must be above 0")
-        values = values / brightest * peak
     lowest, highest = float(values.min()), float(values.max())
     if not max(-lowest, highest) < LARGEST:
-        raise ValueError(f"{file}: its heights must lie within ±{LARGEST:g} m, not from {lowest:g} to {highest:g}")
+        raise ValueError(f"{file}: heights are numbers within ±{LARGEST:g} m, not from {lowest:g} to {highest:g}")
     span = highest - lowest or 1.0
     # MuJoCo keeps height fields in single precision; both must see the same surface. Its rows run towards +y.
     unit = ((values[::-1] - lowest) / span).astype(np.float32).astype(np.float64)
@@ -107,35 +95,40 @@ def _content(path: Path) -> bytes:
         raise ValueError(f"cannot read {path} ({getattr(error, 'strerror', None) or error})") from error
 
 
+def _values(content: bytes, suffix: str, peak: float | None) -> Array:
+    """Heights, m, the first row at the largest y."""
+    if suffix == ".png":
+        values = _picture(content)
+        if peak is None:
+            raise ValueError("of a picture, height is needed: how high its brightest pixel is above black, m")
+    elif suffix == ".npy":
+        values = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
+    else:
+        raise ValueError("heights are a grey picture (.png) or an array (.npy)")
+    _check_shape(values.shape)
+    if values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+        raise ValueError(f"heights are finite numbers; this {values.dtype} array has others")
+    heights: Array = values.astype(np.float64)
+    if peak is None:
+        return heights
+    if not (brightest := heights.max()) > 0:
+        raise ValueError(f"height scales the largest value, which must be above 0, not {brightest:g}")
+    return heights / brightest * peak
+
+
 def _picture(content: bytes) -> Array:
     from PIL import Image
 
     with warnings.catch_warnings():
         warnings.simplefilter("error", Image.DecompressionBombWarning)
         image = Image.open(io.BytesIO(content), formats=["PNG"])
-    if image.mode not in _GREY:
-        raise ValueError(f"a picture of heights is grey, of 8 or 16 bit, without transparency, not {image.mode}")
+    if image.mode not in ("L", "I;16"):
+        raise ValueError(f"a picture of heights is grey, 8 or 16 bit, without transparency; this one is {image.mode}")
     _check_shape((image.height, image.width))  # before it is decoded
-    return np.asarray(image).astype(np.float64)
-
-
-def _array(content: bytes) -> Array:
-    array = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
-    if array.dtype.kind not in "iuf":
-        raise ValueError(f"heights are numbers, not {array.dtype}")
-    _check_shape(array.shape)
-    with np.errstate(over="ignore"):
-        heights: Array = array.astype(np.float64)
-    if not np.isfinite(heights).all():
-        raise ValueError("a height is NaN or infinite")
-    return heights
+    return np.asarray(image)
 
 
 def _check_shape(shape: tuple[int, ...]) -> None:
     if len(shape) != 2 or min(shape) < 2 or shape[0] * shape[1] > MOST_SAMPLES:
-        size = " x ".join(map(str, shape))
-        raise ValueError(f"heights are 2 x 2 to {MOST_SAMPLES} samples in rows and columns, not {size or 'a number'}")
-
-
-_DECODERS: dict[str, Callable[[bytes], Array]] = {".png": _picture, ".npy": _array}
-"""By suffix."""
+        size = " x ".join(map(str, shape)) or "one number"
+        raise ValueError(f"heights are at least 2 x 2 and at most {MOST_SAMPLES} samples, in rows; these are {size}")

@@ -26,6 +26,8 @@ WRITTEN = (
 )
 """How scenarios without a name of their own are written."""
 BETWEEN, EQUALS = "+", "="
+TERRAIN = ".toml"
+"""End of the path of a user's terrain."""
 LARGEST = 1e6
 """Severity beyond which no unit of an axis means anything."""
 _LABELS = ("name", "axis", "severity", "severity_unit")
@@ -59,8 +61,8 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
 
 def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
     """As `scenario`, but None where the name is that of no scenario and no axis."""
-    if is_terrain(name):
-        return on_terrain(Path(name), robot)
+    if name.endswith(TERRAIN):
+        return _on_terrain(Path(name), robot)
     if is_combination(name):
         return combined(name, robot)
     axis, colon, level = name.partition(":")
@@ -72,14 +74,8 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
     return scenarios_of(robot).get(name)
 
 
-def is_terrain(name: str) -> bool:
-    """Whether a name is the path of a user's terrain, see `HeightField.from_toml`."""
-    return name.endswith(".toml")
-
-
-def on_terrain(path: Path, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """An undisturbed scenario on a user's terrain, which is as large for every robot, named after its file; ValueError,
-    one line, for what is none."""
+def _on_terrain(path: Path, robot: Robot) -> Scenario:
+    """Undisturbed on a user's terrain, which is as large for every robot; named after its file."""
     if path.stem in SCENARIOS or ":" in path.stem or is_combination(path.stem):
         raise ValueError(f"{path}: a scenario of quad_env is written {path.stem}; call the file differently")
     return scaled(Scenario(path.stem, HeightField.from_toml(path)), robot)

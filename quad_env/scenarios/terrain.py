@@ -185,23 +185,14 @@ class HeightField:
             raise ValueError(f"{self.file}: robots must start within its {self.size} m, not at {self.start}")
 
     @classmethod
-    def from_file(
-        cls,
-        file: str,
-        size: tuple[float, float],
-        height: float | None = None,
-        start: tuple[float, float] | None = None,
-    ) -> "HeightField":
-        """The ground in a file as it is now, `height` being `peak`; ValueError, one line, for what is no ground."""
-        found = cls(file, height_file.sha256_of(file), size, height, start)
-        found.heights  # noqa: B018 - which raises for what is none
-        return found
-
-    @classmethod
     def from_toml(cls, path: Path) -> "HeightField":
-        """The ground that a TOML file describes: `file`, `size`, and optionally `height` and `start`, the arguments of
-        `from_file`; ValueError, one line, for what is no ground."""
-        return cls.from_file(**height_file.given(path))
+        """The ground that a TOML file describes by its `file`, `size`, `height` (the `peak`) and `start`; ValueError,
+        one line, for what is none."""
+        given = height_file.given(path)
+        file = given["file"]
+        found = cls(file, height_file.sha256_of(file), given["size"], given.get("height"), given.get("start"))
+        height_file.read(file, found.sha256, found.peak)  # raises for what is no ground
+        return found
 
     @property
     def half(self) -> tuple[float, float]:
@@ -217,10 +208,6 @@ class HeightField:
     def heights(self) -> Heights:
         """The heights; ValueError, one line, where the file is gone or has changed."""
         return height_file.read(self.file, self.sha256, self.peak)
-
-    def check_unchanged(self) -> None:
-        """Raise ValueError, one line, where the file is gone or has changed."""
-        height_file.check_unchanged(self.file, self.sha256)
 
     def height(self, x: Column, y: Column) -> Column:
         """Surface height at world points, m: linear on the two triangles of each cell, as MuJoCo collides with it."""
