@@ -17,8 +17,8 @@ from quad_env.files.text import described, one_line
 MOST_SAMPLES = 4_000_000
 LARGEST = 1e6
 """m, beyond any ground."""
-KEYS = {"file": [str], "size": [float, float], "height": [float], "start": [float, float]}
-"""What a TOML file says, and of what it is made."""
+KEYS = "file", "size", "height", "start"
+LINES = 'file = "hill.png" or "hill.npy", size = [8.0, 8.0], and perhaps height = 0.4 or start = [0.0, 0.0]'
 
 
 class Heights(NamedTuple):
@@ -32,26 +32,28 @@ class Heights(NamedTuple):
     """From the lowest to the highest, m; 1 where all are alike."""
 
 
-def given(path: Path) -> dict[str, Any]:
-    """What a TOML file says, with `file` found from its folder; ValueError, one line, for what describes no ground."""
+def given(path: Path) -> tuple[str, tuple[float, float], float | None, tuple[float, float] | None]:
+    """The values of KEYS in a TOML file, `file` as found from its folder; ValueError, one line, for what has none."""
     try:
         found = tomllib.loads(_content(path).decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(one_line(f"{path} is no TOML: {error}")) from error
     if unknown := found.keys() - KEYS:
         raise ValueError(one_line(f"{path}: a terrain has no {', '.join(sorted(unknown))}; valid: {', '.join(KEYS)}"))
-    for name, kinds in KEYS.items():
-        value = found.get(name)
-        parts = value if isinstance(value, list) and kinds[1:] else [value]
-        if (name in found or name in ("file", "size")) and [_kind(part) for part in parts] != kinds:
-            form = 'file = "hill.png" or "hill.npy", size = [8.0, 8.0], optionally height = 0.4 and start = [0.0, 0.0]'
-            raise ValueError(f"{path} has no {name} of a terrain, as in {form}")
-        found |= {name: tuple(map(float, parts))} if kinds[1:] and name in found else {}
-    return found | {"file": str(path.parent / found["file"])}
+    file, size, height, start = map(found.get, KEYS)
+    fits = {
+        "file": isinstance(file, str),
+        "size": _are_numbers(size, 2),
+        "height": height is None or _are_numbers([height], 1),
+        "start": start is None or _are_numbers(start, 2),
+    }
+    if wrong := [name for name in KEYS if not fits[name]]:
+        raise ValueError(f"{path} has no {' and no '.join(wrong)} of a terrain; it wants lines such as {LINES}")
+    return str(path.parent / file), tuple(size), height, start and tuple(start)
 
 
-def _kind(value: Any) -> type:
-    return float if type(value) is int else type(value)
+def _are_numbers(values: Any, count: int) -> bool:
+    return isinstance(values, list) and [type(each) in (int, float) for each in values] == [True] * count
 
 
 def sha256_of(file: str) -> str:

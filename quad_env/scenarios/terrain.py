@@ -177,10 +177,9 @@ class HeightField:
     """m from the middle along x and y, where all robots start; None for a place drawn by the episode's seed"""
 
     def __post_init__(self) -> None:
-        if not all(0 < length < height_file.LARGEST for length in self.size):
-            raise ValueError(f"{self.file}: the size of a terrain must be positive, m, got {self.size}")
-        if self.peak is not None and not 0 < self.peak < height_file.LARGEST:
-            raise ValueError(f"{self.file}: the height of a terrain must be positive, m, got {self.peak}")
+        sizes = self.size if self.peak is None else (*self.size, self.peak)
+        if not all(0 < length < height_file.LARGEST for length in sizes):
+            raise ValueError(f"{self.file}: size and height of a terrain are positive, m, not {self.size}, {self.peak}")
         if self.start is not None and not all(abs(a) <= half for a, half in zip(self.start, self.half, strict=True)):
             raise ValueError(f"{self.file}: robots must start within its {self.size} m, not at {self.start}")
 
@@ -188,10 +187,9 @@ class HeightField:
     def from_toml(cls, path: Path) -> "HeightField":
         """The ground that a TOML file describes by its `file`, `size`, `height` (the `peak`) and `start`; ValueError,
         one line, for what is none."""
-        given = height_file.given(path)
-        file = given["file"]
-        found = cls(file, height_file.sha256_of(file), given["size"], given.get("height"), given.get("start"))
-        height_file.read(file, found.sha256, found.peak)  # raises for what is no ground
+        file, size, height, start = height_file.given(path)
+        found = cls(file, height_file.sha256_of(file), size, height, start)
+        height_file.read(file, found.sha256, height)  # raises for what is no ground
         return found
 
     @property

@@ -123,9 +123,9 @@ HIGH = "height = 1.0"
     [
         ({"values": RAMP, "lines": "colour = 1"}, "no colour; valid: file, size, height, start"),
         ({"values": RAMP, "lines": "["}, "hill.toml is no TOML"),
-        ({"values": RAMP, "size": "8.0"}, r"no size of a terrain, as in file = .* size = \[8.0, 8.0\]"),
-        ({"values": RAMP, "size": "[8.0, nan]"}, "size of a terrain must be positive"),
-        ({"values": RAMP, "lines": "height = -1"}, "height of a terrain must be positive"),
+        ({"values": RAMP, "size": "8.0"}, r"no size of a terrain; it wants lines such as .* size = \[8.0, 8.0\]"),
+        ({"values": RAMP, "size": "[8.0, nan]"}, "size and height of a terrain are positive"),
+        ({"values": RAMP, "lines": "height = -1"}, "are positive, m, not .*, -1"),
         ({"values": RAMP, "lines": "start = [2.1, 0]"}, "start within"),
         ({"values": NAN}, r"hill.npy: heights are finite numbers"),
         ({"values": -RAMP, "lines": HIGH}, "largest value, which must be above 0"),
