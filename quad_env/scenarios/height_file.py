@@ -40,7 +40,8 @@ def given(path: Path) -> tuple[str, tuple[float, float], float | None, tuple[flo
         raise ValueError(one_line(f"{path} is no TOML: {error}")) from error
     if unknown := found.keys() - KEYS:
         raise ValueError(one_line(f"{path}: a terrain has no {', '.join(sorted(unknown))}; valid: {', '.join(KEYS)}"))
-    file, size, height, start = map(found.get, KEYS)
+    values: list[Any] = [found.get(name) for name in KEYS]
+    file, size, height, start = values
     fits = {
         "file": isinstance(file, str),
         "size": _are_numbers(size, 2),
@@ -113,7 +114,7 @@ def _values(content: bytes, suffix: str, peak: float | None) -> Array:
     heights: Array = values.astype(np.float64)
     if peak is None:
         return heights
-    if not (brightest := heights.max()) > 0:
+    if not (brightest := float(heights.max())) > 0:
         raise ValueError(f"height scales the largest value, which must be above 0, not {brightest:g}")
     return heights / brightest * peak
 
@@ -127,7 +128,8 @@ def _picture(content: bytes) -> Array:
     if image.mode not in ("L", "I;16"):
         raise ValueError(f"a picture of heights is grey, 8 or 16 bit, without transparency; this one is {image.mode}")
     _check_shape((image.height, image.width))  # before it is decoded
-    return np.asarray(image)
+    values: Array = np.asarray(image)
+    return values
 
 
 def _check_shape(shape: tuple[int, ...]) -> None:

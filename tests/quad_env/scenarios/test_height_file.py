@@ -3,6 +3,7 @@
 import json
 import os
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -101,7 +102,7 @@ def test_the_scenario_is_a_value_that_names_the_content_of_its_file(tmp_path) ->
     other = quad_env.scenario(written(tmp_path, RAMP + 1))
     assert other != scenario
     assert other.terrain.height(0.0, 0.0) == 5.0
-    short = quad_env.Robot.from_mjcf(SIMPLE_QUAD.mjcf, thigh_length=0.2, calf_length=0.2)
+    short = replace(SIMPLE_QUAD, name="short", thigh_length=0.075, calf_length=0.075)
     theirs = quad_env.scenario(path, short)
     assert theirs.terrain == other.terrain, "metres are metres for every robot"
     assert theirs.commands != other.commands
