@@ -100,7 +100,7 @@ class Simulation:
         self._corners = trunk_corners(self.model)
         bumpy = isinstance(self.terrain, SmoothRandom | HeightField)
         self._clear = _HIGH * robot.leg_length if robot.imported and bumpy else 0.0
-        if isinstance(self.terrain, HeightField):  # which may be anywhere
+        if isinstance(self.terrain, HeightField):  # which may be anywhere, and of many small cells
             self._clear += self.terrain.heights.lowest + self.terrain.heights.span
         self._sites, self._bodies = self.batch.bind("site_xpos"), self.batch.bind("xpos")
         self._filtered = self.batch.bind("act") if self.model.na else None

@@ -18,17 +18,13 @@ def test_results_hold_what_the_terrain_was_and_refuse_another(tmp_path, capsys, 
 
     def said(*words: object) -> tuple[int, str]:
         height_file.read.cache_clear()  # as in a process of its own
-        code = main(list(map(str, words)))
-        printed = capsys.readouterr()
-        return code, printed.out + printed.err
+        return main(list(map(str, words))), "".join(capsys.readouterr())
 
     run = ("--policies", "stand", "trot@hill", "--scenarios", toml, "--episodes", "2", "--no-film", "--out", out)
-    assert said(*run)[0] == 0
+    assert said(*run)[0] == said(*run, "--resume")[0] == 0
     (terrain,) = [each["terrain"] for each in json.loads((out / "manifest.json").read_bytes())["scenarios"]]
     assert terrain["sha256"] == height_file.sha256_of(str(heights))
-    assert said(*run, "--resume")[0] == 0
-    code, text = said("replay", out, 3)
-    assert (code, "episode 1 of trot on hill" in text, "identical to the bit" in text) == (0, True, True)
+    assert "identical to the bit" in said("replay", out, 3)[1]
     np.save(heights, np.zeros((41, 41)))
     mistakes = [said(*run, "--resume"), said("replay", out, 3)]
     heights.unlink()

@@ -17,7 +17,6 @@ from quad_env import ENV_ID
 from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import Episode
-from quad_env.scenarios.scenario import Scenario
 
 RAMP = np.tile(np.arange(9), (5, 1))  # up towards +x
 CORNERED = RAMP.copy()
@@ -50,7 +49,7 @@ def test_the_ground_lies_as_the_picture_is_seen_and_rays_hit_it_there(tmp_path, 
     x, y = np.meshgrid(np.linspace(-2, 2, 9), np.linspace(1, -1, 5))
     np.testing.assert_allclose(terrain.height(x.ravel(), y.ravel()), heights.ravel(), atol=1e-6)
     beyond = np.array([[2.1, 0.0, -9.0], [0.0, -1.1, 9.0]])
-    model = compile_model(SIMPLE_QUAD, Scenario("made", terrain))
+    model = compile_model(SIMPLE_QUAD, quad_env.Scenario("made", terrain))
     data = mujoco.MjData(model)
     data.qpos[:2] = 100.0  # the robot is elsewhere
     mujoco.mj_forward(model, data)
@@ -61,13 +60,14 @@ def test_the_ground_lies_as_the_picture_is_seen_and_rays_hit_it_there(tmp_path, 
         assert terrain.height(float(east), float(north)) == pytest.approx(hit, abs=1e-6)
 
 
-@pytest.mark.parametrize("level", [-20.0, 0.0, 30.0])
+@pytest.mark.parametrize("level", [-20.0, 1.0, 30.0])
 def test_a_robot_is_put_on_the_ground_wherever_that_is(tmp_path, level) -> None:
-    values = np.full((9, 17), level)
-    values[:, 12:] += 0.5  # in the right half
+    values = np.full((101, 201), level)
+    values[:, 150:] += 0.5  # in the right half
     with gym.make(ENV_ID, scenario=written(tmp_path, values, lines="start = [-1.0, 0.5]")) as env:
         env.reset(seed=1)
         robot = env.unwrapped.simulation
+        assert not robot.batch.warning.any(), "so deep in the ground MuJoCo finds more contacts than it has memory for"
         np.testing.assert_allclose(robot.qpos[0, :2], (-1.0, 0.5))
         assert not any(env.step(SIMPLE_QUAD.home_pose.astype(np.float32))[2] for _ in range(50))
         assert robot.qpos[0, 2] == pytest.approx(level + SIMPLE_QUAD.home_height, abs=0.03)
@@ -88,6 +88,9 @@ def test_the_scenario_is_a_value_that_names_the_content_of_its_file(tmp_path) ->
     with gym.make(ENV_ID, scenario=scenario) as env, gym.make(EnvSpec.from_json(env.spec.to_json())) as same:
         again = same.unwrapped.scenario
     assert (again, again.terrain.file) == (scenario, str(tmp_path / "hill.npy"))
+    assert replace(scenario.terrain, file="elsewhere.npy") == scenario.terrain
+    with pytest.raises(ValueError, match="has changed: its SHA-256"):
+        gym.make(ENV_ID, scenario=replace(scenario, terrain=replace(scenario.terrain, sha256="0" * 64)))
     other = quad_env.scenario(written(tmp_path, RAMP + 1))
     assert (other == scenario, other.terrain.height(0.0, 0.0)) == (False, 5.0)
     theirs = quad_env.scenario(path, replace(SIMPLE_QUAD, name="short", thigh_length=0.075, calf_length=0.075))
@@ -134,7 +137,6 @@ def test_a_file_that_is_gone_damaged_or_no_file_is_one_line(tmp_path) -> None:
         (lambda: picture.write_bytes(bomb(content)), "hill.png: Decompression"),
         (picture.unlink, "cannot read .*hill.png .No such file"),
         (lambda: os.mkfifo(picture), "cannot read .*hill.png .it is no regular file"),
-        (Path(path).unlink, "cannot read .*hill.toml .No such file"),
     ):
         make()
         with pytest.raises(ValueError, match=words):
