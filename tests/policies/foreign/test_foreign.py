@@ -27,8 +27,6 @@ from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD, HomePoseActions
 from quad_env.cli.command_line import UsageError
 from train.sb3.vec_env import TrainingVecEnv
 
-SMALL: dict[str, Any] = {"seed": 0, "device": "cpu", "policy_kwargs": {"net_arch": [8]}}
-"""Arguments of a learner of Stable-Baselines3."""
 FILE = """
 import os, sys, time
 import numpy as np
@@ -118,6 +116,11 @@ OBSERVATIONS[1, OBSERVATION["command"].start] = 1.0
 OTHERS = [0, 2]
 
 
+def small() -> dict[str, Any]:
+    """Arguments of a learner of Stable-Baselines3, which adds to them."""
+    return {"seed": 0, "device": "cpu", "policy_kwargs": {"net_arch": [8]}}
+
+
 @pytest.fixture(autouse=True)
 def _same_path(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "path", list(sys.path))
@@ -144,14 +147,11 @@ def third_step(of: Served) -> tuple[np.ndarray, dict[int, str]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "way"),
-    [
-        *(("one", "robot"), ("many", "batch"), ("of_any", "robot"), ("Counts", "robot"), ("counts", "robot")),
-        *(("Timed", "robot"), ("AllRaise", "batch"), ("Walk", "policy"), ("walk", "policy")),
-    ],
+    ("way", "names"),
+    [("robot", "one of_any Counts counts Timed"), ("batch", "many AllRaise"), ("policy", "Walk walk")],
 )
-def test_how_it_is_asked_is_found_out(file: Path, name: str, way: str) -> None:
-    assert served(file, name).way == way
+def test_how_it_is_asked_is_found_out(file: Path, way: str, names: str) -> None:
+    assert {served(file, name).way for name in names.split()} == {way}
 
 
 @pytest.mark.parametrize("name", ["Counts", "counts", "Timed"])
@@ -298,7 +298,7 @@ def test_in_its_process_a_policy_that_ends_it_loses_its_robots_until_a_reset(fil
 def test_a_model_of_stable_baselines3_acts_as_it_does_there(tmp_path: Path) -> None:
     env = gym.make("quad_env:SimpleQuad-v0")
     observation, _ = env.reset(seed=0)
-    for model in (PPO("MlpPolicy", env, **SMALL), SAC("MlpPolicy", env, buffer_size=10, **SMALL)):
+    for model in (PPO("MlpPolicy", env, **small()), SAC("MlpPolicy", env, buffer_size=10, **small())):
         model.save(tmp_path / "model.zip")
         of = served(tmp_path / "model.zip")
         of.reset(2, 0)
@@ -315,7 +315,7 @@ def normalised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
     """A model that was trained on normalised observations, `model.zip`, and its joint targets."""
     folder = tmp_path_factory.mktemp("normalised")
     env = VecNormalize(DummyVecEnv([lambda: HomePoseActions(gym.make("quad_env:SimpleQuad-v0"), 0.3)]))
-    model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, **SMALL).learn(128)
+    model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, **small()).learn(128)
     model.save(folder / "model.zip")
     env.save(str(folder / "vecnormalize.pkl"))
 
@@ -381,7 +381,7 @@ def test_a_model_that_was_trained_about_the_home_pose_gives_joint_targets(tmp_pa
         env = TrainingVecEnv(RecordEpisodeStatistics(VectorHomePoseActions(robots, 0.3)), seeds=[0, 1])
     else:
         env = HomePoseActions(gym.make("quad_env:SimpleQuad-v0"), 0.3)
-    model = PPO("MlpPolicy", env, **SMALL)
+    model = PPO("MlpPolicy", env, **small())
     model.save(tmp_path / "model.zip")
     of = served(tmp_path / "model.zip")
     of.reset(3, 0)
@@ -396,6 +396,6 @@ def test_a_model_that_was_trained_about_the_home_pose_gives_joint_targets(tmp_pa
 def test_a_model_of_rescaled_actions_is_refused_since_nothing_tells_what_they_stand_for(tmp_path: Path) -> None:
     one = np.ones(12, np.float32)
     env = gym.wrappers.RescaleAction(gym.make("quad_env:SimpleQuad-v0"), -one, one)
-    PPO("MlpPolicy", env, **SMALL).save(tmp_path / "model.zip")
+    PPO("MlpPolicy", env, **small()).save(tmp_path / "model.zip")
     with pytest.raises(PolicyError, match=r"from -1 to 1.*quad_env\.HomePoseActions"):
         served(tmp_path / "model.zip")

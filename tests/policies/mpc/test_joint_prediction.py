@@ -37,19 +37,6 @@ def test_what_no_plan_explains_is_learnt_from_the_readings() -> None:
     np.testing.assert_allclose(found[0, ANGLES], 3.0 * 39 * PERIOD, rtol=1e-3)
 
 
-def test_a_restart_forgets_one_robot_alone() -> None:
-    prediction = JointPrediction(1, PERIOD)
-    prediction.allocate(2)
-    for step in range(10):
-        prediction.now(reading(2, joint_position=0.01 * step))
-        prediction.keep(np.full((2, 12), 20.0))
-    prediction.restart(np.array([True, False]))
-    found = prediction.now(reading(2, joint_position=0.7))
-    np.testing.assert_allclose(found[0, ANGLES], 0.7, rtol=1e-6)
-    assert not found[0, SPEEDS].any()
-    assert found[1, SPEEDS].all()
-
-
 def test_the_evaluator_tells_the_controller_what_its_encoders_take() -> None:
     """One control step with typical sensors, none of the truth and of ideal ones."""
     found = [Hardware(sensors=name).policy("mpc_wbc")._joints._late for name in ("truth", "ideal", "typical")]
