@@ -193,6 +193,8 @@ def _thigh_radius(model: Any, found: Anatomy, leg: Leg) -> float:
     geoms, along = geoms_of(model, [thigh], found.grounded), model.body_pos[calf]
     if not geoms:
         return leg.foot.radius
+    if model.body_parentid[calf] != thigh:  # a body that is welded to the thigh lies between
+        along = (found.places[calf] - found.places[thigh]) @ found.axes[thigh]
     points = np.concatenate([corners(model, geom) for geom in geoms])
     share = np.clip(points @ along / (along @ along), 0.0, 1.0)
     beside = np.linalg.norm(points - share[:, None] * along, axis=1)

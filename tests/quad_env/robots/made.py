@@ -14,15 +14,10 @@ ARM = """<frame pos="0.1 0 0.05" euler="0 0 0.3"><body name="upper_arm" euler="0
 <body name="lower_arm" pos="0.1 0 0.05"><joint name="elbow" axis="0 1 0" pos="0.02 0 0"/>
 <geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.02" mass="0.1"/><body name="gripper" pos="0.12 0 0">
 <joint name="finger" type="slide" axis="1 0 0"/><geom size="0.01" mass="0.05"/></body></body></body></frame>"""
-"""Of three joints."""
 WHEEL = """<body pos="{x} 0 {z}"><joint axis="0 -1 0"/>
 <geom type="cylinder" size="0.05 0.015" euler="1.5707963267948966 0 0" mass="0.1"/></body>"""
 ANKLE = '<body pos="{x} 0 {z}"><joint axis="0 1 0"/><geom size="0.02" pos="0 0 -0.03"/></body>'
-"""A foot and a wheel below a calf, on a hinge that bears and on one that does not."""
-FIFTH_LEG = """<body pos="-0.3 0 0"><joint name="E0" axis="1 0 0"/><geom size="0.05"/><body pos="0 0 -0.1">
-<joint name="E1" axis="0 1 0"/><geom size="0.05"/><body pos="0 0 -0.1"><joint name="E2" axis="0 1 0"/>
-<geom size="0.05" pos="0 0 -0.1"/></body></body></body>"""
-PLACES = {"fl": (1, 1), "fr": (1, -1), "hl": (-1, 1), "hr": (-1, -1)}
+PLACES = {"fl": (1, 1), "fr": (1, -1), "hl": (-1, 1), "hr": (-1, -1), "ml": (0, 1)}
 
 
 @dataclass
@@ -30,7 +25,7 @@ class Made:
     """A quadruped; lengths in m, angles in rad."""
 
     order: tuple[str, ...] = ("fr", "fl", "hr", "hl")
-    names: dict[str, str] = field(default_factory=lambda: {"fl": "A", "fr": "B", "hl": "C", "hr": "D"})
+    names: dict[str, str] = field(default_factory=lambda: dict(zip(PLACES, "ABCDE", strict=True)))
     signs: tuple[int, int, int] = (1, 1, 1)
     zeros: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Joints in a robot's terms where the model has them at zero."""

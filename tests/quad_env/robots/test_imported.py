@@ -18,7 +18,7 @@ from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.named import ROBOTS, robot_of
 from quad_env.robots.plausibility import damping_ratios, warnings_of
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.quad_env.robots.made import ANKLE, ARM, FIFTH_LEG, Made
+from tests.quad_env.robots.made import ANKLE, ARM, PLACES, Made
 
 MADE = {
     "plain": Made(),
@@ -162,7 +162,7 @@ BROKEN = {
     "four legs of three hinges are wanted; this model has 9 hinges": changed(order=("fl", "fr", "hl")),
     "this model has 8 hinges": changed(hinges=2),
     "this model has 16 hinges: 4 below": changed(foot=ANKLE),
-    "this model has 15 hinges: 3 below": changed(extra=FIFTH_LEG),
+    "this model has 15 hinges: 3 below": changed(order=tuple(PLACES)),
     "joint 'finger' is no hinge": changed(extra=ARM.replace('type="slide"', 'type="ball"')),
     "nothing collides with the ground: no foot": changed(
         foot='<geom type="box" size="0.02 0.02 0.02" pos="{x} 0 {z}" contype="0" conaffinity="0"/>'
