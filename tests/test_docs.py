@@ -29,7 +29,7 @@ PAGES = {
     str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
     for path in (*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "examples/README.md")), *PATHS)
 }
-LANGUAGES = {"bash", "python", "mermaid", "bibtex"}
+LANGUAGES = {"bash", "python", "toml", "mermaid", "bibtex"}
 EVERY_PAGE = pytest.mark.parametrize("page", PAGES)
 
 
