@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from quad_env.scenarios.named import scenario as scenario
     from quad_env.scenarios.scenario import Scenario as Scenario
     from quad_env.scenarios.terrain import Flat as Flat
+    from quad_env.scenarios.terrain import HeightField as HeightField
     from quad_env.scenarios.terrain import Slope as Slope
     from quad_env.scenarios.terrain import SmoothRandom as SmoothRandom
     from quad_env.scenarios.terrain import Stairs as Stairs
@@ -70,7 +71,7 @@ _NAMES = {
     "scenarios.disturbances": "Dropouts Ground Latency Motors Payload Pushes SensorNoise SteadyForce",
     "scenarios.named": "SCENARIOS scenario",
     "scenarios.scenario": "Scenario",
-    "scenarios.terrain": "Flat Slope SmoothRandom Stairs",
+    "scenarios.terrain": "Flat HeightField Slope SmoothRandom Stairs",
     "sensing.estimators": "ESTIMATORS",
     "sensing.height_scan": "HeightScan",
     "sensing.suite": "SENSORS Encoders FootContact Imu JointTorque SensorSuite",

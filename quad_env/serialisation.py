@@ -11,7 +11,7 @@ from quad_env.config import AnyPose, CommandRanges, FallRule, RewardWeights, Sta
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs
+from quad_env.scenarios.terrain import Flat, HeightField, Slope, SmoothRandom, Stairs
 from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.suite import Encoders, FootContact, Imu, JointTorque, SensorSuite
 
@@ -20,7 +20,7 @@ _KINDS: dict[str, Any] = {
     kind.__name__: kind
     for kind in (
         *(Scenario, CommandRanges, StartNoise, AnyPose),
-        *(Flat, Slope, SmoothRandom, Stairs),
+        *(Flat, Slope, SmoothRandom, Stairs, HeightField),
         *(Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce),
         *(Actuator, Gear, Thermal, TorqueSpeed),
         *(SensorSuite, Imu, Encoders, FootContact, JointTorque),

@@ -22,10 +22,6 @@ class Batch:
     seeds: tuple[int, ...]
     sensed: bool
     """Whether what the sensors read is in the infos."""
-    sensors: Any
-    """Their name or suite; None for the truth."""
-    command: tuple[float, ...] | None
-    """That is held, or None if the scenario draws commands."""
 
     @property
     def purpose(self) -> str:
@@ -43,22 +39,19 @@ def begun() -> Iterator[list[Batch]]:
     """Every batch that is made, and reset with seeds, while this lasts."""
     found: list[Batch] = []
     true_init, true_reset = SimpleQuadVectorEnv.__init__, SimpleQuadVectorEnv.reset
-    made: dict[int, dict[str, Any]] = {}
+    threads: dict[int, int] = {}
 
     def init(self: SimpleQuadVectorEnv, *args: Any, **kwargs: Any) -> None:
         given = inspect.signature(true_init).bind(self, *args, **kwargs)
         given.apply_defaults()
-        made[id(self)] = given.arguments
+        threads[id(self)] = given.arguments["nthread"]
         true_init(self, *args, **kwargs)
 
     def reset(self: SimpleQuadVectorEnv, *, seed: Any = None, options: Any = None) -> Any:
         observation, infos = true_reset(self, seed=seed, options=options)
         if seed is not None:
             given = tuple(map(int, np.atleast_1d(seed)))
-            held = (options or {}).get("command")
-            command = None if held is None else tuple(map(float, np.ravel(held)[:3]))
-            threads, sensors = made[id(self)]["nthread"], made[id(self)]["sensors"]
-            found.append(Batch(self, threads, given, "sensor_gyro" in infos, sensors, command))
+            found.append(Batch(self, threads[id(self)], given, "sensor_gyro" in infos))
         return observation, infos
 
     with pytest.MonkeyPatch.context() as patch:

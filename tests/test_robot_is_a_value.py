@@ -64,12 +64,3 @@ def test_no_module_has_constants_of_a_robot_or_writes_the_name_of_a_leg_or_the_n
         if name.startswith(WITHOUT_NUMBERS):
             numbers = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)]
             assert not any(type(number) is int and number == SIMPLE_QUAD.num_joints for number in numbers), name
-
-
-def test_what_is_looked_for_would_be_found() -> None:
-    planted = ast.parse('"""fl_foot"""\nx = f"fl_{link}"\ny = "1fr", "FL"')
-    assert [text for text in texts(planted) if LEG.search(text)] == ["fl_", "FL"]
-    assert chosen(ast.parse("def f(robot=SIMPLE_QUAD, *, other=SIMPLE_QUAD): return SIMPLE_QUAD.mass")) == 1
-    assert {
-        name for name in OF_SIMPLE_QUAD if not chosen(ast.parse((REPOSITORY / name).read_text(encoding="utf-8")))
-    } == set()

@@ -63,12 +63,6 @@ def test_every_public_name_has_its_entry(site: Path) -> None:
         assert missing == set()
 
 
-def test_code_in_a_docstring_is_shown_line_by_line(site: Path) -> None:
-    text = (site / "docs" / "api" / "policies.html").read_text(encoding="utf-8")
-    shown = [re.sub(r"<.*?>", "", block) for block in re.findall(r"<pre>.*?</pre>", text, re.DOTALL)]
-    assert any(re.search(r"^policy\.reset\(num_envs=n\)$", block, re.MULTILINE) for block in shown)
-
-
 def test_every_formula_is_drawn(site: Path) -> None:
     source = re.sub(
         r"```.*?```", "", (REPOSITORY / "docs" / "mathematics.md").read_text(encoding="utf-8"), flags=re.DOTALL

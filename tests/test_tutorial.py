@@ -11,8 +11,8 @@ import pytest
 import policies
 from evaluate.rollouts.rollout import run
 from quad_env.seeding import episode_seeds
+from tests.test_docs import PAGES, blocks, file_name
 
-DOCS = Path(__file__).parents[1] / "docs"
 TINY_TRAINING = (
     "--mixture flat 1 --validation.episodes 1 --ppo.envs 8 --ppo.rollout-steps 8 --ppo.minibatch 64 "
     "--ppo.actor 8 --ppo.critic 8"
@@ -30,18 +30,12 @@ SHORTER = (
 film."""
 
 
-def blocks(page: str, language: str) -> list[str]:
-    return re.findall(
-        rf"^```{language}\n(.*?)^```$", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
-    )
-
-
 @pytest.mark.rendering
 def test_the_tutorial_runs_from_its_beginning_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 200)
     monkeypatch.setattr("evaluate.commands.outputs.write_report", lambda *_, **__: None)  # 30 plots each
-    lines = [line for block in blocks("tutorial.md", "bash") for line in block.splitlines()]
+    lines = [line for block in blocks("bash", PAGES["docs/tutorial.md"]) for line in block.splitlines()]
     assert len(lines) >= 8
     for line in lines[1:]:  # the first installs
         for long, short in SHORTER:
@@ -59,13 +53,13 @@ def test_your_controller_and_the_residual_trained_on_it_walk(tmp_path: Path, mon
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr("sys.argv", ["train_it.py"])
-    for block in blocks("your-policy.md", "python"):
-        name = block.partition("\n")[0].removeprefix("# ")
+    for block in filter(file_name, blocks("python", PAGES["docs/your-policy.md"])):
+        name = str(file_name(block))
         (tmp_path / name).write_text(block, encoding="utf-8")
         runpy.run_path(name)
     names = ("my_controller.py:MyTrot", "corrected.py:Corrected")
     policy_of = {name: policies.resolve(f"{tmp_path}/{name}") for name in names}
-    said = "".join(blocks("your-policy.md", "bash"))
+    said = "".join(blocks("bash", PAGES["docs/your-policy.md"]))
     for name, policy in policy_of.items():
         assert name in said
         assert (run(policy, "flat", episode_seeds("search", 0, 2), steps=300).fall_step >= 300).all()

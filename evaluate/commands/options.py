@@ -32,8 +32,8 @@ class Options:
     """Load policies from files that can hide code, the .zip files of Stable-Baselines3."""
     scenarios: tuple[str, ...] = DEFAULT_BATTERY
     """Names of scenarios such as push, levels of severity such as push:3 or push:all, severities in their axes' units
-    such as push=42 or, together, payload=15+slope=10, a battery (quick, default, full, all), or a quad_env.Scenario in
-    a file of yours, my_file.py:NAME."""
+    such as push=42 or, together, payload=15+slope=10, a battery (quick, default, full, all), a terrain of yours,
+    hill.toml, or a quad_env.Scenario in a file of yours, my_file.py:NAME."""
     quick: Flag = False
     """The quick battery, for a first look: --scenarios quick."""
     episodes: int = 24

@@ -18,6 +18,8 @@ from evaluate.records.store import Run, read_run
 from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, run_cell
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.progress import bar
+from quad_env.scenarios.height_file import check_unchanged
+from quad_env.scenarios.terrain import HeightField, Terrain
 
 DIFFERS = 1
 """Exit code where the episode did not come out as stored."""
@@ -64,6 +66,7 @@ def main(options: Options) -> int:
     run = read_run(options.results)
     found = find(run, options)
     policy = _policy(found.cell.policy, run.manifest, options.trust)
+    _check_terrain(found.cell.scenario.terrain)
     if options.video is not None:
         files.check(options.video)
     differing = differences(run.manifest, found, policy)
@@ -138,6 +141,14 @@ def _policy(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
         return LabelledPolicy(label, manifest.hardware.policy(label, trust))
     except policies.PolicyError as error:
         raise UsageError(f"the policy of that episode is not here: {error}") from error
+
+
+def _check_terrain(terrain: Terrain) -> None:
+    try:
+        if isinstance(terrain, HeightField):
+            check_unchanged(terrain.file, terrain.sha256)
+    except ValueError as error:
+        raise UsageError(f"the terrain of that episode is not here: {error}") from error
 
 
 def _film(video: Path, manifest: Manifest, found: Found, policy: LabelledPolicy) -> None:

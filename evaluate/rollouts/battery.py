@@ -12,7 +12,7 @@ from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
-from quad_env.scenarios.named import SCENARIOS, WRITTEN, Scenario, find, is_combination, scenarios_of
+from quad_env.scenarios.named import SCENARIOS, TERRAIN, WRITTEN, Scenario, find, is_combination, scenarios_of
 from quad_env.serialisation import from_plain, to_plain
 
 NOMINAL = ("flat", "push", "rough")
@@ -60,14 +60,14 @@ def one(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 
 def of_file(name: str) -> bool:
-    """Whether a name stands for what a Python file of the user's makes."""
-    return _FILE in name
+    """Whether a name stands for what a file of the user's makes."""
+    return _FILE in name or name.endswith(TERRAIN)
 
 
 def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if name in BATTERIES:
         return BATTERIES[name](robot)
-    if of_file(name):
+    if _FILE in name:
         return _from_file(name)
     axis, colon, level = name.partition(":")
     if colon and axis in AXES and level == ALL:

@@ -18,7 +18,7 @@ class EpisodeOptions:
     """Scenario, robot and seed of an episode."""
 
     scenario: str = "flat"
-    """Scenario, also with a level or severity: push:3, push=42."""
+    """Scenario, also with a level or severity: push:3, push=42; or a terrain of yours: hill.toml."""
     robot: str = "simple_quad"
     """Robot: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
     seed: int = 0

@@ -16,8 +16,9 @@ from quad_env.robots.model_file import log_to_the_console
 from quad_env.robots.robot import Robot
 from quad_env.robots.shapes import corners, geoms_of, solid, welded
 from quad_env.scenarios.disturbances import Ground, Payload
+from quad_env.scenarios.height_file import Heights
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
+from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom, Stairs
 
 PAYLOAD = "payload"
 """Name of the payload's body."""
@@ -35,7 +36,10 @@ def compile_model(
     spec = spec_of(robot)
     spec.option.timestep = timestep or spec.option.timestep
     if isinstance(terrain, SmoothRandom):
-        _add_height_field(spec, terrain)
+        half = terrain.half_size, terrain.half_size
+        _add_height_field(spec, half, Heights(terrain.unit_heights, 0.0, terrain.peak_to_valley))
+    elif isinstance(terrain, HeightField):
+        _add_height_field(spec, terrain.half, terrain.heights)
     elif isinstance(terrain, Stairs):
         _add_stairs(spec, terrain)
     elif isinstance(terrain, Slope):
@@ -114,15 +118,19 @@ def slope_quaternion(slope: Slope) -> tuple[float, float, float, float]:
     return math.cos(slope.angle / 2), 0.0, -math.sin(slope.angle / 2), 0.0
 
 
-def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom) -> None:
+def _add_height_field(spec: mujoco.MjSpec, half: tuple[float, float], heights: Heights) -> None:
+    """About the origin, of that half-size, m; the plane around it is as low as its lowest point."""
+    rows, columns = heights.unit.shape
     spec.add_hfield(
         name=_TERRAIN,
-        nrow=terrain.points,
-        ncol=terrain.points,
-        size=[terrain.half_size, terrain.half_size, terrain.peak_to_valley, _FLOOR_DEPTH],
-        userdata=terrain.unit_heights.ravel(),
+        nrow=rows,
+        ncol=columns,
+        size=[*half, heights.span, _FLOOR_DEPTH],
+        userdata=heights.unit.ravel(),
     )
-    _add_ground(spec, name=_TERRAIN, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=_TERRAIN)
+    place = (0.0, 0.0, heights.lowest)
+    _add_ground(spec, name=_TERRAIN, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=_TERRAIN, pos=place)
+    spec.geom(_GROUND).pos = place
 
 
 def _add_stairs(spec: mujoco.MjSpec, stairs: Stairs) -> None:

@@ -30,7 +30,7 @@ from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix,
 from quad_env.robots.kinematics import foot_depths
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import Slope, SmoothRandom
+from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom
 
 ALL = slice(None)
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
@@ -98,8 +98,10 @@ class Simulation:
         self._feet = [self.model.site(f"{leg}_foot").id for leg in robot.leg_names]
         self._thighs = [self.model.body(f"{leg}_{link}_link").id for link in _LINKS for leg in robot.leg_names]
         self._corners = trunk_corners(self.model)
-        bumpy = isinstance(self.terrain, SmoothRandom)
+        bumpy = isinstance(self.terrain, SmoothRandom | HeightField)
         self._clear = _HIGH * robot.leg_length if robot.imported and bumpy else 0.0
+        if isinstance(self.terrain, HeightField):  # which may be anywhere, and of many small cells
+            self._clear += self.terrain.heights.lowest + self.terrain.heights.span
         self._sites, self._bodies = self.batch.bind("site_xpos"), self.batch.bind("xpos")
         self._filtered = self.batch.bind("act") if self.model.na else None
         load = None if scenario.payload is None else self.model.body(PAYLOAD).id

@@ -11,7 +11,7 @@ from quad_env.robots.anatomy import ModelError
 READABLE = ".stl", ".obj", ".msh"
 """Endings of the meshes that MuJoCo reads."""
 LEAST_INERTIA = 1e-12
-"""Of a link, kg·m²; converters write less for links that are mere frames, which MuJoCo takes for a fault."""
+"""Of a link, kg·m²; converters write less for links that are mere frames, and MuJoCo refuses such rounding."""
 _PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.*)")
 
 

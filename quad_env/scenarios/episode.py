@@ -12,6 +12,7 @@ from quad_env.config import AnyPose
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Dropouts, Pushes
 from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import HeightField
 from quad_env.seeding import EpisodeStreams
 
 
@@ -52,6 +53,8 @@ class Episode:
         self.streams = EpisodeStreams(seed, number)
         self.start = draw_start(robot, scenario, self.streams.start)
         """Start of the robot, see `draw_start`, (35,)."""
+        if isinstance(terrain := scenario.terrain, HeightField) and terrain.start is not None:
+            self.start[:2] += terrain.start
         self.pushes = _draw_pushes(scenario.pushes, self.streams.pushes, dt)
         self.force: Array | None = None
         """Steady force on the trunk in a uniformly random horizontal direction, world frame, (2,), N."""

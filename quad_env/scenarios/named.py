@@ -1,4 +1,5 @@
-"""Scenarios as they are written: `push`, its level `push:3`, a severity `push=42`, several `payload=15+slope=10`.
+"""Scenarios as they are written: `push`, its level `push:3`, a severity `push=42`, several `payload=15+slope=10`, a
+user's terrain `hill.toml`.
 
 A scenario is never tuned to a policy. Write one with `dataclasses.replace` or the constructor and pass it to `make`.
 """
@@ -6,6 +7,7 @@ A scenario is never tuned to a policy. Write one with `dataclasses.replace` or t
 from dataclasses import fields, is_dataclass, replace
 from functools import lru_cache
 from operator import attrgetter
+from pathlib import Path
 
 from quad_env.files.text import number
 from quad_env.robots.named import robot_of
@@ -14,12 +16,18 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
 from quad_env.scenarios.disturbances import Pushes
 from quad_env.scenarios.scenario import Scenario, scaled
+from quad_env.scenarios.terrain import HeightField
 
 __all__ = ["SCENARIOS", "Pushes", "Scenario", "scenario"]
 
-WRITTEN = "a level of an axis such as push:3, severities of axes such as push=42 or payload=15+slope=10"
+WRITTEN = (
+    "a level of an axis such as push:3, severities of axes such as push=42 or payload=15+slope=10, "
+    "a terrain of yours such as hill.toml"
+)
 """How scenarios without a name of their own are written."""
 BETWEEN, EQUALS = "+", "="
+TERRAIN = ".toml"
+"""End of the path of a user's terrain."""
 LARGEST = 1e6
 """Severity beyond which no unit of an axis means anything."""
 _LABELS = ("name", "axis", "severity", "severity_unit")
@@ -36,7 +44,8 @@ SCENARIOS = scenarios_of(SIMPLE_QUAD)
 
 def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenario:
     """The scenario of a name such as `push`, of a level such as `push:3`, of severities in physical units such as
-    `push=42` or `payload=15+slope=10`, or the scenario itself; ValueError lists the valid names.
+    `push=42` or `payload=15+slope=10`, on a terrain of yours, `hill.toml`, or the scenario itself; ValueError lists the
+    valid names.
 
     Names and levels are as hard for the robot as for SimpleQuad.
     """
@@ -52,6 +61,8 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
 
 def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
     """As `scenario`, but None where the name is that of no scenario and no axis."""
+    if name.endswith(TERRAIN):
+        return _on_terrain(Path(name), robot)
     if is_combination(name):
         return combined(name, robot)
     axis, colon, level = name.partition(":")
@@ -61,6 +72,13 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
             raise ValueError(f"'{name}' is no level of {axis}; valid: {valid}")
         return axes_of(robot)[axis].level(int(level))
     return scenarios_of(robot).get(name)
+
+
+def _on_terrain(path: Path, robot: Robot) -> Scenario:
+    """Undisturbed on a user's terrain, which is as large for every robot; named after its file."""
+    if path.stem in SCENARIOS or ":" in path.stem or is_combination(path.stem):
+        raise ValueError(f"{path}: a scenario of quad_env is written {path.stem}; call the file differently")
+    return scaled(Scenario(path.stem, HeightField.from_toml(path)), robot)
 
 
 def is_combination(name: str) -> bool:

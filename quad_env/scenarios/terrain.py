@@ -1,13 +1,16 @@
 """Terrains as values: the height of the ground under a point, and of the centre of a ball, such as a foot, on it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import cast
 
 import numpy as np
 
 from quad_env.columns import Array, Column, clip, where, whole
+from quad_env.scenarios import height_file
+from quad_env.scenarios.height_file import Heights
 
 STRIDE_ROOM = 0.7
 """m of level ground about the trunk's centre that hold the legs of a starting robot, whatever way it faces."""
@@ -143,29 +146,100 @@ class SmoothRandom:
 
     def height(self, x: Column, y: Column) -> Column:
         """Surface height at world points, m: linear on the two triangles of each cell, as MuJoCo collides with it."""
-        grid, last = self.unit_heights, self.points - 1
-        column = clip((x + self.half_size) / self.cell, 0.0, float(last))
-        row = clip((y + self.half_size) / self.cell, 0.0, float(last))
-        j, i = whole(column, last - 1), whole(row, last - 1)
-        u, v = column - j, row - i
-        near, far = where(u < v, u, v), where(u < v, v, u)
-        start, end = self.peak_to_valley * grid[i, j], self.peak_to_valley * grid[i + 1, j + 1]
-        side = self.peak_to_valley * where(u > v, grid[i, j + 1], grid[i + 1, j])
-        surface = start + (side - start) * (far - near) + (end - start) * near
+        column, row = (x + self.half_size) / self.cell, (y + self.half_size) / self.cell
+        surface = _between(self.unit_heights, self.peak_to_valley, column, row)
         inside = (abs(x) <= self.half_size) & (abs(y) <= self.half_size)
         return cast("Column", where(inside, surface, 0.0))
 
     def ball_height(self, x: Array, y: Array, radius: float) -> Array:
         """Centre height of a ball that touches the ground there, world frame, m; cells wider than it are taken for
         level, of finer ground points a third of a radius apart are looked at."""
-        if self.cell > 2 * radius:
-            return self.height(x, y) + radius
-        thirds = [(i / 3, j / 3) for i in range(-3, 4) for j in range(-3, 4) if i * i + j * j <= 9]
-        touching = [
-            self.height(x + radius * i, y + radius * j) + radius * math.sqrt(max(0.0, 1 - i * i - j * j))
-            for i, j in thirds
-        ]
-        return np.max(touching, axis=0)  # type: ignore[no-any-return]
+        return self.height(x, y) + radius if self.cell > 2 * radius else _highest_touching(self, x, y, radius)
+
+
+@dataclass(frozen=True)
+class HeightField:
+    """Ground of a user's own: heights on a grid, from a picture or an array, about the origin of the world.
+
+    The first row of samples, the top of the picture, lies at the largest y, the first column, its left, at the least x.
+    Around the field the ground is level, as low as the field's lowest point.
+    """
+
+    file: str = field(compare=False)
+    """Path of a grey picture, .png of 8 or 16 bit, or of an array of rows and columns, .npy"""
+    sha256: str
+    """SHA-256 of the file"""
+    size: tuple[float, float]
+    """m along x and y, between the outermost samples"""
+    peak: float | None = None
+    """m, height of the largest value, where 0 is height 0; None for an array of heights in m"""
+    start: tuple[float, float] | None = None
+    """m from the middle along x and y, where all robots start; None for a place drawn by the episode's seed"""
+
+    def __post_init__(self) -> None:
+        sizes = self.size if self.peak is None else (*self.size, self.peak)
+        if not all(0 < length < height_file.LARGEST for length in sizes):
+            raise ValueError(f"{self.file}: size and height of a terrain are positive, m, not {self.size}, {self.peak}")
+        if self.start is not None and not all(abs(a) <= half for a, half in zip(self.start, self.half, strict=True)):
+            raise ValueError(f"{self.file}: robots must start within its {self.size} m, not at {self.start}")
+
+    @classmethod
+    def from_toml(cls, path: Path) -> "HeightField":
+        """The ground that a TOML file describes by its `file`, `size`, `height` (the `peak`) and `start`; ValueError,
+        one line, for what is none."""
+        file, size, height, start = height_file.given(path)
+        found = cls(file, height_file.sha256_of(file), size, height, start)
+        height_file.read(file, found.sha256, height)  # raises for what is no ground
+        return found
+
+    @property
+    def half(self) -> tuple[float, float]:
+        """Half the size, m."""
+        return self.size[0] / 2, self.size[1] / 2
+
+    @property
+    def spawn_radius(self) -> float:
+        """Half-side of the square about the middle over which robots start, m: half the shorter way to its edge."""
+        return min(self.half) / 2 if self.start is None else 0.0
+
+    @property
+    def heights(self) -> Heights:
+        """The heights; ValueError, one line, where the file is gone or has changed."""
+        return height_file.read(self.file, self.sha256, self.peak)
+
+    def height(self, x: Column, y: Column) -> Column:
+        """Surface height at world points, m: linear on the two triangles of each cell, as MuJoCo collides with it."""
+        (unit, lowest, span), (half_x, half_y) = self.heights, self.half
+        rows, columns = unit.shape
+        column, row = (x + half_x) / self.size[0] * (columns - 1), (y + half_y) / self.size[1] * (rows - 1)
+        inside = (abs(x) <= half_x) & (abs(y) <= half_y)
+        return cast("Column", lowest + where(inside, _between(unit, span, column, row), 0.0))
+
+    def ball_height(self, x: Array, y: Array, radius: float) -> Array:
+        """Centre height of a ball that touches the ground there, world frame, m."""
+        return _highest_touching(self, x, y, radius)
+
+
+def _between(grid: Array, span: float, column: Column, row: Column) -> Column:
+    """`span` times the height on the triangles of the grid's cells, at places in cells from its first sample."""
+    rows, columns = grid.shape
+    column, row = clip(column, 0.0, float(columns - 1)), clip(row, 0.0, float(rows - 1))
+    j, i = whole(column, columns - 2), whole(row, rows - 2)
+    u, v = column - j, row - i
+    near, far = where(u < v, u, v), where(u < v, v, u)
+    start, end = span * grid[i, j], span * grid[i + 1, j + 1]
+    side = span * where(u > v, grid[i, j + 1], grid[i + 1, j])
+    return cast("Column", start + (side - start) * (far - near) + (end - start) * near)
+
+
+def _highest_touching(terrain: SmoothRandom | HeightField, x: Array, y: Array, radius: float) -> Array:
+    """Least centre height, m, of a ball that is not below any of the points a third of a radius apart under it."""
+    thirds = [(i / 3, j / 3) for i in range(-3, 4) for j in range(-3, 4) if i * i + j * j <= 9]
+    touching = [
+        terrain.height(x + radius * i, y + radius * j) + radius * math.sqrt(max(0.0, 1 - i * i - j * j))
+        for i, j in thirds
+    ]
+    return np.max(touching, axis=0)  # type: ignore[no-any-return]
 
 
 @lru_cache(maxsize=16)
@@ -187,4 +261,4 @@ def _unit_surface(points: int, width: float, seed: int) -> Array:
     return grid
 
 
-Terrain = Flat | Slope | Stairs | SmoothRandom
+Terrain = Flat | Slope | Stairs | SmoothRandom | HeightField

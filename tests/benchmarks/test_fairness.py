@@ -46,17 +46,12 @@ def test_a_large_batch_repeats_its_starts(monkeypatch) -> None:
     assert not np.array_equal(start.qpos[0], start.qpos[1])
 
 
-def test_accuracy_tells_the_shipped_settings_from_ones_that_cannot_hold() -> None:
+def test_accuracy_tells_the_shipped_settings_from_ones_that_cannot_hold_and_a_setting_from_a_finer_one() -> None:
     walked = strides(((0.5, 0.0, 0.0),))
-    shipped = accuracy(SETTINGS[SHIPPED], walked)
+    shipped, crude = (accuracy(each, walked) for each in (SETTINGS[SHIPPED], Setting(options(iterations=1))))
     assert shipped.within
-    crude = accuracy(Setting(options(iterations=1)), walked)
     assert not crude.within
     assert crude.trunk_mm > shipped.trunk_mm
-
-
-def test_a_setting_deviates_from_itself_by_nothing_and_from_a_finer_one_by_something() -> None:
-    walked = strides(((0.5, 0.0, 0.0),))
     itself = accuracy(Setting(options()), walked, reference=options())
     assert (itself.trunk_mm, itself.joints_rad) == (0.0, 0.0)
     assert itself.tilt_rad < 1e-6

@@ -21,11 +21,10 @@ from quad_env import Scenario
 
 @dataclass(frozen=True)
 class Run:
-    """What the command wrote and printed."""
+    """What the command wrote, and what it said of its progress."""
 
     folder: Path
     results: dict[str, Any]
-    stdout: str
     stderr: str
 
 
@@ -33,6 +32,16 @@ class Run:
 def no_page(monkeypatch: pytest.MonkeyPatch) -> None:
     """A report of which the page, whose plots take seconds, is left out."""
     monkeypatch.setattr("evaluate.commands.outputs.write_report", lambda *_, **__: None)
+
+
+@pytest.fixture
+def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mistake must be found before anything is simulated."""
+
+    def simulated(*_args: Any, **_options: Any) -> None:
+        raise AssertionError("an episode was simulated")
+
+    monkeypatch.setattr("evaluate.rollouts.rollout.run", simulated)
 
 
 POLICIES = ("document", "stand", "trot")
@@ -47,13 +56,13 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     import io
 
     folder = tmp_path_factory.mktemp("evaluation")
-    stdout, stderr = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
+    stderr = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(stderr):
         arguments = ["--policies", *POLICIES, "--scenarios", *SCENARIOS, "--episodes", str(EPISODES)]
         code = main([*arguments, "--seed", "3", "--no-film", "--out", str(folder)])
     assert code == 0, stderr.getvalue()
     results = json.loads(folder.joinpath("results.json").read_text(encoding="utf-8"))
-    return Run(folder, results, stdout.getvalue(), stderr.getvalue())
+    return Run(folder, results, stderr.getvalue())
 
 
 def outcomes(policy: str, fell, error=None, scenario: Scenario = NOMINAL["flat"], first_seed: int = 0) -> Cell:

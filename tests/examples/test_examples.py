@@ -1,6 +1,5 @@
 """Every example as a user runs it, with few steps, and what it says of itself."""
 
-import ast
 import contextlib
 import re
 import runpy
@@ -83,12 +82,3 @@ def test_every_file_is_run_and_listed() -> None:
     assert set(FILES) == {*RUNS, "residual_ppo"}  # a whole learner, which has tests of its own
     rows = re.findall(r"^\| \[[\w/]+\.py\]\(([^)]+)\) \|", (FOLDER / "README.md").read_text("utf-8"), re.MULTILINE)
     assert sorted(FOLDER / link for link in rows) == sorted(FILES.values())
-
-
-def test_each_is_short_and_begins_with_how_it_is_run() -> None:
-    for name in RUNS:
-        text = FILES[name].read_text(encoding="utf-8")
-        said = ast.get_docstring(ast.parse(text)) or ""
-        assert f"python {FILES[name].relative_to(FOLDER.parent).as_posix()}" in said
-        lines = [line.strip() for line in text.split('"""', 2)[2].splitlines()]
-        assert len([line for line in lines if line and not re.match(r'from |import |"""|#', line)]) <= 40, name

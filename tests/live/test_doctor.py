@@ -17,6 +17,7 @@ from quad_env.__main__ import main
 from quad_env.doctor.check import Check, Finding, Subject, examine
 from quad_env.doctor.command import CHECKS
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.live.view.test_driver import FAILING
 from tests.quad_env.robots.made import Made
 
 OF_THE_INSTALLATION, OF_THE_ROBOT = CHECKS[:3], CHECKS[3:]
@@ -97,34 +98,28 @@ SHIPPED = {
 """A change of SimpleQuad's own model."""
 
 
-def check_complaint(subject: Subject, check: str, remedy: str) -> None:
+def with_problem(name: str, folder: Path) -> tuple[Subject, list[str]]:
+    """What has that problem, and what is expected."""
+    if name in SHIPPED:
+        old, new, *expected = SHIPPED[name]
+        return Subject(replace(SIMPLE_QUAD, mjcf=edited(folder, (old, new)))), expected
+    if name in FIGURES:
+        (lines, *expected), path = FIGURES[name], folder / "mine.toml"
+        text = f'mjcf = "{edited(folder).name}"\n{lines}\n'
+    else:
+        (text, *expected), path = MODELS[name], folder / "mine.xml"
+    assert text != XML
+    path.write_text(text, encoding="utf-8")
+    return Subject(str(path)), expected
+
+
+@pytest.mark.parametrize("name", [*MODELS, *FIGURES, *SHIPPED])
+def test_a_problem_is_found_at_its_root_with_its_remedy(name: str, tmp_path: Path) -> None:
+    subject, (check, remedy) = with_problem(name, tmp_path)
     found = complaints(subject)
     assert list(found) == [check], found
     assert remedy in found[check].remedy, found
     assert found[check].cause
-
-
-@pytest.mark.parametrize("name", MODELS)
-def test_a_problem_of_a_users_model_is_found_at_its_root_with_its_remedy(name: str, tmp_path: Path) -> None:
-    text, *expected = MODELS[name]
-    assert text != XML
-    path = tmp_path / "mine.xml"
-    path.write_text(text, encoding="utf-8")
-    check_complaint(Subject(str(path)), *expected)
-
-
-@pytest.mark.parametrize("name", FIGURES)
-def test_a_problem_of_a_users_figures_is_found(name: str, tmp_path: Path) -> None:
-    lines, *expected = FIGURES[name]
-    toml = tmp_path / "mine.toml"
-    toml.write_text(f'mjcf = "{edited(tmp_path).name}"\n{lines}\n', encoding="utf-8")
-    check_complaint(Subject(str(toml)), *expected)
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_a_problem_of_the_shipped_model_is_found(name: str, tmp_path: Path) -> None:
-    old, new, *expected = SHIPPED[name]
-    check_complaint(Subject(replace(SIMPLE_QUAD, mjcf=edited(tmp_path, (old, new)))), *expected)
 
 
 def bundle(folder: Path, **changes: object) -> Path:
@@ -166,12 +161,8 @@ def test_a_policy_that_does_not_move_is_found() -> None:
 
 def test_the_error_of_a_users_policy_is_reported(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
-    file.write_text(
-        "class Late:\n    n = 0\n    def __call__(self, observation):\n        self.n += 1\n"
-        "        return [0.0, 0.5, -1.0] * 4 if self.n < 50 else 1 / 0\n",
-        encoding="utf-8",
-    )
-    found = of_policy(f"{file}:Late")["policy"]
+    file.write_text(FAILING, encoding="utf-8")
+    found = of_policy(f"{file}:Failing")["policy"]
     assert "ZeroDivisionError" in found.seen
     assert "docs/your-policy.md" in found.remedy
 
@@ -241,21 +232,6 @@ def test_requirements_since_the_last_pull_are_found(
     ):
         (tmp_path / "pyproject.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
         assert seen in complaints(Subject(), OF_THE_INSTALLATION[:1])["packages"].seen
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--robot", "nobody"], "unknown robot 'nobody'; there are simple_quad, "),
-        (["--robot", "nowhere.xml"], "nowhere.xml is no file"),
-        (["--policy", "trott"], "name one of behaviour, "),
-    ],
-)
-def test_a_mistake_is_a_line_and_exit_code_2(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["doctor", *words]) == 2
-    printed = capsys.readouterr()
-    assert (printed.out, printed.err.count("\n")) == ("", 1)
-    assert said in printed.err
 
 
 def test_cause_and_remedy_are_printed_under_the_observation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -34,33 +34,6 @@ def test_policies_are_filmed_side_by_side_on_the_scenario_and_command_that_are_n
     assert moved[1] > 2 * moved[0]
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["film.avi"], "the film must end in .mp4, .webp, .gif, .png, not 'film.avi'"),
-        (["film.gif", "--policies"], "--policies must name 1 to 9, not 0"),
-        (["film.gif", "--scenario", "push:all"], "--scenario: push:all is 8 scenarios: name one of them"),
-        (["film.gif", "--size", "640", "9"], "--size must be from 64 to 4096, not (640, 9)"),
-        (["file/film.gif"], "cannot write to the folder file"),
-        (["film.gif", "--seconds", "9000"], "write an .mp4, or film less"),
-    ],
-)
-def test_a_mistake_is_a_line_and_nothing_is_written(
-    words: list[str],
-    said: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("file").write_text("", encoding="utf-8")
-    assert main(["film", *words]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert said in error
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
-
-
 def test_where_nothing_can_be_drawn_a_line_says_so(tmp_path: Path) -> None:
     """Asked for windows where there is no display."""
     bare = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}

@@ -11,7 +11,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
@@ -23,23 +22,12 @@ from evaluate.rollouts.rollout import roll_out
 from live.recording import recorder, rows
 from live.recording.messages import STANDARD, topic_name
 from live.recording.recorder import recorder_for
-from quad_env.__main__ import main
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.live.decoded import Decoded, events_of, read_mcap
 from tests.waiting import until
 
 STEPS = 130
-Decoded = dict[str, list[tuple[int, Any]]]
-
-
-def read_mcap(path: Path) -> Decoded:
-    """Every message of a file, by topic."""
-    told: Decoded = {}
-    with path.open("rb") as file:
-        messages = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
-        for _schema, channel, message, content in messages:
-            told.setdefault(channel.topic, []).append((message.log_time, content))
-    return told
 
 
 class Recording(NamedTuple):
@@ -160,11 +148,6 @@ def test_topics_are_named_as_ros_allows() -> None:
     assert [topic_name("rewards", name) for name in ("two feet!", "3rd")] == ["/rewards/two_feet_", "/rewards/_3rd"]
 
 
-def events_of(told: Decoded) -> list[tuple[int, str]]:
-    """Control step, or start of an episode, at whose end each event was, and its line."""
-    return [(stamp // 10_000_000, line.msg) for stamp, line in told.get("/events", [])]
-
-
 def test_the_log_has_pushes_falls_and_commands_when_they_were(tmp_path: Path) -> None:
     steps: list[Step] = []
     walker, hard = policies.make("stand"), quad_env.scenario("push=150")
@@ -202,28 +185,6 @@ def test_an_episode_after_a_reset_goes_on_in_time_and_a_slow_writer_loses_nothin
     lines = [(at, line) for at, line in events_of(told) if not line.startswith("command")]
     assert lines == [(0, "before the start"), (30, "residual chosen"), (31, "reset")]
     assert told["/imu"][31][1].linear_acceleration.z == pytest.approx(9.81, abs=0.5)  # no jump from one to the other
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ([], "exists already"),
-        (["--policy", "trott"], "trott"),
-        (["--scenario", "push:all"], "name one of them"),
-        (["--seconds", "nan"], "--seconds must be"),
-        (["--command", "nan", "0", "0"], "--command must be"),
-    ],
-)
-def test_a_mistake_is_a_line_and_nothing_is_written(
-    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    kept = tmp_path / "mine.mcap"
-    kept.write_text("mine", encoding="utf-8")
-    assert main(["record", str(tmp_path / "walk.mcap" if words else kept), *words]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert said in error
-    assert [path.read_text(encoding="utf-8") for path in tmp_path.iterdir()] == ["mine"]
 
 
 def finished(path: Path) -> Decoded:

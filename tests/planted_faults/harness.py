@@ -1,6 +1,7 @@
 """Faults planted into the real code: each must turn a named check red that passes on the code as it is."""
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from typing import Any
 
 import pytest
@@ -14,6 +15,24 @@ Faults = Mapping[str, tuple[Plant, Check]]
 def checks_of(module: Mapping[str, Any]) -> list[Check]:
     """The functions of a module, given by its `globals()`, whose names begin with `check_`."""
     return [value for name, value in sorted(module.items()) if name.startswith("check_")]
+
+
+def one_call_old(owner: type, name: str) -> Plant:
+    """What that method of an object gives is what it gave the time before."""
+
+    def plant(patch: pytest.MonkeyPatch) -> None:
+        last: dict[int, Any] = {}
+        true_method = getattr(owner, name)
+
+        def stale(self: Any, *args: Any) -> Any:
+            now = true_method(self, *args)
+            before = last.get(id(self), now)
+            last[id(self)] = deepcopy(now)
+            return before
+
+        patch.setattr(owner, name, stale)
+
+    return plant
 
 
 def fault_tests(checks: Sequence[Check], faults: Faults) -> tuple[Callable[..., None], ...]:

@@ -96,14 +96,6 @@ def check_training_robots_have_their_own_episodes_ground_and_pushes() -> None:
     assert len(set(seeds)) == 6
 
 
-def check_the_validation_score_counts_both_errors_of_every_scenario() -> None:
-    found = {
-        "flat": {"velocity_error": 0.1, "yaw_rate_error": 0.4, "fall_rate": 0.0},
-        "rough": {"velocity_error": 0.3, "yaw_rate_error": 0.8, "fall_rate": 0.5},
-    }
-    assert validation.score(found) == pytest.approx((0.1 + 0.5 * 0.4 + 0.3 + 0.5 * 0.8) / 2)
-
-
 def seeds_of_evaluation(module: str) -> Plant:
     """The module draws its episodes from the evaluation's family."""
     return lambda patch: patch.setattr(
@@ -116,27 +108,8 @@ def ground_of_evaluation(module: str) -> Plant:
     return lambda patch: patch.setattr(f"{module}.practice", lambda name, *_, **__: scenario(name))
 
 
-def one_scenario_for_all_robots(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("train.training_robots.robots_per_scenario", lambda config: {"rough": config.ppo.envs})
-
-
 def number_of_pushes_forgotten(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("train.training_robots._pushed", lambda original: original)
-
-
-def validation_on_flat_ground_alone(patch: pytest.MonkeyPatch) -> None:
-    true_validate = validation.validate
-    patch.setattr(
-        validation,
-        "validate",
-        lambda policy, config, *rest: true_validate(policy, replace(config, scenarios=("flat",)), *rest),
-    )
-
-
-def the_same_episodes_in_every_generation(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(
-        searches, "episode_seeds", lambda purpose, seed, count: np.resize(episode_seeds(purpose, seed, 3), count)
-    )
 
 
 FAULTS: Faults = {
@@ -148,24 +121,12 @@ FAULTS: Faults = {
         ground_of_evaluation("train.validation"),
         check_validation_is_on_its_own_episodes_and_ground,
     ),
-    "validation on flat ground alone": (
-        validation_on_flat_ground_alone,
-        check_validation_is_on_its_own_episodes_and_ground,
-    ),
     "searches on evaluation seeds": (
         seeds_of_evaluation("train.search.subject"),
         check_searches_are_on_their_own_episodes_and_ground,
     ),
     "search of the trot on evaluation ground": (
         ground_of_evaluation("train.search.trot"),
-        check_searches_are_on_their_own_episodes_and_ground,
-    ),
-    "search of the feedback on evaluation ground": (
-        ground_of_evaluation("train.search.feedback"),
-        check_searches_are_on_their_own_episodes_and_ground,
-    ),
-    "searches on the same episodes in every generation": (
-        the_same_episodes_in_every_generation,
         check_searches_are_on_their_own_episodes_and_ground,
     ),
     "training on evaluation seeds": (
@@ -176,17 +137,9 @@ FAULTS: Faults = {
         ground_of_evaluation("train.training_robots"),
         check_training_robots_have_their_own_episodes_ground_and_pushes,
     ),
-    "training with the mixture ignored": (
-        one_scenario_for_all_robots,
-        check_training_robots_have_their_own_episodes_ground_and_pushes,
-    ),
     "training with the pushes of an evaluation": (
         number_of_pushes_forgotten,
         check_training_robots_have_their_own_episodes_ground_and_pushes,
-    ),
-    "yaw dropped from the validation score": (
-        lambda patch: patch.setattr(validation, "YAW_WEIGHT", 0.0),
-        check_the_validation_score_counts_both_errors_of_every_scenario,
     ),
 }
 

@@ -2,28 +2,25 @@
 
 import dataclasses
 from functools import partial
+from operator import methodcaller
 
 import numpy as np
 import pytest
 
 import policies
 from policies.base import GaitedPolicy
-from policies.behaviour import State
+from policies.behaviour import Behaviour, State
 from policies.bundle import save
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
-from policies.safety import Mode, PolicyProcessError, Watched
-from quad_env import OBSERVATION, OBSERVATION_SIZE, TaskConfig
-from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from policies.safety import PolicyProcessError, Watched
+from quad_env import OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, table_with
+from tests.policies.readings import reading
 
 UNTRAINED = [name for name in policies.names() if name not in policies.TRAINED]
-AT_REST = np.zeros((1, OBSERVATION_SIZE), np.float32)
-"""A robot that stands level in the home pose."""
-AT_REST[:, OBSERVATION["projected_gravity"]] = (0.0, 0.0, -1.0)
-WALKING = AT_REST.copy()
-WALKING[:, OBSERVATION["command"]] = (0.4, 0.1, 0.2)
+AT_REST, WALKING = reading(1), reading(1, command=(0.4, 0.1, 0.2))
 ON_ITS_BACK = -AT_REST
 SLACK = 0.08
 """What rates of change and blends that end between two steps leave, rad."""
@@ -56,25 +53,6 @@ def assert_the_same_in_time(often, seldom, slack=SLACK, leaps=LEAPS):
     assert np.ptp(seldom, axis=0).max() >= 3.0 * slack
 
 
-def stride_frequency(control_rate):
-    """Frequency, Hz, at which a trotting robot's front left thigh swings, from two seconds of its walk."""
-    env = SimpleQuadVectorEnv(1, "flat", nthread=1, config=TaskConfig(control_rate=control_rate))
-    policy = policies.make("trot", robot=env.robot, control_period=env.dt)
-    observation, _ = env.reset(seed=3, options={"command": np.array([0.3, 0.0, 0.0])})
-    speeds = []
-    for _ in range(round(2.0 * control_rate)):
-        observation, *_ = env.step(policy.act(observation))
-        speeds.append(observation[0, OBSERVATION["joint_velocity"]][1])
-    env.close()
-    return np.fft.rfftfreq(len(speeds), env.dt)[np.abs(np.fft.rfft(speeds)).argmax()]
-
-
-def test_a_trot_steps_its_feet_as_often_when_it_is_asked_half_as_often():
-    expected = policies.make("trot").frequency
-    assert stride_frequency(100.0) == pytest.approx(expected, abs=0.25)
-    assert stride_frequency(50.0) == pytest.approx(expected, abs=0.25)
-
-
 @pytest.mark.parametrize("name", UNTRAINED)
 def test_the_clock_advances_by_its_frequency_times_the_control_period(name):
     for period in (0.005, 0.02):
@@ -92,39 +70,24 @@ def test_a_policy_asks_for_the_same_at_the_same_time_whatever_its_control_period
     assert_the_same_in_time(*asked, SLACK_OF.get(name, SLACK), LEAPS_OF.get(name, LEAPS))
 
 
-def test_a_change_of_gait_takes_the_same_time():
+CHANGES = {
+    "gait": (partial(policies.make, "gaits"), methodcaller("request", "bound"), WALKING, 1.2, 1.2),
+    "jump": (partial(Behaviour, follow=False), methodcaller("request", "jump"), AT_REST, 0.2, 0.4),
+    "recover": (partial(Behaviour, State.PASSIVE, False), methodcaller("request", "stand"), ON_ITS_BACK, 0.2, 0.4),
+    "stop": (partial(policies.make, "safe:trot"), methodcaller("emergency_stop"), AT_REST, 0.2, 0.8),
+}
+"""What is made, what is requested of it, what it reads, and seconds before and after the request."""
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_change_takes_the_same_time(change):
+    make, ask_for_it, observation, before, after = CHANGES[change]
     seen = []
     for period in (0.01, 0.02):
-        policy = policies.make("gaits", control_period=period)
-        ask(policy, WALKING, 1.2)
-        policy.request("bound")
-        seen.append(ask(policy, WALKING, 1.2))
-        assert policy.settled[0]
-    assert_the_same_in_time(*seen)
-
-
-@pytest.mark.parametrize(
-    ("start", "request_", "observation"),
-    [(State.STAND, "jump", AT_REST), (State.PASSIVE, "stand", ON_ITS_BACK)],
-    ids=["jump", "recover"],
-)
-def test_a_behaviour_takes_the_same_time(start, request_, observation):
-    seen = []
-    for period in (0.01, 0.02):
-        policy = policies.Behaviour(start, follow=False, control_period=period)
-        before = ask(policy, observation, 0.2)
-        policy.request(request_)
-        seen.append(np.concatenate((before, ask(policy, observation, 0.4))))
-    assert_the_same_in_time(*seen)
-
-
-def test_a_controlled_stop_takes_the_same_time():
-    seen = []
-    for period in (0.01, 0.02):
-        policy = policies.make("safe:trot", control_period=period)
-        policy.emergency_stop()
-        seen.append(ask(policy, AT_REST, 0.8))
-        assert policy.mode[0] == Mode.STOP
+        policy = make(control_period=period)
+        first = ask(policy, observation, before)
+        ask_for_it(policy)
+        seen.append(np.concatenate((first, ask(policy, observation, after))))
     assert_the_same_in_time(*seen)
 
 

@@ -37,30 +37,10 @@ REFERENCE = {
 }
 
 
-def solved_by_hand(x: float, y: float, z: float) -> tuple[float, float, float]:
-    """The printed triangle, worked with the half-angle formulas instead of the cosine rule."""
-    distance = math.hypot(x, z)
-    half_knee = math.asin(distance / 0.6)  # both links 0.3 m: the leg is the base of an isosceles triangle
-    pitch = math.atan2(z, x) - (math.pi / 2 - half_knee)
-    return math.atan(y / distance), pitch, 2 * half_knee - math.pi
-
-
 @pytest.mark.parametrize("phase", REFERENCE)
 def test_targets_equal_the_reference_table(phase):
     targets = policies.make("document").targets(phase)
     np.testing.assert_allclose(targets, np.ravel(REFERENCE[phase]), atol=1e-9, rtol=0.0)
-
-
-def test_targets_at_one_radian_by_hand():
-    swing = (-0.05 + 0.1 / math.pi, -0.25 + 0.15 * math.sin(1.0))
-    stance = (-0.1 / math.pi, -0.25)
-    expected = [
-        *solved_by_hand(swing[0], 0.15, swing[1]),
-        *solved_by_hand(stance[0], -0.15, stance[1]),
-        *solved_by_hand(stance[0], 0.15, stance[1]),
-        *solved_by_hand(swing[0], -0.15, swing[1]),
-    ]
-    np.testing.assert_allclose(Document().targets(1.0), expected, atol=1e-12, rtol=0.0)
 
 
 def test_array_of_phases_gives_the_scalar_answers():

@@ -1,34 +1,36 @@
-import itertools
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 
 import policies
+from policies.history import Inputs
 from policies.legs.kinematics import foot_positions
 from policies.network import Network
-from policies.residual import ResidualPolicy
+from policies.residual import Features, ResidualPolicy
+from policies.trot.feedback import TrotFeedback
+from policies.trot.feedback_parameters import searched_parameters as feedback_parameters
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 def small_residual():
-    rng = np.random.default_rng(5)
-    sizes = (62, 32, 32, 12)
-    weights = [rng.normal(0.0, 0.3, shape).astype(np.float32) for shape in itertools.pairwise(sizes)]
-    biases = [rng.normal(0.0, 0.1, size).astype(np.float32) for size in sizes[1:]]
-    return ResidualPolicy(policies.make("trot"), Network(tuple(weights), tuple(biases)))
+    """With corrections that are held, a memory and a clock of its own."""
+    base, inputs, rng = (
+        policies.make("trot"),
+        Inputs(lags=(0.02,), averages=(0.1,), clock=2.5),
+        np.random.default_rng(5),
+    )
+    weights = rng.normal(0.0, 0.1, (Features(base, inputs).width, 12)).astype(np.float32)
+    return ResidualPolicy(base, Network((weights,), (np.zeros(12, np.float32),)), inputs=inputs, hold=3)
 
 
 MAKERS = {
-    "behaviour": lambda: policies.make("behaviour"),
     **{name: partial(policies.make, name) for name in ("bound", "crouch", "gaits", "pace", "pronk", "stand", "walk")},
-    "document": lambda: policies.make("document"),
-    "document_repaired": lambda: policies.make("document_repaired"),
-    "safe": lambda: policies.make("safe:trot"),
-    "trot": lambda: policies.make("trot"),
-    "trot_integral": lambda: policies.make("trot_integral"),
-    "trot_feedback": lambda: policies.make("trot_feedback"),
+    **{name: partial(policies.make, name) for name in ("behaviour", "document", "document_repaired", "safe:trot")},
+    **{name: partial(policies.make, name) for name in ("trot", "trot_integral")},
+    "trot_feedback": lambda: TrotFeedback(replace(feedback_parameters(), least_following=1.0)),
     "residual": small_residual,
 }
 every_policy = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS.keys())
@@ -124,9 +126,8 @@ def test_batch_of_none_is_refused():
 
 
 def test_stand_holds_the_home_pose():
-    assert (
-        policies.make("stand").act(readings(1, 1)[0, 0]).tolist() == SIMPLE_QUAD.home_pose.astype(np.float32).tolist()
-    )
+    action = policies.make("stand").act(readings(1, 1)[0, 0])
+    np.testing.assert_array_equal(action, SIMPLE_QUAD.home_pose.astype(np.float32))
 
 
 def test_crouch_puts_its_feet_under_the_thigh_joints():

@@ -20,8 +20,6 @@ def test_it_says_what_the_environment_is(capsys) -> None:
     lines = capsys.readouterr().out.splitlines()
     text = "\n".join(" ".join(line.split()) for line in lines)
     assert max(map(len, lines)) <= 92
-    assert len(lines) <= 70
-    assert lines[0].startswith("SimpleQuad-v0 ")
     env = gym.make("quad_env:SimpleQuad-v0")
     assert f"float32, shape {env.action_space.shape}:" in text
     assert f"float32, shape {env.observation_space.shape}" in text
@@ -62,7 +60,7 @@ def test_the_scenarios_of_a_smaller_robot_are_those_that_are_as_hard_for_it() ->
     assert "  push         17.5 N·s " in own
 
 
-@pytest.mark.parametrize("written", [name for name in listing.EXAMPLES if name != "my_file.py:NAME"])
+@pytest.mark.parametrize("written", [name for name in listing.EXAMPLES if not battery.of_file(name)])
 def test_scenarios_can_be_written_as_the_examples_say(written) -> None:
     assert battery.resolve((written,), quad_env.SIMPLE_QUAD)
 

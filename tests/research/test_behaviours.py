@@ -5,46 +5,27 @@ import pytest
 
 import policies
 from evaluate.measures.at_rest import standing
-from policies.base import CONTROL_PERIOD
 from policies.behaviour import Behaviour
-from policies.behaviour.motion import Jump, keyframes_of
-from policies.gaits.parameters import GAITS
-from policies.gaits.policy import TARGET_RATE_LIMIT
+from policies.behaviour.motion import keyframes_of
 from policies.safety import Safe
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.physics.simulation import ALL, Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
-from research.studies import gaits, jump, recovery, safety
+from research.studies import jump, recovery, safety
 
 
-@pytest.mark.parametrize("first", GAITS)
-def test_no_robot_falls_in_a_change_of_gait(first) -> None:
-    others = tuple(gait for gait in GAITS if gait != first)
-    for other, found in zip(others, gaits.changes(first, others, episode_seeds("search", 8, 2)), strict=True):
-        assert not found.fell.any(), other
-        assert found.target_rate.max() < TARGET_RATE_LIMIT, other
-        assert len(found.phase) == gaits.CHANGE_STEPS
-
-
-def jumped(keyframes=None, count=4):
-    """Outcome and policy of jumps through those keyframes."""
+def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch) -> None:
     policy = Behaviour(follow=False)
-    policy._motions = tuple(
-        (s, Jump(SIMPLE_QUAD, CONTROL_PERIOD, keyframes) if isinstance(m, Jump) else m) for s, m in policy._motions
-    )
-    return jump.jumped(policy, episode_seeds("search", 9, count)), policy
-
-
-def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust() -> None:
-    outcome, policy = jumped()
+    outcome = jump.jumped(policy, episode_seeds("search", 9, 4))
     assert outcome.rise.min() >= 0.15
     assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque
     assert {change.reason for change in policy.machine.changes()} == {"jump requested", "landed"}
     assert "landed standing: 4 of 4" in jump.report(outcome)
     crouch, *_, stand = keyframes_of(SIMPLE_QUAD)
-    outcome, _ = jumped((crouch, stand), count=2)
+    monkeypatch.setattr("policies.behaviour.motion.keyframes_of", lambda _: (crouch, stand))
+    outcome = jump.jumped(Behaviour(follow=False), episode_seeds("search", 9, 2))
     assert outcome.rise.max() < 0.05
     assert "landed standing: 0 of 2" in jump.report(outcome)
 
@@ -58,7 +39,7 @@ def test_a_robot_whose_simulation_diverges_in_the_air_has_not_landed(monkeypatch
         return found(self, ids) | (first & (self.qpos[ids, 2] > SIMPLE_QUAD.home_height + 0.16))
 
     monkeypatch.setattr(Simulation, "diverged", first_one_diverges)
-    outcome, _ = jumped(count=2)
+    outcome = jump.jumped(Behaviour(follow=False), episode_seeds("search", 9, 2))
     assert outcome.rise.min() >= 0.15
     assert "landed standing: 1 of 2" in jump.report(outcome)
 

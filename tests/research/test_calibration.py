@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from evaluate.analysis.comparison import compare
 from evaluate.statistics import breaking_point, significance
 from evaluate.statistics import intervals as statistics
-from evaluate.statistics.significance import relabelling_test
-from quad_env.scenarios import axes
 from research.__main__ import main
 from research.statistics import checks, exact_size
 from research.statistics.synthetic import episodes, mean_error
@@ -77,35 +74,6 @@ def test_attainable_size_by_hand() -> None:
 
 def test_barnard_stays_below_its_level() -> None:
     assert 0.02 < share(checks.null_checks, "Barnard, disjoint episodes", 1000, falls=(0.3, 0.5)) <= 0.06
-
-
-def test_an_unpaired_test_or_interval_of_pairs_would_be_seen() -> None:
-    claims, held = [], []
-    for seed in range(300):
-        a, b = episodes(np.random.default_rng([4, seed]), (0.4, 0.4), COUNT, shared=0.9).error
-        claims.append(relabelling_test(a, b) < exact_size.SIGNIFICANT)
-        a, b = episodes(np.random.default_rng([4, seed]), (0.5, 0.4), COUNT, shared=0.9).error
-        reach = 1.96 * np.sqrt((a.var() + b.var()) / COUNT)
-        held.append(abs((a - b).mean() - mean_error(0.5) + mean_error(0.4)) <= reach)
-    assert np.mean(claims) < checks.HOLDS_LEVEL[0]
-    assert np.mean(held) > checks.COVERS[1]
-
-
-def test_a_family_without_differences_makes_one_false_claim_in_twenty(made_up_cell) -> None:
-    """Three comparisons of errors a battery: corrected, 5 % of the batteries claim anything; by themselves, 14 %."""
-    claims, uncorrected = [], []
-    for seed in range(200):
-        generator = np.random.default_rng([5, seed])
-        cells = [
-            made_up_cell(policy, np.zeros(20, bool), generator.gamma(4.0, 0.1, 20), axes.AXES["push"].level(number))
-            for number in (1, 2, 3)
-            for policy in ("trot", "a")
-        ]
-        family = [c for c in compare(cells) if c.metric == "velocity_error"]
-        claims.append(any(c.significant for c in family))
-        uncorrected.append(any(c.p_value < 0.05 for c in family))
-    assert np.mean(claims) == pytest.approx(0.05, abs=0.03)
-    assert np.mean(uncorrected) > 0.1
 
 
 def test_made_up_errors_have_the_mean_they_claim() -> None:

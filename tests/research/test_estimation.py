@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from evaluate.rollouts import rollout
-from evaluate.rollouts.hardware import IDEAL
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import SCENARIOS
 from quad_env.seeding import episode_seeds
@@ -44,24 +43,14 @@ def test_each_table_goes_to_its_own_place(brief, tmp_path: Path, capsys) -> None
     assert "| walk |" not in capsys.readouterr().out
 
 
-def test_successes_are_of_the_same_episodes_with_other_eyes(brief, monkeypatch) -> None:
-    seen = []
-    real = rollout.run
-
-    def watched(policy, scenario, seeds, **settings):
-        seen.append((seeds.tolist(), settings["hardware"]))
-        return real(policy, scenario, seeds, **settings)
-
-    monkeypatch.setattr(rollout, "run", watched)
+def test_successes_are_of_the_same_episodes_with_other_eyes(brief) -> None:
     seeds = episode_seeds("search", 0, 2)
-    found = policies_on_estimates.successes("stand", SCENARIOS["flat"], seeds, "typical", 1)
-    assert [each for each, _ in seen] == [seeds.tolist()] * 3
-    hardware = [each for _, each in seen]
-    assert hardware[0] == IDEAL
-    assert [(each.sensors, each.estimator) for each in hardware[1:]] == [
-        ("typical", "complementary"),
-        ("typical", "kalman"),
-    ]
+    with begun() as batches:
+        found = policies_on_estimates.successes("stand", SCENARIOS["flat"], seeds, "typical", 1)
+    assert {each.seeds for each in batches} == {tuple(seeds.tolist())}
+    assert [each.sensed for each in batches] == [False, True, True]
+    estimators = [type(each.env.estimator).__name__ for each in batches[1:]]
+    assert estimators == ["ComplementaryFilter", "KalmanFilter"]
     assert len(found.truth) == 2
     assert list(found.estimates) == ["complementary", "kalman"]
 

@@ -138,12 +138,11 @@ def test_a_policy_is_published_stopped_or_not_and_evaluated_again(runs, tmp_path
     assert "holds no shipped policy with its MODEL.md" in capsys.readouterr().err
 
 
-def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path, monkeypatch, capsys):
+def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path, monkeypatch, refused):
     base = policies.make(parse([]).base)
     other = type(base)(parameters=dataclasses.replace(base.parameters, frequency=5.0))
     monkeypatch.setattr(policies, "make", lambda name, **_: other)
-    assert publish([str(runs / "0"), "--to", str(tmp_path / "model")]) == 2
-    assert "other parameters" in capsys.readouterr().err
+    assert "other parameters" in refused(main, "publish", runs / "0", "--to", tmp_path / "model")
     assert not (tmp_path / "model").exists()
 
 
@@ -157,15 +156,12 @@ def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path
         ("config.json", lambda text: text.replace('"steps": 64', '"steps": 6400'), "unfinished"),
     ],
 )
-def test_a_damaged_or_unfinished_run_is_not_published(file, change, complaint, runs, tmp_path, capsys):
+def test_a_damaged_or_unfinished_run_is_not_published(file, change, complaint, runs, tmp_path, refused):
     folder = tmp_path / "run"
     shutil.copytree(runs / "0", folder)
     (folder / "checkpoints" / "000000000000.json").unlink(missing_ok=True)  # or the run would go on from there
     before = (folder / file).read_bytes()
     (folder / file).write_text(change(before.decode(errors="replace")), encoding="utf-8")
     assert (folder / file).read_bytes() != before
-    capsys.readouterr()
-    assert publish([str(folder), "--to", str(tmp_path / "model")]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert complaint in line
+    assert complaint in refused(main, "publish", folder, "--to", tmp_path / "model")
     assert not (tmp_path / "model").exists()

@@ -146,14 +146,10 @@ def test_other_robots_have_a_row_each(folder) -> None:
         (json.dumps({"complete": True, "versions": FOUND["versions"]}), "results.json"),
     ],
 )
-def test_what_is_no_finished_evaluation_is_refused(content, words, folder, capsys) -> None:
+def test_what_is_no_finished_evaluation_is_refused(content, words, folder, refused) -> None:
     path = evaluation(folder, content)
     for line in (["readme", path], ["results", "run", "--pages", "docs/page.md"]):
-        assert main(line) == 2
-        error = capsys.readouterr().err
-        assert error.startswith("error: ")
-        assert error.count("\n") == 1
-        assert words in error
+        assert words in refused(main, *line)
     for name in ("README.md", "docs/page.md"):
         assert (folder / name).read_text(encoding="utf-8") == EMPTY
     assert not list(folder.glob("docs/results/*"))

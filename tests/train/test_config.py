@@ -59,12 +59,9 @@ def test_settings_that_were_removed_may_be_there_with_the_only_value_that_is_lef
 @pytest.mark.parametrize(
     "settings",
     [
-        {"hardness": 2.0},
         {"ppo": {"activation": "tanh"}},
-        [1],
         {"mixture": [["flat"]]},
         {"policy": "waltz"},
-        {"ppo": {"log_std_final": "low"}},
     ],
 )
 def test_what_is_no_configuration_is_refused(settings):
@@ -78,21 +75,16 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--steps 0", "--steps must be from 1"),
         ("--steps 1.5", "1.5 is no whole number"),
         ("--seed 4294967296", "--seed must be from 0 to 4294967295"),
-        ("--seeds 0", "--seeds must be from 1 to 1000, got 0"),
         ("--seed 4294967295 --seeds 2", "--seed . --seeds - 1 must be from 0 to 4294967295"),
         ("--hip-authority nan", "--hip-authority must be from 0"),
-        ("--ppo.learning-rate nan", "--ppo.learning-rate must be from"),
         ("--ppo.envs 65536 --ppo.rollout-steps 65536", "must be at most"),
-        ("--ppo.actor -1", "--ppo.actor must be"),
         ("--rewards fall=inf", "--rewards fall must be from"),
         ("--rewards stumble=1", "no reward term 'stumble'"),
         ("--rewards.tilt -1", "--rewards.tilt is now --rewards tilt=WEIGHT"),
         ("--policy end-to-end --base trot", "--base crouch or stand, not on trot"),
         ("--ppo.envs 10 --ppo.rollout-steps 3 --ppo.minibatch 20", "must divide"),
         ("--mixture moon 1.0", "unknown scenario 'moon'"),
-        ("--mixture rough=0.1+slope=3 1", "--mixture: .*rough and slope set the terrain differently"),
         ("--mixture flat -1.0", "not negative"),
-        ("--mixture flat 0.0", "above zero"),
         ("--mixture flat 0.5 flat 0.5", "twice"),
         ("--actuator steam", "unknown actuator 'steam'; valid: ideal, torque_speed, motor"),
         ("--resume --out no-such-folder", "no run in no-such-folder"),
@@ -148,7 +140,6 @@ def test_large_numbers_may_be_written_as_people_do(words):
 @pytest.mark.parametrize(
     ("mixture", "robots", "expected"),
     [
-        ((("flat", 0.4), ("push", 0.4), ("rough", 0.2)), 10, {"flat": 4, "push": 4, "rough": 2}),
         ((("flat", 1.0), ("push", 1.0), ("rough", 1.0)), 8, {"flat": 3, "push": 3, "rough": 2}),
         ((("flat", 3.0), ("push", 0.0)), 5, {"flat": 5}),
     ],

@@ -249,5 +249,6 @@ def test_all_episodes_start_with_their_segment() -> None:
     session = Session(config, env, None, None, CallbackState())  # type: ignore[arg-type]
     build(config, env).learn(6 * 8, [Segments(session), Watch()])
     assert [start for start, _ in begins] == [True, False] * 3
+    assert len({seen.tobytes() for _, seen in begins}) == 6
     for segment, (_, seen) in enumerate(begins[::2]):
         np.testing.assert_array_equal(seen, twin.begin(training_seeds(config, segment)))

@@ -1,6 +1,7 @@
 """A run that is stopped anywhere and carried on is the one in one go, bit for bit: weights, validations, bundles."""
 
 import contextlib
+import itertools
 import json
 import os
 import random
@@ -18,11 +19,9 @@ import policies
 from policies.network import Network
 from quad_env.physics.footsteps import Footsteps
 from train.__main__ import main
-from train.config_file import load_config
 from train.run_folder import CHECKPOINTS, METRICS_FILE, VALIDATIONS_FILE, steps_done
 from train.sb3 import callbacks, checkpoint
 from train.sb3.vec_env import TrainingVecEnv
-from train.training_robots import segment_steps
 
 OPTIONS = (
     "--threads 1 --max-episode-steps 14 --mixture flat 0.5 push=100 0.25 rough 0.25 --validation.interval 200 "
@@ -105,39 +104,33 @@ def resume(folder):
     assert main(["--resume", "--threads", "1", "--out", str(folder)]) == 0
 
 
-def killed_after(steps, go_on):
-    """Whatever `go_on` does, dead after so many steps of each robot."""
-    step_wait, taken = TrainingVecEnv.step_wait, 0
+@contextlib.contextmanager
+def after(steps, what):
+    """After so many steps of each robot that happens."""
+    step_wait, taken = TrainingVecEnv.step_wait, itertools.count()
 
-    def dying(env):
-        nonlocal taken
-        if taken == steps:
-            raise Killed
-        taken += 1
+    def stepping(env):
+        if next(taken) == steps:
+            what()
         return step_wait(env)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(TrainingVecEnv, "step_wait", dying)
-        with pytest.raises(Killed):
-            go_on()
+        patch.setattr(TrainingVecEnv, "step_wait", stepping)
+        yield
 
 
-def test_in_the_run_all_that_is_restored_counts(runs):
-    """Several validations, the best not the last; a rate that moved; a last segment that the end cut short."""
-    config = load_config(runs / "whole")
-    assert segment_steps(config) == SEGMENT * config.ppo.envs
-    state = json.loads((runs / "whole" / "checkpoints" / "000000000640.json").read_text(encoding="utf-8"))["remembered"]
-    scores = [each["score"] for each in state["validations"]]
-    assert [each["steps"] for each in state["validations"]] == [256, 512, 640]
-    assert state["best"] == [0.5, min(scores)]
-    assert min(scores) < scores[-1]
-    assert state["segments"] == 3
-    assert state["shares"] != [0.4, 0.4, 0.4]
-    assert state["rate"] != config.ppo.learning_rate
-    metrics = [json.loads(line) for line in (runs / "whole" / METRICS_FILE).read_text(encoding="utf-8").splitlines()]
-    assert all(
-        any(each[f"reward/{term}"] for each in metrics) for term in ("foot_slip", "foot_air_time", "foot_impact")
-    )
+def killed_after(steps, go_on):
+    def die():
+        raise Killed
+
+    with after(steps, die), pytest.raises(Killed):
+        go_on()
+
+
+def interrupted_after(steps, words):
+    """Ctrl-C in the last of so many steps of each robot."""
+    with after(steps - 1, partial(os.kill, os.getpid(), signal.SIGINT)):
+        assert main(words) == 130
 
 
 @pytest.mark.parametrize("steps", [0, 16, 28])
@@ -173,41 +166,10 @@ def test_a_run_that_is_stopped_between_its_final_files_ends_with_the_same_bits(
     assert bits(killed) == bits(runs / "whole")
 
 
-LONGER = OPTIONS.replace("--steps 640", "--steps 768")
-
-
-@pytest.fixture(scope="module")
-def longer(tmp_path_factory):
-    """A run in one go, of six rollouts."""
-    folder = tmp_path_factory.mktemp("runs") / "longer"
-    with pytest.MonkeyPatch.context() as patch:
-        quicken(patch)
-        assert main([*LONGER.split(), "--out", str(folder)]) == 0
-    return folder
-
-
-def interrupted_after(steps, words):
-    """Ctrl-C after so many steps of each robot; what the command says then."""
-    step_wait, taken = TrainingVecEnv.step_wait, 0
-
-    def stepping(env):
-        nonlocal taken
-        taken += 1
-        if taken == steps:
-            os.kill(os.getpid(), signal.SIGINT)
-        return step_wait(env)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(TrainingVecEnv, "step_wait", stepping)
-        assert main(words) == 130
-
-
-@pytest.mark.parametrize("steps", [9, 35])  # at the end of a segment; within the last
-def test_ctrl_c_keeps_every_rollout_that_is_complete_and_the_run_ends_with_the_same_bits(
-    steps, longer, tmp_path, capsys
-):
+@pytest.mark.parametrize("steps", [9, 20])  # at the end of a segment; within the second
+def test_ctrl_c_keeps_every_rollout_that_is_complete_and_the_run_ends_with_the_same_bits(steps, runs, tmp_path, capsys):
     folder = tmp_path / "run"
-    interrupted_after(steps, [*LONGER.split(), "--out", str(folder)])
+    interrupted_after(steps, [*OPTIONS.split(), "--out", str(folder)])
     done = -(-steps // ROLLOUT) * ROLLOUT * 16
     assert (
         f"--out {folder}; {done:,} steps are kept; the policy until now is {folder / 'last'}" in capsys.readouterr().err
@@ -216,17 +178,17 @@ def test_ctrl_c_keeps_every_rollout_that_is_complete_and_the_run_ends_with_the_s
     assert policies.load(folder / "last").network
     resume(folder)
     assert f"continuing at {done:,} steps" in capsys.readouterr().out
-    assert bits(folder) == bits(longer)
+    assert bits(folder) == bits(runs / "whole")
 
 
-def test_ctrl_c_again_and_again_loses_nothing(longer, tmp_path):
+def test_ctrl_c_again_and_again_loses_nothing(runs, tmp_path):
     folder = tmp_path / "run"
-    interrupted_after(3, [*LONGER.split(), "--out", str(folder)])
+    interrupted_after(3, [*OPTIONS.split(), "--out", str(folder)])
     for steps in (2, ROLLOUT + 1, 1):  # in what is repeated; after it; from the beginning of a segment
         interrupted_after(steps, ["--resume", "--threads", "1", "--out", str(folder)])
     assert steps_done(folder) == 3 * ROLLOUT * 16
     resume(folder)
-    assert bits(folder) == bits(longer)
+    assert bits(folder) == bits(runs / "whole")
 
 
 def forget(**values):

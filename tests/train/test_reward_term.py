@@ -38,11 +38,6 @@ def breaks_down(state):
     global CALLS
     CALLS += 1
     return state.height if CALLS < 5 else state.height * np.nan
-
-def tilt(state):
-    return state.height
-
-number = 3
 """
 
 
@@ -96,7 +91,6 @@ def test_a_run_goes_on_with_the_file_that_it_was_begun_with_alone(file, tmp_path
     ("term", "says"),
     [
         ("{}:always", "must be a file, a function in it and its weight, as in my_file.py:FUNCTION=-0.1"),
-        ("terms.txt:always=1", "must be a file"),
         ("gone.py:always=1", "gone.py cannot be read"),
         ("{}:alwyas=1", "has no 'alwyas'; it has always, power"),
         ("{}:wrong_shape=1", r"wrong_shape gives numbers of shape \(3, 2\); wanted \(2,\)"),

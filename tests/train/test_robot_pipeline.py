@@ -144,15 +144,15 @@ def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert (tmp_path / "out" / "alike.toml").is_file()
 
 
-@pytest.mark.parametrize(("made", "told"), [(Made(torque=None), True), (Made(hinges=2), True)])
+@pytest.mark.parametrize("made", [Made(torque=None), Made(hinges=2)])
 def test_a_robot_that_cannot_be_used_ends_it_before_anything_is_searched(
-    made: Made, told: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    made: Made, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     options = robot_pipeline.Options(robot=str(made.write(tmp_path)), out=tmp_path / "out")
     with pytest.raises(UsageError, match="cannot be used as it is"):
         robot_pipeline.main(options)
     assert len(capfd.readouterr().err.splitlines()) == 2  # why, and where to tell what is missing
-    assert (tmp_path / "out" / "inferred.toml").is_file() == told
+    assert (tmp_path / "out" / "inferred.toml").is_file()
     (tmp_path / "out" / "inferred.toml").write_text("# mine", encoding="utf-8")
     with pytest.raises(UsageError, match="has gaps to fill"):
         robot_pipeline.main(options)

@@ -43,4 +43,6 @@ def test_a_folder_in_use_is_refused_before_any_seed_is_trained(tmp_path, monkeyp
     (tmp_path / "seed-1" / "thesis.tex").touch()
     monkeypatch.setattr(run, "train", lambda _: pytest.fail("a seed is trained"))
     assert main([*TINY, "--seeds", "2", "--out", str(tmp_path)]) == 2
-    assert "seed-1 is not empty" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "seed-1 is not empty" in said
+    assert "--resume" not in said

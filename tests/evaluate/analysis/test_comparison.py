@@ -5,31 +5,9 @@ import pytest
 
 from evaluate.analysis.comparison import METRICS, by_episode, compare, compare_samples
 from evaluate.statistics.intervals import share_difference_interval
-from evaluate.statistics.significance import holm
 from quad_env import SCENARIOS
 
 NEVER = np.zeros(64, bool)
-
-
-@pytest.fixture
-def comparisons(made_up_cell):
-    """Two policies and the baseline on two scenarios, with differences from none to clear."""
-    generator = np.random.default_rng(0)
-    cells = []
-    for name, effects in (("flat", (0.0, 0.03, 0.06)), ("push", (0.0, 0.0, 0.02))):
-        shared = generator.gamma(4.0, 0.1, 64)
-        for policy, effect in zip(("trot", "a", "b"), effects, strict=True):
-            fell = generator.random(64) < 0.1 + 2.0 * effect
-            cells.append(made_up_cell(policy, fell, shared + generator.normal(effect, 0.1, 64), SCENARIOS[name]))
-    return compare(cells)
-
-
-@pytest.mark.parametrize("metric", ["fall_rate", "velocity_error", "yaw_rate_error", "mean_velocity_error"])
-def test_a_family_is_a_metric_against_the_baseline_over_all_scenarios(comparisons, metric) -> None:
-    for with_baseline, size in ((True, 4), (False, 2)):
-        family = [c for c in comparisons if c.metric == metric and (c.b == "trot") == with_baseline]
-        assert len(family) == size
-        assert [c.p_value_holm for c in family] == holm([c.p_value for c in family])
 
 
 def test_a_claim_takes_the_corrected_p_value(made_up_cell) -> None:

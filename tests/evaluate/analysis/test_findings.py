@@ -37,13 +37,6 @@ def test_every_axis_is_named_with_what_the_tests_show(made, metric, words) -> No
     assert summary(made, "other", metric).startswith(words)
 
 
-def test_the_headline_has_better_and_worse_alike(made) -> None:
-    ((success, falls, velocity),) = headline(made)
-    assert success == f"other against trot: {summary(made, 'other', SUCCESS_RATE)}."
-    assert falls.startswith("Fewer falls on push; more falls on rough")
-    assert velocity.startswith("Smaller velocity error")
-
-
 def test_an_axis_may_be_better_at_some_levels_and_worse_at_others(made) -> None:
     """Rough is renamed to a level of push."""
     cells = [c if c.scenario.name != "rough" else replace(c, scenario=replace(c.scenario, axis="push", severity=1.0))

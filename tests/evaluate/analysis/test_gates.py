@@ -1,7 +1,6 @@
 """Gates: a measure against a number, the worst scenario decides, and mistakes name what is valid."""
 
 import dataclasses
-import math
 
 import pytest
 
@@ -19,9 +18,7 @@ SCENARIOS = ("flat", "push:1", "push:3", "push:5", "push:6", "rough")
         ("trot falls <= 90 %", False, "95 % on push:6"),
         ("trot falls <= 90 % on push:5, rough", True, "85 % on push:5"),
         ("trot success >= 5 %", True, "5.0 % on push:6"),
-        ("trot success > 0.05", False, "5.0 % on push:6"),
         ("other velocity_error < 0.1", True, "0.089 on flat"),
-        ("trot velocity_error < 0.1", False, "0.139 on flat"),
         ("other cost_of_transport < 100", False, "– on flat"),  # it does not exist
         ("other diverged <= 0", True, "0.000 on flat"),
     ],
@@ -42,9 +39,7 @@ def test_a_scenario_that_was_not_run_fails_if_it_is_named(made) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "POLICY MEASURE"),
         ("other falls", "POLICY MEASURE"),
-        ("other falls == 1", "POLICY MEASURE"),
         ("other falls <= trot", "trot is no number"),
         ("other tumbles <= 1", "unknown measure tumbles; valid: success, falls, .*velocity_error"),
         ("other falls <= 5", "0.05 or 5 %"),
@@ -64,8 +59,3 @@ def test_what_cannot_be_read_is_refused_in_one_line(text, words) -> None:
 def test_a_policy_or_scenario_that_is_not_in_the_run_is_refused(text, words) -> None:
     with pytest.raises(ValueError, match=words):
         check([parse(text)], ("trot", "other"), SCENARIOS)
-
-
-def test_a_bound_is_the_number_as_written() -> None:
-    assert parse("trot energy < 1e3").bound == 1000.0
-    assert math.isclose(parse("trot falls < 7.5 %").bound, 0.075)

@@ -15,74 +15,21 @@ import policies
 from evaluate.__main__ import main
 from evaluate.records.store import FILES
 from quad_env.files.writing import FolderInUse, sole_use
-from tests.evaluate.trained import trained
 
 PYTHON = (sys.executable, "-W", "error")
 
 
-@pytest.fixture
-def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A mistake must be found before anything is simulated."""
-
-    def simulated(*_args, **_options):
-        raise AssertionError("an episode was simulated")
-
-    monkeypatch.setattr("evaluate.rollouts.rollout.run", simulated)
-
-
-@pytest.fixture
-def bundle_folder(tmp_path: Path) -> Path:
-    return trained(tmp_path / "trained")
-
-
-def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    """The one line that these arguments are refused with."""
-    assert main([str(argument) for argument in arguments]) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    lines = printed.err.splitlines()
-    assert len(lines) == 1, printed.err
-    assert lines[0].startswith("error: ")
-    return lines[0]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--policies", "trott"], ["trott", "document_repaired", "stand", "trot"]),
-        (["--policies", "trot", "stand", "trot"], ["trot", "more than once"]),
-        (["--scenarios", "ice"], ["ice", "flat", "push", "rough"]),
-        (["--episodes", "0"], ["--episodes", "0"]),
-        (["--episodes", "many"], ["--episodes", "many", "--help"]),
-        (["--seed", "-1"], ["--seed"]),
-        (["--actuator", "moter"], ["actuator", "moter", "ideal, torque_speed, motor"]),
-        (["--nonsense"], ["--nonsense", "--help"]),
-    ],
-    ids=" ".join,
-)
 @pytest.mark.usefixtures("no_simulation")
-def test_a_mistake_is_one_line_that_names_the_remedy(capsys, tmp_path, arguments, words) -> None:
-    defaults = [] if "--policies" in arguments else ["--policies", "trot"]
-    line = refused(capsys, *defaults, *arguments, "--out", tmp_path)
-    for word in words:
-        assert word in line
-    assert list(tmp_path.iterdir()) == []
-
-
-GATED = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
-
-
-@pytest.mark.usefixtures("no_simulation")
-def test_a_folder_that_cannot_be_written_to_is_refused(capsys, tmp_path) -> None:
+def test_a_folder_that_cannot_be_written_to_is_refused(refused, tmp_path) -> None:
     (tmp_path / "file").write_text("not a folder", encoding="utf-8")
-    assert "--out" in refused(capsys, "--policies", "trot", "--out", tmp_path / "file")
+    assert "--out" in refused(main, "trot", "--out", tmp_path / "file")
     (tmp_path / "report.html").mkdir()
-    line = refused(capsys, "--policies", "trot", "--out", tmp_path)
+    line = refused(main, "trot", "--out", tmp_path)
     assert str(tmp_path / "report.html") in line
     assert "--out" in line
     (tmp_path / "report.html").rmdir()
     (tmp_path / "parts").touch()
-    assert "--out" in refused(capsys, "--policies", "trot", "--out", tmp_path)
+    assert "--out" in refused(main, "trot", "--out", tmp_path)
 
 
 QUICK = ("--policies", "document", "--scenarios", "flat", "--episodes", "1", "--no-film")
@@ -113,7 +60,7 @@ def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_pa
     assert (found["flat"]["velocity_error"], found["flat"]["velocity_error_ci"]) == (2.0, [None, None])
 
 
-def test_help_loads_nothing_heavy_and_the_launcher_is_the_same_command(repository) -> None:
+def test_help_loads_nothing_heavy() -> None:
     code = (
         "import sys\nfrom evaluate.__main__ import main\n"
         "try:\n    main(['--help'])\nexcept SystemExit as end:\n    code = end.code\n"
@@ -125,65 +72,12 @@ def test_help_loads_nothing_heavy_and_the_launcher_is_the_same_command(repositor
     for option in ("--policies", "--scenarios", "--episodes", "--seed", "--out", "--threads"):
         assert option in printed
     assert "default: 24" in printed
-    command = [*PYTHON, "evaluate.py", "--policies", "nobody"]
-    finished = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=False)
-    assert finished.returncode == 2
-    assert finished.stderr.startswith("error: --policies: ")
-    assert finished.stderr.count("\n") == 1
-
-
-GATED = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
-
-
-def test_a_gate_that_does_not_hold_sets_the_exit_code(capsys, tmp_path) -> None:
-    """The document's controller always falls, a standing robot hardly ever."""
-    out = ("--out", str(tmp_path))
-    assert main([*GATED, "--gate", "stand falls <= 50 %", "document falls < 50 %", *out]) == 1
-    said = capsys.readouterr().out.replace("\u00a0", " ")
-    assert "gate passed: stand falls <= 50 % (0 % on flat)" in said
-    assert "gate failed: document falls < 50 % (100 % on flat)" in said
-    assert main(["report", str(tmp_path), "--no-film", "--gate", "stand falls <= 0.5"]) == 0
-
-
-@pytest.mark.parametrize(
-    ("gate", "words"),
-    [
-        ("stand falls", "cannot be read"),
-        ("trot falls <= 1", "trot"),
-        ("stand joy <= 1", "joy"),
-    ],
-)
-@pytest.mark.usefixtures("no_simulation")
-def test_a_gate_that_cannot_be_evaluated_is_refused(capsys, tmp_path, gate, words) -> None:
-    line = refused(capsys, *GATED, "--gate", gate, "--out", tmp_path / "out")
-    assert line.startswith("error: --gate: ")
-    assert words in line
 
 
 @pytest.mark.usefixtures("no_simulation")
-def test_one_bundle_by_two_paths_is_refused(capsys, tmp_path, bundle_folder) -> None:
-    other = bundle_folder.parent / "." / "trained"
-    assert "more than once" in refused(capsys, "--policies", bundle_folder, f"{other}/", "--out", tmp_path)
-
-
-@pytest.mark.usefixtures("no_simulation")
-def test_a_residual_that_is_not_shipped_is_said_to_be_missing(capsys, tmp_path, monkeypatch) -> None:
+def test_a_residual_that_is_not_shipped_is_said_to_be_missing(refused, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(policies.shipped, "MODELS", tmp_path / "models")
-    line = refused(capsys, "--out", tmp_path / "out")
-    assert "python -m train" in line
-
-
-@pytest.mark.usefixtures("no_page")
-def test_a_bundle_is_compared_under_the_path_it_was_called_by(tmp_path, bundle_folder, monkeypatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
-    out = tmp_path / "out"
-    arguments = ["--policies", "trot", f"{bundle_folder}/", "--scenarios", "flat", "--episodes", "2", "--no-film"]
-    assert main([*arguments, "--out", str(out)]) == 0
-    results = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    assert list(results["policies"]) == ["trot", str(bundle_folder)]
-    # A network of zeros corrects nothing: the same episodes to the last bit.
-    assert {c["difference"] for c in results["comparisons"]} == {0.0}
-    assert {c["p_value"] for c in results["comparisons"]} == {1.0}
+    assert "python -m train" in refused(main, "--out", tmp_path / "out")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
@@ -230,11 +124,17 @@ def test_ctrl_c_keeps_what_was_done(repository, tmp_path, running) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
-@pytest.mark.parametrize("delay", [0.3, 1.2])
-def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay, running) -> None:
+@pytest.mark.parametrize(
+    ("words", "delay"),
+    [
+        ("evaluate trot --scenarios flat --episodes 512 --out {}", 0.3),
+        ("evaluate trot --scenarios flat --episodes 512 --out {}", 1.2),
+        ("quad_env view --no-browser --port 0", 0.2),
+    ],
+)
+def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, words, delay, running) -> None:
     """While modules are loaded, too, where a KeyboardInterrupt could come out as any error."""
-    arguments = ("--policies", "trot", "--scenarios", "flat", "--episodes", "512")
-    command = [*PYTHON, "-X", "importtime", "-m", "evaluate", *arguments, "--out", str(tmp_path)]
+    command = [*PYTHON, "-X", "importtime", "-m", *words.format(tmp_path).split()]
     with running(command, cwd=repository) as process:
         # Before that it is Python starting up.
         while not process.stderr.readline().endswith("quad_env.cli.command_line\n"):
@@ -244,20 +144,21 @@ def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay, runn
         output, error = process.communicate(timeout=120)
     assert (process.returncode, output) == (130, "")
     said = [line for line in error.splitlines() if not line.startswith("import time:")]
-    assert said == ["interrupted: no further file was written"]
+    assert len(said) == 1
+    assert said[0].startswith("interrupted: ")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks of folders there")
 @pytest.mark.usefixtures("no_simulation")
 @pytest.mark.parametrize("arguments", [(), ("--resume",)], ids=" ".join)
-def test_a_folder_that_another_run_writes_to_is_refused_at_once(capsys, tmp_path, run, arguments) -> None:
+def test_a_folder_that_another_run_writes_to_is_refused_at_once(refused, tmp_path, run, arguments) -> None:
     """Its own run, too, which --resume would carry on; before its first part no manifest stands there."""
     mine = ["--policies", "document", "stand", "trot", "--scenarios", "flat", "push", "--episodes", "5", "--seed", "3"]
     for folder in (run.folder, tmp_path):
         before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
         with sole_use(folder):
-            assert f"{folder} is being written to" in refused(capsys, *mine, *arguments, "--out", folder)
+            assert f"{folder} is being written to" in refused(main, *mine, *arguments, "--out", folder)
         assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before
 
 

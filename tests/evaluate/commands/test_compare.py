@@ -2,8 +2,6 @@
 
 import dataclasses
 import json
-import shutil
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -13,27 +11,14 @@ import pytest
 import quad_env
 from evaluate.__main__ import main
 from evaluate.records import manifest
-from evaluate.records.episode_table import read_table, write_table
+from evaluate.records.episode_table import read_table
+from tests.evaluate.altered import column, other
 
 
 def compare(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
     code = main(["compare", *map(str, arguments)])
     printed = capsys.readouterr()
     return code, printed.out + printed.err
-
-
-def other(run, folder: Path, change=lambda rows: rows, **fields) -> Path:
-    """A copy of the run with other rows, and another manifest."""
-    shutil.copytree(run.folder, folder, dirs_exist_ok=True)
-    found = dataclasses.replace(manifest.read(folder), **fields).begun()
-    found.write(folder)
-    write_table(change(read_table(folder / "episodes.parquet")), folder / "episodes.parquet", found.fingerprint)
-    return folder
-
-
-def column(rows: pa.Table, name: str, values: object) -> pa.Table:
-    place = rows.schema.get_field_index(name)
-    return rows.set_column(place, rows.schema.field(name), pa.array(values, rows.schema.field(name).type))
 
 
 def test_a_run_and_itself_are_the_same_to_the_bit(run, capsys) -> None:
@@ -121,23 +106,6 @@ def test_a_column_that_one_of_them_lacks_is_left_out(run, tmp_path, capsys) -> N
     assert (code, "6 of 6" in said, "–" in said) == (0, True, True)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--policies", "trott", "trot"), ("trott", "document, stand, trot")),
-        (("--policies", "trot"), ("--policies",)),
-        (("--json", "."), ("--json", "is a folder")),
-    ],
-    ids=lambda value: " ".join(value),
-)
-def test_a_mistake_is_one_line(run, capsys, arguments, words) -> None:
-    code, said = compare(capsys, run.folder, run.folder, *arguments)
-    error = [line for line in said.splitlines() if line.startswith("error: ")]
-    assert (code, len(error)) == (2, 1)
-    for word in words:
-        assert word in error[0]
-
-
 def test_nothing_in_common_is_said(run, tmp_path, capsys) -> None:
     def renamed(rows: pa.Table) -> pa.Table:
         return column(rows, "policy", [f"old {policy}" for policy in rows.column("policy").to_pylist()])
@@ -145,5 +113,3 @@ def test_nothing_in_common_is_said(run, tmp_path, capsys) -> None:
     b = other(run, tmp_path / "b", renamed, policies={f"old {policy}": "" for policy in ("document", "stand", "trot")})
     code, said = compare(capsys, run.folder, b)
     assert (code, "--policies ONE_OF_A ONE_OF_B" in said) == (2, True)
-    code, said = compare(capsys, run.folder, tmp_path / "nothing")
-    assert (code, said.count("\n")) == (2, 1)

@@ -1,4 +1,4 @@
-"""Every command of `python -m evaluate`: its --help, mistakes and Ctrl-C, and an effect of each of its options.
+"""Every command of `python -m evaluate`: its --help, and an effect of each of its options.
 
 `EFFECTS` has an entry for each option, or `ELSEWHERE` names the test of it; an option without either fails. Options are
 given all at once, each other than its default; those that exclude others are given apart.
@@ -7,7 +7,7 @@ given all at once, each other than its default; those that exclude others are gi
 import json
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
@@ -19,14 +19,13 @@ import pytest
 from evaluate.__main__ import COMMANDS, main
 from evaluate.commands import options as default
 from evaluate.rollouts.experiment import evaluation_seeds
-from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual, robots
+from tests.batches import Batch
+from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
 from tests.evaluate.commands import test_axes
 from tests.evaluate.records import test_resume
 
 BRIEF = 130
 """Control steps of an episode."""
-NEEDED = {"replay": ["folder", "0"], "compare": ["folder", "folder"]}
-"""Arguments that a command cannot be called without."""
 EVERY = pytest.mark.parametrize("name", COMMANDS)
 
 
@@ -34,9 +33,9 @@ def options_of(command: str) -> Any:
     return import_module(COMMANDS[command].module).Options if command else default.Options
 
 
-def once(read: Reading) -> Reading:
+def once(read: Callable[[Batch], Any]) -> Reading:
     """A reading of the batches, each value once, in their order."""
-    return lambda made: list(dict.fromkeys(robots(read)(made)))
+    return lambda made: list(dict.fromkeys(map(read, made.batches)))
 
 
 SCENARIOS, COUNT = once(lambda each: each.env.scenario.name), once(lambda each: len(each.seeds))
@@ -156,7 +155,7 @@ ELSEWHERE = {
         "resume": test_resume.test_a_killed_run_goes_on_to_the_same_files,
     },
     "axes": {
-        "resume": test_axes.test_an_interrupted_run_goes_on,
+        "resume": test_axes.test_it_goes_on_with_what_was_done,
     },
 }
 """Options with a test of their own."""
@@ -221,54 +220,10 @@ def test_help_explains_every_option_with_its_default(capsys, name) -> None:
         assert re.search(r"^--[a-z, -]+ .+ [a-z].+\(default: ", words), words
 
 
-@EVERY
-def test_mistakes_and_ctrl_c_are_one_line(capsys, monkeypatch, name) -> None:
-    assert main([name, *NEEDED.get(name, []), "--nonsense"]) == 2
-    said = f"error: Unrecognized options: --nonsense; see `python -m evaluate {name} --help`\n"
-    assert capsys.readouterr() == ("", said)
-
-    def interrupted(_options) -> int:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(import_module(COMMANDS[name].module), "main", interrupted)
-    assert main([name, *NEEDED.get(name, [])]) == 130
-    assert capsys.readouterr() == ("", "interrupted: no further file was written\n")
-
-
-def test_the_programs_help_lists_every_command_and_an_old_name_gives_the_new_one(capsys) -> None:
-    with pytest.raises(SystemExit):
-        main(["--help"])
-    printed = capsys.readouterr().out
-    for name, command in COMMANDS.items():
-        assert re.search(rf"^  {name} +{re.escape(command.summary)}$", printed, re.MULTILINE)
-        assert len(command.summary) <= 64  # a line of 80 columns holds it
-    assert main(["rescore", "results"]) == 2
-    assert capsys.readouterr().err == "error: `python -m evaluate rescore` is now `python -m research rescore`\n"
-
-
-def test_a_folder_without_results_is_one_line(capsys, tmp_path) -> None:
+def test_a_folder_without_results_is_one_line(refused, tmp_path) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "thesis.tex").write_text("", encoding="utf-8")
     for path in (str(tmp_path / name) for name in ("nowhere", "empty", "thesis.tex")):
         for words in (["report", path], ["replay", path, "0"], ["compare", path, path]):
-            assert main(words) == 2
             said = f"error: {path} is no folder with results of `python -m evaluate`: it has no manifest.json\n"
-            assert capsys.readouterr() == ("", said)
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("trot stand --scenarios flat --out FOLDER --baseline gallop", "--baseline: gallop is not among the policies"),
-        ("report RUN --baseline gallop", "--baseline: gallop is not among the policies"),
-        ("trot@ --out out", "--policies: name scenarios after the @ of trot@, as in document@flat"),
-    ],
-)
-def test_values_that_nothing_can_be_done_with_are_one_line(
-    capsys, tmp_path, monkeypatch, evaluated, words, said
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(words.replace("FOLDER", str(tmp_path)).replace("RUN", str(evaluated)).split()) == 2
-    printed = capsys.readouterr()
-    assert (printed.out, printed.err.count("\n")) == ("", 1)
-    assert printed.err.startswith(f"error: {said}")
+            assert refused(main, *words) == said

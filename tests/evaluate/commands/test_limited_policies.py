@@ -71,18 +71,6 @@ def test_of_scenarios_without_flat_ground_the_default_leaves_the_document_out() 
     assert tuple(policy.label for policy in labelled) == WALKING_POLICIES
 
 
-@pytest.mark.parametrize(
-    ("policy", "said"),
-    [
-        ("trot@push", "--policies: trot@push is not among the scenarios of this run: flat, rough"),
-        ("trott@flat", "--policies: no policy 'trott': name one of"),
-    ],
-)
-def test_a_scenario_that_is_not_run_is_refused(tmp_path, capsys, policy, said) -> None:
-    assert main(["--policies", policy, "--scenarios", "flat", "rough", "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err.startswith(f"error: {said}")
-
-
 def test_a_folder_may_have_an_at_sign(tmp_path) -> None:
     shutil.copytree(Path(__file__).parents[3] / "models" / "residual", tmp_path / "mine@home")
     (labelled,) = policies_asked_for((f"{tmp_path}/mine@home/",), resolve(("flat",)), IDEAL)

@@ -1,19 +1,13 @@
 """Any row of a results folder can be run again; what differs is named, and why."""
 
-import shutil
-from pathlib import Path
-
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from PIL import Image
 
 import policies
 from evaluate.__main__ import main
-from evaluate.film.shooting import ALARM, BAD
 from evaluate.records import manifest
-from evaluate.records.episode_table import read_table, write_table
+from tests.evaluate.altered import other, with_value
 
 
 def replay(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
@@ -34,23 +28,11 @@ def test_a_row_is_found_by_its_place_in_the_file(run, capsys) -> None:
         )
 
 
-def altered(run, tmp_path: Path, column: str, value: float, row: int = 10) -> Path:
-    """The folder with another value in one row; row 10 is an episode of the trot on flat ground."""
-    shutil.copytree(run.folder, tmp_path, dirs_exist_ok=True)
-    path = tmp_path / "episodes.parquet"
-    rows = read_table(path)
-    values = rows.column(column).to_pylist()
-    values[row] = value
-    changed = rows.set_column(rows.schema.get_field_index(column), rows.schema.field(column), pa.array(values))
-    write_table(changed, path, manifest.read(tmp_path).fingerprint)
-    return tmp_path
-
-
 def test_a_value_that_differs_in_its_last_bit_is_named(run, tmp_path, capsys) -> None:
     """The sign of zero is a bit too: the document's controller, of row 0, falls before energy is counted."""
     stored = pq.read_table(run.folder / "episodes.parquet").column("energy").to_pylist()
     for row, wrong in ((10, float(np.nextafter(stored[10], np.inf))), (0, -0.0)):
-        code, said = replay(capsys, altered(run, tmp_path / str(row), "energy", wrong, row), row)
+        code, said = replay(capsys, other(run, tmp_path / str(row), with_value("energy", row, wrong)), row)
         assert code == 1
         assert f"energy: {wrong} then, {stored[row]} now" in said
         assert said.count(" then, ") == 1
@@ -58,39 +40,17 @@ def test_a_value_that_differs_in_its_last_bit_is_named(run, tmp_path, capsys) ->
 
 
 def test_what_may_have_caused_a_difference_is_said(run, tmp_path, capsys, monkeypatch) -> None:
+    changed = other(run, tmp_path / "other", with_value("energy", 10, 1.0))
     now = manifest.versions() | {"mujoco": "9.9"}
     monkeypatch.setattr(manifest, "versions", lambda: now)
     monkeypatch.setattr(manifest, "cpu_model", lambda: "an abacus")
     monkeypatch.setattr(manifest, "policy_digest", lambda _: "f" * 64)
     code, said = replay(capsys, run.folder, 10)
     assert (code, "because" in said) == (0, False)
-    code, said = replay(capsys, altered(run, tmp_path, "energy", 1.0), 10)
+    code, said = replay(capsys, changed, 10)
     assert code == 1
     for words in ("mujoco was ", "and is 9.9", "an abacus", "the policy trot has changed"):
         assert words in said
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("30",), ("rows 0 to 29", "30")),
-        (("-1",), ("-1",)),
-        (("many",), ("many", "--help")),
-        (("1", "--policy", "trott"), ("trott", "document, stand, trot")),
-        (("1", "--scenario", "ice"), ("ice", "flat, push")),
-        (("1", "--policy", "trot"), ("--scenario",)),
-        (("1", "--scenario", "push"), ("--policy",)),
-        (("5", "--policy", "trot", "--scenario", "push"), ("0 to 4",)),
-        (("1", "--video", "film.avi"), (".mp4", ".webp", "film.avi")),
-    ],
-    ids=lambda value: " ".join(value),
-)
-def test_a_mistake_is_one_line(run, capsys, arguments, words) -> None:
-    code, said = replay(capsys, run.folder, *arguments)
-    assert (code, said.count("\n")) == (2, 1)
-    assert said.startswith("error: ")
-    for word in words:
-        assert word in said
 
 
 @pytest.mark.usefixtures("no_page")
@@ -109,20 +69,6 @@ def test_an_episode_is_run_again_with_its_hardware(tmp_path, capsys, monkeypatch
     assert then.fingerprint != now.fingerprint
 
 
-def test_a_policy_that_is_gone_is_a_mistake(run, tmp_path, capsys, monkeypatch) -> None:
+def test_a_policy_that_is_gone_is_a_mistake(run, refused, monkeypatch) -> None:
     monkeypatch.setattr(policies, "_MAKERS", {"trot": policies.Trot})
-    code, said = replay(capsys, run.folder, 0)
-    assert (code, said.count("\n"), "'document'" in said) == (2, 1, True)
-
-
-@pytest.mark.rendering
-def test_an_episode_is_filmed_with_what_came_of_it(run, tmp_path, capsys) -> None:
-    """Of the stand, which refuses, and of the article's controller, which falls at once."""
-    colours = {}
-    for policy in ("stand", "document"):
-        strip = tmp_path / f"{policy}.png"
-        code, said = replay(capsys, run.folder, 1, "--policy", policy, "--scenario", "flat", "--video", strip)
-        assert (code, said.endswith(f"{strip}\n")) == (0, True)
-        with Image.open(strip) as image:
-            colours[policy] = image.convert("RGB").getpixel((image.width - 20, image.height - 10))
-    assert colours == {"stand": BAD, "document": ALARM}
+    assert "'document'" in refused(main, "replay", run.folder, 0)

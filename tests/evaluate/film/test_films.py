@@ -104,14 +104,11 @@ def test_a_push_is_told_while_it_is_seen() -> None:
     assert bars[-1] not in (GOOD, BAD, ALARM), "an episode of less than a second has no outcome"
 
 
-def test_an_mp4_without_an_encoder_names_the_remedy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_what_cannot_be_written_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     files.check(tmp_path / "film.webp")
     with pytest.raises(UsageError, match=r'pip install -e "\.\[video\]"'):
         files.check(tmp_path / "film.mp4")
-
-
-def test_what_cannot_be_written_to_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     (tmp_path / "film.gif").mkdir()
     for path in (tmp_path / "file" / "film.gif", tmp_path / "film.gif"):

@@ -70,15 +70,12 @@ def test_mechanical_power() -> None:
     assert measured("mechanical_power", **BRAKING, **FELL) == pytest.approx(70)
 
 
-def test_peak_torque() -> None:
+def test_peak_and_mean_torque() -> None:
+    swinging = joints("joint_torque", (slice(0, None, 2), 0, 12.0), (slice(1, None, 2), 0, -12.0))
+    assert measured("mean_torque", **swinging) == pytest.approx(1.0)
     late = joints("joint_torque", (20, 3, -80.0), (25, 4, 60.0), (FALL + 5, 5, 95.0), (3, 5, 99.0))
     assert measured("peak_torque", **late) == 95
     assert measured("peak_torque", **late, **FELL) == 80
-
-
-def test_mean_torque() -> None:
-    swinging = joints("joint_torque", (slice(0, None, 2), 0, 12.0), (slice(1, None, 2), 0, -12.0))
-    assert measured("mean_torque", **swinging) == pytest.approx(1.0)
 
 
 def test_torque_saturation() -> None:

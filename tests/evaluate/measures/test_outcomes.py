@@ -1,4 +1,4 @@
-"""Outcomes: the rule by hand, and five policies that do wrong, each in its own way, on the real robot."""
+"""Outcomes: the rule by hand, and robots that walk, stand still, fall or are stopped."""
 
 from dataclasses import replace
 
@@ -19,9 +19,8 @@ from evaluate.measures.outcomes import (
     share_of_way,
 )
 from evaluate.rollouts.rollout import run
-from policies.base import Policy
 from policies.safety import Safe
-from quad_env import OBSERVATION, SCENARIOS, CommandRanges
+from quad_env import SCENARIOS, CommandRanges
 from quad_env.seeding import episode_seeds
 
 SEED, STEPS = episode_seeds("search", 12, 1), 400
@@ -133,28 +132,6 @@ def test_outcomes_by_success_1_give_those_by_success_2_exactly():
     assert (old[new == "succeeded"] == "succeeded").all()
 
 
-class Told(Policy):
-    """The trot, told another command than it is given; from a step on it lets itself fall."""
-
-    def __init__(self, share=1.0, sideways=0.0, until=10_000):
-        super().__init__()
-        self.name, self._inner = "told", policies.make("trot")
-        self._share, self._sideways, self._until = share, sideways, until
-
-    def _allocate(self, num_envs):
-        self._inner.reset(num_envs)
-        self._steps = 0
-
-    def _act(self, observation):
-        observation, self._steps = observation.copy(), self._steps + 1
-        observation[:, OBSERVATION["command"]] *= self._share
-        observation[:, OBSERVATION["command"].start + 1] += self._sideways
-        action = self._inner.act(observation)
-        if self._steps > self._until:
-            action[:, 1::3] = self.robot.joint_lower[1::3]
-        return action
-
-
 def asked(forward):
     """Flat ground on which every command is that forward velocity, m/s."""
     ranges = CommandRanges(forward=(forward, forward), lateral=(0.0, 0.0), yaw_rate=(0.0, 0.0), zero_fraction=0.0)
@@ -170,30 +147,20 @@ class Stopped(Safe):
         return super()._act(observation)
 
 
-def trot():
-    return policies.make("trot")
-
-
 @pytest.mark.parametrize(
-    ("policy", "forward", "expected"),
+    ("make", "forward", "expected"),
     [
-        (trot, 1.0, "succeeded"),
+        (lambda: policies.make("trot"), 1.0, "succeeded"),
         (lambda: policies.make("stand"), 0.1, "stalled"),
-        (lambda: Told(share=0.7), 2.4, "off_command"),
-        (lambda: Told(sideways=0.25), 0.0, "off_command"),
-        (lambda: Told(until=320), 0.5, "fell"),
-        (lambda: Stopped(trot()), 0.5, "stalled"),
+        (lambda: policies.make("document"), 0.5, "fell"),
+        (lambda: Stopped(policies.make("trot")), 0.5, "stalled"),
     ],
-    ids=("trot", "stands still", "30 % too slow", "drifts", "falls late", "stopped"),
+    ids=("trot", "stands still", "falls", "stopped"),
 )
-def test_planted_policies_get_their_outcome(policy, forward, expected):
-    episodes = run(policy(), asked(forward), SEED, steps=STEPS)
-    found = measure(episodes)
-    assert found.outcome.tolist() == [expected]
-    survived = outcome(episodes, RULES["survival"])
-    assert survived.tolist() == ["fell" if fell else "succeeded" for fell in found.fell]
-    if expected == "fell":
-        assert 3.2 < found.fall_time[0] < 4.0
+def test_a_robot_gets_the_outcome_of_its_episode(make, forward, expected):
+    episodes = run(make(), asked(forward), SEED, steps=STEPS)
+    assert measure(episodes).outcome.tolist() == [expected]
+    assert outcome(episodes, RULES["survival"]).tolist() == ["fell" if expected == "fell" else "succeeded"]
 
 
 def test_rules_differ_in_how_far_off_is_off():

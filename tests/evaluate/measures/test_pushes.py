@@ -62,28 +62,22 @@ def test_push_phase() -> None:
     assert np.isnan(measured("push_phase")).all()
 
 
-def test_push_fell() -> None:
+def test_push_fell_and_fall_after_push() -> None:
     np.testing.assert_array_equal(measured("push_fell"), (0, 0))
     np.testing.assert_array_equal(measured("push_fell", fall=SECOND + 199), (0, 1))
     np.testing.assert_array_equal(measured("push_fell", fall=SECOND + 200), (0, 0))
     np.testing.assert_array_equal(measured("push_fell", fall=SECOND), (0, 1))
     np.testing.assert_array_equal(measured("push_fell", fall=FIRST + 100), (1, np.nan))
     np.testing.assert_array_equal(measured("push_fell", fall=FIRST + 100, onset=(FIRST, FIRST + 50)), (0, 1))
-
-
-def test_fall_after_push() -> None:
-    assert measured("fall_after_push") == 0
-    assert measured("fall_after_push", fall=SECOND + 50) == 0.5
-    assert measured("fall_after_push", fall=FIRST + 50) == 1
-    assert measured("fall_after_push", fall=SECOND + 250) == 0
-    assert np.isnan(measured("fall_after_push", fall=FIRST - 20))
+    shares = {STEPS: 0.0, SECOND + 50: 0.5, FIRST + 50: 1.0, SECOND + 250: 0.0, FIRST - 20: np.nan}
+    np.testing.assert_array_equal([measured("fall_after_push", fall=fall) for fall in shares], [*shares.values()])
 
 
 SLOW = slowed((FIRST, FIRST + 80, 0.6), (SECOND, SECOND + 300, 0.6))
 """0.8 s too slow after the first push, 3 s after the second."""
 
 
-def test_push_recovery() -> None:
+def test_push_recovery_recovery_time_and_not_recovered() -> None:
     """Within a cycle of 40 steps 6 may be 0.6 m/s too slow, for a mean error of 0.09 m/s: from 74 steps on."""
     np.testing.assert_allclose(measured("push_recovery", **SLOW), (0.74, np.inf))
     np.testing.assert_allclose(measured("push_recovery", **slowed()), (0.1, 0.1))
@@ -93,14 +87,8 @@ def test_push_recovery() -> None:
     for near in (50, 440, 499, 560, 900):  # the first second, a new command soon and just before, the time limit
         assert np.isnan(measured("push_recovery", onset=(near,))), near
     assert np.isnan(measured("push_recovery", onset=(FIRST, FIRST + 100))[0]), "another push soon"
-
-
-def test_recovery_time() -> None:
     assert measured("recovery_time", **SLOW) == pytest.approx(0.74)
     assert np.isnan(measured("recovery_time", onset=(SECOND,), **SLOW))
-
-
-def test_not_recovered() -> None:
     assert measured("not_recovered", **SLOW) == 0.5
     assert measured("not_recovered", fall=FIRST + 50) == 1
     assert np.isnan(measured("not_recovered", onset=(450,), fall=480))

@@ -17,20 +17,20 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
-def test_every_policy_has_a_digest_of_its_own() -> None:
-    digests = {name: policy_digest(policies.make(name)) for name in policies.names()}
-    assert len(set(digests.values())) == len(digests)
-    assert digests == {name: policy_digest(policies.make(name)) for name in policies.names()}
+def elsewhere(repository: Path, code: str) -> str:
+    """What code prints in another process, with another BLAS kernel."""
+    command, chosen = [sys.executable, "-c", code], os.environ | {"OPENBLAS_CORETYPE": "Prescott"}
+    return subprocess.run(command, cwd=repository, env=chosen, capture_output=True, text=True, check=True).stdout
 
 
-def test_digests_are_the_same_in_another_process_with_another_blas_kernel(repository) -> None:
+def test_every_policy_has_a_digest_of_its_own_which_is_the_same_in_another_process(repository) -> None:
     code = (
         "import policies\nfrom evaluate.records.provenance import policy_digest\n"
         "print(*(policy_digest(policies.make(name)) for name in policies.names()))"
     )
-    command, chosen = [sys.executable, "-c", code], os.environ | {"OPENBLAS_CORETYPE": "Prescott"}
-    printed = subprocess.run(command, cwd=repository, env=chosen, capture_output=True, text=True, check=True).stdout
-    assert printed.split() == [policy_digest(policies.make(name)) for name in policies.names()]
+    digests = [policy_digest(policies.make(name)) for name in policies.names()]
+    assert elsewhere(repository, code).split() == digests
+    assert len(set(digests)) == len(digests)
 
 
 def test_one_parameter_more_or_less_shows() -> None:
@@ -103,9 +103,7 @@ def test_a_policys_robot_shows_wherever_its_files_lie_and_whatever_was_asked_of_
 )
 def test_the_blas_kernel_is_recorded_and_named_where_it_differs(repository, run) -> None:
     code = "import json\nfrom evaluate.records.provenance import versions\nprint(json.dumps(versions()))"
-    command, chosen = [sys.executable, "-c", code], os.environ | {"OPENBLAS_CORETYPE": "Prescott"}
-    printed = subprocess.run(command, cwd=repository, env=chosen, capture_output=True, text=True, check=True).stdout
-    here, there = provenance.versions(), json.loads(printed)
+    here, there = provenance.versions(), json.loads(elsewhere(repository, code))
     assert {each for each in here if there[each] != here[each]} == {"blas"}
     first = replace(manifest.read(run.folder), versions=here).begun()
     second = replace(first, versions=there).begun()

@@ -1,7 +1,6 @@
 """A run that is killed, or stopped by a mistake, goes on with --resume and ends as one that never stopped."""
 
 import contextlib
-import dataclasses
 import io
 import json
 import re
@@ -19,10 +18,10 @@ import pytest
 from evaluate.__main__ import main
 from evaluate.analysis.results import Results, as_json
 from evaluate.records import manifest, store, trace
-from evaluate.records.episode_table import read_table, write_table
+from evaluate.records.episode_table import cell_of, read_table, table, write_table
 from evaluate.records.store import FILES
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import Cell, Chunk
+from evaluate.rollouts.experiment import Chunk
 from quad_env.files.writing import write_atomically
 from research.__main__ import main as research
 
@@ -36,7 +35,6 @@ SHORT = """
 import os, signal, sys
 from evaluate.rollouts import rollout
 from evaluate.__main__ import main
-from evaluate.records.episode_table import read_table, write_parquet, write_table
 from quad_env.files import writing as files
 from evaluate.commands import outputs as ending
 from evaluate.analysis import results
@@ -110,18 +108,6 @@ def test_a_killed_run_goes_on_to_the_same_files(repository, tmp_path, whole, wri
     assert_same(tmp_path, whole)
 
 
-def some(cell: Cell, numbers: np.ndarray) -> Cell:
-    """Those episodes of a cell."""
-    measures = {field.name: getattr(cell.measures, field.name)[numbers] for field in dataclasses.fields(cell.measures)}
-    return dataclasses.replace(
-        cell,
-        seeds=cell.seeds[numbers],
-        fall_reason=cell.fall_reason[numbers],
-        failure=None if cell.failure is None else cell.failure[numbers],
-        measures=type(cell.measures)(**measures),
-    )
-
-
 def unfinished(whole: Path, folder: Path) -> Path:
     """A folder as a killed run leaves it: two of four cells done, one of them in two chunks."""
     shutil.copytree(whole, folder, dirs_exist_ok=True)
@@ -129,7 +115,7 @@ def unfinished(whole: Path, folder: Path) -> Path:
     remove = [folder / name for name in OUTCOME[:3]]
     chunks = store.ChunkStore(folder, run.manifest)
     for cell, numbers in ((run.cells[0], range(5)), (run.cells[1], (0, 1)), (run.cells[1], (4,)), (run.cells[3], (2,))):
-        chunks.save(Chunk(np.array(numbers), some(cell, np.array(numbers))))
+        chunks.save(Chunk(np.array(numbers), cell_of(table(cell).take([*numbers]), cell.scenario)))
     for path in remove:
         path.unlink()
     return folder
@@ -153,11 +139,6 @@ def test_parts_of_any_size_are_filled_up_and_nothing_is_simulated_twice(tmp_path
     assert evaluate(*RUN, "--at-once", "1", "--resume", "--threads", "1", "--out", folder)[0] == 0
     assert sum(simulated) == 20 - 9
     assert_same(tmp_path, whole)
-
-
-def test_a_run_that_has_no_part_yet_has_nothing_to_resume(tmp_path) -> None:
-    code, error = evaluate("--resume", "--out", tmp_path)
-    assert (code, error.count("\n"), "leave --resume out" in error) == (2, 1, True)
 
 
 def test_a_new_run_replaces_an_unfinished_one_and_leaves_foreign_files(tmp_path, whole) -> None:
@@ -241,23 +222,20 @@ def test_a_report_of_an_unfinished_run_shows_its_finished_cells(tmp_path, whole)
     assert_same(tmp_path, whole)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--episodes", "6"], ["--episodes was 5, not 6"]),
-        (["--seed", "3"], ["--seed was 2, not 3"]),
-        (["--quick", "--scenarios", "default"], ["--quick was False, not True", "--scenarios"]),
-    ],
-    ids=lambda value: " ".join(value),
-)
-def test_other_options_are_refused_by_name(tmp_path, whole, arguments, words) -> None:
+def test_other_options_are_refused_by_name(tmp_path, whole) -> None:
     folder = unfinished(whole, tmp_path)
     before = sorted(path.name for path in folder.rglob("*"))
-    code, error = evaluate(*arguments, "--resume", "--out", folder)
+    words = ["--episodes", "6", "--seed", "3", "--quick", "--scenarios", "default"]
+    code, error = evaluate(*words, "--resume", "--out", folder)
     assert (code, error.count("\n")) == (2, 1), error
-    for word in words:
+    for word in ("--episodes was 5, not 6", "--seed was 2, not 3", "--quick was False, not True", "--scenarios"):
         assert word in error
     assert sorted(path.name for path in folder.rglob("*")) == before
+
+
+def full(*_arguments, **_options):
+    """In place of a function that writes to a disk."""
+    raise OSError(28, "No space left on device")
 
 
 def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
@@ -277,46 +255,33 @@ def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
     assert research(["rescore", str(tmp_path)]) == 0
 
 
-def test_a_failure_of_the_system_is_not_taken_for_one_of_the_folder(tmp_path, monkeypatch) -> None:
-    def full(*_arguments, **_options):
-        raise OSError(24, "Too many open files")
-
-    monkeypatch.setattr(rollout, "run", full)
-    code, error = evaluate(*RUN, "--threads", "1", "--out", tmp_path)
-    assert (code, error) == (2, "error: cannot go on (Too many open files); begin again, for nothing was done yet\n")
-
-
-def test_a_trace_that_cannot_be_written_is_said_of_the_folder(tmp_path, monkeypatch) -> None:
-    def full(*_arguments):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("evaluate.records.parquet.write_atomically", full)
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ("rollouts.rollout.run", "cannot go on (No space left on device); begin again, for nothing"),
+        ("records.parquet.write_atomically", "cannot write to {} (No space left on device); make room, then begin"),
+        ("records.manifest.Manifest.write", "make room, then begin again, for nothing was done yet"),
+    ],
+)
+def test_a_failure_of_the_system_is_told_from_one_of_the_folder(tmp_path, monkeypatch, place, said) -> None:
+    monkeypatch.setattr(f"evaluate.{place}", full)
     code, error = evaluate(*RUN, "--threads", "1", "--trace", "compact", "--out", tmp_path)
     assert code == 2
-    assert f"cannot write to {tmp_path} (No space left on device); make room, then begin again" in error
+    assert said.format(tmp_path) in error.splitlines()[-1]
 
 
-@pytest.mark.parametrize("begun", [True, False])
-def test_a_full_disk_says_what_may_be_done_then(tmp_path, monkeypatch, begun) -> None:
+def test_a_disk_that_is_full_later_on_says_how_to_go_on(tmp_path, monkeypatch) -> None:
     write_table_there = store.write_table
-
-    def full(*arguments):
-        raise OSError(28, "No space left on device")
 
     def once(*arguments):
         monkeypatch.setattr(store, "write_table", full)
         write_table_there(*arguments)
 
     monkeypatch.setattr(store, "write_table", once)
-    if not begun:
-        monkeypatch.setattr(manifest.Manifest, "write", full)
     code, error = evaluate(*RUN, "--threads", "1", "--out", tmp_path)
     assert code == 2
     line = error.splitlines()[-1]
     assert "(No space left on device); make room, then " in line
-    assert line.endswith(f"--resume --out {tmp_path}" if begun else "begin again, for nothing was done yet")
-    monkeypatch.undo()
-    if begun:
-        monkeypatch.setattr(rollout, "STEPS", STEPS)
-        monkeypatch.setattr("evaluate.commands.outputs.write_report", a_page)
-        assert evaluate("--resume", "--out", tmp_path)[0] == 0
+    assert line.endswith(f"--resume --out {tmp_path}")
+    monkeypatch.setattr(store, "write_table", write_table_there)
+    assert evaluate("--resume", "--out", tmp_path)[0] == 0

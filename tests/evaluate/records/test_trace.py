@@ -98,12 +98,9 @@ def test_a_policy_without_a_clock_and_a_scenario_without_pushes_can_be_traced(tm
     assert_same(trace.read(tmp_path / "trace")[1], episodes)
 
 
-def test_episodes_that_stopped_at_their_falls_are_refused(tmp_path) -> None:
+def test_what_is_no_trace_and_episodes_that_stopped_at_their_falls_are_refused(run, tmp_path) -> None:
     with pytest.raises(ValueError, match="after_falls"):
         trace.write(uneventful(SIMPLE_QUAD, 10), trace.Header("stand", "flat", 0, "full"), tmp_path / "trace")
-
-
-def test_a_file_that_is_no_trace_is_refused(run, tmp_path) -> None:
     with pytest.raises(ValueError, match="no trace"):
         trace.read(run.folder / "episodes.parquet")
 

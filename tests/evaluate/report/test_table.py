@@ -38,14 +38,6 @@ def test_p_values_are_those_that_the_report_shows(made) -> None:
     assert lines[place + 2].split()[:6] == ["p", "=", "0.006", "p", "=", "0.006"]
 
 
-def test_the_baseline_can_be_chosen(made) -> None:
-    results = analyse(made.cells, seed=0, episodes=40, complete=True, baseline="other")
-    assert "minus other" in "\n".join(printed(results))
-    assert {(c.a, c.b) for c in results.comparisons} == {("trot", "other")}
-    (falls,) = (c for c in results.comparisons if (c.scenario, c.metric) == ("rough", "fall_rate"))
-    assert falls.difference == -0.5  # 2 against 22 of 40
-
-
 def test_many_scenarios_have_falls_and_breaking_points_in_80_columns(made) -> None:
     nominal = [c for c in made.cells if c.scenario.name == "rough"]
     harder = [

@@ -114,14 +114,8 @@ class Stuck(type(policies.make("stand"))):
 
 def children(process: int) -> set[int]:
     """Processes whose parent it is."""
-    found = set()
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            if int(stat.read_text(encoding="utf-8").rpartition(")")[2].split()[1]) == process:
-                found.add(int(stat.parent.name))
-        except OSError:
-            continue
-    return found
+    texts = [path.read_text(encoding="utf-8") for path in Path(f"/proc/{process}/task").glob("*/children")]
+    return {int(number) for text in texts for number in text.split()}
 
 
 def runs(process: int) -> bool:

@@ -109,25 +109,3 @@ def test_mean_share_interval_where_all_agree_counts_each_as_one_trial() -> None:
     assert mean_share_interval(np.full(24, 0.75)) == wilson_interval(18, 24)
     assert mean_share_interval(np.ones(1)) == wilson_interval(1, 1)
     assert np.isnan(mean_share_interval(np.empty(0))).all()
-
-
-SCENARIOS = {
-    "two, easy and not": (0.99, 0.6),
-    "sixteen, hardly ever": (0.005,) * 16,
-    "forty-eight, three severities": (0.99, 0.6, 0.05) * 16,
-}
-"""Success probabilities of the scenarios of a score."""
-
-
-@pytest.mark.parametrize("together", [0.0, 0.95])
-@pytest.mark.parametrize("episodes", [2, 24])
-@pytest.mark.parametrize("probabilities", SCENARIOS.values(), ids=SCENARIOS)
-def test_mean_share_interval_covers_scores_of_few_episodes(probabilities, episodes, together) -> None:
-    """Scenarios of an episode share a part of their luck: none or nearly all. A bootstrap covers 4 to 97 %."""
-    generator = np.random.default_rng(0)
-    own = generator.normal(size=(1000, episodes, len(probabilities)))
-    luck = np.sqrt(together) * generator.normal(size=(1000, episodes, 1)) + np.sqrt(1.0 - together) * own
-    scores = (luck < stats.norm.ppf(probabilities)).mean(axis=2)
-    ends = np.array([mean_share_interval(each) for each in scores])
-    covered = (ends[:, 0] <= np.mean(probabilities)) & (np.mean(probabilities) <= ends[:, 1])
-    assert covered.mean() > 0.9

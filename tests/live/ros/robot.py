@@ -12,8 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 
 import policies
 from live.ros import interpreter
@@ -21,6 +19,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.kinematics import feet_in_world
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.live.decoded import read_mcap
 
 Node = subprocess.Popen[bytes]
 NODES = Path(__file__).with_name("nodes")
@@ -122,19 +121,10 @@ class Walk:
     turns: np.ndarray
     """Of the trunk, x y z w."""
 
-    def between(self, begin: int, end: int) -> "Walk":
-        """Those control steps."""
-        return Walk(*(getattr(self, name)[begin:end] for name in vars(self)))
-
 
 def recorded(path: Path) -> Walk:
     """The walk that a file of --record has."""
-    told: dict[str, list[object]] = {}
-    with path.open("rb") as file:
-        reader, decoders = make_reader(file), DecoderFactory()
-        topics = ["/tf", "/joint_states", "/cmd_vel", "/position_controller/command"]
-        for schema, channel, message in reader.iter_messages(topics=topics):
-            told.setdefault(channel.topic, []).append(decoders.decoder_for("cdr", schema)(message.data))
+    told = {topic: [content for _, content in messages] for topic, messages in read_mcap(path).items()}
     trunk = [frame.transforms[0].transform for frame in told["/tf"][1:]]
     joints = np.array([state.position for state in told["/joint_states"][1:]])
     places = np.array([[getattr(each.translation, axis) for axis in "xyz"] for each in trunk])

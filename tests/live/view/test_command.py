@@ -5,31 +5,13 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing
-from typing import Any
 
 import pytest
 
 from live.view.driver import Driver
 from live.view.loop import LiveView
-from live.view.requests import LARGEST_SEED, Request
+from live.view.requests import Request
 from live.view.server import Server
-from quad_env.__main__ import main
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
-def test_ctrl_c_while_it_loads_ends_in_one_line(running: Any) -> None:
-    command = [sys.executable, "-X", "importtime", "-m", "quad_env", "view", "--no-browser", "--port", "0"]
-    with running(command) as view:
-        assert view.stderr is not None
-        while not view.stderr.readline().endswith(" quad_env.cli.command_line\n"):
-            assert view.poll() is None
-        time.sleep(0.2)
-        view.send_signal(signal.SIGINT)
-        _, error = view.communicate(timeout=60)
-    assert view.returncode == 130
-    said = [line for line in error.splitlines() if not line.startswith("import time:")]
-    assert len(said) == 1
-    assert said[0].startswith("interrupted: ")
 
 
 @pytest.fixture
@@ -83,8 +65,3 @@ def test_ctrl_c_is_not_lost_where_an_exception_would_be(view: tuple[Driver, Live
             live.run()
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def test_a_seed_that_no_page_can_name_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["view", "--seed", str(LARGEST_SEED + 1)]) == 2
-    assert "--seed" in capsys.readouterr().err

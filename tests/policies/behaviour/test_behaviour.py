@@ -11,42 +11,37 @@ from policies.base import CONTROL_PERIOD
 from policies.behaviour import REQUESTS, TRANSITIONS, Behaviour, BehaviourMachine, RequestRefused, State
 from policies.behaviour.machine import refusal_reason
 from policies.behaviour.transitions import TIME_LIMIT, conditions, valid_requests
-from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.policies.readings import reading
 
 RESTING = {State.PASSIVE, State.STAND, State.WALK, State.RUN, State.EMERGENCY_STOP}
 
 
-def reading(n=1, up=1.0, turning=0.0, speed=0.0, joints=0.0, command=(0.0, 0.0, 0.0)):
+def seen(n=1, up=1.0, turning=0.0, speed=0.0, joints=0.0, command=(0.0, 0.0, 0.0)):
     """Observation (n, k) of a robot leaning sideways, `up` its tilt's cosine."""
-    row = np.zeros((n, OBSERVATION_SIZE), np.float32)
-    row[:, OBSERVATION["projected_gravity"]] = (0.0, np.sqrt(1.0 - up * up), -up)
-    row[:, OBSERVATION["angular_velocity"]] = turning
-    row[:, OBSERVATION["linear_velocity"]] = speed
-    row[:, OBSERVATION["joint_position"]] = joints
-    row[:, OBSERVATION["command"]] = command
-    return row
+    motion = {"angular_velocity": turning, "linear_velocity": speed, "joint_position": joints, "command": command}
+    return reading(n, projected_gravity=(0.0, np.sqrt(1.0 - up * up), -up), **motion)
 
 
 WITH = {  # a reading under which a guard holds, and steps to wait for it
-    "still": (reading(), 1),
-    "upright": (reading(), 1),
-    "tilted": (reading(up=0.0), 1),
-    "in home pose": (reading(), 12),
-    "toppling": (reading(up=0.2, turning=9.0), 1),
-    "landed": (reading(), 95),
-    "settled": (reading(up=0.2), 12),
-    "late": (reading(up=0.9, turning=9.0), 900),
-    "": (reading(up=0.9, turning=9.0), 1),
+    "still": (seen(), 1),
+    "upright": (seen(), 1),
+    "tilted": (seen(up=0.0), 1),
+    "in home pose": (seen(), 12),
+    "toppling": (seen(up=0.2, turning=9.0), 1),
+    "landed": (seen(), 95),
+    "settled": (seen(up=0.2), 12),
+    "late": (seen(up=0.9, turning=9.0), 900),
+    "": (seen(up=0.9, turning=9.0), 1),
 }
 WITHOUT = {  # a reading under which it does not
-    "still": reading(speed=1.0),
-    "upright": reading(up=0.5),
-    "tilted": reading(),
-    "in home pose": reading(joints=0.5),
-    "toppling": reading(),
-    "landed": reading(speed=1.0),
-    "settled": reading(up=0.2, turning=9.0),
+    "still": seen(speed=1.0),
+    "upright": seen(up=0.5),
+    "tilted": seen(),
+    "in home pose": seen(joints=0.5),
+    "toppling": seen(),
+    "landed": seen(speed=1.0),
+    "settled": seen(up=0.2, turning=9.0),
 }
 
 
@@ -110,7 +105,7 @@ def test_every_request_that_the_table_lacks_is_refused_by_name_with_the_valid_on
 
 def test_batch_request_moves_those_that_may_and_gives_the_mask_of_those_that_refuse():
     machine = BehaviourMachine(3, start=State.STAND)
-    machine.observe(reading(3))
+    machine.observe(seen(3))
     assert not machine.request("walk", np.array([True, False, False])).any()
     refused = machine.request("run", np.ones(3, bool))
     assert refused.tolist() == [False, True, True]
@@ -142,9 +137,7 @@ events = st.one_of(
     st.tuples(st.just("ask"), st.sampled_from(REQUESTS), st.integers(0, 15)),
     st.tuples(
         st.just("see"),
-        st.sampled_from(
-            [reading(4), reading(4, up=-0.9), reading(4, up=0.1, turning=9.0), reading(4, joints=0.6, speed=1.0)]
-        ),
+        st.sampled_from([seen(4), seen(4, up=-0.9), seen(4, up=0.1, turning=9.0), seen(4, joints=0.6, speed=1.0)]),
         st.integers(1, 40),
     ),
 )
@@ -181,7 +174,7 @@ def test_random_commands_never_break_the_machine(script, start, robot):
     assert all(a.target == b.source for a, b in itertools.pairwise(path))
     patience = sum(round(limit / 0.01) for limit in TIME_LIMIT.values())
     while not set(machine.state.tolist()) <= RESTING:
-        machine.observe(reading(4))
+        machine.observe(seen(4))
         assert (patience := patience - 1) > 0
 
 
@@ -210,15 +203,15 @@ def test_policy_that_follows_walks_runs_and_stands_by_the_command_until_an_emerg
     policy.reset(2)
     for command, expected in (((0.0, 0, 0), State.STAND), ((0.4, 0, 0), State.WALK), ((1.2, 0, 0), State.RUN)):
         for _ in range(30):
-            policy.act(reading(2, command=command))
+            policy.act(seen(2, command=command))
         assert policy.state.tolist() == [expected] * 2
     policy.request("emergency_stop", np.array([True, False]))
     joints = np.linspace(-0.3, 0.3, 12).astype(np.float32)
-    damped, running = policy.act(reading(2, joints=joints, command=(1.2, 0, 0)))
+    damped, running = policy.act(seen(2, joints=joints, command=(1.2, 0, 0)))
     np.testing.assert_allclose(damped, np.clip(SIMPLE_QUAD.home_pose + joints, -2.5, 1.5), atol=1e-6)
     assert np.abs(running - damped).max() > 0.1
     for _ in range(30):
-        policy.act(reading(2))
+        policy.act(seen(2))
     assert policy.state.tolist() == [State.EMERGENCY_STOP, State.STAND]
 
 
@@ -229,7 +222,7 @@ def test_changing_behaviour_makes_no_target_jump():
     for step in range(400):
         if step in (100, 200, 300):
             policy.request({100: "walk", 200: "stand", 300: "walk"}[step])
-        action = policy.act(reading(command=(0.5, 0.0, 0.0)))
+        action = policy.act(seen(command=(0.5, 0.0, 0.0)))
         largest = max(largest, 0.0 if last is None else float(np.abs(action - last).max()))
         last = action
     assert largest < 0.4  # 40 rad/s

@@ -9,8 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 import policies
 from live.commands.doctor import check_exists
@@ -21,6 +25,7 @@ from policies.foreign.reference import Reference, checked
 from policies.foreign.served import Served, serve
 from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD, HomePoseActions, VectorHomePoseActions
 from quad_env.cli.command_line import UsageError
+from train.sb3.vec_env import TrainingVecEnv
 
 FILE = """
 import os, sys, time
@@ -63,47 +68,14 @@ class Walk(policies.Trot):
 walk = policies.Trot()
 
 class Faulty(Counts):
-    # What a robot that is commanded forward gets in its third call.
     def __call__(self, observation):
         action = super().__call__(observation)
         return self.fault() if observation[-3] > 0.0 and self.calls == 3 else action
-
-class Raises(Faulty):
-    def fault(self):
-        raise KeyError("two\\nlines")
-
-class Exits(Faulty):
-    def fault(self):
-        sys.exit(4)
-
-class Paints(Faulty):
-    def fault(self):
-        raise ValueError("\x1b[31m red\x07")
-
-class Hangs(Faulty):
-    def fault(self):
-        time.sleep(60.0)
 
 class Slow(Counts):
     def __call__(self, observation):
         time.sleep(0.02)
         return super().__call__(observation)
-
-class Short(Faulty):
-    def fault(self):
-        return np.zeros(3)
-
-class Words(Faulty):
-    def fault(self):
-        return ["left"] * 12
-
-class Nan(Faulty):
-    def fault(self):
-        return np.full(12, np.nan)
-
-class Ends(Faulty):
-    def fault(self):
-        os._exit(3)
 
 class AllRaise:
     def __init__(self):
@@ -128,9 +100,25 @@ class NeedsMore:
 
 number = 3
 """
+FAULTS = {
+    "Raises": ("raise KeyError('two\\nlines')", "raised KeyError: 'two\\nlines'"),
+    "Exits": ("sys.exit(4)", "raised SystemExit: 4"),
+    "Paints": ("raise ValueError('\x1b[31m red\x07')", "raised ValueError: [31m red"),
+    "Short": ("return np.zeros(3)", "gave float64 of shape (3,), not numbers of shape (12,)"),
+    "Nan": ("return np.full(12, np.nan)", "gave targets that are not finite"),
+}
+"""What a robot that is commanded forward gets in its third call, and the reason that is given; by class."""
+WITHOUT_ANSWER = {"Hangs": ("time.sleep(60.0)",), "Ends": ("os._exit(3)",)}
+for name, (fault, *_) in (FAULTS | WITHOUT_ANSWER).items():
+    FILE += f"\nclass {name}(Faulty):\n    def fault(self):\n        {fault}\n"
 OBSERVATIONS = np.zeros((3, OBSERVATION_SIZE), np.float32)
 OBSERVATIONS[1, OBSERVATION["command"].start] = 1.0
 OTHERS = [0, 2]
+
+
+def small() -> dict[str, Any]:
+    """Arguments of a learner of Stable-Baselines3, which adds to them."""
+    return {"seed": 0, "device": "cpu", "policy_kwargs": {"net_arch": [8]}}
 
 
 @pytest.fixture(autouse=True)
@@ -159,14 +147,11 @@ def third_step(of: Served) -> tuple[np.ndarray, dict[int, str]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "way"),
-    [
-        *(("one", "robot"), ("many", "batch"), ("of_any", "robot"), ("Counts", "robot"), ("counts", "robot")),
-        *(("Timed", "robot"), ("AllRaise", "batch"), ("Walk", "policy"), ("walk", "policy")),
-    ],
+    ("way", "names"),
+    [("robot", "one of_any Counts counts Timed"), ("batch", "many AllRaise"), ("policy", "Walk walk")],
 )
-def test_how_it_is_asked_is_found_out(file: Path, name: str, way: str) -> None:
-    assert served(file, name).way == way
+def test_how_it_is_asked_is_found_out(file: Path, way: str, names: str) -> None:
+    assert {served(file, name).way for name in names.split()} == {way}
 
 
 @pytest.mark.parametrize("name", ["Counts", "counts", "Timed"])
@@ -188,21 +173,11 @@ def test_a_policy_of_ours_in_a_file_acts_as_it_does_here(file: Path) -> None:
         np.testing.assert_array_equal(answer.signals["phase"], trot.phase)
 
 
-@pytest.mark.parametrize(
-    ("name", "reason"),
-    [
-        ("Raises", "raised KeyError: 'two\\nlines'"),
-        ("Exits", "raised SystemExit: 4"),
-        ("Paints", "raised ValueError: [31m red"),
-        ("Short", "gave float64 of shape (3,), not numbers of shape (12,)"),
-        ("Words", "gave <U4 of shape (12,), not numbers of shape (12,)"),
-        ("Nan", "gave targets that are not finite"),
-    ],
-)
-def test_a_failure_is_that_of_one_robot(file: Path, name: str, reason: str) -> None:
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_failure_is_that_of_one_robot(file: Path, name: str) -> None:
     of = served(file, name)
     actions, failures = third_step(of)
-    assert failures == {1: reason}
+    assert failures == {1: FAULTS[name][1]}
     np.testing.assert_allclose(actions[OTHERS], 0.03)
     again = of.step(OBSERVATIONS)
     assert again.failures == {}
@@ -321,13 +296,9 @@ def test_in_its_process_a_policy_that_ends_it_loses_its_robots_until_a_reset(fil
 
 
 def test_a_model_of_stable_baselines3_acts_as_it_does_there(tmp_path: Path) -> None:
-    import gymnasium as gym
-    from stable_baselines3 import PPO, SAC
-
     env = gym.make("quad_env:SimpleQuad-v0")
     observation, _ = env.reset(seed=0)
-    small: dict[str, Any] = {"seed": 0, "device": "cpu", "policy_kwargs": {"net_arch": [8]}}
-    for model in (PPO("MlpPolicy", env, **small), SAC("MlpPolicy", env, buffer_size=10, **small)):
+    for model in (PPO("MlpPolicy", env, **small()), SAC("MlpPolicy", env, buffer_size=10, **small())):
         model.save(tmp_path / "model.zip")
         of = served(tmp_path / "model.zip")
         of.reset(2, 0)
@@ -342,14 +313,9 @@ def test_a_model_of_stable_baselines3_acts_as_it_does_there(tmp_path: Path) -> N
 @pytest.fixture(scope="module")
 def normalised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
     """A model that was trained on normalised observations, `model.zip`, and its joint targets."""
-    import gymnasium as gym
-    from stable_baselines3 import PPO
-    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
-
     folder = tmp_path_factory.mktemp("normalised")
     env = VecNormalize(DummyVecEnv([lambda: HomePoseActions(gym.make("quad_env:SimpleQuad-v0"), 0.3)]))
-    arguments = {"seed": 0, "device": "cpu", "policy_kwargs": {"net_arch": [8]}, "n_steps": 64, "batch_size": 64}
-    model = PPO("MlpPolicy", env, **arguments).learn(128)
+    model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, **small()).learn(128)
     model.save(folder / "model.zip")
     env.save(str(folder / "vecnormalize.pkl"))
 
@@ -410,18 +376,12 @@ def test_files_that_are_not_read_are_told_from_unknown_names(name: str) -> None:
 
 @pytest.mark.parametrize("batch", [False, True], ids=["one robot", "native batch"])
 def test_a_model_that_was_trained_about_the_home_pose_gives_joint_targets(tmp_path: Path, batch: bool) -> None:
-    import gymnasium as gym
-    from gymnasium.wrappers.vector import RecordEpisodeStatistics
-    from stable_baselines3 import PPO
-
-    from train.sb3.vec_env import TrainingVecEnv
-
     if batch:
         robots = gym.make_vec("quad_env:SimpleQuad-v0", num_envs=2, autoreset_mode="SAME_STEP")
         env = TrainingVecEnv(RecordEpisodeStatistics(VectorHomePoseActions(robots, 0.3)), seeds=[0, 1])
     else:
         env = HomePoseActions(gym.make("quad_env:SimpleQuad-v0"), 0.3)
-    model = PPO("MlpPolicy", env, seed=0, device="cpu", policy_kwargs={"net_arch": [8]})
+    model = PPO("MlpPolicy", env, **small())
     model.save(tmp_path / "model.zip")
     of = served(tmp_path / "model.zip")
     of.reset(3, 0)
@@ -434,11 +394,8 @@ def test_a_model_that_was_trained_about_the_home_pose_gives_joint_targets(tmp_pa
 
 
 def test_a_model_of_rescaled_actions_is_refused_since_nothing_tells_what_they_stand_for(tmp_path: Path) -> None:
-    import gymnasium as gym
-    from stable_baselines3 import PPO
-
     one = np.ones(12, np.float32)
     env = gym.wrappers.RescaleAction(gym.make("quad_env:SimpleQuad-v0"), -one, one)
-    PPO("MlpPolicy", env, device="cpu", policy_kwargs={"net_arch": [8]}).save(tmp_path / "model.zip")
+    PPO("MlpPolicy", env, **small()).save(tmp_path / "model.zip")
     with pytest.raises(PolicyError, match=r"from -1 to 1.*quad_env\.HomePoseActions"):
         served(tmp_path / "model.zip")

@@ -2,13 +2,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from policies.gait_cycle import PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Gait, advance
-
-phases = st.floats(0.0, 2.0 * math.pi, exclude_max=True)
-duties = st.floats(0.3, 0.8)
 
 
 def test_swing_fills_what_the_duty_leaves():
@@ -17,15 +12,6 @@ def test_swing_fills_what_the_duty_leaves():
     cycle = Gait(TROT_OFFSETS, duty=0.75).legs(2.0 * math.pi / 8.0)
     assert cycle.swing.tolist() == [True, False, False, True]
     np.testing.assert_allclose(cycle.progress, [0.5, 0.5, 0.5, 0.5])
-
-
-@given(phases, duties)
-def test_half_a_cycle_later_left_and_right_have_changed_places(phase, duty):
-    gait = Gait(TROT_OFFSETS, duty)
-    mirrored = gait.legs(phase).progress[[1, 0, 3, 2]]
-    later = gait.legs(phase + math.pi).progress
-    gap = np.abs(mirrored - later)
-    assert np.minimum(gap, 1.0 - gap).max() < 1e-9
 
 
 def test_clock_advances_by_the_printed_step_and_wraps():
@@ -44,7 +30,6 @@ def test_duty_out_of_range_is_refused(duty):
         (TROT_OFFSETS, 0.5, False),
         (TROT_OFFSETS, 0.49, True),
         (PRONK_OFFSETS, 0.95, True),
-        (WALK_OFFSETS, 0.25, False),
         (WALK_OFFSETS, 0.2, True),
         ((0.0, 0.0, 0.0, np.pi), 0.5, False),
     ],

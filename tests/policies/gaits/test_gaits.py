@@ -7,32 +7,17 @@ import policies
 from evaluate.rollouts import rollout
 from evaluate.rollouts.strides import Strides, walked
 from policies.gaits.change import CHANGE_TIME
-from policies.gaits.parameters import (
-    GAITS,
-    OFFSETS,
-    GaitParameters,
-    froude,
-    row,
-    slowed,
-    stepping,
-)
+from policies.gaits.parameters import GAITS, OFFSETS, GaitParameters, froude, row, slowed, stepping
 from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
-from policies.legs.kinematics import foot_positions
-from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
+from tests.policies.readings import feet, reading
 
 LEGS = ("fl", "fr", "hl", "hr")
 # The bare path: nothing made up for, no feedback, an identity for the command map, 40 ticks a cycle.
 BARE = GaitParameters(
     frequency=2.5, frequency_rise=0.0, duty=0.6, duty_fall=0.0, body_height=0.4, stance_load=0.0, servo_lead=0.0
 )
-
-
-def observe(command, count=1):
-    observation = np.zeros((count, OBSERVATION_SIZE), np.float32)
-    observation[:, OBSERVATION["command"]] = command
-    return observation
 
 
 def bare(gait, **changes):
@@ -43,13 +28,8 @@ def bare(gait, **changes):
 
 def steps(policy, command, count):
     """Actions (count, n, 12) and swings (count, n, 4) at a held command."""
-    rows = [(policy.act(observe(command, policy.num_envs)), policy.swing) for _ in range(count)]
+    rows = [(policy.act(reading(policy.num_envs, command=command)), policy.swing) for _ in range(count)]
     return np.array([action for action, _ in rows], np.float64), np.array([swing for _, swing in rows])
-
-
-def feet(actions):
-    """Feet in the base frame, (steps, 4, 3), of the first robot."""
-    return foot_positions(SIMPLE_QUAD, actions[:, 0].reshape(-1, 4, 3)) + SIMPLE_QUAD.hip_positions
 
 
 def touch_downs(swing):
@@ -78,18 +58,11 @@ def test_feet_land_in_the_order_that_the_gait_is_named_for(gait, behind):
         assert min(abs(late - expected), 40 - abs(late - expected)) <= 1, leg
 
 
-@pytest.mark.parametrize("duty", [0.5, 0.8])
-def test_feet_are_commanded_down_for_the_duty_factor(duty):
-    policy = bare("walk", duty=duty)
-    steps(policy, (0.3, 0.0, 0.0), 150)
-    np.testing.assert_allclose(1.0 - steps(policy, (0.3, 0.0, 0.0), 400)[1].mean(axis=(0, 1)), duty, atol=0.026)
-
-
 def test_standing_feet_move_against_the_commanded_velocity_at_their_place():
     policy, command = bare("trot"), (-0.3, 0.2, 0.6)
     steps(policy, command, 200)
     actions, swing = steps(policy, command, 80)
-    where = feet(actions)
+    where = feet(actions[:, 0])
     velocity = np.diff(where, axis=0) / 0.01
     standing = ~swing[:-1, 0] & ~swing[1:, 0]
     vx, vy, yaw_rate = command
@@ -127,7 +100,7 @@ def test_no_target_jumps_in_a_change_of_gait_at_any_time_of_the_cycle(first):
         for number, other in enumerate(others):
             if (asked := (begin == step) & (target == number)).any():
                 policy.request(other, asked)
-        actions.append(policy.act(observe((0.4, 0.0, 0.0), policy.num_envs)))
+        actions.append(policy.act(reading(policy.num_envs, command=(0.4, 0.0, 0.0))))
     rate = np.abs(np.diff(np.array(actions, np.float64), axis=0)) / 0.01
     assert rate.max() < TARGET_RATE_LIMIT
     assert policy.settled[[others[each] != "stand" for each in target]].all()
@@ -141,7 +114,7 @@ def test_standing_comes_to_rest_in_the_home_pose_with_every_swing_finished(first
     for step in range(600):
         if (asked := lag == step).any():
             policy.request("stand", asked)
-        action = policy.act(observe((0.4, 0.1, 0.2), 16))
+        action = policy.act(reading(16, command=(0.4, 0.1, 0.2)))
         swings.append(policy.swing)
     assert policy.settled.all()
     np.testing.assert_allclose(action, np.tile(SIMPLE_QUAD.home_pose, (16, 1)), atol=0.03)
@@ -173,7 +146,7 @@ def test_offsets_go_the_shorter_way_and_arrive():
     policy.request("trot")
     seen = []
     for _ in range(round(CHANGE_TIME / 0.01)):
-        policy.act(observe((0.0, 0.0, 0.0)))
+        policy.act(reading())
         seen.append(policy.offsets[0])
     # hl from a quarter of a cycle to half of one, hr from three quarters to a whole one.
     np.testing.assert_allclose(np.ptp(seen, axis=0), [0.0, 0.0, np.pi / 2, np.pi / 2], atol=0.01)

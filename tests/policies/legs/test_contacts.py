@@ -30,7 +30,3 @@ def test_a_foot_that_lands_late_is_behind_by_that_and_a_bounce_in_its_stance_is_
     offsets = landing_offsets(landings(contacts, cycles, duties), phase)
     np.testing.assert_allclose(offsets[:3], [0.0, -0.025, 0.0], atol=1e-9)
     assert np.isnan(offsets[3])
-
-
-def test_wrapped_by_hand():
-    np.testing.assert_allclose(wrapped(np.array([0.0, 0.5, 0.75, -0.6, 1.2])), [0.0, -0.5, -0.25, 0.4, 0.2])

@@ -88,31 +88,28 @@ def number(value):
     return np.array([value])
 
 
-def offsets(velocity=(0.0, 0.0, 0.0), errors=(0.0, 0.0, 0.0), stance_time=0.2):
-    """Of the footholds from the hips, (2, 4)."""
-    x, y = raibert(HIPS, tuple(map(number, velocity)), stance_time, tuple(map(number, errors)), GAINS)
+def offsets(velocity, errors):
+    """Of the footholds from the hips, (2, 4), for a stance of 0.2 s."""
+    x, y = raibert(HIPS, tuple(map(number, velocity)), 0.2, tuple(map(number, errors)), GAINS)
     return np.stack([x - HIPS[0], y - HIPS[1]])[..., 0]
 
 
-def test_without_errors_a_foot_lands_half_a_stance_ahead_of_its_hip():
-    np.testing.assert_allclose(offsets((1.0, -0.5, 0.0)), [[0.1] * 4, [-0.05] * 4])
-
-
-def test_in_a_turn_the_outer_feet_reach_further_and_all_of_them_around():
-    """v = ω × r at the hips (±0.25, ±0.15): to the left at 1 rad/s, (-y, x) times half of 0.2 s."""
-    np.testing.assert_allclose(offsets((0.0, 0.0, 1.0)), 0.1 * np.stack([-HIPS[1], HIPS[0]])[..., 0])
+TURNED = 0.1 * np.stack([-HIPS[1], HIPS[0]])[..., 0]
+"""v = ω × r at the hips (±0.25, ±0.15): to the left at 1 rad/s, (-y, x) times half of 0.2 s."""
 
 
 @pytest.mark.parametrize(
-    ("errors", "expected"),
+    ("velocity", "errors", "expected"),
     [
-        ((0.5, 0.0, 0.0), [[0.05] * 4, [0.0] * 4]),
-        ((0.0, 0.5, 0.0), [[0.0] * 4, [0.1] * 4]),
-        ((0.0, 0.0, 2.0), 0.1 * np.stack([-HIPS[1], HIPS[0]])[..., 0]),
+        ((1.0, -0.5, 0.0), (0.0, 0.0, 0.0), [[0.1] * 4, [-0.05] * 4]),
+        ((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), TURNED),
+        ((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), [[0.05] * 4, [0.0] * 4]),
+        ((0.0, 0.0, 0.0), (0.0, 0.5, 0.0), [[0.0] * 4, [0.1] * 4]),
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), TURNED),
     ],
 )
-def test_the_next_footholds_go_where_the_robot_is_pushed(errors, expected):
-    np.testing.assert_allclose(offsets(errors=errors), expected)
+def test_a_foot_lands_half_a_stance_ahead_of_its_hip_and_where_the_robot_is_pushed(velocity, errors, expected):
+    np.testing.assert_allclose(offsets(velocity, errors), expected)
 
 
 def test_a_push_is_caught_by_what_is_beyond_the_threshold_and_along_it():

@@ -17,13 +17,6 @@ def number(value):
     return np.array([value])
 
 
-def test_footprints_on_a_plane_give_that_plane():
-    plane = height, forward, lateral = -0.3, -0.2, 0.5
-    prints = (FEET_X, FEET_Y, height + forward * FEET_X + lateral * FEET_Y)
-    np.testing.assert_allclose(np.ravel(fitted(prints)), plane, atol=1e-5)
-    np.testing.assert_allclose(above(fitted(prints), prints), 0.0, atol=1e-5)
-
-
 def test_one_foot_on_a_stone_of_a_square_stance_lifts_and_tilts_the_plane_by_quarters():
     """By hand: z = h (1/4 + x/(4 a) + y/(4 a)) fits a stone of height h under the corner (a, a); ± h/4 remains."""
     a, h = 0.2, 0.08

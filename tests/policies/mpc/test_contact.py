@@ -8,9 +8,10 @@ import policies
 from policies.mpc.contact import ContactSense, as_accelerations
 from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
-from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from research.studies.prediction import whole_body
+from tests.policies.readings import reading
 
 PERIOD, SUBSTEPS = 0.01, 5
 DYNAMICS = Dynamics(SIMPLE_QUAD)
@@ -33,18 +34,14 @@ class Trotting:
         self.forces = np.zeros((4, 3))
 
     def observation(self) -> np.ndarray:
-        rotation = self.rotation
-        seen = np.zeros(OBSERVATION_SIZE)
-        for name, value in (
-            ("projected_gravity", -rotation[2]),
-            ("angular_velocity", self.data.qvel[3:6]),
-            ("linear_velocity", rotation.T @ self.data.qvel[:3]),
-            ("joint_position", self.data.qpos[7:] - SIMPLE_QUAD.home_pose),
-            ("joint_velocity", self.data.qvel[6:]),
-            ("previous_action", self.target - SIMPLE_QUAD.home_pose),
-        ):
-            seen[OBSERVATION[name]] = value
-        return seen.astype(np.float32)
+        return reading(
+            projected_gravity=-self.rotation[2],
+            angular_velocity=self.data.qvel[3:6],
+            linear_velocity=self.rotation.T @ self.data.qvel[:3],
+            joint_position=self.data.qpos[7:] - SIMPLE_QUAD.home_pose,
+            joint_velocity=self.data.qvel[6:],
+            previous_action=self.target - SIMPLE_QUAD.home_pose,
+        )
 
     @property
     def rotation(self) -> np.ndarray:
@@ -59,19 +56,8 @@ class Trotting:
         self.forces = np.zeros((4, 3))
         for _ in range(SUBSTEPS):
             mujoco.mj_step(self.model, self.data)
-            self.forces += self._contacts() / SUBSTEPS
+            self.forces += whole_body(SIMPLE_QUAD, self.model, self.data).forces / SUBSTEPS
         return motion(SIMPLE_QUAD, DYNAMICS, self.observation()[None])
-
-    def _contacts(self) -> np.ndarray:
-        found, wrench = np.zeros((4, 3)), np.empty(6)
-        feet = [self.model.geom(f"{leg}_foot").id for leg in SIMPLE_QUAD.leg_names]
-        for index, contact in enumerate(self.data.contact):
-            mujoco.mj_contactForce(self.model, self.data, index, wrench)
-            force = contact.frame.reshape(3, 3).T @ wrench[:3]
-            for geom, sign in ((contact.geom1, -1.0), (contact.geom2, 1.0)):
-                if geom in feet:
-                    found[feet.index(geom)] += sign * force
-        return found
 
     def turned(self, vectors: np.ndarray) -> np.ndarray:
         """World vectors in the level frame."""
@@ -144,19 +130,6 @@ def test_a_slip_lowers_what_is_relied_on_and_is_forgotten() -> None:
     for _ in range(300):
         sense._estimate_friction(forces, 0.0 * velocity)
     assert sense.grip[1] > 0.9 * parameters.friction
-
-
-def test_a_restarted_robot_has_no_past() -> None:
-    robot, sense = Trotting((0.0, 40.0, 0.0)), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
-    for _ in range(50):
-        now = robot.step()
-        sense.estimate(now, NO_LOAD)
-    assert np.abs(sense.wrench).max() > 5.0
-    sense.restart(np.array([True]))
-    assert not sense.wrench.any()
-    first = sense.estimate(now, NO_LOAD)
-    again = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
-    np.testing.assert_array_equal(first, again.estimate(now, NO_LOAD))
 
 
 def test_what_pushes_stays_where_it_is_in_the_world() -> None:

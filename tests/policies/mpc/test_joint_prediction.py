@@ -7,16 +7,10 @@ import policies
 from evaluate.rollouts.hardware import Hardware
 from policies.mpc.joint_prediction import JointPrediction
 from quad_env import OBSERVATION
-from quad_env.task.observations import OBSERVATION_SIZE
+from tests.policies.readings import reading
 
 PERIOD = 0.01
 ANGLES, SPEEDS = OBSERVATION["joint_position"], OBSERVATION["joint_velocity"]
-
-
-def shown(angle: float, speed: float = 0.0) -> np.ndarray:
-    out = np.zeros((1, OBSERVATION_SIZE), np.float32)
-    out[:, ANGLES], out[:, SPEEDS] = angle, speed
-    return out
 
 
 @pytest.mark.parametrize("late", [1, 3])
@@ -25,7 +19,7 @@ def test_joints_that_do_as_planned_are_known_as_they_are_now(late: int) -> None:
     prediction, acceleration = JointPrediction(late, PERIOD), 20.0
     for step in range(30):
         seen = max(step - late, 0) * PERIOD
-        found = prediction.now(shown(0.5 * acceleration * seen**2))
+        found = prediction.now(reading(1, joint_position=0.5 * acceleration * seen**2))
         if step >= late:
             time = step * PERIOD
             np.testing.assert_allclose(found[0, ANGLES], 0.5 * acceleration * time**2, rtol=0.02, atol=2e-4)
@@ -37,23 +31,10 @@ def test_what_no_plan_explains_is_learnt_from_the_readings() -> None:
     """A joint that turns at 3 rad/s though nothing is asked of it."""
     prediction = JointPrediction(1, PERIOD)
     for step in range(40):
-        found = prediction.now(shown(3.0 * max(step - 1, 0) * PERIOD))
+        found = prediction.now(reading(1, joint_position=3.0 * max(step - 1, 0) * PERIOD))
         prediction.keep(np.zeros((1, 12)))
     np.testing.assert_allclose(found[0, SPEEDS], 3.0, rtol=1e-3)
     np.testing.assert_allclose(found[0, ANGLES], 3.0 * 39 * PERIOD, rtol=1e-3)
-
-
-def test_a_restart_forgets_one_robot_alone() -> None:
-    prediction = JointPrediction(1, PERIOD)
-    prediction.allocate(2)
-    for step in range(10):
-        prediction.now(np.repeat(shown(0.01 * step), 2, axis=0))
-        prediction.keep(np.full((2, 12), 20.0))
-    prediction.restart(np.array([True, False]))
-    found = prediction.now(np.repeat(shown(0.7), 2, axis=0))
-    np.testing.assert_allclose(found[0, ANGLES], 0.7, rtol=1e-6)
-    assert not found[0, SPEEDS].any()
-    assert found[1, SPEEDS].all()
 
 
 def test_the_evaluator_tells_the_controller_what_its_encoders_take() -> None:

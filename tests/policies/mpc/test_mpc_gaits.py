@@ -12,8 +12,8 @@ from policies.gait_cycle import TURN, leg_phases
 from policies.gaits.parameters import OFFSETS
 from policies.legs.contacts import duty_factors, landing_offsets, landings, wrapped
 from policies.mpc.contact import contact_states
-from policies.mpc.parameters import OTHER_GAITS, MpcParameters
-from policies.mpc.policy import Mpc, MpcWbc
+from policies.mpc.parameters import MpcParameters
+from policies.mpc.policy import MpcWbc
 from quad_env.seeding import episode_seeds
 
 ROBOTS, STEPS, FROM = 2, 300, 100
@@ -45,7 +45,7 @@ def walked(policy: MpcWbc) -> Walked:
 @pytest.mark.parametrize("gait", OFFSETS)
 def test_it_walks_straight_and_its_feet_land_in_the_order_of_the_gait(gait: str) -> None:
     """A beat of another gait would be a quarter of a cycle off at least; the hind legs of the bound are 0.14."""
-    policy = MpcWbc(gait=gait)
+    policy = policies.make("mpc_wbc" if gait == "trot" else f"mpc_wbc_{gait}")
     found, duty = walked(policy), policy.parameters.duty
     assert not found.fell.any()
     assert not policy.failures.any()
@@ -79,16 +79,3 @@ def test_a_flight_longer_than_the_horizon_has_a_plan_without_forces() -> None:
     assert np.isfinite(actions).all()
     assert not long.failures.any()
     assert not long._plans.forces.any()
-
-
-def test_every_gait_has_its_parameters_and_a_name_that_makes_it() -> None:
-    assert {"trot", *OTHER_GAITS} == set(OFFSETS)
-    for gait in OTHER_GAITS:
-        made = policies.make(f"mpc_wbc_{gait}")
-        assert (made.name, made.parameters) == (f"mpc_wbc_{gait}", OTHER_GAITS[gait])
-        assert made.leg_offsets == OFFSETS[gait]
-
-
-def test_an_unknown_gait_is_answered_with_the_valid_ones() -> None:
-    with pytest.raises(ValueError, match=r"'gallop'; there are bound, pace, pronk, trot, walk"):
-        Mpc(gait="gallop")

@@ -14,6 +14,7 @@ from policies.mpc.policy import MpcWbc
 from policies.mpc.reading_noise import GROUPS, QUIET, SENSED, ReadingNoise
 from quad_env import OBSERVATION
 from quad_env.seeding import episode_seeds
+from tests.policies.readings import reading
 from train.scenarios import practice
 
 SEEDS, STEPS = episode_seeds("search", 0, 2), 150
@@ -95,12 +96,6 @@ def test_noise_shows(scenario: str) -> None:
     np.testing.assert_allclose(found, np.tile(np.square(NOISE[scenario]) - QUIET**2, (2, 1)), rtol=0.3)
 
 
-def test_motions_without_noise_seem_to_have_none() -> None:
-    policy = walked("flat")
-    variances = np.maximum(policy.observer._noise._seeming, 0.0)
-    assert (np.sqrt(variances) < QUIET).all()
-
-
 @pytest.mark.parametrize("scenario", ["latency=0.02", "noise=0.8"])
 def test_robots_walk_on_late_and_on_noisy_readings(scenario: str) -> None:
     missed = [motion.velocity - motion.command for motion in walked(scenario).read[100:]]
@@ -117,26 +112,5 @@ def test_a_restart_forgets_one_robot_alone() -> None:
 def test_targets_are_those_that_were_asked_for_not_its_own() -> None:
     """As under a residual, which shifts them."""
     policy = MpcWbc()
-    seen = np.zeros((1, 48), np.float32)
-    seen[:, OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
-    seen[:, OBSERVATION["previous_action"]] = 0.1
-    read = policy.observer.read(seen, np.zeros((1, 6)))
+    read = policy.observer.read(reading(1, previous_action=0.1), np.zeros((1, 6)))
     np.testing.assert_allclose(read.targets, policy.robot.home_pose[None] + 0.1, atol=1e-6)
-
-
-def test_a_restarted_robot_has_no_noise_until_it_shows() -> None:
-    noise, rng = ReadingNoise(0.01), np.random.default_rng(0)
-    noise.allocate(2)
-    for _ in range(50):
-        noise.variances(rng.standard_normal((2, SENSED.stop)))
-    noise.restart(np.array([True, False]))
-    for _ in range(5):
-        found = noise.variances(np.zeros((2, SENSED.stop)))
-    assert not found[0].any()
-    assert found[1].all()
-
-
-def test_readings_of_zeros_are_no_error() -> None:
-    policy = MpcWbc()
-    for _ in range(3):
-        assert np.isfinite(policy.act(np.zeros(48))).all()

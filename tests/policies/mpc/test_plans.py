@@ -30,14 +30,6 @@ def test_a_plan_is_followed_at_its_age(time: float, step: int) -> None:
     np.testing.assert_array_equal(plans.now(standing[None], FEET[None], FRICTION)[0], forces[step])
 
 
-@pytest.mark.parametrize(("period", "late"), [(0.0, 0), (0.03, 3)])
-def test_a_plan_is_due_after_its_time(period: float, late: int) -> None:
-    plans, _ = planned()
-    for step in range(5):
-        assert plans.due(FIRST[None], period)[0] == (step >= late)
-        plans.advance(0.01)
-
-
 def test_a_plan_is_due_where_other_feet_stand_than_planned() -> None:
     plans, _ = planned()
     assert not plans.due(FIRST[None], 0.1)

@@ -49,14 +49,6 @@ def test_a_solver_that_is_content_with_a_wrong_answer_is_not_believed(
     assert not solve(programs()).solved.any()
 
 
-def test_one_without_a_solution_leaves_the_others_theirs() -> None:
-    whole = programs()
-    whole.upper[1, 3] = -1.0  # below its lower bound
-    found = solve(whole)
-    assert found.solved.tolist() == [True, False, True]
-    np.testing.assert_array_equal(found.value[::2], solve(programs()).value[::2])
-
-
 def test_a_program_beyond_the_limit_of_iterations_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(quadratic_program, "MOST_ITERATIONS", 2)
     assert not solve(programs()).solved.any()

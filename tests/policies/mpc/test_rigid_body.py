@@ -12,11 +12,7 @@ WEIGHTS = Weights(
     np.array([10.0, 9.0, 2.0]), np.array([1.0, 2.0, 100.0]), np.array([0.1, 0.2, 0.3]), np.array([2.0, 3.0, 0.5]), 1e-5
 )
 HORIZON = Horizon(STEPS, PERIOD, WEIGHTS)
-
-
-def friction(share: float = 0.6) -> Friction:
-    """Of one robot."""
-    return Friction(np.array([share]), np.array([0.0]), np.array([170.0]))
+FRICTION = Friction(np.array([0.6]), np.array([0.0]), np.array([170.0]))
 
 
 def body() -> Body:
@@ -48,9 +44,9 @@ def wanted() -> Reference:
     return Reference(*(aim[None] for aim in aims))
 
 
-def of_one(share: float = 0.6) -> Programs:
+def of_one() -> Programs:
     """The robot's program."""
-    ((robots, programs),) = HORIZON.programs(body(), arms(), standing(), wanted(), friction(share))
+    ((robots, programs),) = HORIZON.programs(body(), arms(), standing(), wanted(), FRICTION)
     assert robots.tolist() == [0]
     return programs
 
@@ -67,16 +63,6 @@ def test_the_prediction_is_what_steps_of_newton_s_and_euler_s_laws_give() -> Non
         found = HORIZON.predicted(now, arms(), forces)
         for name, value in (("angles", angles), ("position", position), ("turning", turning), ("velocity", velocity)):
             np.testing.assert_allclose(getattr(found, name)[0, step], value, atol=1e-10, err_msg=name)
-
-
-def test_a_force_under_the_fore_feet_lifts_the_nose_and_one_under_the_left_feet_the_left_side() -> None:
-    up = np.array([0.0, 0.0, 100.0])
-    turning = HORIZON.moments(body().inertia, arms())[0, 0] @ up
-    roll, pitch = turning[:, 0], turning[:, 1]
-    assert (pitch[:2] < 0.0).all()
-    assert (pitch[2:] > 0.0).all()  # the trunk's pitch is positive with the nose down
-    assert (roll[[0, 2]] > 0.0).all()
-    assert (roll[[1, 3]] < 0.0).all()
 
 
 def cost(forces: np.ndarray) -> float:
@@ -100,7 +86,7 @@ def test_the_program_s_cost_is_that_of_the_prediction() -> None:
 
 
 def test_friction_holds_a_force_within_its_pyramid() -> None:
-    rows, lower, upper = (part[0] for part in friction_rows(2, friction()))
+    rows, lower, upper = (part[0] for part in friction_rows(2, FRICTION))
 
     def allowed(first: list[float], second: list[float]) -> bool:
         reached = rows @ np.array([*first, *second])
@@ -116,38 +102,22 @@ def test_friction_holds_a_force_within_its_pyramid() -> None:
     assert lower[0, 4] == 5.0  # the vertical force presses at least as hard
 
 
-def several() -> tuple[Body, np.ndarray, np.ndarray, Reference, Friction]:
-    """What the programs of five robots are made of, some with other feet on the ground."""
-    random, count = np.random.default_rng(3), 5
-    bodies = Body(
-        *(
-            np.repeat(part, count, axis=0) * (1.0 + 0.2 * random.random((count, *(1,) * (part.ndim - 1))))
-            for part in body()
-        )
-    )
-    stands = np.repeat(standing(), count, axis=0)
+def test_programs_of_many_robots_are_those_of_each() -> None:
+    """Five robots, some with other feet on the ground."""
+    random, shape = np.random.default_rng(3), (5, STEPS, 4, 3)
+    bodies = [np.repeat(part, 5, axis=0) for part in body()]
+    bodies = [part * (1.0 + 0.2 * random.random((5, *(1,) * (part.ndim - 1)))) for part in bodies]
+    feet, stands = arms() + 0.02 * random.normal(size=shape), np.repeat(standing(), 5, axis=0)
     stands[1, 0] = stands[4, 0] = True
     stands[2, 0, 0] = False
-    goal = Reference(*(np.repeat(part, count, axis=0) for part in wanted()))
-    bounds = Friction(0.3 + 0.5 * random.random(count), np.zeros(count), 150.0 + 50.0 * random.random(count))
-    return (
-        bodies,
-        np.repeat(arms(), count, axis=0) + 0.02 * random.normal(size=(count, STEPS, 4, 3)),
-        stands,
-        goal,
-        bounds,
-    )
-
-
-def test_programs_of_many_robots_are_those_of_each() -> None:
-    bodies, feet, stands, goal, bounds = several()
+    goal = [np.repeat(part, 5, axis=0) for part in wanted()]
+    bounds = Friction(0.3 + 0.5 * random.random(5), np.zeros(5), 150.0 + 50.0 * random.random(5))
     seen = []
-    for robots, together in HORIZON.programs(bodies, feet, stands, goal, bounds):
+    for robots, together in HORIZON.programs(Body(*bodies), feet, stands, Reference(*goal), bounds):
         for place, robot in enumerate(robots):
             one = slice(robot, robot + 1)
-            alone_body = Body(*(part if isinstance(part, float) else part[one] for part in bodies))
-            alone_goal = Reference(*(part[one] for part in goal))
-            ((_, alone),) = HORIZON.programs(alone_body, feet[one], stands[one], alone_goal, bounds.of(one))
+            of_one, goal_of_one = Body(*(part[one] for part in bodies)), Reference(*(part[one] for part in goal))
+            ((_, alone),) = HORIZON.programs(of_one, feet[one], stands[one], goal_of_one, bounds.of(one))
             for name in ("hessian", "gradient", "rows", "lower", "upper"):
                 np.testing.assert_array_equal(getattr(together, name)[place], getattr(alone, name)[0], err_msg=name)
             seen.append(robot)

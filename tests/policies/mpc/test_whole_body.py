@@ -76,15 +76,6 @@ def test_a_robot_without_torques_gets_none_and_the_others_theirs() -> None:
     np.testing.assert_array_equal(found.torque[3], whole(of, wished).torque[3])
 
 
-def test_legs_alone_give_much_the_same_torques_as_the_whole_body() -> None:
-    of = bodies()
-    wished = wish(of)
-    together, alone = whole(of, wished), leg_torques(of, wished, NOTHING, LIMIT)
-    assert alone.found.all()
-    missed, size = np.abs(alone.torque - together.torque), np.abs(together.torque)
-    assert missed.mean() < 0.4 * size.mean()  # the forces and the turning that are wished do not agree
-
-
 def test_legs_move_the_feet_as_wished() -> None:
     """With the trunk as the forces move it."""
     of, wrench = bodies(), np.random.default_rng(9).normal(0.0, 5.0, (COUNT, 6))

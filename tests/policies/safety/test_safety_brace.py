@@ -6,17 +6,17 @@ import pytest
 import policies
 from policies.base import CONTROL_PERIOD, Policy
 from policies.behaviour.transitions import TOPPLING_TILT
-from policies.legs.kinematics import foot_positions
 from policies.safety import Mode, Safe, SafetyLimits
 from policies.safety.brace import RELEASE_TIME, REST_TIME, braced
 from policies.safety.fall_prediction import RECENT_TIME, next_recent, next_reference, velocity_deviation
 from policies.safety.layer import TOO_FAR
-from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env import OBSERVATION
 from quad_env.config import FallRule
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
+from tests.policies.readings import feet, reading
 
 
 class Told(Policy):
@@ -32,13 +32,9 @@ class Told(Policy):
         return np.zeros((len(observation), 12), np.float32)
 
 
-def moving(velocity, robots=1, command=(0.0, 0.0, 0.0), up=(0, 0, 1), turning=(0.0, 0.0, 0.0)):
-    observation = np.zeros((robots, OBSERVATION_SIZE), np.float32)
-    observation[:, OBSERVATION["projected_gravity"]] = np.negative(up)
-    observation[:, OBSERVATION["linear_velocity"]] = velocity
-    observation[:, OBSERVATION["angular_velocity"]] = turning
-    observation[:, OBSERVATION["command"]] = command
-    return observation
+def moving(velocity=(0.0, 0.0, 0.0), command=(0.0, 0.0, 0.0), up=(0, 0, 1), turning=(0.0, 0.0, 0.0)):
+    motion = {"linear_velocity": velocity, "angular_velocity": turning}
+    return reading(1, projected_gravity=np.negative(up), command=command, **motion)
 
 
 PUSHED = (0.0, 2.0, 0.0)
@@ -48,7 +44,7 @@ def test_predicted_fall_is_braced_for_until_the_robot_is_at_rest_and_then_blende
     told = Told()
     policy = Safe(told, SafetyLimits(torque=1e6, target_rate=1e6, joint_speed=1e6), alarm_above=1.0)
     policy.reset(1)
-    policy.act(moving((0.0, 0.0, 0.0), command=(0.5, 0.0, 1.0)))
+    policy.act(moving(command=(0.5, 0.0, 1.0)))
     wide = policy.act(moving(PUSHED, command=(0.5, 0.0, 1.0)))
     np.testing.assert_allclose(wide, braced(SIMPLE_QUAD, moving(PUSHED)), atol=1e-6)
     assert policy.mode[0] == Mode.CATCH
@@ -58,7 +54,7 @@ def test_predicted_fall_is_braced_for_until_the_robot_is_at_rest_and_then_blende
     np.testing.assert_array_equal(action, wide)
     distance, told_of = [], []
     while policy.mode[0] == Mode.CATCH:
-        action = policy.act(moving((0.0, 0.0, 0.0), command=(0.5, 0.0, 1.0)))
+        action = policy.act(moving(command=(0.5, 0.0, 1.0)))
         distance.append(np.abs(action - wide).max())
         told_of.append(told.notes[-1][0, 0])
     assert len(distance) * CONTROL_PERIOD == pytest.approx(REST_TIME + RELEASE_TIME, abs=CONTROL_PERIOD)
@@ -74,21 +70,14 @@ def test_push_while_getting_up_is_braced_for_again():
     policy.reset(1)
     policy.act(moving(PUSHED))
     for _ in range(round((REST_TIME + RELEASE_TIME / 2.0) / CONTROL_PERIOD)):
-        policy.act(moving((0.0, 0.0, 0.0)))
+        policy.act(moving())
     assert 0.0 < policy._brace.share[0] < 1.0
     policy.act(moving(PUSHED))
     assert policy._brace.share[0] == 1.0
     assert policy.mode[0] == Mode.CATCH
 
 
-@pytest.mark.parametrize(
-    "state",
-    [
-        {"velocity": (0.7, 0.0, 0.0)},
-        {"velocity": (0.0, 0.0, 0.0), "turning": (0.0, 2.0, 0.0)},
-        {"velocity": (0.0, 0.0, 0.0), "up": (0.6, 0.0, 0.8)},
-    ],
-)
+@pytest.mark.parametrize("state", [{"velocity": (0.7, 0, 0)}, {"turning": (0, 2.0, 0)}, {"up": (0.6, 0, 0.8)}])
 def test_robot_that_moves_turns_or_leans_stays_braced(state):
     policy = Safe(Told(), alarm_above=1.0)
     policy.reset(1)
@@ -110,12 +99,9 @@ def test_robot_that_is_too_far_over_is_the_policys_again():
 
 
 def test_brace_is_wide_and_low_and_lets_the_side_down_that_rises():
-    def feet(turning):
-        joints = braced(SIMPLE_QUAD, moving((0.0, 0.0, 0.0), turning=turning)).reshape(4, 3)
-        return foot_positions(SIMPLE_QUAD, joints) + SIMPLE_QUAD.hip_positions
-
-    level, rolling, pitching = feet((0.0, 0.0, 0.0)), feet((0.5, 0.0, 0.0)), feet((0.0, 0.5, 0.0))
-    home = foot_positions(SIMPLE_QUAD, SIMPLE_QUAD.home_pose.reshape(4, 3)) + SIMPLE_QUAD.hip_positions
+    turning = ((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0))
+    level, rolling, pitching = (feet(braced(SIMPLE_QUAD, moving(turning=rates)))[0] for rates in turning)
+    home = feet(SIMPLE_QUAD.home_pose)
     assert (np.abs(level[:, 1]) > np.abs(home[:, 1])).all()
     assert (level[:, 2] > home[:, 2]).all()
     assert (np.sign(rolling - level)[:, 2] == SIMPLE_QUAD.side).all()  # +x turns the left side up
@@ -157,11 +143,9 @@ def test_slow_change_or_change_of_command_is_no_alarm():
 
 
 def test_reference_lags_the_command_and_the_velocity_of_late_the_robots_by_their_times():
-    observation = np.zeros((1, OBSERVATION_SIZE), np.float32)
-    observation[:, OBSERVATION["command"]] = (1.0, -2.0, 0.0)
     reference = np.zeros((1, 2))
     for _ in range(25):
-        reference = next_reference(reference, observation, CONTROL_PERIOD)
+        reference = next_reference(reference, reading(1, command=(1.0, -2.0, 0.0)), CONTROL_PERIOD)
     np.testing.assert_allclose(reference, [[1 - np.exp(-1), -2 * (1 - np.exp(-1))]], rtol=0.03)
     recent = np.zeros((1, 2))
     for _ in range(round(RECENT_TIME / CONTROL_PERIOD)):

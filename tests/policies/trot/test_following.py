@@ -1,4 +1,4 @@
-"""How far joints follow their targets: what is measured, what is not, and that each robot has its own."""
+"""How far joints follow their targets: what is measured, and what is not."""
 
 import numpy as np
 
@@ -7,14 +7,13 @@ from policies.trot.perception import Following
 JOINTS, STEPS = 12, 200
 
 
-def followed(share, delay=0, walking=1.0, robots=1):
+def followed(share, delay=0, walking=1.0):
     """After strides whose joints move by that share of their targets' movement, that many control periods late."""
     following = Following(JOINTS, 0.01)
-    following.memory.allocate(robots)
-    walks = np.full(robots, walking)
+    walks = np.array([walking])
     for step in range(STEPS):
-        targets = 0.3 * np.sin(0.3 * step + np.arange(JOINTS))[:, None] * np.ones(robots)
-        late = 0.3 * np.sin(0.3 * (step - delay) + np.arange(JOINTS))[:, None] * np.ones(robots)
+        targets = 0.3 * np.sin(0.3 * step + np.arange(JOINTS))[:, None]
+        late = 0.3 * np.sin(0.3 * (step - delay) + np.arange(JOINTS))[:, None]
         following.read(share * late, walks)
         following.command(targets, walks)
     return following
@@ -30,19 +29,12 @@ def test_what_a_robot_does_while_it_does_not_walk_teaches_nothing():
     assert followed(0.1, walking=0.0).ratio[0] == 1.0
 
 
-def test_each_robot_has_its_own_and_a_restart_forgets():
-    following = followed(0.2, robots=3)
-    following.memory.restart(np.array([False, True, False]))
-    np.testing.assert_allclose(following.ratio, [0.2, 1.0, 0.2], atol=0.02)
-
-
 def test_a_robot_alone_has_the_same_bits_as_among_others():
     strides = np.random.default_rng(0).normal(size=(20, JOINTS, 3))
 
     def ratio(strides):
-        following = Following(JOINTS, 0.01)
+        following, walks = Following(JOINTS, 0.01), np.ones(strides.shape[2])
         following.memory.allocate(strides.shape[2])
-        walks = np.ones(strides.shape[2])
         for targets, joints in zip(strides[::2], strides[1::2], strict=True):
             following.read(joints, walks)
             following.command(targets, walks)

@@ -6,22 +6,15 @@ import numpy as np
 
 import policies
 from policies.trot.integral import TrotIntegral, integral_parameters
-from quad_env import OBSERVATION, OBSERVATION_SIZE
-from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from tests.policies.readings import reading
 
 PERIOD = 0.01
 
 
 def felt(forward=0.0, yaw_rate=0.0, command=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, -1.0)):
-    observation = np.zeros((1, OBSERVATION_SIZE), np.float32)
-    for term, value in (
-        ("linear_velocity", (forward, 0.0, 0.0)),
-        ("angular_velocity", (0.0, 0.0, yaw_rate)),
-        ("command", command),
-        ("projected_gravity", gravity),
-    ):
-        observation[:, OBSERVATION[term]] = value
-    return observation
+    turning = (0.0, 0.0, yaw_rate)
+    moving = {"linear_velocity": (forward, 0.0, 0.0), "angular_velocity": turning, "projected_gravity": gravity}
+    return reading(1, command=command, **moving)
 
 
 def told(policy, monkeypatch):
@@ -59,18 +52,3 @@ def test_velocity_is_judged_in_the_heading_frame_not_the_body_frame(monkeypatch)
     seen = told(policy, monkeypatch)
     policy.act(felt(forward=0.4, gravity=(-0.5, 0.0, -np.sqrt(0.75))))
     np.testing.assert_allclose(seen[-1][0, 0], -PERIOD * integral_parameters().integral_gain * 0.4 * np.sqrt(0.75))
-
-
-def test_what_lasts_does_not_carry_it_off():
-    errors = {}
-    for name in ("trot", "trot_integral"):
-        env = SimpleQuadVectorEnv(4, scenario="force", nthread=1)
-        observation, _ = env.reset(seed=3, options={"command": np.tile([0.4, 0.0, 0.0], (4, 1))})
-        policy = policies.make(name)
-        policy.reset(4)
-        mean = np.zeros((4, 3))
-        for step in range(400):
-            observation, *_, infos = env.step(policy.act(observation))
-            mean += (step >= 300) / 100.0 * infos["heading_velocity"]
-        errors[name] = np.linalg.norm(mean[:, :2] - [0.4, 0.0], axis=1).mean()
-    assert errors["trot_integral"] < 0.5 * errors["trot"]

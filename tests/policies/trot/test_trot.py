@@ -2,26 +2,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import policies
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
 from policies.gait_cycle import TROT_OFFSETS, Gait
 from policies.legs.kinematics import foot_positions
-from policies.parameters import limits_of
-from policies.trot.open_loop import (
-    Trot,
-    TrotParameters,
-    held_up,
-    searched_parameters,
-)
-from quad_env import OBSERVATION, OBSERVATION_SIZE, SCENARIOS, CommandRanges
+from policies.trot.open_loop import Trot, TrotParameters, held_up, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
+from tests.policies.readings import feet, reading
 
-LIMITS = limits_of(TrotParameters)
 # The bare path: nothing made up for, an identity for the command map, and no waiting for the command.
 BARE = TrotParameters(
     frequency=2.5,
@@ -44,24 +35,13 @@ BARE = TrotParameters(
 )
 
 
-def observe(command):
-    observation = np.zeros((*np.shape(command)[:-1], OBSERVATION_SIZE), np.float32)
-    observation[..., OBSERVATION["command"]] = command
-    return observation
-
-
 def steady(parameters, command, steps=80, settle=40):
     """Actions (steps, 12) and phases (steps,) at a held command, once blended in."""
     policy = Trot(parameters)
     for _ in range(settle):
-        policy.act(observe(command))
-    rows = [(policy.act(observe(command)), policy.phase[0]) for _ in range(steps)]
+        policy.act(reading(command=command))
+    rows = [(policy.act(reading(command=command)), policy.phase[0]) for _ in range(steps)]
     return np.array([action for action, _ in rows], dtype=np.float64), np.array([phase for _, phase in rows])
-
-
-def feet(actions):
-    """Feet in the base frame, (steps, 4, 3)."""
-    return foot_positions(SIMPLE_QUAD, actions.reshape(-1, 4, 3)) + SIMPLE_QUAD.hip_positions
 
 
 @pytest.mark.parametrize("command", [(0.0, 0.0, 1.0), (-0.6, 0.4, -0.8)])
@@ -102,39 +82,37 @@ def test_command_is_followed_no_faster_than_the_acceleration_limits():
     slow = Trot(replace(BARE, linear_acceleration=4.0, yaw_acceleration=6.0))
     settled = Trot(BARE)
     for _ in range(60):
-        slow.act(observe((0.0, 0.0, 0.0))), settled.act(observe((0.0, 0.0, 0.0)))
+        slow.act(reading()), settled.act(reading())
     for _ in range(10):
-        late = slow.act(observe((1.0, -0.5, 1.2)))
-        expected = settled.act(observe((0.4, -0.4, 0.6)))
+        late = slow.act(reading(command=(1.0, -0.5, 1.2)))
+        expected = settled.act(reading(command=(0.4, -0.4, 0.6)))
     np.testing.assert_allclose(late, expected, atol=1e-6)
     for _ in range(20):
-        late = slow.act(observe((1.0, -0.5, 1.2)))
-        expected = settled.act(observe((1.0, -0.5, 1.2)))
+        late = slow.act(reading(command=(1.0, -0.5, 1.2)))
+        expected = settled.act(reading(command=(1.0, -0.5, 1.2)))
     np.testing.assert_allclose(late, expected, atol=1e-6)
 
 
-def test_command_map_by_hand():
-    mapped = Trot(
-        replace(BARE, forward_gain=1.2, forward_bias=0.1, lateral_gain=0.9, yaw_gain=1.5, yaw_per_lateral=-0.2)
-    )
-    plain = Trot(BARE)
-    for _ in range(50):
-        asked = mapped.act(observe((0.5, 0.4, -0.6)))
-        expected = plain.act(observe((0.7, 0.36, -0.98)))  # 1.2·0.5 + 0.1; 0.9·0.4; 1.5·(-0.6) - 0.2·0.4
-    np.testing.assert_allclose(asked, expected, atol=1e-6)
+MAP = {"forward_gain": 1.2, "forward_bias": 0.1, "lateral_gain": 0.9, "yaw_gain": 1.5, "yaw_per_lateral": -0.2}
 
 
-def test_turn_lead_turns_the_velocity_into_the_curve_by_hand():
-    led, plain = Trot(replace(BARE, turn_lead=0.1)), Trot(BARE)
+@pytest.mark.parametrize(
+    ("changes", "command", "expected"),
+    [
+        (MAP, (0.5, 0.4, -0.6), (0.7, 0.36, -0.98)),  # 1.2·0.5 + 0.1; 0.9·0.4; 1.5·(-0.6) - 0.2·0.4
+        ({"turn_lead": 0.1}, (1.0, 0.5, 0.8), (0.96, 0.58, 0.8)),  # 1 - 0.1·0.8·0.5; 0.5 + 0.1·0.8·1
+    ],
+)
+def test_the_command_that_is_followed_by_hand(changes, command, expected):
+    mapped, plain = Trot(replace(BARE, **changes)), Trot(BARE)
     for _ in range(50):
-        asked = led.act(observe((1.0, 0.5, 0.8)))
-        expected = plain.act(observe((0.96, 0.58, 0.8)))  # 1 - 0.1·0.8·0.5; 0.5 + 0.1·0.8·1
-    np.testing.assert_allclose(asked, expected, atol=1e-6)
+        asked, plainly = mapped.act(reading(command=command)), plain.act(reading(command=expected))
+    np.testing.assert_allclose(asked, plainly, atol=1e-6)
 
 
 def test_it_sets_out_from_the_home_pose():
     policy = Trot(BARE)
-    actions = np.array([policy.act(observe((1.5, 0.8, 1.2))) for _ in range(30)])
+    actions = np.array([policy.act(reading(command=(1.5, 0.8, 1.2))) for _ in range(30)])
     assert np.abs(actions[0] - SIMPLE_QUAD.home_pose).max() < 0.01
     assert np.abs(np.diff(actions, axis=0)).max() < 0.2
 
@@ -178,27 +156,6 @@ def test_it_follows_commands_over_the_whole_range_without_falling():
     assert measures.yaw_rate_error.mean() <= 0.35
 
 
-def test_stepping_in_place_drifts_little():
-    still = CommandRanges(forward=(0.0, 0.0), lateral=(0.0, 0.0), yaw_rate=(0.0, 0.0))
-    measures = walk(episode_seeds("search", 2, 4), replace(SCENARIOS["flat"], commands=still))
-    assert not measures.fell.any()
-    assert (measures.commands == 0.0).all()
-    assert np.linalg.norm(measures.mean_velocities[..., :2], axis=-1).max() <= 0.05
-    assert np.abs(measures.mean_velocities[..., 2]).max() <= 0.05
-
-
-@settings(max_examples=25)
-@given(st.data())
-def test_within_the_limits_every_action_is_finite(data):
-    drawn = {
-        name: data.draw(st.floats(low, high) | st.sampled_from((low, high))) for name, (low, high) in LIMITS.items()
-    }
-    policy = Trot(TrotParameters(**drawn))
-    for _ in range(5):
-        action = policy.act(observe(data.draw(st.sampled_from([(1.5, 0.8, 1.2), (-1.0, -0.8, -1.2), (0.0, 0.0, 0.0)]))))
-        assert np.isfinite(action).all()
-
-
 def test_shipped_trot_gives_the_actions_that_the_shipped_residual_stands_on():
     """On any machine: the last bits differ between processors, parameters and formulas show long before them."""
     rng = np.random.default_rng(11)
@@ -207,6 +164,6 @@ def test_shipped_trot_gives_the_actions_that_the_shipped_residual_stands_on():
     for _ in range(20):
         command = rng.uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (16, 3))
         for _ in range(25):
-            action = policy.act(observe(command))
+            action = policy.act(reading(16, command=command))
     legs = [[0.065947, 1.5, -2.082401], [-0.111987, 1.179002, -2.387846], [-0.061249, 1.310344, -2.450294]]
     np.testing.assert_allclose(action[3], [*legs[0], *legs[1], *legs[2], 0.034696, 1.5, -2.094196], atol=2e-6)

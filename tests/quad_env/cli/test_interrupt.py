@@ -101,25 +101,3 @@ def test_in_another_thread_it_is_left_to_the_first() -> None:
     thread.join(60)
     assert asked == [False]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-LAUNCHED = """
-import signal
-from quad_env.cli import launcher
-signal.signal(signal.SIGINT, signal.default_int_handler)  # deaf where the tests are a background job
-launcher.leave_on_interrupt()
-{}
-try:
-    signal.raise_signal(signal.SIGINT)
-    for _ in range(1000):
-        pass
-except KeyboardInterrupt:
-    print("caught")
-"""
-
-
-def test_a_launcher_leaves_at_once_until_its_program_can_be_interrupted() -> None:
-    for then, code, said in (("", 130, ""), ("launcher.raise_on_interrupt()", 0, "caught\n")):
-        command = [sys.executable, "-c", LAUNCHED.format(then)]
-        finished = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert (finished.returncode, finished.stdout) == (code, said)

@@ -56,10 +56,8 @@ class Robot:
             self.step(SIMPLE_QUAD.joint_upper)
         mask = {} if alone else {"reset_mask": np.arange(self.base.num_envs) == 1}
         self._keep(*self.env.reset(seed=SEED - self.row, options=mask | (reset or {})))
-        self.asked = HOME
 
     def step(self, action: np.ndarray = HOME) -> None:
-        self.asked = action
         others = np.tile(action + 0.1, (1 if self.alone else self.base.num_envs, 1))
         others[self.row] = action
         seen, self.reward, self.ended, self.cut, infos = self.env.step(action if self.alone else others)
@@ -145,10 +143,6 @@ def suite(name: str) -> Callable[[Any], dict[str, Any]]:
     return lambda settings: scene() | {"sensors": replace(IDEAL, **{name: settings})}
 
 
-def motor(name: str, **others: Any) -> Callable[[Any], dict[str, Any]]:
-    return lambda settings: scene() | {"actuator": quad_env.Actuator(**{name: settings} | others)}
-
-
 def streams() -> EpisodeStreams:
     return EpisodeStreams(SEED, 0)
 
@@ -192,17 +186,23 @@ def pushed(count: int, first: int, steps: int) -> np.ndarray:
     return out
 
 
-def without_target(robot: Robot) -> np.ndarray:
-    """Joints whose servos go by another target than the last."""
-    return np.array(robot.now.ctrl != robot.asked)
+def received(robot: Robot) -> np.ndarray:
+    """Targets that the servos go by, and the action that is shown."""
+    return np.array((robot.now.ctrl, HOME + robot.seen[OBSERVATION["previous_action"]]))
 
 
-def lost(count: int, first: int, steps: int) -> np.ndarray:
-    """Joints that get no target in dropouts that fill their windows."""
-    stream, out = streams().dropouts, np.zeros((STEPS + 1, 12), bool)
+def arrived(late: int) -> np.ndarray:
+    """Targets that come so many control steps late; what is shown is what was asked for."""
+    return np.stack((np.vstack(([HOME] * (1 + late), WAVES[: STEPS - late])), np.vstack((HOME, WAVES))), axis=1)
+
+
+def held(count: int, first: int, steps: int) -> np.ndarray:
+    """Targets in dropouts that fill their windows: a joint that gets none holds its last."""
+    stream, out = streams().dropouts, arrived(0)
     stream.uniform(size=count)
     for number, joint in enumerate(stream.integers(12, size=count)):
-        out[1 + first + number * steps :, joint][:steps] = True
+        last = first + number * steps
+        out[last + 1 : last + 1 + steps, 0, joint] = out[last, 0, joint]
     return out
 
 
@@ -237,15 +237,16 @@ def largest_torque(robot: Robot) -> float:
 
 
 def load(robot: Robot) -> list[float]:
-    """Mass of a payload, its place on the trunk and its moment of inertia."""
+    """Mass of a payload, its place on the trunk, that of the cube that is drawn, and its moment of inertia."""
     now, trunk = robot.now, robot.model.body("base_link").id
-    place = now.xmat[trunk].reshape(3, 3).T @ (now.body("payload").xpos - now.xpos[trunk])
-    return [robot.model.body_subtreemass[trunk] - SIMPLE_QUAD.mass, *place, robot.model.body("payload").inertia[0]]
+    places = np.array((now.body("payload").xipos, now.geom("payload").xpos)) - now.xpos[trunk]
+    mass = robot.model.body_subtreemass[trunk] - SIMPLE_QUAD.mass
+    return [mass, *np.ravel(places @ now.xmat[trunk].reshape(3, 3)), robot.model.body("payload").inertia[0]]
 
 
 def loaded(mass: float = 5.0, reach: tuple[float, float] = (0.2, 0.1), edge: float = 0.2) -> list[float]:
-    place = streams().payload.uniform(-1, 1, 2) * reach
-    return [mass, *place, (SIMPLE_QUAD.trunk_size[2] + edge) / 2, mass * edge**2 / 6]
+    place = *(streams().payload.uniform(-1, 1, 2) * reach), (SIMPLE_QUAD.trunk_size[2] + edge) / 2
+    return [mass, *place, *place, mass * edge**2 / 6]
 
 
 def armature(robot: Robot) -> Any:
@@ -305,34 +306,25 @@ def cut(name: str, to: float) -> Effect:
     return Effect(to, series(sensor(name)), lambda before: np.clip(before, -to, to))
 
 
-def stood_on(robot: Robot) -> np.ndarray:
-    """What presses the feet, N, and which of them are read as standing."""
-    now = robot.now
-    touch = [now.sensor(f"{leg}_foot_touch").data[0] for leg in SIMPLE_QUAD.leg_names]
-    return np.array([touch, robot.infos["sensor_foot_contact"]])
-
-
-def standing(value: float, threshold: float, noise: float) -> Effect:
-    def expected(before: np.ndarray) -> np.ndarray:
-        force = before[:, 0]
-        return np.stack((force, force + noise * NOISE[:, PLACES["foot_contact"]] >= threshold), axis=1)
-
-    return Effect(value, series(stood_on), expected)
-
-
-def imu_place(robot: Robot) -> np.ndarray:
-    now = robot.now
-    trunk = now.body("base_link")
-    return np.array(trunk.xmat.reshape(3, 3).T @ (now.site("imu").xpos - trunk.xpos))
-
-
 def made_out(robot: Robot) -> bool:
     """Whether some bias is taken off what the gyroscope reads."""
     return bool((robot.seen[OBSERVATION["angular_velocity"]] != np.float32(robot.infos["sensor_gyro"])).any())
 
 
+SENSED = OBSERVATION["previous_action"].start
+
+
+def seen(robot: Robot) -> Any:
+    return robot.seen
+
+
 def sensed(robot: Robot) -> Any:
-    return robot.seen[: OBSERVATION["previous_action"].start]
+    return robot.seen[:SENSED]
+
+
+def sensed_late(before: np.ndarray) -> np.ndarray:
+    """A late observation: its command and the action, as asked for, are not late."""
+    return np.hstack((before[LATE, :SENSED], before[:, SENSED:]))
 
 
 DEVIATIONS = np.repeat([0.25, 1.0, 0.5, 0.05, 7.5], [3, 3, 3, 12, 12])
@@ -373,11 +365,9 @@ USUAL: dict[type, Usual] = {
     quad_env.Dropouts: (quad_env.Dropouts(count=1, duration=0.05, window=(0.0, 0.1)), part("dropouts")),
     quad_env.Imu: (IDEAL.imu, suite("imu")),
     quad_env.Encoders: (IDEAL.encoders, suite("encoders")),
-    quad_env.FootContact: (replace(IDEAL.feet, threshold=35.0), suite("feet")),
     quad_env.JointTorque: (IDEAL.torque, suite("torque")),
     quad_env.HeightScan: (SCAN, lambda settings: scene() | {"height_scan": settings}),
     quad_env.Actuator: (quad_env.Actuator(), lambda settings: scene() | {"actuator": settings}),
-    quad_env.Gear: (quad_env.Gear(), motor("gear")),
 }
 """The settings of which one field is changed, and the arguments that hand them over."""
 FIELDS = {
@@ -406,33 +396,27 @@ FIELDS = {
     "Pushes.duration": Effect(0.097, series(force), pushed(1, 0, 10)),
     "Pushes.window": Effect((0.06, 0.12), series(force), pushed(1, 6, 5)),
     "SteadyForce.force": Effect(12.0, series(force), np.tile(WIND, (STEPS + 1, 1))),
-    "Motors.torque_limit": Effect(8.0, after(largest_torque, FAR), 8.0),
     "Motors.bandwidth": lagging(5.0),
     "Payload.mass": Effect(8.0, load, loaded(mass=8.0)),
     "Payload.reach": Effect((0.05, 0.15), load, loaded(reach=(0.05, 0.15))),
     "Payload.edge": Effect(0.1, load, loaded(edge=0.1)),
-    "Latency.action": Effect(0.032, series(lambda robot: robot.now.ctrl), [HOME] * 4 + list(WAVES[:-3])),
-    "Latency.observation": late(sensed, 0.032),
+    "Latency.action": Effect(0.032, series(received), arrived(3)),
+    "Latency.observation": Effect(0.032, series(seen), sensed_late),
     "SensorNoise.gyro": disturbed(0.4),
-    "Dropouts.count": Effect(2, series(without_target), lost(2, 0, 5)),
-    "Dropouts.duration": Effect(0.097, series(without_target), lost(1, 0, 10)),
-    "Dropouts.window": Effect((0.06, 0.12), series(without_target), lost(1, 6, 5)),
+    "Dropouts.count": Effect(2, series(received), held(2, 0, 5)),
+    "Dropouts.duration": Effect(0.097, series(received), held(1, 0, 10)),
+    "Dropouts.window": Effect((0.06, 0.12), series(received), held(1, 6, 5)),
     "Imu.rate": slow(sensor("gyro")),
     "Imu.delay": late(sensor("gyro")),
     "Imu.gyro_bias": off("gyro", 0.2),
     "Imu.gyro_noise": noisy("gyro", 0.3),
     "Imu.gyro_range": cut("gyro", 0.1),
     "Imu.accelerometer_noise": noisy("accelerometer", 0.7),
-    "Imu.position": Effect((0.2, -0.1, 0.05), imu_place, [0.2, -0.1, 0.05]),
-    "Imu.rotation": Effect(
-        (0.0, 0.0, math.pi / 2), series(sensor("gyro")), lambda before: before[:, [1, 0, 2]] * (1.0, -1.0, 1.0)
-    ),
     "Encoders.bits": Effect(
         8, series(sensor("joint_position")), lambda before: np.rint(before / math.tau * 256) * math.tau / 256
     ),
     "Encoders.noise": noisy("joint_position", 0.1),
     "Encoders.zero_offset": off("joint_position", 0.2),
-    "FootContact.threshold": standing(60.0, threshold=60.0, noise=0.0),
     "JointTorque.bias": off("joint_torque", 2.0),
     "JointTorque.range": cut("joint_torque", 5.0),
     "HeightScan.rate": slow(scan),
@@ -443,7 +427,6 @@ FIELDS = {
     ),
     "Actuator.bandwidth": lagging(8.0),
     "Actuator.delay": Effect(0.02, series(servo_targets), np.stack([0.0 * HOME, 0.0 * HOME, *(WAVES[:-1] - HOME)])),
-    "Gear.ratio": Effect(5.0, armature, np.full(12, 0.005)),
 }
 ARGUMENTS = {
     "scenario": Effect("weak_motors=8", after(largest_torque, FAR), 8.0),
@@ -483,8 +466,8 @@ FIVE = np.array([False] + [True] * 5 + [False] * (STEPS - 5))
 AT_50_HZ = [
     ("CommandRanges.interval", Effect(0.06, series(command), commanded(interval=3))),
     ("Pushes.duration", Effect(0.1, series(lambda robot: np.hypot(*(force(robot) - WIND)[:2])), 350.0 * FIVE)),
-    ("Dropouts.duration", Effect(0.1, series(lambda robot: without_target(robot).any()), FIVE)),
-    ("Latency.action", Effect(0.06, series(lambda robot: robot.now.ctrl), [HOME] * 4 + list(WAVES[:-3]))),
+    ("Dropouts.duration", Effect(0.1, series(received), held(1, 0, 5))),
+    ("Latency.action", Effect(0.06, series(received), arrived(3))),
     ("Latency.observation", late(sensed, 0.06)),
     ("Latency.observation", late(sensed, 0.06, {"sensors": "ideal"})),
     ("Latency.observation", late(scan, 0.06, {"height_scan": SCAN})),

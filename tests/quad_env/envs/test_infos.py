@@ -53,10 +53,11 @@ def test_infos_of_one_robot_are_numbers_or_arrays_of_numbers() -> None:
             assert value.dtype.kind in "fib", key
 
 
-def test_the_code_of_a_fall_names_its_reason() -> None:
+def test_the_code_of_a_fall_names_its_reason_and_costs_one_once() -> None:
     assert quad_env.FALL_REASONS == ("none", "trunk_contact", "tilt", "height")
     _, infos = fallen()
     assert infos[-1]["fall"].dtype == np.int8
+    assert [info["reward_fall"].tolist() for info in infos] == [[0.0, 0.0]] * (len(infos) - 1) + [[-1.0, 0.0]]
     assert [quad_env.FALL_REASONS[code] for code in infos[-1]["fall"]] == ["trunk_contact", "none"]
     single = SimpleQuadEnv()
     codes = [single.reset(seed=0)[1]["fall"], *(single.step(LOW)[4]["fall"] for _ in infos[1:])]

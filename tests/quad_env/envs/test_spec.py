@@ -73,19 +73,3 @@ def test_no_two_kinds_of_settings_have_the_same_fields() -> None:
     """Gymnasium's JSON holds the fields of a setting and not its type."""
     kinds = serialisation._KINDS.values()
     assert len({frozenset(field.name for field in fields(kind)) for kind in kinds}) == len(kinds)
-
-
-@pytest.mark.parametrize(
-    ("keyword", "value", "says"),
-    [
-        ("scenario", {"name": "x"}, "Scenario"),
-        ("scenario", {"type": "Slope", "angle": 0.1}, "unknown scenario"),
-        ("actuator", {"power": 3.0}, "Actuator"),
-        ("sensors", json.loads('{"imu": {}}'), "SensorSuite"),
-        ("config", "fast", "TaskConfig"),
-    ],
-)
-def test_what_is_no_setting_is_refused_by_name(keyword: str, value: Any, says: str) -> None:
-    for make in (gym.make, gym.make_vec):
-        with pytest.raises(ValueError, match=says):
-            make("SimpleQuad-v0", **{keyword: value})

@@ -141,4 +141,4 @@ def test_a_single_env_falls_diverges_and_stands_still_as_its_row_in_a_batch(
         *result, info = single.step(action)
         row = digest(*batch.step(np.tile(action, (3, 1))), row=1)
         assert digest(*([part] for part in result), batched(info), 0) == row, step
-    assert single._terminated == (terminate_on_fall or velocity != 0.0)
+    assert result[2] == (terminate_on_fall or velocity != 0.0)

@@ -84,7 +84,9 @@ def test_joints_have_the_same_axes_and_limits_and_the_rated_torque_and_speed(
             np.testing.assert_array_equal(getattr(ours, figure), getattr(reference, figure), err_msg=figure)
         assert ours.limited
         np.testing.assert_array_equal(urdf.jnt_actfrcrange[ours.id], torques)
-        np.testing.assert_array_equal(mjcf.actuator(name).forcerange, torques)
+        servo = mjcf.actuator(name)
+        np.testing.assert_array_equal(servo.forcerange, torques)
+        assert (servo.gainprm[0], -servo.biasprm[2]) == (SIMPLE_QUAD.servo_stiffness, SIMPLE_QUAD.servo_damping)
     limits = ElementTree.parse(SIMPLE_QUAD.urdf).getroot().findall("joint/limit")  # speeds, which MuJoCo does not read
     assert [float(limit.attrib["velocity"]) for limit in limits] == [SIMPLE_QUAD.rated_speed] * 12
 
@@ -96,27 +98,6 @@ def test_frames_of_feet_and_imu_are_where_the_sites_are(urdf: mujoco.MjModel, mj
             np.testing.assert_allclose(ours.body(frame).xpos, reference.site(site).xpos, rtol=0, atol=1e-9)
             np.testing.assert_allclose(ours.body(frame).xmat, reference.site(site).xmat, rtol=0, atol=1e-9)
             assert urdf.body(frame).mass == 0
-
-
-def test_bent_leg_ends_where_trigonometry_puts_it(urdf: mujoco.MjModel) -> None:
-    """Hip 0, thigh 0.3, calf -1.2: from the thigh joint x = -0.3 (sin 0.3 + sin -0.9), z = -0.3 (cos 0.3 + cos 0.9)."""
-    foot = posed(urdf, np.tile((0.0, 0.3, -1.2), 4)).body("fl_foot_link").xpos
-    np.testing.assert_allclose(foot, (0.25 + 0.1463420109, 0.25, -0.4730839372), atol=1e-9)
-
-
-def test_foot_spheres_collide_at_the_calf_ends(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
-    data = posed(urdf, random_angles(1)[0])
-    spheres = [i for i in range(urdf.ngeom) if urdf.geom_type[i] == mujoco.mjtGeom.mjGEOM_SPHERE]
-    colliding = [i for i in spheres if urdf.geom_contype[i] and urdf.geom_conaffinity[i]]
-    assert [urdf.body(urdf.geom_bodyid[i]).name for i in colliding] == [
-        f"{leg}_calf_link" for leg in SIMPLE_QUAD.leg_names
-    ]
-    np.testing.assert_array_equal(urdf.geom_size[colliding, 0], SIMPLE_QUAD.foot_radius)
-    feet = [data.body(f"{leg}_foot_link").xpos for leg in SIMPLE_QUAD.leg_names]
-    np.testing.assert_allclose(data.geom_xpos[colliding], feet, atol=1e-9)
-    np.testing.assert_array_equal(
-        [mjcf.geom(f"{leg}_foot").size[0] for leg in SIMPLE_QUAD.leg_names], SIMPLE_QUAD.foot_radius
-    )
 
 
 def test_links_look_and_collide_alike(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:

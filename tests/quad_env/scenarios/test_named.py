@@ -41,17 +41,14 @@ def test_parts_of_one_thing_go_together() -> None:
     ("name", "words"),
     [
         ("rough=0.1+gravel=0.1", "rough and gravel set the terrain differently; leave one out"),
-        ("payload=3+stairs=0.1+slope=10", "stairs and slope set the terrain differently"),
         ("slippery=0.8+surprise=1", "slippery and surprise set the ground friction differently"),
         ("push=20+push=20", "push is given twice"),
         ("push=20+pull=3", "unknown axis 'pull'; valid: flat, push"),
         ("payload=15+slope", "slope needs a severity; write slope=15"),
         ("payload=heavy", "'heavy' is no number; write payload=5 for mass on the trunk"),
         ("push=-3", "impulse of each push is a number from 0 to"),
-        ("push=nan+slope=3", "from 0 to .* got nan"),
         ("slope=89", "slope=89: a slope's angle must lie between 0 and 80°"),
         ("surprise=0", "surprise=0: the share must be .* more than 0"),
-        ("push=42+", "unknown axis ''"),
     ],
 )
 def test_what_cannot_be_combined_is_said_in_one_line(name: str, words: str) -> None:
@@ -87,8 +84,6 @@ def test_an_environment_takes_every_scenario_that_commands_take(written: str) ->
         ("pushh:3", "unknown scenario 'pushh:3'; valid: flat, push"),
         ("push:9", "push has levels 1 to 8, not 9"),
         ("push:hard", "valid: push:1 to push:8"),
-        ("push:all", "'push:all' is no level of push; valid: push:1 to push:8"),
-        ("quick", "unknown scenario 'quick'; valid: flat"),
         (3, "unknown scenario 3; valid: flat"),
     ],
 )

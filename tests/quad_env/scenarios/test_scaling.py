@@ -1,20 +1,16 @@
 """A level means the same for every robot: its scenarios in its own lengths, masses and times."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import policies
 from evaluate.commands.options import Options
 from evaluate.commands.plan import check
-from evaluate.measures.episodes import Episodes
 from evaluate.rollouts.hardware import Hardware
-from evaluate.rollouts.rollout import run
-from policies.base import Policy
 from quad_env import SCENARIOS, SIMPLE_QUAD, Robot, Scenario, scenario
 from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv
@@ -23,6 +19,7 @@ from quad_env.scenarios.axes import AS_THE_ROBOT, AXES, axes_of
 from quad_env.scenarios.named import scaled_name
 from quad_env.scenarios.scenario import scaled
 from quad_env.task.terminations import fall_code
+from tests.batches import begun
 from tests.quad_env.robots.alike import alike
 from train import validation
 from train.commands.run import parse
@@ -157,16 +154,11 @@ def test_an_evaluation_and_a_training_take_it(small: Robot, tmp_path: Path) -> N
 
 def test_a_validation_is_on_the_robots_own_ground(small: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """At the call site: which scenario, and which robot, are really run."""
-    seen, hardware = [], Hardware(robot=str(small.source))
-
-    def watched(policy: Policy, scenario: Scenario, seeds: NDArray[np.int64], **options: Any) -> Episodes:
-        seen.append((scenario, options["hardware"]))
-        return run(policy, scenario, seeds, steps=101, **options)
-
-    monkeypatch.setattr(validation, "run", watched)
-    chosen = ValidationConfig(episodes=1, scenarios=("push",))
-    validation.validate(policies.make("trot", robot=small), chosen, 1, hardware)
-    assert seen == [(scenario("push", small), hardware)]
+    monkeypatch.setattr(validation, "run", partial(validation.run, steps=101))
+    chosen, hardware = ValidationConfig(episodes=1, scenarios=("push",)), Hardware(robot=str(small.source))
+    with begun() as found:
+        validation.validate(policies.make("trot", robot=small), chosen, 1, hardware)
+    assert [(batch.env.scenario, batch.env.robot) for batch in found] == [(scenario("push", small), small)]
 
 
 def test_a_fall_is_judged_by_the_robots_own_height(small: Robot) -> None:

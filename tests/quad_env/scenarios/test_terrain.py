@@ -102,22 +102,6 @@ def test_a_ball_on_gravel_touches_it_and_a_ball_on_a_slope_rests_on_its_normal()
     assert (centre >= GRAVEL.height(x, y) + 0.02).all()
 
 
-@pytest.mark.parametrize(
-    ("kind", "wrong"),
-    [
-        (Slope, {"angle": 1.6}),
-        (Slope, {"angle": float("nan")}),
-        (Stairs, {"rise": 0.0}),
-        (Stairs, {"steps": 0}),
-        (Stairs, {"landing": 0.5}),
-        (Stairs, {"spawn_radius": 0.2}),
-    ],
-)
-def test_no_terrain_is_like_that(kind: type, wrong: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match=r"angle|stairs|landing"):
-        kind(**wrong)
-
-
 def test_around_the_field_and_on_flat_ground_the_height_is_zero() -> None:
     assert SMALL.height(np.array([6.1]), np.array([0.0])) == 0
     assert (Flat().height(np.ones(3), np.ones(3)) == 0).all()

@@ -1,12 +1,12 @@
-"""A sample is held until the next, seen as late as stated, and stamped with when it was taken."""
+"""A sample is held until the next, seen as late as stated, and stamped with when it was taken; noise is white."""
 
 import numpy as np
 import pytest
 
-from quad_env.sensing.channel import Channel, steps_late
+from quad_env.sensing.channel import BLOCK, Channel, Noise, steps_late
 
 
-def seen(rate: float, delay: float, steps: int = 40) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def seen(rate: float, delay: float, steps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values, those before and time stamps of a sensor that reads the control step, 100 Hz, by hand (steps,)."""
     channel, rows, out = Channel(1, 1, rate, delay, 100.0), np.zeros(1, np.intp), []
     for step in range(steps):
@@ -15,13 +15,6 @@ def seen(rate: float, delay: float, steps: int = 40) -> tuple[np.ndarray, np.nda
         out.append((channel.value(clock, rows)[0, 0], channel.before(clock, rows)[0, 0], channel.time(clock)[0]))
     value, before, time = np.array(out).T
     return value, before, time
-
-
-def test_by_hand_at_50_hz_and_30_ms() -> None:
-    value, before, time = seen(50.0, 0.03, 10)
-    assert value.tolist() == [0, 0, 0, 0, 0, 2, 2, 4, 4, 6]
-    assert before.tolist() == [0, 0, 0, 0, 0, 0, 0, 2, 2, 4]
-    assert time.tolist() == [0, 0, 0, 0, 0, 0.02, 0.02, 0.04, 0.04, 0.06]
 
 
 @pytest.mark.parametrize("rate", [100.0, 50.0, 25.0, 20.0, 4.0])
@@ -47,3 +40,13 @@ def test_a_robot_that_starts_anew_forgets_what_it_saw() -> None:
     channel.take(np.array([[9.0]]), np.zeros(1, np.int64), rows[1:])
     assert channel.value(np.array([4, 0]), rows)[:, 0].tolist() == [3.0, 9.0]
     assert channel.before(np.array([4, 0]), rows)[:, 0].tolist() == [2.0, 9.0]
+
+
+def test_noise_goes_on_from_block_to_block_of_each_robot_s_own_stream() -> None:
+    noise, deviation, robots = Noise(2, np.array([1.0, 3.0], np.float32)), np.array([1.0, 3.0]), np.arange(2)
+    for robot in robots:
+        noise.begin(robot, np.random.default_rng(robot))
+    found = np.array([noise.at(np.full(2, step), robots) for step in range(2 * BLOCK + 3)])
+    for robot in robots:
+        drawn = np.random.default_rng(robot).standard_normal((3 * BLOCK, 2), dtype=np.float32)
+        np.testing.assert_allclose(found[:, robot], deviation * drawn[: len(found)], rtol=1e-6)

@@ -63,18 +63,7 @@ def test_it_is_what_rays_hit_in_the_heading_frame(name: str) -> None:
                 hits.append(20.0 - distance - body.xpos[2])
         np.testing.assert_allclose(observation[robot, OBSERVATION_SIZE:], hits, atol=1e-6)
     assert np.ptp(nose_ways) > 1.0, "robots that face one way show no heading"
-
-
-def test_ahead_is_ahead_and_left_is_left_on_a_slope() -> None:
-    """Robots that look up the slope see it rise ahead; the points' order is that of `points`."""
-    scan = HeightScan(ahead=3, behind=2, aside=1)
-    scenario = replace(SCENARIOS["slope"], start=quad_env.StartNoise(yaw=0.0))
-    seen = scans(scan, 1, 0, scenario)[0, 0]
-    x, y = scan.points.T
-    rise = np.tan(scenario.terrain.angle)
-    np.testing.assert_allclose(seen - seen[(x == 0) & (y == 0)], rise * x, atol=0.02)
-    assert scan.grid.shape == (6, 3, 2)
-    np.testing.assert_allclose(scan.points[[0, 2, -1]], [[-0.2, -0.1], [-0.2, 0.1], [0.3, 0.1]])
+    np.testing.assert_allclose(SMALL.points[[0, 6, -1]], 0.13 * np.array([[-2, -3], [-2, 3], [6, 3]]))
 
 
 def test_it_is_the_last_term_of_the_table_and_within_the_space() -> None:
@@ -87,20 +76,6 @@ def test_it_is_the_last_term_of_the_table_and_within_the_space() -> None:
     assert observation.shape == env.observation_space.shape == (table.size,)
     assert env.observation_space.contains(observation)
     assert observation.dtype == np.float32
-
-
-def test_a_reset_leaves_nothing_of_the_episode_before() -> None:
-    """The start of an episode shows its own ground, however late the scan is, and the noise of its own stream."""
-    late = replace(SMALL, delay=0.05, noise=0.03, dropouts=0.2)
-    env = SimpleQuadVectorEnv(2, "rough", height_scan=late, max_episode_steps=9, autoreset_mode="SAME_STEP")
-    env.reset(seed=3)
-    rows = np.array([env.step(action)[0] for action in waved(2, 30)])
-    fresh = SimpleQuadVectorEnv(2, "rough", height_scan=late)
-    fresh.reset(seed=3)
-    for at in (8, 17):
-        start = fresh.reset()[0]
-        np.testing.assert_array_equal(rows[at], start)
-        np.testing.assert_array_equal(rows[at + 1, :, OBSERVATION_SIZE:], start[:, OBSERVATION_SIZE:])
 
 
 def test_it_changes_nothing_else_and_a_scenario_s_noise_comes_on_top() -> None:
@@ -129,33 +104,3 @@ def test_what_is_out_of_view_is_no_part_of_it() -> None:
     wide, narrow = scans(whole, 2, 5), scans(ahead, 2, 5)
     np.testing.assert_array_equal(narrow, wide[..., ahead.seen.ravel()])
     assert ahead.term.width == narrow.shape[-1]
-
-
-@pytest.mark.parametrize(
-    ("settings", "says"),
-    [
-        ({"spacing": 0.0}, "spacing must be finite and more than 0 m"),
-        ({"spacing": "wide"}, "spacing must be a number, got 'wide'"),
-        ({"ahead": -1}, "at least 0 points"),
-        ({"ahead": 2.5}, "ahead must be a whole number"),
-        ({"aside": 5000}, "at most 10000"),
-        ({"field_of_view": 0.0}, "field_of_view must lie above 0"),
-        ({"reach": -1.0}, "reach must be finite and more than 0 m"),
-        ({"noise": float("nan")}, "noise must be finite and at least 0 m"),
-        ({"dropouts": 1.5}, "dropouts are a share between 0 and 1"),
-        ({"delay": -0.1}, "delay must lie between 0 s and 10 s"),
-        ({"rate": 0.0}, "rate must be finite and more than 0 Hz"),
-    ],
-)
-def test_bad_settings_are_refused_in_one_line(settings: dict[str, Any], says: str) -> None:
-    with pytest.raises(ValueError, match=says) as refused:
-        HeightScan(**settings)
-    assert "\n" not in str(refused.value)
-
-
-def test_what_is_no_scan_is_refused_by_name() -> None:
-    for make in (gym.make, gym.make_vec):
-        with pytest.raises(ValueError, match=r"height_scan is a quad_env\.HeightScan or None, got True"):
-            make("SimpleQuad-v0", height_scan=True)
-        with pytest.raises(ValueError, match="control rate"):
-            make("SimpleQuad-v0", height_scan=HeightScan(rate=33.0))

@@ -7,7 +7,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import policies
 from quad_env import OBSERVATION, SCENARIOS, SENSORS, CommandRanges, SensorSuite
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -87,34 +86,3 @@ def test_estimates_are_of_one_moment_that_of_the_slowest_sensor() -> None:
     for name in ("projected_gravity", "linear_velocity"):
         np.testing.assert_array_equal(then[3:, :, OBSERVATION[name]], now[:-3, :, OBSERVATION[name]])
     np.testing.assert_array_equal(then[..., OBSERVATION["angular_velocity"]], now[..., OBSERVATION["angular_velocity"]])
-
-
-def walked(sensors: str, command: tuple[float, float, float]) -> np.ndarray:
-    """Error of the observation of 6 robots that trot by the truth, of the steps after the first second."""
-    true, sensed = (SimpleQuadVectorEnv(6, sensors=each) for each in (None, sensors))
-    policy = policies.make("trot")
-    policy.reset(6)
-    seen = [env.reset(seed=0, options={"command": command})[0] for env in (true, sensed)]
-    errors = []
-    for _ in range(250):
-        action = policy.act(seen[0])
-        seen = [env.step(action)[0] for env in (true, sensed)]
-        errors.append(seen[1].astype(float) - seen[0])
-    return np.array(errors[100:])
-
-
-def rms(errors: np.ndarray, name: str) -> float:
-    return float(np.sqrt((errors[..., OBSERVATION[name]] ** 2).sum(axis=-1).mean()))
-
-
-@pytest.mark.parametrize(
-    ("sensors", "gravity", "velocity", "command"),
-    [("ideal", 0.025, 0.06, (0.5, 0.0, 0.0)), ("typical", 0.035, 0.2, (1.0, 0.3, 1.0))],
-)
-def test_of_a_trot_the_estimates_are_close(
-    sensors: str, gravity: float, velocity: float, command: tuple[float, float, float]
-) -> None:
-    errors = walked(sensors, command)
-    assert rms(errors, "projected_gravity") < gravity
-    assert rms(errors, "linear_velocity") < velocity
-    assert np.abs(errors[..., OBSERVATION["linear_velocity"]].mean(axis=(0, 1))).max() < 0.04

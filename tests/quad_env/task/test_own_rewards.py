@@ -4,7 +4,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -12,7 +11,6 @@ import quad_env
 from quad_env.columns import sum_of_squares, total
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import Feet, QuadState
 from quad_env.task.rewards import RewardTermError
 
@@ -33,10 +31,11 @@ def task(function: Callable[[Any], Any], weight: float = -0.25, **options: Any) 
     return quad_env.TaskConfig(reward_terms=(quad_env.RewardTerm("mine", function, weight),), **options)
 
 
-@pytest.mark.parametrize("function", [joint_speed, partial(foot_speed)])
+@pytest.mark.parametrize("function", [joint_speed, partial(foot_speed), lambda state: state.height])
 def test_one_robot_is_paid_as_in_a_batch_to_the_bit_and_no_other_number_changes(function: Callable[..., Any]) -> None:
     config = task(function)
-    one, batch, plain = SimpleQuadEnv(config=config), SimpleQuadVectorEnv(2, config=config), SimpleQuadVectorEnv(2)
+    one, batch = SimpleQuadEnv("rough", config=config), SimpleQuadVectorEnv(2, "rough", config=config)
+    plain = SimpleQuadVectorEnv(2, "rough")
     for env in (one, batch, plain):
         env.reset(seed=3)
     for _ in range(5):
@@ -52,20 +51,12 @@ def test_feet_are_looked_at_where_a_term_asks_for_them() -> None:
     def asked(function: Callable[..., Any], weight: float = 0.0) -> bool:
         weights = quad_env.RewardWeights(foot_slip=weight)
         simulation = SimpleQuadEnv(config=task(function, reward_weights=weights)).simulation
-        sensed = {name for name in ("fl_foot_ground", "fl_calf_ground") if _is_sensed(simulation, name)}
-        feet = simulation.state_of_one((0.0, 0.0, 0.0)).feet
-        assert sensed == (set() if feet is None else {"fl_foot_ground"})
-        return feet is not None
+        return simulation.state_of_one((0.0, 0.0, 0.0)).feet is not None
 
     assert not asked(joint_speed)
     assert not asked(np.add.reduce)  # has no signature
     assert asked(foot_speed)
     assert asked(joint_speed, -0.1)
-
-
-def _is_sensed(simulation: Simulation, name: str) -> bool:
-    stepped = simulation.batch.get_model(0)
-    return bool(stepped.sensor_needstage[stepped.sensor(name).id] != mujoco.mjtStage.mjSTAGE_NONE)
 
 
 def test_a_robot_that_waits_for_its_reset_is_not_asked_about_and_earns_nothing() -> None:

@@ -52,14 +52,3 @@ def test_of_two_reasons_the_first_counts_for_one_robot_and_in_a_batch(standing: 
     assert [FALL_REASONS[code] for code in codes] == ["none", "height", "tilt", "trunk_contact"]
     batch = QuadState(*(np.moveaxis(np.array(readings), 0, -1) for readings in zip(*states, strict=True)))
     assert fall_code(batch, FallRule(), 0.12).tolist() == codes
-
-
-def test_a_dropped_trunk_touches_the_ground_in_the_simulation() -> None:
-    simulation = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0)
-    simulation.reset(np.arange(1), np.zeros((1, 35)))
-    codes = set()
-    folded = np.tile([0.0, 1.5, -2.5], 4)[None]
-    for _ in range(200):
-        simulation.step(folded * [[0, -1, 1] * 4], np.zeros((1, 2)))
-        codes.add(fall_code(simulation.state_of_one((0.0, 0.0, 0.0)), FallRule(), 0.12))
-    assert codes - {0}

@@ -1,13 +1,10 @@
-"""Checkpoints: whole or not there, and all of the learner in them."""
+"""Checkpoints: whole or not there; test_exact_resume.py has what is in them."""
 
 import dataclasses
 import json
-import random
 
-import numpy as np
 import pytest
 import torch
-from stable_baselines3.common.logger import configure
 
 from quad_env.cli.command_line import UsageError
 from train.config import PpoConfig, TrainConfig
@@ -16,64 +13,13 @@ from train.sb3 import checkpoint
 from train.sb3.callbacks import CallbackState
 from train.sb3.ppo import build
 
-CONFIG = dataclasses.replace(
-    TrainConfig(),
-    base="stand",
-    mixture=(("flat", 1.0),),
-    threads=1,
-    ppo=PpoConfig(
-        envs=4, rollout_steps=4, minibatch=8, epochs=2, actor=(8,), critic=(8,), learning_rate_schedule="constant"
-    ),
-)
-
-
-def learner(steps=0, seed=0):
-    config = dataclasses.replace(CONFIG, seed=seed)
-    model = build(config, make_env(config))
-    model.set_logger(configure(None, []))
-    if steps:
-        model.learn(steps)
-    return model
-
-
-def draws():
-    return random.random(), np.random.random(), float(torch.rand(()))  # noqa: NPY002
-
-
-def update_on_the_same_data(model):
-    """One update of PPO on a rollout that depends on nothing but the learner."""
-    buffer = model.rollout_buffer
-    buffer.reset()
-    generator = np.random.default_rng(5)
-    for array in (buffer.observations, buffer.actions, buffer.advantages, buffer.returns, buffer.log_probs):
-        array[...] = generator.normal(size=array.shape)
-    buffer.full = True
-    model.train()
-    return {name: value.clone() for name, value in model.policy.state_dict().items()}
+PPO = PpoConfig(envs=4, rollout_steps=4, minibatch=8, actor=(8,), critic=(8,))
+CONFIG = dataclasses.replace(TrainConfig(), base="stand", mixture=(("flat", 1.0),), threads=1, ppo=PPO)
 
 
 def fill(folder, steps):
     state = checkpoint.Checkpoint({"policy.x": torch.ones(3)}, {"steps": steps, "remembered": {}})
     checkpoint.save(folder, state)
-
-
-def test_a_restored_learner_learns_on_bit_for_bit(tmp_path):
-    model = learner(steps=32)
-    checkpoint.save(tmp_path, checkpoint.capture(model, {"validated": 5}))
-    drawn, expected = draws(), None
-    checkpoint.restore(model, checkpoint.load(tmp_path))
-    expected = update_on_the_same_data(model)
-
-    other = learner(seed=9)
-    found = checkpoint.load(tmp_path)
-    checkpoint.restore(other, found)
-    assert found.progress["remembered"] == {"validated": 5}
-    assert (other.num_timesteps, other._n_updates) == (32, 4)
-    assert draws() == drawn
-    checkpoint.restore(other, found)
-    actual = update_on_the_same_data(other)
-    for name, value in expected.items():
-        assert torch.equal(actual[name], value), name
 
 
 def test_the_last_two_checkpoints_are_kept(tmp_path):
@@ -88,7 +34,7 @@ def test_the_last_two_checkpoints_are_kept(tmp_path):
     assert checkpoint.load(tmp_path).progress["steps"] == 3000
 
 
-@pytest.mark.parametrize("damage", ["flipped", "gone", "no json", "other schema", "no steps"])
+@pytest.mark.parametrize("damage", ["flipped", "gone", "no json", "other schema"])
 def test_a_damaged_checkpoint_is_passed_over_and_said_so(tmp_path, damage):
     fill(tmp_path, 10)
     fill(tmp_path, 20)
@@ -101,10 +47,8 @@ def test_a_damaged_checkpoint_is_passed_over_and_said_so(tmp_path, damage):
     elif damage == "no json":
         record.write_text(record.read_text(encoding="utf-8")[:-5], encoding="utf-8")
     else:
-        missing = {"other schema": {"schema": 99}, "no steps": {"steps": "20"}}
-        record.write_text(
-            json.dumps(json.loads(record.read_text(encoding="utf-8")) | missing[damage]), encoding="utf-8"
-        )
+        other = json.loads(record.read_text(encoding="utf-8")) | {"schema": 99}
+        record.write_text(json.dumps(other), encoding="utf-8")
     found = checkpoint.load(tmp_path)
     assert found.progress["steps"] == 10
     assert "000000000020" in found.damaged[0]
@@ -130,7 +74,7 @@ def test_the_state_of_the_callbacks_survives_a_checkpoint_and_another_is_refused
 
 
 def test_a_checkpoint_of_another_network_is_refused(tmp_path):
-    checkpoint.save(tmp_path, checkpoint.capture(learner(), {}))
+    checkpoint.save(tmp_path, checkpoint.capture(build(CONFIG, make_env(CONFIG)), {}))
     config = dataclasses.replace(CONFIG, ppo=dataclasses.replace(CONFIG.ppo, actor=(9,)))
     with pytest.raises(UsageError, match="does not fit") as caught:
         checkpoint.restore(build(config, make_env(config)), checkpoint.load(tmp_path))

@@ -16,20 +16,9 @@ def counted(episodes=0, falls=0, returned=0.0):
     ("statistics", "said"),
     [
         (counted(), "no episode ended  velocity error 0.120 m/s  yaw-rate error 0.300 rad/s"),
-        (
-            counted(3, 3, 12.0),
-            "return    4.00  3 of 3 episodes fell  velocity error 0.120 m/s",
-        ),
-        (
-            counted(160, 8, 1600.0),
-            "return   10.00  8 of 160 episodes fell  velocity error",
-        ),
+        (counted(160, 8, 1600.0), "return   10.00  8 of 160 episodes fell  velocity error"),
     ],
 )
 def test_falls_are_counted_among_the_episodes_that_ended(statistics, said) -> None:
     """In the first rollouts of a run those are few, and most of them fell, for who walks goes on."""
     assert summary(statistics.means()).startswith(said)
-
-
-def test_the_last_validations_success_stands_first() -> None:
-    assert summary(counted().means() | {"success": 0.875}).startswith("88% succeeded in validation  no episode ended")

@@ -1,9 +1,7 @@
 """SB3's view of the residual: what its learner needs to bootstrap, and no more."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
-from stable_baselines3.common.vec_env import VecEnv
 
 import policies
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -53,19 +51,6 @@ def test_infos_are_empty_but_for_robots_that_finished():
             assert infos[0]["TimeLimit.truncated"] is True
 
 
-def test_only_time_limits_count_as_truncation():
-    """A robot whose legs are thrown about falls; its end must not be bootstrapped from."""
-    env = training_env(4, base="stand", first=[1000, 1000, 1000, 3], authority=3.0)
-    ends = {}
-    for step in range(300):
-        _, _, finished, infos = env.step(noise(step, 4))
-        for i in np.flatnonzero(finished):
-            ends.setdefault(int(i), infos[i]["TimeLimit.truncated"])
-        if len(ends) == 4:
-            break
-    assert ends == {0: False, 1: False, 2: False, 3: True}
-
-
 def test_a_fall_at_the_time_limit_is_a_fall(monkeypatch):
     env = training_env(1)
     inner = env.env.step(noise(0, 1))
@@ -73,17 +58,3 @@ def test_a_fall_at_the_time_limit_is_a_fall(monkeypatch):
     monkeypatch.setattr(env.env, "step", lambda _: (inner[0], inner[1], np.ones(1, bool), np.ones(1, bool), ends))
     _, _, _, infos = env.step(noise(0, 1))
     assert infos[0]["TimeLimit.truncated"] is False
-
-
-def test_what_sb3_asks_of_a_vec_env_is_there():
-    env = training_env(3)
-    assert isinstance(env, VecEnv)
-    assert env.get_attr("render_mode") == [None, None, None]
-    assert env.get_attr("num_envs", indices=1) == [3]
-    assert env.env_is_wrapped(gym.Wrapper, indices=[0, 2]) == [False, False]
-    assert not env.has_attr("no_such_thing")
-    with pytest.raises(NotImplementedError, match="attributes"):
-        env.set_attr("x", 1)
-    with pytest.raises(NotImplementedError, match="objects"):
-        env.env_method("x")
-    env.close()

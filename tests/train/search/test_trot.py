@@ -7,25 +7,13 @@ import numpy as np
 import pytest
 
 from evaluate.measures.metrics import Measures
-from evaluate.rollouts.hardware import Hardware
-from evaluate.rollouts.rollout import run
-from policies.trot.open_loop import SEARCH_RANGES, Trot, TrotParameters, searched_parameters
+from policies.trot.open_loop import SEARCH_RANGES, Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds
-from tests.quad_env.robots.alike import alike
-from train.scenarios import practice
-from train.search import trot
 from train.search.command_map import WEAKNESS_WEIGHT, undone
 from train.search.panel import Panel
 from train.search.subject import decode, encode
-from train.search.trot import (
-    ERROR_SCALES,
-    candidate_costs,
-    cost,
-    interval_response,
-    mapped,
-    unless_weak,
-)
+from train.search.trot import ERROR_SCALES, candidate_costs, cost, interval_response, mapped, unless_weak
 
 COMMANDS = np.random.default_rng(0).uniform(-1, 1, (6, 2, 3))
 RESPONSE = np.array([[0.8, 0.0, 0.1], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [-0.1, 0.0, 0.0]])
@@ -103,21 +91,3 @@ def test_standing_still_costs_more_than_walking():
     still = dataclasses.replace(TrotParameters(), forward_gain=0.0, lateral_gain=0.0, yaw_gain=0.0)
     walking, standing = candidate_costs([TrotParameters(), still], episode_seeds("search", 0, 8), 300, 1)
     assert standing - walking > WEAKNESS_WEIGHT
-
-
-def test_candidates_walk_as_the_robot_on_its_own_ground(tmp_path, monkeypatch):
-    """At the call site: which robot, which scenario and which policy are really run."""
-    robot, seen = alike(tmp_path), []
-    hardware = Hardware(robot=str(tmp_path / "alike.xml"))
-
-    def watched(policy, scenario, seeds, **options):
-        seen.append((policy.robot, scenario, options["hardware"]))
-        return run(policy, scenario, seeds, **options)
-
-    monkeypatch.setattr(trot, "run", watched)
-    candidate_costs([searched_parameters(robot)], episode_seeds("search", 0, 8), 101, 1, hardware)
-    assert all(each == robot for each, _, _ in seen)
-    assert all(each == hardware for _, _, each in seen)
-    assert {each.name: each for _, each, _ in seen} == {
-        name: practice(name, "search", robot=robot) for name in trot.SCENARIO_WEIGHTS
-    }

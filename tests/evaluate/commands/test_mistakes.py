@@ -1,0 +1,53 @@
+"""Words that `python -m evaluate` can do nothing with are one line, before anything is simulated or written."""
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from evaluate.__main__ import main
+from policies.shipped import MODELS
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("trott", ("no policy 'trott'", "document_repaired", "stand")),
+        ("trott@flat", ("--policies: no policy 'trott'",)),
+        ("trot stand trot", ("trot", "more than once")),
+        (f"{MODELS}/residual {MODELS}/./residual/", ("more than once",)),
+        ("trot@push --scenarios flat rough", ("trot@push is not among the scenarios of this run: flat, rough",)),
+        ("trot@", ("--policies: name scenarios after the @ of trot@, as in document@flat",)),
+        ("own.zip", ("give --trust",)),
+        ("trot --scenarios ice", ("unknown scenario 'ice'", "flat, push, rough")),
+        ("trot --episodes 0", ("--episodes", "0")),
+        ("trot --seed -1", ("--seed",)),
+        ("trot --actuator moter", ("actuator", "moter", "ideal, torque_speed, motor")),
+        ("trot --nonsense", ("--nonsense", "--help")),
+        ("trot stand --scenarios flat --baseline gallop", ("--baseline: gallop is not among the policies",)),
+        ("trot --scenarios flat --gate 'stand falls <= 1'", ("--gate: ", "stand")),
+        ("repaly", ("did you mean the command replay?",)),
+        ("trot --resume", ("leave --resume out",)),
+        ("rescore results", ("`python -m evaluate rescore` is now `python -m research rescore`",)),
+        ("axes ice", ("slippery",)),
+        ("report RUN --baseline gallop", ("--baseline: gallop is not among the policies",)),
+        ("replay RUN 30", ("rows 0 to 29", "30")),
+        ("replay RUN 1 --policy trott", ("trott", "document, stand, trot")),
+        ("replay RUN 1 --scenario ice", ("ice", "flat, push")),
+        ("replay RUN 1 --policy trot", ("--scenario",)),
+        ("replay RUN 1 --scenario push", ("--policy",)),
+        ("replay RUN 5 --policy trot --scenario push", ("0 to 4",)),
+        ("replay RUN 1 --video film.avi", (".mp4", ".webp", "film.avi")),
+        ("compare RUN RUN --policies trott trot", ("trott", "document, stand, trot")),
+        ("compare RUN RUN --policies trot", ("--policies",)),
+        ("compare RUN RUN --json .", ("--json", "is a folder")),
+        ("compare RUN nothing", ("nothing",)),
+    ],
+)
+@pytest.mark.usefixtures("no_simulation")
+def test_a_mistake_is_one_line_that_names_the_remedy(words, said, run, tmp_path: Path, monkeypatch, refused) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("own.zip").touch()
+    line = refused(main, *shlex.split(words.replace("RUN", str(run.folder))))
+    assert all(part in line for part in said), line
+    assert [path.name for path in tmp_path.iterdir()] == ["own.zip"]

@@ -1,0 +1,25 @@
+"""Recordings read back by a decoder that is not the library which wrote them."""
+
+from pathlib import Path
+from typing import Any
+
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+Decoded = dict[str, list[tuple[int, Any]]]
+"""Times, ns, and messages by topic."""
+
+
+def read_mcap(path: Path) -> Decoded:
+    """Every message of a file."""
+    told: Decoded = {}
+    with path.open("rb") as file:
+        messages = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        for _schema, channel, message, content in messages:
+            told.setdefault(channel.topic, []).append((message.log_time, content))
+    return told
+
+
+def events_of(told: Decoded) -> list[tuple[int, str]]:
+    """Control step, or start of an episode, at whose end each event was, and its line."""
+    return [(stamp // 10_000_000, line.msg) for stamp, line in told.get("/events", [])]
