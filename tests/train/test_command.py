@@ -205,13 +205,6 @@ def test_a_run_that_cannot_be_set_up_leaves_no_folder(step, tmp_path, monkeypatc
     assert not (tmp_path / "run").exists()
 
 
-def test_the_launcher_helps():
-    done = subprocess.run([sys.executable, "train.py", "--help"], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0
-    assert "--ppo.gamma" in done.stdout
-    assert all(f"  {name} " in done.stdout for name in COMMANDS)
-
-
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_helps_and_says_what_is_wrong(name, capsys):
     with pytest.raises(SystemExit) as end:
