@@ -14,7 +14,8 @@ import quad_env
 from evaluate.analysis.results import analyse
 from evaluate.rollouts.battery import resolve
 from evaluate.rollouts.experiment import evaluation_seeds
-from quad_env.robots.named import ROBOTS
+from quad_env.robots.robot import Robot
+from tests.quad_env.robots.made import Made
 
 CELL_NUMBERS = (
     "fall_rate",
@@ -82,15 +83,16 @@ def test_all_is_measured_against_the_baseline_that_is_asked_for(made) -> None:
     assert (falls.a, falls.difference) == ("trot", -0.5)  # 2 against 22 of 40
 
 
-def test_summaries_and_disturbances_are_those_of_the_robot_that_ran(made_up_cell) -> None:
-    robot, cells = ROBOTS["go1"], []
+def test_summaries_and_disturbances_are_those_of_the_robot_that_ran(made_up_cell, tmp_path) -> None:
+    path = Made().write(tmp_path)
+    robot, cells = Robot.from_mjcf(path), []
     more = {"energy": np.full(8, 100.0), "distance": np.full(8, 2.0)}
     more["commands"] = np.linspace(0.1, 0.8, 8)[:, None, None] * np.ones(3)
     more["mean_velocities"] = 0.5 * more["commands"]
     for scenario in resolve(("flat", "push"), robot):
         cell = made_up_cell("trot", np.zeros(8, bool), scenario=scenario)
         cells.append(replace(cell, measures=replace(cell.measures, **more)))
-    provenance = {"hardware": {"robot": "go1"}, "versions": {}}
+    provenance = {"hardware": {"robot": str(path)}, "versions": {}}
     found = analyse(cells, seed=0, episodes=8, complete=True, provenance=provenance)
     assert [each.axis for each in found.sensitivities] == ["push"]
     summary = found.summaries["flat", "trot"]

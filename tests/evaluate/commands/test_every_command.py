@@ -23,6 +23,7 @@ from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
 from tests.evaluate.commands import test_axes
 from tests.evaluate.records import test_resume
+from tests.quad_env.robots.made import Made
 
 BRIEF = 130
 """Control steps of an episode."""
@@ -91,7 +92,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "trust": TRUSTED,
         "scenarios": Effect("--scenarios push=42 flat", SCENARIOS, ["push=42", "flat"]),
         "episodes": Effect("--episodes 3", COUNT, [3]),
-        "robot": Effect("--robot go1", once(lambda each: each.env.robot.name), ["go1"]),
+        "robot": Effect("--robot FOLDER/mine.xml", once(lambda each: each.env.robot.name), ["mine"]),
         "actuator": Effect("--actuator motor", once(lambda each: each.warms), [True]),
         "sensors": Effect("--sensors typical", once(lambda each: each.sensed), [True]),
         "estimator": Effect(
@@ -143,7 +144,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "trust": TRUSTED,
         "episodes": Effect("--episodes 2", COUNT, [2]),
         "seed": Effect("--seed 5", SEEDS, drawn(5, 2)),
-        "robot": Effect("--robot go1", once(lambda each: each.env.robot.name), ["go1"]),
+        "robot": Effect("--robot FOLDER/mine.xml", once(lambda each: each.env.robot.name), ["mine"]),
         "out": Effect("--out FOLDER/new", written("new/fall_rates.svg"), True),
         "threads": Effect("--threads 1", THREADS, [1]),
     },
@@ -198,6 +199,7 @@ def test_options_reach_what_they_govern(
     for name in ("a", "b"):
         shutil.copytree(evaluated, tmp_path / name)
     (tmp_path / "a/results.json").unlink()
+    Made().write(tmp_path, "mine.xml")
     effects = {name: each for name, each in EFFECTS[command].items() if each.given == given}
     text = " ".join([given, *(each.words for each in effects.values())]).replace("FOLDER", str(tmp_path))
     words = ["stand falls > 50 %" if word == "GATE" else word for word in text.split()]
