@@ -1,9 +1,9 @@
 """The standing robot in MuJoCo's window; `python -m quad_env view` of an installation without policies."""
 
-import time
 from dataclasses import dataclass
 
 from quad_env.cli.command_line import UsageError
+from quad_env.cli.pace import Pace
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.physics.rendering import Window, shows_windows
 from quad_env.robots.named import robot_named
@@ -26,12 +26,11 @@ def main(options: Options) -> int:
     env.reset(seed=0)
     window = Window(env.model)
     try:
-        begin, steps = time.monotonic(), 0
+        pace = Pace(env.dt)
         while window.is_open:
+            pace.wait()
             env.step(robot.home_pose)
             window.draw(env.data)
-            steps += 1
-            time.sleep(max(0.0, begin + steps * env.dt - time.monotonic()))
     finally:
         window.close()
     return 0

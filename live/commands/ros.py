@@ -8,7 +8,6 @@ from typing import Literal
 
 from evaluate.commands.options import Flag
 from live.commands.episode import EpisodeOptions
-from live.pace import Pace
 from live.recording.recorder import check, recorder_for
 from live.ros import interpreter
 from live.ros.bridge import Bridge, Driven
@@ -17,6 +16,7 @@ from live.session import Session
 from policies.base import Policy
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.launcher import raise_on_interrupt
+from quad_env.cli.pace import Pace
 
 
 @dataclass(frozen=True)

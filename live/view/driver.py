@@ -14,13 +14,13 @@ import policies
 from evaluate.film.scene import heading
 from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import IDEAL, Hardware
-from live.pace import Pace
 from live.recording.recorder import Recorder, recorder_for
 from live.session import Session
 from live.view.camera import Orbit, ViewCamera
 from live.view.requests import Request
 from live.view.telemetry import COLUMNS, Telemetry, rounded
 from policies.base import Policy, PolicyError
+from quad_env.cli.pace import Pace
 from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.scenario import Scenario
 

@@ -12,10 +12,10 @@ import pytest
 from PIL import Image
 
 import policies
-from live.pace import Pace
 from live.session import Session
 from live.view.camera import DISTANCES, STEEPEST, Orbit, ViewCamera
 from live.view.painter import QUALITIES, Painter
+from quad_env.cli.pace import Pace
 from quad_env.physics.marks import Ghost
 
 
@@ -108,7 +108,7 @@ def test_half_the_speed_takes_twice_the_time_and_a_pause_is_not_caught_up(monkey
         nonlocal now
         now += duration
 
-    monkeypatch.setattr("live.pace.time", SimpleNamespace(perf_counter=lambda: now, sleep=sleep))
+    monkeypatch.setattr("quad_env.cli.pace.time", SimpleNamespace(perf_counter=lambda: now, sleep=sleep))
 
     def seconds(pace: Pace, steps: int) -> float:
         begin = now
