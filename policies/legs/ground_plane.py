@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
 from policies.legs.level_frame import Vector
+from quad_env.columns import total
 
 STEEPEST = 1.2
 """Largest slope that a fit gives, m/m."""
@@ -16,12 +17,6 @@ _NARROW = 1e-6
 
 Plane = tuple[Floats, Floats, Floats]
 """Height at the trunk's x, y (relative to the trunk's centre, m) and rise per metre forward and to the left; (n,)."""
-
-
-def total(values: Floats) -> Floats:
-    """Sum over the legs, (4, n) to (n,), always in the same order."""
-    summed: Floats = values[0] + values[1] + values[2] + values[3]
-    return summed
 
 
 def carried(prints: Vector, velocity: Vector, yaw_rate: Floats, period: float) -> Vector:

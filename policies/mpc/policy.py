@@ -13,7 +13,7 @@ from policies.base import CONTROL_PERIOD, Actions, ShiftableFootholds, to_action
 from policies.behaviour.motion import Stop
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.gaits.parameters import OFFSETS
-from policies.legs.ground_plane import above, carried, fitted, renewed, total
+from policies.legs.ground_plane import above, carried, fitted, renewed
 from policies.legs.level_frame import vector
 from policies.legs.memory import taken_in
 from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
@@ -27,7 +27,7 @@ from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Priorities, Torques, Wish, leg_torques, torques
 from quad_env import OBSERVATION
-from quad_env.columns import Mask, Rows
+from quad_env.columns import Mask, Rows, total
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.named import robot_of

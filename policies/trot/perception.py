@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
-from policies.legs.ground_plane import above, carried, fitted, renewed, total
+from policies.legs.ground_plane import above, carried, fitted, renewed
 from policies.legs.level_frame import Senses, Vector, length
 from policies.legs.memory import Memory, taken_in
+from quad_env.columns import total
 from quad_env.robots.robot import Robot
 
 EVEN = 0.02
@@ -120,6 +121,6 @@ class Following:
 
     def _move(self, movement: str, places: str, now: Floats, walking: Floats) -> None:
         memory = self.memory
-        moved = sum(np.abs(now - memory[places]))  # in this order for any number of robots; NumPy's differs for one
+        moved = total(np.abs(now - memory[places]))  # NumPy's sum has another order for one robot
         memory[movement] = memory[movement] + self._share * walking * (moved - memory[movement])
         memory[places] = now
