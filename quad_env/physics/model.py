@@ -16,7 +16,6 @@ from quad_env.robots.model_file import log_to_the_console
 from quad_env.robots.robot import Robot
 from quad_env.robots.shapes import corners, geoms_of, solid, welded
 from quad_env.scenarios.disturbances import Ground, Payload
-from quad_env.scenarios.height_file import Heights
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom, Stairs
 
@@ -35,11 +34,8 @@ def compile_model(
     terrain, motors = scenario.terrain, scenario.motors
     spec = spec_of(robot)
     spec.option.timestep = timestep or spec.option.timestep
-    if isinstance(terrain, SmoothRandom):
-        half = terrain.half_size, terrain.half_size
-        _add_height_field(spec, half, Heights(terrain.unit_heights, 0.0, terrain.peak_to_valley))
-    elif isinstance(terrain, HeightField):
-        _add_height_field(spec, terrain.half, terrain.heights)
+    if isinstance(terrain, SmoothRandom | HeightField):
+        _add_height_field(spec, terrain)
     elif isinstance(terrain, Stairs):
         _add_stairs(spec, terrain)
     elif isinstance(terrain, Slope):
@@ -118,14 +114,15 @@ def slope_quaternion(slope: Slope) -> tuple[float, float, float, float]:
     return math.cos(slope.angle / 2), 0.0, -math.sin(slope.angle / 2), 0.0
 
 
-def _add_height_field(spec: mujoco.MjSpec, half: tuple[float, float], heights: Heights) -> None:
-    """About the origin, of that half-size, m; the plane around it is as low as its lowest point."""
+def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom | HeightField) -> None:
+    """About the origin; the plane around it is as low as its lowest point."""
+    heights = terrain.heights
     rows, columns = heights.unit.shape
     spec.add_hfield(
         name=_TERRAIN,
         nrow=rows,
         ncol=columns,
-        size=[*half, heights.span, _FLOOR_DEPTH],
+        size=[*terrain.half, heights.span, _FLOOR_DEPTH],
         userdata=heights.unit.ravel(),
     )
     place = (0.0, 0.0, heights.lowest)

@@ -139,6 +139,16 @@ class SmoothRandom:
         return round(2 * self.half_size / self.cell) + 1
 
     @property
+    def half(self) -> tuple[float, float]:
+        """Half the size along x and y, m."""
+        return self.half_size, self.half_size
+
+    @property
+    def heights(self) -> Heights:
+        """The heights of the whole field."""
+        return Heights(self.unit_heights, 0.0, self.peak_to_valley)
+
+    @property
     def unit_heights(self) -> Array:
         """Grid of heights between 0 and 1, rows along y and columns along x, shape (points, points); one for surfaces
         that differ in their amplitude alone."""
