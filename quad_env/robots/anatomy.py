@@ -26,7 +26,7 @@ LEG_WORDS = {word: words[:2] for words in ("fl lf", "fr rf", "hl rl lh bl", "hr 
 """Leg by word of a joint's name; only words that mean one leg wherever they are used."""
 LINK_WORDS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1", "calf": "2", "knee": "2", "kfe": "2"}
 """Places in the leg that a word may mean, counted from the trunk: some call the thigh's joint a hip too."""
-PARALLEL = 0.999
+_PARALLEL = 0.999
 """Least cosine of two axes that are taken for parallel."""
 _SAME = 0.02
 """Largest difference between the legs of a robot in a length, as a share of a leg's."""
@@ -220,14 +220,25 @@ def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
     return chains
 
 
+def is_hip_axis(axis: Floats) -> bool:
+    """Whether a hinge about an axis, (3,), of the base frame is that of a hip: about the trunk's x axis."""
+    return bool(abs(axis[0]) >= _PARALLEL)
+
+
+def are_lateral_axes(thigh: Floats, calf: Floats) -> bool:
+    """Whether hinges about these axes, (3,) each, of the base frame are those of a thigh and its calf: parallel, and
+    across the trunk's x axis."""
+    return bool(abs(thigh @ calf) >= _PARALLEL and abs(thigh[0]) <= 1.0 - _PARALLEL)
+
+
 def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> Leg:
     base, origin = data.xmat[trunk].reshape(3, 3), data.xpos[trunk]
     hip, thigh, knee = ((data.xanchor[joint] - origin) @ base for joint in chain)
     axes = [data.xaxis[joint] @ base for joint in chain]
     names = [_name(model.joint(joint)) for joint in chain]
-    if abs(axes[0][0]) < PARALLEL:
+    if not is_hip_axis(axes[0]):
         raise ModelError(f"joint {names[0]}, the hip, turns about {_rounded(axes[0])}, not about the trunk's x axis")
-    if abs(axes[1] @ axes[2]) < PARALLEL or abs(axes[1][0]) > 1.0 - PARALLEL or axes[1][1] == 0.0:
+    if not are_lateral_axes(axes[1], axes[2]) or axes[1][1] == 0.0:
         raise ModelError(
             f"joints {names[1]} and {names[2]} turn about {_rounded(axes[1])} and {_rounded(axes[2])}, "
             "not both about the leg's y axis"

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, PARALLEL, branches, root_of
+from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, are_lateral_axes, branches, is_hip_axis, root_of
 from quad_env.robots.feet import in_world
 from quad_env.robots.shapes import Bools, Floats, descendants, geoms_of, grounded, surface
 
@@ -35,13 +35,13 @@ def spare_joints(mujoco: Any, model: Any) -> list[int]:
     data, meets = mujoco.MjData(model), grounded(model, root)
     mujoco.mj_kinematics(model, data)
     (above, count), *_ = Counter(int(model.body_parentid[first]) for first in trees).most_common()
-    ahead = data.xmat[above if count >= LEGS else root].reshape(3, 3)[:, 0]
+    base = data.xmat[above if count >= LEGS else root].reshape(3, 3)
     legs = []
     for tree in trees.values():
         hinges = [joint for joint in tree if model.jnt_type[joint] == kinds.mjJNT_HINGE]
         if len(hinges) > JOINTS_PER_LEG:
             hinges = [joint for joint in hinges if _bears(model, data, joint, meets)]
-        if _is_leg(data.xaxis[hinges], ahead):
+        if _is_leg(data.xaxis[hinges] @ base):
             legs.append(hinges)
     return sorted(set(joints).difference(*legs)) if len(legs) == LEGS else []
 
@@ -91,12 +91,9 @@ def _moved(model: Any, joint: int) -> Bools:
     return descendants(model, int(model.jnt_bodyid[joint]))
 
 
-def _is_leg(axes: Floats, ahead: Floats) -> bool:
-    """Whether hinges about these axes, (k, 3), are those of a leg of a trunk whose x axis is `ahead`, (3,)."""
-    if len(axes) != JOINTS_PER_LEG:
-        return False
-    hip, thigh, calf = axes
-    return bool(abs(hip @ ahead) > PARALLEL and abs(thigh @ calf) > PARALLEL and abs(thigh @ ahead) <= 1.0 - PARALLEL)
+def _is_leg(axes: Floats) -> bool:
+    """Whether hinges about these axes, (k, 3), of the base frame are those of a leg."""
+    return len(axes) == JOINTS_PER_LEG and is_hip_axis(axes[0]) and are_lateral_axes(axes[1], axes[2])
 
 
 def _bears(model: Any, data: Any, joint: int, meets: Bools) -> bool:
