@@ -15,28 +15,30 @@ if __name__ == "__main__":  # before the imports that take time
 
 from quad_env.cli.program import Command, Program
 
-_DOCTOR = "live.commands.doctor" if launcher.IS_CLONE else "quad_env.doctor.command"
-_VIEW = (
-    Command("live.commands.view", "robots in the browser, to watch, steer and push")
-    if launcher.IS_CLONE
-    else Command("quad_env.view", "the standing robot in a window")
-)
 _EVERY = {
     "info": Command("quad_env.info", "robot, spaces, scenarios, actuators and sensors of the environment"),
     "describe": Command(
         "quad_env.describe", "what a robot's model says of its legs, joints and servos, and whether the robot stands"
     ),
-    "doctor": Command(_DOCTOR, "what is wrong with the installation, a robot or a policy, and what to do about it"),
+    "doctor": Command(
+        "live.commands.doctor", "what is wrong with the installation, a robot or a policy, and what to do about it"
+    ),
     "scenarios": Command(
         "quad_env.scenarios.listing", "every scenario: what happens in it, its severities, and how to write them"
     ),
     "policies": Command("live.commands.policies", "the policies by name, what each is, what was trained on what"),
-    "view": _VIEW,
+    "view": Command("live.commands.view", "robots in the browser, to watch, steer and push"),
     "film": Command("live.commands.film", "an episode as a film: policies side by side, a ghost of the command"),
     "record": Command("live.commands.record", "an episode as an MCAP file or a ROS 2 bag"),
     "ros": Command("live.commands.ros", "the simulated robot as a ROS node, in real time"),
 }
-COMMANDS = {name: each for name, each in _EVERY.items() if launcher.IS_CLONE or each.module.startswith("quad_env.")}
+_WITHOUT_POLICIES = {
+    "doctor": Command("quad_env.doctor.command", _EVERY["doctor"].summary),
+    "view": Command("quad_env.view", "the standing robot in a window"),
+}
+"""What a wheel has in place of a clone's commands."""
+_HERE = _EVERY if launcher.IS_CLONE else _EVERY | _WITHOUT_POLICIES
+COMMANDS = {name: each for name, each in _HERE.items() if launcher.IS_CLONE or each.module.startswith("quad_env.")}
 MISSING = [name for name in _EVERY if name not in COMMANDS]
 CLONE = "in a clone of the project alone: git clone it, then pip install -e ."
 ELSEWHERE = {"dataset": "now `python examples/clients/minari_dataset.py`"} | dict.fromkeys(MISSING, CLONE)
