@@ -12,14 +12,14 @@ Decoded = dict[str, list[tuple[int, Any]]]
 
 def read_mcap(path: Path) -> Decoded:
     """Every message of a file."""
-    told: Decoded = {}
+    decoded: Decoded = {}
     with path.open("rb") as file:
         messages = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
         for _schema, channel, message, content in messages:
-            told.setdefault(channel.topic, []).append((message.log_time, content))
-    return told
+            decoded.setdefault(channel.topic, []).append((message.log_time, content))
+    return decoded
 
 
-def events_of(told: Decoded) -> list[tuple[int, str]]:
+def events_of(decoded: Decoded) -> list[tuple[int, str]]:
     """Control step, or start of an episode, at whose end each event was, and its line."""
-    return [(stamp // 10_000_000, line.msg) for stamp, line in told.get("/events", [])]
+    return [(stamp // 10_000_000, line.msg) for stamp, line in decoded.get("/events", [])]

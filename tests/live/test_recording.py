@@ -34,7 +34,7 @@ class Recording(NamedTuple):
     """The same episode as it was, and what an MCAP file and a bag have of it."""
 
     steps: list[Step]
-    told: Decoded
+    decoded: Decoded
     file: Path
     bag: Path
 
@@ -50,42 +50,42 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 
 def test_joint_states_targets_and_commands_are_those_of_every_step(recording: Recording) -> None:
-    steps, told, *_ = recording
-    assert [stamp for stamp, _ in told["/joint_states"]] == [10_000_000 * number for number in range(STEPS + 1)]
-    for step, (stamp, state) in zip(steps, told["/joint_states"], strict=True):
+    steps, decoded, *_ = recording
+    assert [stamp for stamp, _ in decoded["/joint_states"]] == [10_000_000 * number for number in range(STEPS + 1)]
+    for step, (stamp, state) in zip(steps, decoded["/joint_states"], strict=True):
         assert state.name == list(SIMPLE_QUAD.joint_names)
         assert list(state.position) == step.infos["joint_position"][0].tolist()
         assert list(state.velocity) == step.infos["joint_velocity"][0].tolist()
         assert list(state.effort) == step.infos["joint_torque"][0].tolist()
         assert state.header.stamp.sec * 10**9 + state.header.stamp.nanosec == stamp
-    assert [clock.clock.nanosec for _, clock in told["/clock"]][:3] == [0, 10_000_000, 20_000_000]
-    given = told["/position_controller/command"]
+    assert [clock.clock.nanosec for _, clock in decoded["/clock"]][:3] == [0, 10_000_000, 20_000_000]
+    given = decoded["/position_controller/command"]
     assert [stamp for stamp, _ in given] == [10_000_000 * number for number in range(STEPS)]
-    for step, (_, targets), (_, twist) in zip(steps[1:], given, told["/cmd_vel"], strict=True):
+    for step, (_, targets), (_, twist) in zip(steps[1:], given, decoded["/cmd_vel"], strict=True):
         assert list(targets.data) == step.infos["action"][0].tolist()
         assert (twist.linear.x, twist.linear.y, twist.angular.z) == tuple(step.infos["command"][0])
 
 
 def test_the_trunk_turns_as_ros_writes_it_and_every_link_of_the_urdf_has_a_frame(recording: Recording) -> None:
-    steps, told, *_ = recording
-    [(at, fixed)] = told["/tf_static"]
+    steps, decoded, *_ = recording
+    [(at, fixed)] = decoded["/tf_static"]
     assert at == 0
-    for step, (_, frames) in list(zip(steps, told["/tf"], strict=True))[::10]:
+    for step, (_, frames) in list(zip(steps, decoded["/tf"], strict=True))[::10]:
         trunk, *links = frames.transforms
         turn = trunk.transform.rotation
         assert (turn.w, turn.x, turn.y, turn.z) == tuple(step.infos["quaternion"][0])
         assert (trunk.header.frame_id, trunk.child_frame_id) == ("world", "base_link")
     names = {frame.child_frame_id for frame in (trunk, *links, *fixed.transforms)}
-    urdf = ElementTree.fromstring(told["/robot_description"][0][1].data)
+    urdf = ElementTree.fromstring(decoded["/robot_description"][0][1].data)
     assert {link.get("name") for link in urdf.iter("link")} == names
 
 
 def test_the_imu_measures_its_own_weight_and_every_change_of_its_velocity(recording: Recording) -> None:
-    steps, told, *_ = recording
-    felt = np.array([[getattr(imu.linear_acceleration, axis) for axis in "xyz"] for _, imu in told["/imu"]])
-    turns = np.array([[getattr(imu.angular_velocity, axis) for axis in "xyz"] for _, imu in told["/imu"]])
+    steps, decoded, *_ = recording
+    felt = np.array([[getattr(imu.linear_acceleration, axis) for axis in "xyz"] for _, imu in decoded["/imu"]])
+    turns = np.array([[getattr(imu.angular_velocity, axis) for axis in "xyz"] for _, imu in decoded["/imu"]])
     assert turns.tolist() == [step.infos["angular_velocity"][0].tolist() for step in steps]
-    # Positions are told by the simulation, not by what the IMU was made of.
+    # Positions come from the simulation, not by what the IMU was made of.
     places = np.array([step.infos["position"][0] for step in steps])
     means = (places[1:] - places[:-1]) / 0.01  # velocities over the steps
     turned = [np.array(rotation_matrix(step.infos["quaternion"][0])) for step in steps]
@@ -98,10 +98,10 @@ def test_the_imu_measures_its_own_weight_and_every_change_of_its_velocity(record
 
 
 def test_contacts_rewards_and_corrections_are_those_of_every_step(recording: Recording) -> None:
-    steps, told, *_ = recording
+    steps, decoded, *_ = recording
 
     def values(topic: str) -> list[Any]:
-        return [message.data for _, message in told[topic]]
+        return [message.data for _, message in decoded[topic]]
 
     feet = np.column_stack([values(f"/contacts/{leg}") for leg in SIMPLE_QUAD.leg_names])
     assert feet.tolist() == [step.infos["foot_contact"][0].tolist() for step in steps]
@@ -114,13 +114,13 @@ def test_contacts_rewards_and_corrections_are_those_of_every_step(recording: Rec
         assert values(f"/rewards/{term}") == [step.infos[f"reward_{term}"][0] for step in steps]
     summed = np.sum([values(f"/rewards/{term}") for term in terms], axis=0)
     np.testing.assert_allclose(values("/rewards/total"), summed)
-    shares = np.array([list(message.data) for _, message in told["/correction"]])
+    shares = np.array([list(message.data) for _, message in decoded["/correction"]])
     assert shares.shape == (STEPS + 1, SIMPLE_QUAD.num_joints)
     assert 0.0 < np.abs(shares).max() <= 1.0
 
 
 def test_a_bag_has_the_same_and_keeps_topics_of_one_message_for_nodes_that_start_later(recording: Recording) -> None:
-    types, told = get_typestore(Stores.ROS2_HUMBLE), recording.told
+    types, decoded = get_typestore(Stores.ROS2_HUMBLE), recording.decoded
     found: dict[str, list[tuple[int, Any]]] = {}
     with Reader(recording.bag) as bag:
         for connection, stamp, data in bag.messages():
@@ -133,10 +133,10 @@ def test_a_bag_has_the_same_and_keeps_topics_of_one_message_for_nodes_that_start
         }
     assert named.items() >= STANDARD.items()
     assert latched == {"/robot_description", "/tf_static"}
-    assert found.keys() == told.keys() >= STANDARD.keys()
-    for topic, messages in told.items():
+    assert found.keys() == decoded.keys() >= STANDARD.keys()
+    for topic, messages in decoded.items():
         assert [stamp for stamp, _ in messages] == [stamp for stamp, _ in found[topic]]
-    for (_, one), (_, other) in zip(told["/correction"], found["/correction"], strict=True):
+    for (_, one), (_, other) in zip(decoded["/correction"], found["/correction"], strict=True):
         assert list(one.data) == other.data.tolist()
     with recording.file.open("rb") as file:
         summary = make_reader(file).get_summary()
@@ -176,15 +176,15 @@ def test_an_episode_after_a_reset_goes_on_in_time_and_a_slow_writer_loses_nothin
         observer.event("residual chosen")
         observer.policy = residual
         roll_out(residual, "flat", np.array([4]), observer, steps.append, steps=20)
-    told = read_mcap(path)
-    assert [stamp for stamp, _ in told["/joint_states"]] == [10_000_000 * number for number in range(31 + 21)]
-    positions = [list(state.position) for _, state in told["/joint_states"]]
+    decoded = read_mcap(path)
+    assert [stamp for stamp, _ in decoded["/joint_states"]] == [10_000_000 * number for number in range(31 + 21)]
+    positions = [list(state.position) for _, state in decoded["/joint_states"]]
     assert positions == [step.infos["joint_position"][0].tolist() for step in steps]
-    assert [stamp // 10_000_000 for stamp, _ in told["/cmd_vel"]] == [*range(30), *range(31, 51)]
-    assert [stamp // 10_000_000 for stamp, _ in told["/correction"]] == [*range(31, 52)]
-    lines = [(at, line) for at, line in events_of(told) if not line.startswith("command")]
+    assert [stamp // 10_000_000 for stamp, _ in decoded["/cmd_vel"]] == [*range(30), *range(31, 51)]
+    assert [stamp // 10_000_000 for stamp, _ in decoded["/correction"]] == [*range(31, 52)]
+    lines = [(at, line) for at, line in events_of(decoded) if not line.startswith("command")]
     assert lines == [(0, "before the start"), (30, "residual chosen"), (31, "reset")]
-    assert told["/imu"][31][1].linear_acceleration.z == pytest.approx(9.81, abs=0.5)  # no jump from one to the other
+    assert decoded["/imu"][31][1].linear_acceleration.z == pytest.approx(9.81, abs=0.5)  # no jump from one to the other
 
 
 def finished(path: Path) -> Decoded:
@@ -236,7 +236,7 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize(("step", "ending"), [(0, "Ctrl-C"), (250, "kill")])
 def test_every_step_before_the_end_is_recorded(step: int, ending: str, tmp_path: Path) -> None:
-    """Whether or not the writer had been told of them, and had started."""
+    """Whether or not the writer had been notified of them, and had started."""
     script, path = tmp_path / "ended.py", tmp_path / "walk.mcap"
     script.write_text(ENDED, encoding="utf-8")
     command = [sys.executable, str(script), str(path), str(step), ending]

@@ -124,22 +124,22 @@ class Walk:
 
 def recorded(path: Path) -> Walk:
     """The walk that a file of --record has."""
-    told = {topic: [content for _, content in messages] for topic, messages in read_mcap(path).items()}
-    trunk = [frame.transforms[0].transform for frame in told["/tf"][1:]]
-    joints = np.array([state.position for state in told["/joint_states"][1:]])
+    decoded = {topic: [content for _, content in messages] for topic, messages in read_mcap(path).items()}
+    trunk = [frame.transforms[0].transform for frame in decoded["/tf"][1:]]
+    joints = np.array([state.position for state in decoded["/joint_states"][1:]])
     places = np.array([[getattr(each.translation, axis) for axis in "xyz"] for each in trunk])
     turns = np.array([[getattr(each.rotation, name) for name in "xyzw"] for each in trunk])
     rotations = np.moveaxis(np.array(rotation_matrix(tuple(np.roll(turns, 1, axis=1).T))), -1, 0)
     return Walk(
-        np.array([list(message.data) for message in told["/position_controller/command"]]),
+        np.array([list(message.data) for message in decoded["/position_controller/command"]]),
         joints,
         feet_in_world(SIMPLE_QUAD, places, rotations, joints)[..., 2],
         places[:, 2],
-        np.array([(twist.linear.x, twist.linear.y, twist.angular.z) for twist in told["/cmd_vel"]]),
+        np.array([(twist.linear.x, twist.linear.y, twist.angular.z) for twist in decoded["/cmd_vel"]]),
         turns,
     )
 
 
-def heard(path: Path, topic: str) -> list[dict[str, list[float]]]:
+def received(path: Path, topic: str) -> list[dict[str, list[float]]]:
     """What `nodes/listen.py` wrote of a topic."""
     return [fields for name, _, fields in json.loads(path.read_text(encoding="utf-8")) if name == topic]

@@ -15,7 +15,7 @@ import pytest
 from live.ros import interpreter
 from live.ros.link import Link, LinkLost
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.live.ros.robot import Robot, Walk, free_port, heard, march, python_with_ros, recorded
+from tests.live.ros.robot import Robot, Walk, free_port, march, python_with_ros, received, recorded
 
 CYCLE = 50
 """Control steps of a gait cycle of the article's controller."""
@@ -31,7 +31,7 @@ class Story:
     code: int
     table: np.ndarray
     """Targets of `document_repaired` that the node published."""
-    heard: Path
+    received: Path
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
     robot = Robot(folder, "--record", str(folder / "walk.mcap"), "--real-time-factor", "0.6")
     try:
         robot.wait_for("Ctrl-C ends it")
-        listening = robot.node("listen", "4", str(folder / "heard"))
+        listening = robot.node("listen", "4", str(folder / "received"))
         marching = robot.node("march", str(folder / "table"), "sim")
         robot.wait_for(FOLLOWED)
         assert listening.wait(30) == 0
@@ -56,7 +56,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
     finally:
         robot.process.kill()
         robot.process.wait()
-    return Story(recorded(folder / "walk.mcap"), robot.said, code, table, folder / "heard")
+    return Story(recorded(folder / "walk.mcap"), robot.said, code, table, folder / "received")
 
 
 def test_the_robot_marches_as_the_node_has_it_and_stands_up_once_that_is_killed(story: Story) -> None:
@@ -88,7 +88,7 @@ def test_nonsense_is_refused_and_the_simulation_goes_on_to_follow_what_is_good(s
 
 
 def test_joint_states_come_at_50_hz_in_the_robots_order_beside_the_clock(story: Story) -> None:
-    states, clocks, imus = (heard(story.heard, topic) for topic in ("/joint_states", "/clock", "/imu"))
+    states, clocks, imus = (received(story.received, topic) for topic in ("/joint_states", "/clock", "/imu"))
     assert len(states) > 20
     assert set(np.diff([state["stamp"] for state in states])) == {20_000_000}
     assert set(np.diff([imu["stamp"] for imu in imus])) == {10_000_000}
@@ -141,12 +141,12 @@ def test_velocities_steer_a_policy_and_others_are_kept_out(address: str, tmp_pat
                 malformed = connections.enter_context(socket.create_connection(("127.0.0.1", port)))
                 malformed.sendall(b"\xff\xff\xff\x7f" + b"x" * 4096)
                 connections.enter_context(socket.create_connection(("127.0.0.1", port)))
-            listening = steered.node("listen", "4", str(tmp_path / "heard"))
+            listening = steered.node("listen", "4", str(tmp_path / "received"))
             assert steered.node("steer").wait(30) == 0
             steered.wait_for("reset, seed 1")
             steered.wait_for("nothing good on /cmd_vel for 0.5 s: the command is zero")
             assert listening.wait(30) == 0
-        assert heard(tmp_path / "heard", "/joint_states")
+        assert received(tmp_path / "received", "/joint_states")
         check_reach(steered, address, network=False)
 
         with xmlrpc.client.ServerProxy(f"http://127.0.0.1:{steered.port}") as master:

@@ -16,7 +16,7 @@ from std_msgs.msg import Empty, Float64MultiArray
 
 rclpy.init()
 node = rclpy.create_node("march")
-heard = []
+received = []
 targets = iter(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")))
 
 
@@ -25,19 +25,19 @@ def stamp(time: object) -> int:
 
 
 def on_clock(clock: Clock) -> None:
-    heard.append(["/clock", time.time(), {"stamp": stamp(clock.clock)}])
+    received.append(["/clock", time.time(), {"stamp": stamp(clock.clock)}])
     publisher.publish(Float64MultiArray(data=next(targets)))
 
 
 def on_imu(imu: Imu) -> None:
     turn, force = imu.orientation, imu.linear_acceleration
-    told = {"turn": [turn.x, turn.y, turn.z, turn.w], "force": [force.x, force.y, force.z]}
-    heard.append(["/imu", time.time(), {"stamp": stamp(imu.header.stamp), **told}])
+    reading = {"turn": [turn.x, turn.y, turn.z, turn.w], "force": [force.x, force.y, force.z]}
+    received.append(["/imu", time.time(), {"stamp": stamp(imu.header.stamp), **reading}])
 
 
 def on_joint_states(state: JointState) -> None:
-    told = {name: list(getattr(state, name)) for name in ("name", "position", "velocity", "effort")}
-    heard.append(["/joint_states", time.time(), {"stamp": stamp(state.header.stamp), **told}])
+    reading = {name: list(getattr(state, name)) for name in ("name", "position", "velocity", "effort")}
+    received.append(["/joint_states", time.time(), {"stamp": stamp(state.header.stamp), **reading}])
 
 
 publisher = node.create_publisher(Float64MultiArray, "/position_controller/command", 10)
@@ -48,12 +48,12 @@ node.create_subscription(JointState, "/joint_states", on_joint_states, 10)
 node.create_subscription(Clock, "/clock", on_clock, 10)
 seconds = float(sys.argv[2])
 end = time.monotonic() + 2.0 * seconds
-while not heard and time.monotonic() < end:
+while not received and time.monotonic() < end:
     rclpy.spin_once(node, timeout_sec=0.1)
-end = time.monotonic() + seconds * bool(heard)
+end = time.monotonic() + seconds * bool(received)
 while time.monotonic() < end:
     rclpy.spin_once(node, timeout_sec=0.1)
-Path(sys.argv[3]).write_text(json.dumps(heard), encoding="utf-8")
+Path(sys.argv[3]).write_text(json.dumps(received), encoding="utf-8")
 for _ in range(20):
     velocity.publish(Twist())
     publisher.publish(Float64MultiArray(data=[0.0] * 11))
