@@ -30,10 +30,10 @@ def described(network: Path, terms: tuple[Term, ...] = MIXED, **fields: Any) -> 
     given = {
         "control_rate": 50.0,
         "joints": JOINTS,
-        "default_position": tuple(np.repeat([0.5, -1.0, 0.0], 4) + numbers / 100),
-        "action_scale": tuple(0.05 * numbers),
-        "stiffness": tuple(200.0 * numbers),
-        "damping": tuple(5.0 * numbers),
+        "default_position": tuple((np.repeat([0.5, -1.0, 0.0], 4) + numbers / 100).tolist()),
+        "action_scale": tuple((0.05 * numbers).tolist()),
+        "stiffness": tuple((200.0 * numbers).tolist()),
+        "damping": tuple((5.0 * numbers).tolist()),
         "observed_joints": OBSERVED,
     }
     return PolicyDescription(network=network.absolute(), terms=terms, **given | fields)
