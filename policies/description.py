@@ -172,7 +172,8 @@ def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) ->
 def _commanded(folder: Path, description: dict[str, Any], robot: Robot) -> Robot:
     """The robot with the servo gains that the policy was trained with; bundles of before 0.3 have stiff ones."""
     try:
-        return robot.with_servo(*(robot.stiff_servo if description["servo"] is None else description["servo"]))
+        stiffness, damping = robot.stiff_servo if description["servo"] is None else description["servo"]
+        return robot.with_servo(stiffness, damping)
     except (TypeError, ValueError):
         fail(folder, f"servo must be stiffness and damping of {robot.num_joints} joints, above 0")
 
