@@ -64,6 +64,10 @@ ENV = [
         path("scene/robot/init_state/joint_pos/knee", 0.2),
         "the order of the joints cannot be known: the robot is none of",
     ),
+    (
+        path("scene/robot/spawn/usd_path", "mine/robot.usd"),
+        "the order of the joints cannot be known: the robot is none",
+    ),
     (path("scene/robot/actuators/hips/joint_names_expr", ["("]), "'(' is no regular expression"),
     (path("actions/joint_pos/class_type", "x:JointVelocityAction"), "the actions are JointVelocityAction"),
     (
@@ -100,7 +104,8 @@ MJLAB = [
     (path("joint_stiffness", None), "policy.onnx has no `joint_stiffness`"),
     (path("joint_stiffness", "much"), "`joint_stiffness` in policy.onnx must be 12 numbers, not 'much'"),
     (path("joint_names", "a,b"), "`joints` must be the names of 12 different joints"),
-    (path("observation_names", "base_ang_vel,phase"), "the observation term phase is not known; write a TOML"),
+    (path("observation_names", "base_ang_vel,phase"), "policy.onnx has no `phase.params`; add it, or write a TOML"),
+    (path("observation_names", "height_scan"), "the observation term height_scan is not known; write a TOML"),
     (path("observation_terms_scale", "1.000,1.000"), "`observation_terms_…` and `observation_names` in policy.onnx"),
     (path("command_names", "twist,pose"), "the commands are twist, pose: one of velocities is read"),
 ]
@@ -147,9 +152,22 @@ def test_faulty_metadata(tmp_path: Path, change: Callable[..., None], line: str)
 
 
 def test_weights_in_another_file_are_not_read(tmp_path: Path) -> None:
-    assert "its weights lie in another file" in refusal(files.onnx_file(tmp_path / "p.onnx", {}, outside=True))
+    assert "the weights of p.onnx lie in another file" in refusal(
+        files.onnx_file(tmp_path / "p.onnx", {}, outside=True)
+    )
     (tmp_path / "p.onnx").write_bytes(b"\xff\xff no onnx")
-    assert "it cannot be read as ONNX" in refusal(tmp_path / "p.onnx")
+    assert "p.onnx cannot be read as ONNX" in refusal(tmp_path / "p.onnx")
+
+
+def test_a_network_with_weights_elsewhere_or_other_joints_is_refused_with_its_settings(tmp_path: Path) -> None:
+    file = written(tmp_path / "params/deploy.yaml", files.deploy(list(range(12))))
+    net = network(tmp_path)
+    files.onnx_file(net, {}, outside=True)
+    assert "the weights of policy.onnx lie in another file" in refusal(file)
+    files.onnx_file(net, files.mjlab(MOTORS[::-1]))
+    assert "`joint_names` in policy.onnx disagree, RL_calf_joint," in refusal(file)
+    files.onnx_file(net, files.mjlab(MOTORS))
+    assert read(file) is not None
 
 
 def test_a_network_that_is_missing_or_one_of_several_is_asked_for(tmp_path: Path) -> None:

@@ -120,6 +120,12 @@ FAULTS = [
     ),
     ('"projected_gravity"', "3", "3 is no observation term"),
     (
+        '"projected_gravity"',
+        '{ name = "gait_clock", clock = { frequency = 2, parts = 1 } }',
+        "`parts` of a clock must be",
+    ),
+    ('terms = ["projected_gravity", {', "terms = 3\nterm = [{", "`term` is not known"),
+    (
         'terms = ["projected_gravity", {',
         'terms = ["command", { frame = "x",',
         "`frame` must be body or heading or world",
