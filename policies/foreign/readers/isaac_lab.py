@@ -5,6 +5,7 @@ Sources: `isaaclab/envs/mdp/actions/joint_actions.py` (target = raw action * sca
 `isaaclab/utils/string.py` (regular expressions over whole joint names).
 """
 
+import re
 from dataclasses import replace
 
 from policies.base import PolicyError
@@ -14,11 +15,13 @@ from policies.foreign.readers.joint_orders import FAMILIES, Joints, by_kind
 from policies.foreign.readers.networks import exported
 from policies.foreign.readers.settings import BY_HAND, Settings, load, matches
 
+_NAMES = "joint_names_expr"
+
 
 def describe(settings: Settings) -> PolicyDescription:
     """The policy of an `env.yaml`. Raises PolicyError."""
     robot, action = settings.inside("scene", "robot"), _action(settings)
-    asset = _asset(robot)
+    asset = _asset(robot) if settings.inside("sim").find("newton_cfg") is None else None
     joints = _chosen(action, asset)
     group = settings.inside("observations", "policy")
     terms = {name: _term(settings, group, each) for name, each in group.groups()}
@@ -45,23 +48,20 @@ def _action(settings: Settings) -> Settings:
     actions = dict(settings.inside("actions").groups())
     kinds = {str(action.get("class_type")).rpartition(":")[2] for action in actions.values()}
     if len(actions) != 1 or kinds != {"JointPositionAction"}:
-        raise PolicyError(f"the actions are {', '.join(kinds) or 'none'}: one JointPositionAction is read", BY_HAND)
+        given = ", ".join(f"{name} ({action.find('class_type')})" for name, action in actions.items())
+        raise PolicyError(f"the actions are {given or 'none'}: one JointPositionAction is read", BY_HAND)
     return next(iter(actions.values()))
 
 
 def _asset(robot: Settings) -> Joints | None:
-    """Names and order of the robot's joints, by the expressions that must match them and the path of its model."""
+    """The joints of a known robot: its family's names match all expressions, and its model's path names it; or None."""
     path = str(robot.inside("spawn").values).lower()
     patterns = [str(key) for key in robot.inside("init_state", "joint_pos").values]
     patterns += [each for _, actuator in robot.inside("actuators").groups() for each in actuator.texts(_NAMES)]
     orders = {words: by_kind(*family) for words, family in FAMILIES.items()}
     fit = [words for words, names in orders.items() if all(any(matches(p, n) for n in names) for p in patterns)]
-    named = [words for words in fit if any(f"/{word}" in path for word in words.split())]
-    (found,) = fit if len(fit) == 1 else named if len(named) == 1 else [""]
-    return orders.get(found)
-
-
-_NAMES = "joint_names_expr"
+    named = [words for words in fit if re.search(rf"(?<![a-z0-9])({words.replace(' ', '|')})", path)]
+    return orders[named[0]] if named else None
 
 
 def _chosen(settings: Settings, asset: Joints | None) -> Joints:
@@ -74,7 +74,7 @@ def _chosen(settings: Settings, asset: Joints | None) -> Joints:
         return patterns
     if asset is None:
         known = ", ".join(word for words in FAMILIES for word in words.split())
-        raise PolicyError(f"the order of the joints cannot be known: the robot is none of {known}", BY_HAND)
+        raise PolicyError(f"the order of the joints is not known: it is that of {known} in PhysX alone", BY_HAND)
     if kept:
         return tuple(dict.fromkeys(name for each in patterns for name in asset if matches(each, name)))
     return tuple(name for name in asset if any(matches(each, name) for each in patterns))

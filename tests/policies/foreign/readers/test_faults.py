@@ -2,9 +2,12 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from policies.base import PolicyError
@@ -62,10 +65,21 @@ ENV = [
     (path("scene/robot/init_state/joint_pos/.*_hip_joint", 0.2), "has .*L_hip_joint and .*_hip_joint for FL_hip_joint"),
     (
         path("scene/robot/init_state/joint_pos/knee", 0.2),
-        "the order of the joints cannot be known: the robot is none of",
+        "the order of the joints is not known: it is that of go1",
+    ),
+    (
+        path("scene/robot/spawn/usd_path", "mine/robot.usd"),
+        "the order of the joints is not known: it is that",
+    ),
+    (
+        path("sim/newton_cfg", {"num_substeps": 1}),
+        "go1, go2, a1, b1, b2, aliengo, unitree, anymal, spot, lite3, deeprobotics",
     ),
     (path("scene/robot/actuators/hips/joint_names_expr", ["("]), "'(' is no regular expression"),
-    (path("actions/joint_pos/class_type", "x:JointVelocityAction"), "the actions are JointVelocityAction"),
+    (
+        path("actions/joint_pos/class_type", "x:JointVelocityAction"),
+        "the actions are joint_pos (x:JointVelocityAction): one Joint",
+    ),
     (
         path("commands/base_velocity/class_type", "x:UniformPoseCommand"),
         "the command base_velocity is a UniformPoseComm",
@@ -100,7 +114,8 @@ MJLAB = [
     (path("joint_stiffness", None), "policy.onnx has no `joint_stiffness`"),
     (path("joint_stiffness", "much"), "`joint_stiffness` in policy.onnx must be 12 numbers, not 'much'"),
     (path("joint_names", "a,b"), "`joints` must be the names of 12 different joints"),
-    (path("observation_names", "base_ang_vel,phase"), "the observation term phase is not known; write a TOML"),
+    (path("observation_names", "base_ang_vel,phase"), "policy.onnx has no `phase.params`; add it, or write a TOML"),
+    (path("observation_names", "height_scan"), "the observation term height_scan is not known; write a TOML"),
     (path("observation_terms_scale", "1.000,1.000"), "`observation_terms_…` and `observation_names` in policy.onnx"),
     (path("command_names", "twist,pose"), "the commands are twist, pose: one of velocities is read"),
 ]
@@ -147,9 +162,22 @@ def test_faulty_metadata(tmp_path: Path, change: Callable[..., None], line: str)
 
 
 def test_weights_in_another_file_are_not_read(tmp_path: Path) -> None:
-    assert "its weights lie in another file" in refusal(files.onnx_file(tmp_path / "p.onnx", {}, outside=True))
+    assert "the weights of p.onnx lie in another file" in refusal(
+        files.onnx_file(tmp_path / "p.onnx", {}, outside=True)
+    )
     (tmp_path / "p.onnx").write_bytes(b"\xff\xff no onnx")
-    assert "it cannot be read as ONNX" in refusal(tmp_path / "p.onnx")
+    assert "p.onnx cannot be read as ONNX" in refusal(tmp_path / "p.onnx")
+
+
+def test_a_network_with_weights_elsewhere_or_other_joints_is_refused_with_its_settings(tmp_path: Path) -> None:
+    file = written(tmp_path / "params/deploy.yaml", files.deploy(list(range(12))))
+    net = network(tmp_path)
+    files.onnx_file(net, {}, outside=True)
+    assert "the weights of policy.onnx lie in another file" in refusal(file)
+    files.onnx_file(net, files.mjlab(MOTORS[::-1]))
+    assert "`joint_names` in policy.onnx disagree, RL_calf_joint," in refusal(file)
+    files.onnx_file(net, files.mjlab(MOTORS))
+    assert read(file) is not None
 
 
 def test_a_network_that_is_missing_or_one_of_several_is_asked_for(tmp_path: Path) -> None:
@@ -201,3 +229,27 @@ def test_json_and_folders(tmp_path: Path) -> None:
     assert "cannot read folder.yaml" in refusal(tmp_path / "folder.yaml")
     assert "cannot read none.yaml" in refusal(tmp_path / "none.yaml")
     assert "it cannot be read" in refusal(tmp_path / "none.toml")
+
+
+def places(settings: dict[str, Any], above: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """Keys of all values, however deep."""
+    deeper = [
+        place for key, value in settings.items() if isinstance(value, dict) for place in places(value, (*above, key))
+    ]
+    return [(*above, key) for key in settings] + deeper
+
+
+ODD = [None, "x", [], {}, -1, 0, 1e300, [[]], True, {"a": {}}, [None] * 12, ["x"] * 12, 10**400, ["("], [2, 1]]
+
+
+@pytest.mark.parametrize(("file", "settings"), [("d.yaml", files.deploy(files.permuted(0))), ("e.yaml", files.env())])
+def test_any_value_of_any_key_is_understood_or_refused(tmp_path: Path, file: str, settings: dict[str, Any]) -> None:
+    network(tmp_path)
+    rng, keys = np.random.default_rng(0), places(settings)
+    for number in rng.integers(len(keys), size=100):
+        changed = inner = deepcopy(settings)
+        for key in keys[number][:-1]:
+            inner = inner[key]
+        inner[keys[number][-1]] = ODD[rng.integers(len(ODD))]
+        with suppress(PolicyError):
+            read(written(tmp_path / file, changed))
