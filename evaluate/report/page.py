@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from evaluate.analysis.breaking_points import CAVEAT
-from evaluate.analysis.findings import headline
 from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
@@ -17,9 +16,7 @@ from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
 from evaluate.report.sections.figures import definitions, policy_label, training
-from evaluate.report.sections.gait_section import gaits
 from evaluate.report.sections.overview import overview, sensitivity, success
-from evaluate.report.sections.response_section import responses
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
@@ -79,15 +76,12 @@ def render(
     with drawing.settings(), ThreadPoolExecutor(1) as pool:
         shown = pool.submit(footage, results, trust) if film else None  # in another process meanwhile
         sections = [
-            _outcome(results),
             success(results),
             _gates(gates),
             overview(results),
             sensitivity(results),
             disturbances(results),
             shown.result() if shown else "",
-            gaits(results),
-            responses(results),
             training(results),
             worst_episodes(results, folder),
             _notes(results),
@@ -120,13 +114,6 @@ def _head(results: Results, made_by: Origin) -> str:
         f"{words_of(results.hardware)}</p>{made}{warning}"
         f'<ul class="legend">{legend}</ul>'
     )
-
-
-def _outcome(results: Results) -> str:
-    first = "".join(
-        f"<p><strong>{escape(lead)}</strong> {escape(' '.join(rest))}</p>" for lead, *rest in headline(results)
-    )
-    return section("Outcome", first)
 
 
 def _gates(gates: Sequence[GateResult]) -> str:

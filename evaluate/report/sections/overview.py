@@ -28,12 +28,10 @@ BREAKING_LEAD = (
 
 
 def success(results: Results) -> str:
-    """Heat map, outcomes, profile and scores; outcomes alone of a run of one axis."""
-    pictures = [image(svg(success_plots.outcomes(results)), "What came of the episodes of each policy")]
+    """Scores, heat map and outcomes; outcomes alone of a run of one axis."""
+    outcomes = image(svg(success_plots.outcomes(results)), "What came of the episodes of each policy")
     if not results.scores:
-        return section("Success", grid(pictures, 2))
-    if any(len(axis.levels) > 1 for axis in severity_axes(results.cells)):
-        pictures.append(image(svg(success_plots.profile(results)), "Mean success of each policy against severity"))
+        return section("Success", grid([outcomes], 2))
     heat_map = image(
         svg(success_plots.heat_map(results.scores)), "Success of each policy on each axis at each severity, in per cent"
     )
@@ -43,7 +41,8 @@ def success(results: Results) -> str:
         {"policy": policy_label(results, each.policy), **_score_cells(each, results.baseline)}
         for each in results.scores
     )
-    return section("Success", note(SUCCESS_LEAD), wide(heat_map), grid(pictures, 2), note(WORDS), table(heads, rows))
+    pictures = note(SUCCESS_LEAD), wide(heat_map), grid([outcomes], 2)
+    return section("Success", table(heads, rows), note(WORDS), *pictures)
 
 
 def _score_cells(score: Score, baseline: str) -> dict[str, str]:
