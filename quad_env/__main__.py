@@ -28,7 +28,7 @@ _EVERY = {
     ),
     "policies": Command("live.commands.policies", "the policies by name, what each is, what was trained on what"),
     "view": Command("live.commands.view", "robots in the browser, to watch, steer and push"),
-    "film": Command("live.commands.film", "an episode as a film: policies side by side, a ghost of the command"),
+    "film": Command("live.commands.film", "an episode as a film, policies side by side"),
     "record": Command("live.commands.record", "an episode as an MCAP file or a ROS 2 bag"),
     "ros": Command("live.commands.ros", "the simulated robot as a ROS node, in real time"),
 }
