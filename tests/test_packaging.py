@@ -192,7 +192,7 @@ class NotInstalled:
 sys.meta_path.insert(0, NotInstalled())
 runpy.run_module("evaluate", run_name="__main__", alter_sys=True)
 """
-    words = "--policies trot residual --scenarios flat --episodes 1 --no-film --threads 1 --out results"
+    words = "--policies trot residual --scenarios flat --episodes 1 --threads 1 --out results"
     command = [sys.executable, "-c", code, *words.split()]
     run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr

@@ -1,7 +1,6 @@
 """The whole page, section by section."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,6 @@ from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.measures.outcomes import SUCCESS_RULE
-from evaluate.report.footage import footage
 from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
@@ -58,30 +56,16 @@ def write_report(results: Results, path: Path, **about: Any) -> None:
     write_atomically(path, render(results, path.parent, **about).encode())
 
 
-def render(
-    results: Results,
-    folder: Path,
-    *,
-    film: bool = False,
-    trust: bool = False,
-    gates: Sequence[GateResult] = (),
-    made_by: Origin = ("", ""),
-) -> str:
-    """The whole page; `folder` is where the results are, for the commands that the page names.
-
-    Filming takes a few seconds, and the page says why where it is impossible; `trust`, of the filmed policies: see
-    `evaluate.report.footage.film`.
-    """
+def render(results: Results, folder: Path, *, gates: Sequence[GateResult] = (), made_by: Origin = ("", "")) -> str:
+    """The whole page; `folder` is where the results are, for the commands that the page names."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
-    with drawing.settings(), ThreadPoolExecutor(1) as pool:
-        shown = pool.submit(footage, results, trust) if film else None  # in another process meanwhile
+    with drawing.settings():
         sections = [
             success(results),
             _gates(gates),
             overview(results),
             sensitivity(results),
             disturbances(results),
-            shown.result() if shown else "",
             training(results),
             worst_episodes(results, folder),
             _notes(results),

@@ -7,7 +7,6 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from evaluate.analysis.results import Results
-from evaluate.rollouts.experiment import Cell
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -111,9 +110,3 @@ def short_name(policy: str) -> str:
     """A policy's name, or the end of a long path, as a plot has room for it."""
     cuts = (policy, *(f"…{policy[first:]}" for first in range(1, len(policy))))
     return next((name for name in cuts if text_width(name) <= LONGEST_NAME), "…")
-
-
-def cell_of(results: Results, scenario: str, policy: str) -> Cell | None:
-    """The cell of that name; None if an interrupted run lacks it."""
-    found = (cell for cell in results.cells if (cell.scenario.name, cell.policy) == (scenario, policy))
-    return next(found, None)
