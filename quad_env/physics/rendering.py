@@ -198,11 +198,6 @@ class Window:
         self._viewer.cam.distance = 2.5
         self._threads = set(threading.enumerate()) - others
 
-    @property
-    def is_open(self) -> bool:
-        """Whether the window is still open."""
-        return bool(self._viewer.is_running())
-
     def draw(self, data: mujoco.MjData, depth: bool = False) -> None:
         """Show the snapshot."""
         with self._viewer.lock():
