@@ -14,7 +14,7 @@ from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
 from evaluate.report.sections.figures import definitions, policy_label, training
-from evaluate.report.sections.overview import overview, sensitivity, success
+from evaluate.report.sections.overview import overview, success
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
@@ -39,8 +39,8 @@ NOTES = (
     "agree, others may have the share that Wilson's interval has for none of so many, and any value up to the cap.",
     "Tests are paired by episode and two-sided: exact McNemar for falls, sign-flip permutation for means. p-values are "
     "corrected by Holm's method, metric by metric, over the comparisons with the baseline on every scenario of the "
-    "run; those of the other pairs are families of their own. A difference is claimed below 0.05: the chance of any "
-    "false claim in a family is then at most 5 %. Where none is claimed there may still be one that so many episodes "
+    "run; those of the other pairs are families of their own. With those below 0.05 claimed, the chance of any "
+    "false claim in a family is at most 5 %. Where p is larger there may still be a difference that so many episodes "
     "cannot show.",
     "A breaking point is where half of the episodes fail, that is fall or do not succeed: where a monotone regression, "
     "straight over the logarithm of severity between the levels, crosses one half. No shape is assumed. "
@@ -64,7 +64,6 @@ def render(results: Results, folder: Path, *, gates: Sequence[GateResult] = (), 
             success(results),
             _gates(gates),
             overview(results),
-            sensitivity(results),
             disturbances(results),
             training(results),
             worst_episodes(results, folder),

@@ -44,7 +44,7 @@ def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
         lines = FITTED if len(axis.levels) >= LEAST_LEVELS else JOINED
         yield note(f"Bands join the levels' 95 % intervals. {lines} Harder to the right.")
         plots = {label: curves.against_severity(results, axis, metric, label) for metric, label in SHOWN.items()}
-        yield grid((image(plot, f"{label} of each policy against {axis.quantity}") for label, plot in plots.items()), 2)
+        yield grid((image(plot, f"{label} of each policy against {axis.quantity}") for label, plot in plots.items()))
         yield level_table(results, axis)
         yield fold("Every figure", "".join(_figures(results, level) for level in axis.scenarios))
     else:

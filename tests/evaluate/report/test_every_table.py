@@ -109,9 +109,6 @@ class Report:
             return [*(100 * each for each in (found["difference"], *found["difference_ci"])), shown_p(found["p_value"])]
         if table.section == "breaking-points":
             return self.breaking(name, head, "falls" if table.heading.endswith("fall at") else "success")
-        if table.section == "what-each-disturbance-does":
-            found = self.one("sensitivities", axis=name, policy=head)
-            return [100 * found["success"], found["velocity_error"]][0 if found["success"] else 1 :]
         if first == "difference":
             (a, b), (place, _, severity) = name.split(" − "), row[first][1].partition(" at ")
             scenario = self.scenario(place, float(severity.split()[0])) if severity else place
@@ -200,7 +197,7 @@ def report(four) -> Report:
 
 def test_every_cell_of_the_page_is_the_figure_that_its_heading_names(report) -> None:
     assert {table.section for table in report.tables} == {
-        "success", "breaking-points", "what-each-disturbance-does", "axis-flat", "axis-push", "axis-rough",
+        "success", "breaking-points", "axis-flat", "axis-push", "axis-rough",
         "training-seeds", "worst-episodes", "how-it-was-measured",
     }  # fmt: skip
     assert [line for table in report.tables for line in wrong(report, table)] == []
