@@ -88,11 +88,11 @@ def is_number(value: Any) -> bool:
     return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
-def read(path: Path, search: str, decode: Callable[[Any], T]) -> T:
-    """What a search has left in a JSON file, decoded. Raises PolicyError where it is missing or damaged."""
+def read(path: Path, decode: Callable[[Any], T], search: str = "") -> T:
+    """Parameters in a JSON file, decoded; `search` is the one that writes such a file. Raises PolicyError where it is
+    missing or damaged."""
     try:
         return decode(parse_json(read_bytes(path)))
     except (AttributeError, KeyError, OSError, RecursionError, TypeError, ValueError) as error:
-        raise PolicyError(
-            f"cannot read {path} ({error}); `python -m train search {search}` writes such a file"
-        ) from None
+        remedy = f"`python -m train search {search}` writes such a file" if search else "restore the file as it shipped"
+        raise PolicyError(f"cannot read {path} ({error})", remedy) from None

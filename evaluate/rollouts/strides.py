@@ -32,10 +32,6 @@ class Strides:
     """Phase offsets in force, rad, (steps, n, 4)."""
     heading_velocity: Floats
     """Forward and lateral m/s, yaw rate rad/s, (steps, n, 3)."""
-    tilt: Floats
-    """Tilt of the trunk, rad, (steps, n)."""
-    overspeed: Floats
-    """Share of the joints that turned faster than their rated speed, (steps, n)."""
     targets: Floats
     """Joint targets, rad, (steps, n, 12)."""
     fell: NDArray[np.bool_]
@@ -96,8 +92,6 @@ class _StrideRecorder:
             "clock_rate": policy.clock_rate,
             "offsets": policy.offsets,
             "heading_velocity": step.infos["heading_velocity"],
-            "tilt": step.infos["tilt"],
-            "overspeed": step.infos["overspeed"],
             "targets": step.action.astype(np.float64),
         }
         self._record.append(entries)

@@ -125,4 +125,4 @@ def searched_parameters(robot: Robot = SIMPLE_QUAD) -> MpcParameters:
 
 def read_parameters(path: Path) -> MpcParameters:
     """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
-    return read(path, "feedback --policy mpc_wbc", lambda values: from_json(MpcParameters, values))
+    return read(path, lambda values: from_json(MpcParameters, values), "feedback --policy mpc_wbc")

@@ -17,7 +17,7 @@ from policies.parameters import read
 from quad_env import OBSERVATION
 
 THRESHOLD_FILE = Path(__file__).with_name("prediction.json")
-"""The fitted threshold, written by `python -m train search fall-prediction`."""
+"""The threshold: 0.2 m/s above the largest deviation in an hour of the undisturbed trot."""
 RESPONSE_TIME = 0.25
 """Lag of a walking robot behind its command, s."""
 RECENT_TIME = 0.1
@@ -57,4 +57,4 @@ def fitted_threshold() -> float:
             raise ValueError("velocity_deviation must be positive and finite")
         return threshold
 
-    return read(THRESHOLD_FILE, "fall-prediction", decoded)
+    return read(THRESHOLD_FILE, decoded)

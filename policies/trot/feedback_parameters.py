@@ -153,4 +153,4 @@ def searched_parameters(robot: Robot = SIMPLE_QUAD) -> FeedbackParameters:
 
 def read_parameters(path: Path) -> FeedbackParameters:
     """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
-    return read(path, "feedback", lambda values: from_json(FeedbackParameters, values))
+    return read(path, lambda values: from_json(FeedbackParameters, values), "feedback")

@@ -69,7 +69,7 @@ def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
 
 def read_parameters(path: Path) -> IntegralParameters:
     """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
-    return read(path, "feedback --policy trot_integral", lambda values: from_json(IntegralParameters, values))
+    return read(path, lambda values: from_json(IntegralParameters, values), "feedback --policy trot_integral")
 
 
 class TrotIntegral(Trot):

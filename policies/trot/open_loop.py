@@ -75,7 +75,7 @@ def searched_parameters(robot: Robot = SIMPLE_QUAD) -> TrotParameters:
 
 def read_parameters(path: Path) -> TrotParameters:
     """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
-    return read(path, "trot", lambda values: from_json(TrotParameters, values))
+    return read(path, lambda values: from_json(TrotParameters, values), "trot")
 
 
 class Trot(GaitedPolicy):
