@@ -40,8 +40,6 @@ LINEAR_ACCELERATION = 3.0
 """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
 YAW_ACCELERATION = 8.0
 """Fastest change of the yaw rate command that the gait follows, rad/s²."""
-TARGET_RATE_LIMIT = 25.0
-"""No joint target moves faster, in a gait or between two, rad/s."""
 LONGEST_REACH = 0.2
 """Farthest that a foot goes from under its place, forward and sideways each, m."""
 CLOSE = 0.005
