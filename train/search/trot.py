@@ -13,7 +13,7 @@ from evaluate.rollouts.rollout import run
 from policies.base import Floats
 from policies.parameters import scaled_parameters, scaled_ranges
 from policies.shipped import folder_of
-from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters, searched_parameters
+from policies.trot.open_loop import FILE, SEARCH_RANGES, Trot, TrotParameters, searched_parameters
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import make_writable_folder
 from quad_env.robots.robot import Robot
@@ -70,7 +70,7 @@ def subject(options: Options, effort: Effort) -> Subject[TrotParameters]:
         return Outcome(as_json(after), "\n".join(lines) + "\n")
 
     space = unit_cube(start, ranges, costs, generations(options.seed, effort))
-    file = PARAMETERS_FILE if own or options.out else own_folder(robot) / PARAMETERS_FILE.name
+    file = FILE.path if own or options.out else own_folder(robot) / FILE.path.name
     return Subject(start, file, conclude, space, ACCOUNT)
 
 
@@ -120,7 +120,8 @@ def interval_response(measures: Measures) -> Floats:
     if upright.sum() < MINIMUM_INTERVALS:
         return np.zeros((4, 3))
     inputs = np.column_stack((command[upright], np.ones(upright.sum())))
-    return np.linalg.lstsq(inputs, achieved[upright], rcond=None)[0].astype(np.float64)
+    found: Floats = np.linalg.lstsq(inputs, achieved[upright], rcond=None)[0].astype(np.float64)
+    return found
 
 
 def weakness(found: Floats) -> float:
