@@ -32,8 +32,9 @@ COMMANDS = {
     "compare": Command("evaluate.commands.compare", "two results folders, such as those of two commits"),
     "axes": Command("evaluate.commands.axes", "falls of policies along the axes of disturbance, as curves"),
 }
-_RESEARCH = "calibration estimation gait-diagram gaits ground jump pictures prediction readme recovery rescore safety"
+_RESEARCH = "calibration estimation gait-diagram gaits ground pictures prediction readme rescore safety"
 MOVED = {name: f"now `python -m research {name}`" for name in (*_RESEARCH.split(), "straight-walking")}
+MOVED |= dict.fromkeys(("jump", "recovery"), "of version 0.2.0 alone")
 """Where commands of older versions are."""
 
 
@@ -56,7 +57,14 @@ def _plan(words: list[str]) -> "Plan":
 
 
 PROGRAM = Program(NAME, COMMANDS, compare, MOVED)
-main = PROGRAM.main
+FILM = {"--film", "--no-film"}
+"""Options up to version 0.2.0, whose report showed a film; scripts that give one go on working."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command; its exit code."""
+    return PROGRAM.main([word for word in (sys.argv[1:] if arguments is None else arguments) if word not in FILM])
+
 
 if __name__ == "__main__":
     raise SystemExit(launcher.launch(main))
