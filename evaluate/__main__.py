@@ -32,7 +32,7 @@ COMMANDS = {
     "compare": Command("evaluate.commands.compare", "two results folders, such as those of two commits"),
     "axes": Command("evaluate.commands.axes", "falls of policies along the axes of disturbance, as curves"),
 }
-_RESEARCH = "calibration estimation gait-diagram gaits ground pictures prediction readme rescore safety"
+_RESEARCH = "calibration estimation gait-diagram gaits ground jump pictures prediction readme recovery rescore safety"
 MOVED = {name: f"now `python -m research {name}`" for name in (*_RESEARCH.split(), "straight-walking")}
 MOVED |= dict.fromkeys(("jump", "recovery"), "of version 0.2.0 alone")
 """Where commands of older versions are."""

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from policies import shipped
 from policies.base import CONTROL_PERIOD, Policy, PolicyError
+from policies.behaviour import Behaviour
 from policies.bundle import DESCRIPTION, load
 from policies.foreign import Foreign, is_reference, unsupported
 from policies.mpc.parameters import OTHER_GAITS
@@ -59,6 +60,7 @@ def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:
 _OTHER_GAITS = {f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in OTHER_GAITS}
 _MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: base.make for name, base in BASES.items()},
+    "behaviour": Behaviour,
     **_OTHER_GAITS,
     "mpc_wbc_sighted": SightedMpcWbc,
     **{name: partial(_shipped, name) for name in TRAINED},
@@ -139,6 +141,7 @@ def resolve(
 
 __all__ = [
     "TRAINED",
+    "Behaviour",
     "Foreign",
     "Policy",
     "PolicyError",

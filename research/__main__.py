@@ -18,6 +18,8 @@ COMMANDS = {
     "rescore": Command("research.studies.rescore", "falls of a traced run under the rules of other projects"),
     "gaits": Command("research.studies.gaits", "what the gaits, and changes between them, do on flat ground"),
     "gait-diagram": Command("research.studies.gait_diagram", "when the feet stand, commanded and measured"),
+    "recovery": Command("research.studies.recovery", "getting up from any pose"),
+    "jump": Command("research.studies.jump", "how high standing robots jump, and how many land standing"),
     "safety": Command("research.studies.safety", "falls that the safety layer averts, and its false alarms"),
     "ground": Command("research.studies.ground", "success on different surfaces of the same random ground"),
     "estimation": Command("research.studies.estimation", "errors of estimated attitude and velocity"),

@@ -23,6 +23,7 @@ OF_SIMPLE_QUAD = {
     "quad_env/task/observations.py": "public names are of it",
     "policies/description.py": "old bundles know no other robot",
     "policies/shipped.py": "what was trained for it has no folder of its own",
+    "train/search/recovery.py": "parameters are searched for it",
     "train/search/trot.py": "its parameters stand beside the code",
 }
 """Modules that name SIMPLE_QUAD otherwise than as the default of a parameter, and why."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, ShiftableFootholds, to_actions
+from policies.behaviour.motion import Stop
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.gaits.parameters import OFFSETS
 from policies.legs.ground_plane import above, carried, fitted, renewed
@@ -25,7 +26,6 @@ from policies.mpc.plans import Plans
 from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Priorities, Torques, Wish, leg_torques, torques
-from policies.safety.stop import Stop
 from quad_env import OBSERVATION
 from quad_env.columns import Mask, Rows, total
 from quad_env.config import GRAVITY

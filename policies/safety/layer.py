@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import Actions, Floats, Mask, Policy, chosen, to_actions
+from policies.behaviour.motion import Damp, Motion, Stop
 from policies.safety.brace import Brace
 from policies.safety.fall_prediction import ALARM_ABOVE, next_recent, next_reference, velocity_deviation
-from policies.safety.stop import Damp, Motion, Stop
 from policies.safety.target_limits import SafetyLimits, limited
 from quad_env import OBSERVATION
 from quad_env.files.text import described

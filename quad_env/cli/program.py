@@ -53,7 +53,7 @@ class Program:
     otherwise: Callable[[list[str]], int] | None = None
     """Runs the words that begin with no command, and gives the exit code; None where they are a mistake."""
     elsewhere: Mapping[str, str] = field(default_factory=dict)
-    """Where commands are that are not here, such as those of older versions: "now `python -m research gaits`"."""
+    """Where commands are that are not here, such as those of older versions: "now `python -m research jump`"."""
     note: str = ""
     """Last line of the list of commands."""
 

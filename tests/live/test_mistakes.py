@@ -25,7 +25,7 @@ from quad_env.__main__ import main
         ("record walk.mcap --command nan 0 0", "--command must be"),
         ("doctor --robot nobody", "unknown robot 'nobody'; there are simple_quad, "),
         ("doctor --robot nowhere.xml", "nowhere.xml is no file"),
-        ("doctor --policy trott", "name one of bound, "),
+        ("doctor --policy trott", "name one of behaviour, "),
         ("ros --scenario push:all", "name one of them"),
         ("ros --real-time-factor 0", "--real-time-factor must be"),
         (f"view --seed {LARGEST_SEED + 1}", "--seed"),

@@ -92,7 +92,7 @@ def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_sin
     assert "policies." not in (tmp_path / DESCRIPTION).read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", ["residual", "safe:trot"])
+@pytest.mark.parametrize("name", ["behaviour", "residual", "safe:trot"])
 def test_what_is_more_than_a_name_and_numbers_is_no_base(tmp_path, name):
     base = policies.make(name)
     policy = ResidualPolicy(base, network(Features(base).width, 12))

@@ -9,6 +9,7 @@ import pytest
 
 import policies
 from policies.base import GaitedPolicy
+from policies.behaviour import Behaviour, State
 from policies.bundle import save
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
@@ -20,6 +21,7 @@ from tests.policies.readings import reading
 
 UNTRAINED = [name for name in policies.names() if name not in policies.TRAINED]
 AT_REST, WALKING = reading(1), reading(1, command=(0.4, 0.1, 0.2))
+ON_ITS_BACK = -AT_REST
 SLACK = 0.08
 """What rates of change and blends that end between two steps leave, rad."""
 SLACK_OF = {"trot_feedback": 0.1, "mpc_wbc": 0.042}
@@ -70,6 +72,8 @@ def test_a_policy_asks_for_the_same_at_the_same_time_whatever_its_control_period
 
 CHANGES = {
     "gait": (partial(policies.make, "gaits"), methodcaller("request", "bound"), WALKING, 1.2, 1.2),
+    "jump": (partial(Behaviour, follow=False), methodcaller("request", "jump"), AT_REST, 0.2, 0.4),
+    "recover": (partial(Behaviour, State.PASSIVE, False), methodcaller("request", "stand"), ON_ITS_BACK, 0.2, 0.4),
     "stop": (partial(policies.make, "safe:trot"), methodcaller("emergency_stop"), AT_REST, 0.2, 0.8),
 }
 """What is made, what is requested of it, what it reads, and seconds before and after the request."""
@@ -105,6 +109,8 @@ def test_a_policy_of_another_control_period_or_robot_is_refused_with_the_remedy(
 def test_policies_within_a_policy_are_of_its_control_period():
     slow = partial(policies.make, "trot", control_period=0.02)
     assert policies.Safe(slow()).control_period == 0.02
+    with pytest.raises(ValueError, match=r"0.02 s"):
+        policies.Behaviour(gait=slow())
     watched = Watched(slow)
     with pytest.raises(PolicyProcessError, match=r"0.02 s"):
         watched.reset()

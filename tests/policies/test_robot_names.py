@@ -10,6 +10,7 @@ import pytest
 import policies
 import quad_env
 from policies.article import Document
+from policies.behaviour.machine import BehaviourMachine
 from policies.gaits.policy import Gaits
 from policies.mpc.policy import Mpc, MpcWbc
 from policies.mpc.sighted import SightedMpcWbc
@@ -21,8 +22,8 @@ from quad_env.robots.named import EXTRA, WHEEL
 MAKERS: dict[str, Callable[..., object]] = {
     kind.__name__: kind
     for kind in (
-        *(policies.Trot, policies.Stand, Document, TrotIntegral, TrotFeedback, Gaits),
-        *(Mpc, MpcWbc, SightedMpcWbc, quad_env.HomePoseSpace, SafetyLimits.of),
+        *(policies.Trot, policies.Stand, policies.Behaviour, Document, TrotIntegral, TrotFeedback, Gaits),
+        *(Mpc, MpcWbc, SightedMpcWbc, BehaviourMachine, quad_env.HomePoseSpace, SafetyLimits.of),
     )
 } | {
     "make": partial(policies.make, "trot"),

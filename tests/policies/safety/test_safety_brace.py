@@ -5,6 +5,7 @@ import pytest
 
 import policies
 from policies.base import CONTROL_PERIOD, Policy
+from policies.behaviour.transitions import TOPPLING_TILT
 from policies.safety import Mode, Safe, SafetyLimits
 from policies.safety.brace import RELEASE_TIME, REST_TIME, braced
 from policies.safety.fall_prediction import RECENT_TIME, next_recent, next_reference, velocity_deviation
@@ -152,5 +153,5 @@ def test_reference_lags_the_command_and_the_velocity_of_late_the_robots_by_their
     np.testing.assert_allclose(recent, [[1 - np.exp(-1), -2 * (1 - np.exp(-1))]], rtol=0.05)
 
 
-def test_safety_layer_gives_a_robot_up_before_the_fall_rule_calls_it_fallen():
-    assert FallRule().tilt > TOO_FAR
+def test_behaviour_and_safety_layer_give_a_robot_up_before_the_fall_rule_calls_it_fallen():
+    assert TOPPLING_TILT < TOO_FAR < FallRule().tilt

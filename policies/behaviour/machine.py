@@ -1,0 +1,154 @@
+"""The state machine: which behaviour each of n robots is in, by the transition table and nothing else."""
+
+from collections import deque
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from policies.base import CONTROL_PERIOD, Mask, chosen
+from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, Transition, conditions, valid_requests
+from quad_env.robots.named import robot_of
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+LOG_CAPACITY = 4096
+"""Entries of the log; older ones are dropped."""
+
+_SOURCE = np.zeros((len(TRANSITIONS), len(State)), np.bool_)
+for _number, _row in enumerate(TRANSITIONS):
+    _SOURCE[_number, list(_row.sources)] = True
+_BY_REQUEST: dict[str, list[tuple[int, Transition]]] = {
+    name: [(number, row) for number, row in enumerate(TRANSITIONS) if row.request == name] for name in ("", *REQUESTS)
+}
+
+
+class RequestRefused(ValueError):
+    """A request that the table does not allow now; the message names the state and what may be asked."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One entry of the log."""
+
+    step: int
+    """Control step of that robot's machine, counted from its reset of all."""
+    robot: int
+    source: State
+    target: State
+    reason: str
+
+
+class BehaviourMachine:
+    """States of n robots. `request` asks, `observe` looks and lets happen what happens by itself."""
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        start: State = State.PASSIVE,
+        capacity: int = LOG_CAPACITY,
+        *,
+        robot: str | Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+    ) -> None:
+        robot = robot_of(robot)
+        self._robot, self._period = robot, control_period
+        self._start = start
+        self._capacity = capacity
+        self.reset(num_envs)
+
+    def reset(self, num_envs: int) -> None:
+        """All robots at the start, the log empty."""
+        self.step = 0
+        self._state = np.full(num_envs, self._start, np.int8)
+        self.ticks = np.zeros(num_envs, np.int64)
+        """Control steps that each robot has been in its state, (n,)."""
+        self._changed = np.ones(num_envs, np.bool_)
+        self._conditions = {guard: np.zeros(num_envs, np.bool_) for guard in GUARDS}
+        self._log = deque[Change](maxlen=self._capacity)
+
+    def restart(self, mask: Mask) -> None:
+        """Restart those robots; logged."""
+        for robot in np.flatnonzero(mask)[-self._capacity :]:
+            source = State(self._state[robot])
+            self._log.append(Change(self.step, int(robot), source, self._start, "restarted"))
+        self._enter(mask, self._start)
+        for holds in self._conditions.values():
+            holds[mask] = False
+
+    @property
+    def state(self) -> NDArray[np.int8]:
+        """`State` of each robot, (n,), a copy."""
+        return self._state.copy()
+
+    def take_changes(self) -> Mask:
+        """Robots that entered a state since this was last asked, (n,)."""
+        changed, self._changed = self._changed, np.zeros_like(self._changed)
+        return changed
+
+    def request(self, name: str, mask: ArrayLike | None = None) -> Mask:
+        """Ask the robots of `mask`, (n,) bool, for a behaviour; the mask of those that refused.
+
+        Without a mask all are asked, and RequestRefused is raised if one refuses: then none has changed. Conditions
+        are those of the latest observation. ValueError for a name or mask that does not exist.
+        """
+        if name not in REQUESTS:
+            raise ValueError(f"unknown request {name!r}; valid: {', '.join(REQUESTS)}")
+        asked = chosen(mask, len(self._state))
+        rows = self._rows(name, asked)
+        refused: Mask = asked & (rows < 0)
+        if mask is None and refused.any():
+            first = int(np.flatnonzero(refused)[0])
+            raise RequestRefused(f"robot {first}: {refusal_reason(State(self._state[first]), name)}")
+        self._apply(rows)
+        return refused
+
+    def observe(self, observation: NDArray[np.float32]) -> None:
+        """One control step: look at the observations (n, k) and let happen what happens by itself."""
+        self.step += 1
+        self.ticks += 1
+        self._conditions = conditions(self._robot, self._period, observation, self._state, self.ticks)
+        self._apply(self._rows("", np.ones(len(self._state), np.bool_)))
+
+    def changes(self) -> list[Change]:
+        """The latest transitions, oldest first."""
+        return list(self._log)
+
+    def _rows(self, request: str, asked: Mask) -> NDArray[np.int64]:
+        """Number of the row that each robot asked takes, (n,); -1 for none."""
+        taken = np.full(len(self._state), -1, np.int64)
+        if not asked.any():
+            return taken
+        for number, row in reversed(_BY_REQUEST[request]):
+            applies = asked & _SOURCE[number][self._state]
+            if row.guard:
+                applies &= self._conditions[row.guard]
+            taken[applies] = number
+        return taken
+
+    def _apply(self, rows: NDArray[np.int64]) -> None:
+        moving = rows >= 0
+        if not moving.any():
+            return
+        for robot in np.flatnonzero(moving)[-self._capacity :]:
+            row = TRANSITIONS[rows[robot]]
+            self._log.append(Change(self.step, int(robot), State(self._state[robot]), row.target, row.reason))
+        self._enter(moving, _TARGET[rows[moving]])
+
+    def _enter(self, mask: Mask, targets: NDArray[np.int8] | State) -> None:
+        self._state[mask] = targets
+        self.ticks[mask] = 0
+        self._changed[mask] = True
+
+
+_TARGET = np.array([row.target for row in TRANSITIONS], np.int8)
+
+
+@cache
+def refusal_reason(state: State, request: str) -> str:
+    """Why the request is refused in that state, with what may be asked instead."""
+    guards = [row.guard for row in TRANSITIONS if row.request == request and state in row.sources]
+    if guards:
+        return f"{request!r} in state {state.label} needs the robot to be {' or '.join(guards)}"
+    return f"{request!r} is not possible in state {state.label}; valid: {', '.join(valid_requests(state))}"

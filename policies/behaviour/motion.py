@@ -1,0 +1,165 @@
+"""Motions of the legs with an end: each gives the targets of the robots in it, and can restart them."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from policies.base import Floats, Mask
+from policies.legs.kinematics import joint_angles, joint_targets, leg_height
+from quad_env import OBSERVATION
+from quad_env.robots.robot import Robot
+
+Floating = NDArray[np.floating[Any]]
+
+
+class Motion(ABC):
+    """Joint targets over time for n robots; one robot's depend on its own starts and readings alone."""
+
+    def __init__(self, robot: Robot, control_period: float) -> None:
+        """`control_period`: time between two calls of `targets`, s."""
+        self._robot, self._period = robot, control_period
+
+    def reset(self, num_envs: int) -> None:
+        """Make room for that many robots."""
+        self._target, self._ticks = np.tile(self._robot.home_pose, (num_envs, 1)), np.zeros(num_envs, np.int64)
+
+    def start(self, mask: Mask, joints: Floats) -> None:
+        """Start the motion of those robots from their joint angles (k, 12), rad."""
+        self._target[mask], self._ticks[mask] = joints, 0
+
+    @abstractmethod
+    def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
+        """One control step of the robots `rows`, (k,): targets (k, 12), rad, for those robots' observations (k, m)."""
+
+
+def approach(current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLike, control_period: float) -> Floats:
+    """The next target on the way to `goal` (k, 12), which takes `duration` s, `elapsed` s of which are over."""
+    steps_left = np.maximum((np.asarray(duration) - elapsed) / control_period, 0.0) + 1.0
+    nearer: Floats = current + (goal - current) / steps_left[:, None]
+    return nearer
+
+
+HOLD_TIME = 0.4
+"""From the joints' pose to the home pose, s."""
+
+
+class Hold(Motion):
+    """The home pose, approached within `HOLD_TIME`."""
+
+    def reset(self, num_envs: int) -> None:
+        """Make room for that many robots."""
+        super().reset(num_envs)
+        self._elapsed = np.zeros(num_envs)
+
+    def start(self, mask: Mask, joints: Floats) -> None:
+        """Begin with those robots' joints."""
+        super().start(mask, joints)
+        self._elapsed[mask] = 0.0
+
+    def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
+        """Targets of those robots."""
+        home = np.broadcast_to(self._robot.home_pose, joints.shape)
+        target = approach(self._target[rows], home, self._elapsed[rows], HOLD_TIME, self._period)
+        self._target[rows] = target
+        self._elapsed[rows] += self._period
+        return target
+
+
+class Damp(Motion):
+    """Targets at the joints themselves: of the servo only its damping is left, and the robot sinks slowly."""
+
+    def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
+        """The joints."""
+        return joints
+
+
+LOWERING_SPEED = 0.2
+"""Speed of the trunk in a controlled stop, m/s; a stop faster than 0.3 would not count as controlled."""
+FOLDING_SPEED = 4.0
+"""Fastest change of a joint target in a controlled stop, rad/s."""
+STOP_HEIGHT = 0.2
+"""Hip joints above the feet's centres at the end of a controlled stop, m: as low as the knees fold, and no fall."""
+STOP_OUTWARD = 0.04
+"""Feet outward of a hanging leg's place, m."""
+
+
+class Stop(Motion):
+    """A controlled stop: feet below the hips, trunk lowered slowly, then held there."""
+
+    def reset(self, num_envs: int) -> None:
+        """Make room for that many robots."""
+        super().reset(num_envs)
+        self._height = np.zeros(num_envs)
+
+    def start(self, mask: Mask, joints: Floats) -> None:
+        """Begin with those robots' joints."""
+        super().start(mask, joints)
+        self._height[mask] = np.nan
+
+    def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
+        """Targets of those robots."""
+        robot = self._robot
+        present = leg_height(robot, observation[:, OBSERVATION["projected_gravity"]], joints)
+        present = present - robot.foot_depth + robot.hip_rise
+        height = np.where(np.isnan(self._height[rows]), present, self._height[rows])
+        height = np.maximum(height - LOWERING_SPEED * self._period, np.minimum(STOP_HEIGHT, present))
+        self._height[rows] = height
+        y = robot.hip_offset * robot.side + STOP_OUTWARD * robot.side
+        goal = joint_targets(robot, 0.0, y, -height[:, None])
+        reach = FOLDING_SPEED * self._period
+        self._target[rows] += np.clip(goal - self._target[rows], -reach, reach)
+        return self._target[rows]
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """Where every foot is and how it comes there."""
+
+    forward: float
+    """Foot ahead of its hip, m."""
+    height: float
+    """Hip above the foot's centre, m."""
+    duration: float
+    """Way there, s."""
+    hold: float = 0.0
+    """s there before the next."""
+
+
+def keyframes_of(robot: Robot) -> tuple[Keyframe, ...]:
+    """Crouch, thrust, flight and landing, stand.
+
+    From a random search for the least pitch at 0.165 m of rise or more: knees that all bend backward turn the trunk,
+    and the feet behind the hips at take-off make up for part of it.
+    """
+    return (
+        Keyframe(0.007, 0.377, 0.35, 0.1),
+        Keyframe(-0.051, 0.551, 0.06, 0.02),
+        Keyframe(0.08, 0.422, 0.1, 0.58),
+        Keyframe(0.0, robot.home_height - robot.foot_depth + robot.hip_rise, 0.4),
+    )
+
+
+class Jump(Motion):
+    """Keyframes by the clock; the joint servos take the landing."""
+
+    def __init__(self, robot: Robot, control_period: float, keyframes: tuple[Keyframe, ...] | None = None) -> None:
+        super().__init__(robot, control_period)
+        keyframes = keyframes_of(robot) if keyframes is None else keyframes
+        feet = [[(key.forward, side * robot.hip_offset, -key.height) for side in robot.side] for key in keyframes]
+        self._poses = joint_angles(robot, feet).reshape(len(keyframes), -1)
+        self._durations = np.array([key.duration for key in keyframes])
+        ends = np.cumsum([key.duration + key.hold for key in keyframes])
+        self._begins = np.concatenate(([0.0], ends[:-1]))
+
+    def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
+        """Targets of those robots."""
+        time = self._ticks[rows] * self._period
+        frame = np.searchsorted(self._begins, time + 1e-9, side="right") - 1
+        elapsed, duration = time - self._begins[frame], self._durations[frame]
+        target = approach(self._target[rows], self._poses[frame], elapsed, duration, self._period)
+        self._target[rows] = target
+        self._ticks[rows] += 1
+        return target

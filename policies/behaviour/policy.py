@@ -1,0 +1,143 @@
+"""The behaviours as a policy: the machine says what each robot does, a motion or a gait does it."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, to_actions
+from policies.behaviour.machine import BehaviourMachine
+from policies.behaviour.motion import Damp, Hold, Jump, Motion
+from policies.behaviour.recovery import Recovery, RecoveryParameters
+from policies.behaviour.transitions import State
+from policies.trot.open_loop import Trot
+from quad_env import OBSERVATION
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+WALKING_SPEED = 0.6
+"""Fastest that a walking robot is asked for, m/s; a running one is asked for the command."""
+RUN_ABOVE, WALK_BELOW = 0.7, 0.5
+"""Commanded speeds at which a robot that follows the command begins and ceases to run, m/s."""
+MOVE_ABOVE = 0.02
+"""Command, m/s or rad/s, above which it walks; below, it stands."""
+BLEND_TIME = 0.2
+"""From the targets before to a gait's, s."""
+
+_COMMAND = OBSERVATION["command"]
+
+
+class Behaviour(Policy):
+    """n robots, each in one `State`: ask with `request`, read `state` and `machine.changes()`.
+
+    Args:
+        start: state after a reset.
+        follow: ask for stand, walk and run by the commanded velocity; for others, requests alone count.
+        gait: walks and runs; made for the same robot and control period.
+        recovery: how it gets up; None for the searched parameters.
+    """
+
+    name = "behaviour"
+    stiff_servos = True
+
+    def __init__(
+        self,
+        start: State = State.STAND,
+        follow: bool = True,
+        gait: Policy | None = None,
+        recovery: RecoveryParameters | None = None,
+        *,
+        robot: str | Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+    ) -> None:
+        super().__init__(robot=robot, control_period=control_period)
+        robot = self.robot
+        self._gait = gait if gait is not None else Trot(robot=robot, control_period=control_period)
+        self._gait.check_fits(robot, control_period)
+        self._follow = follow
+        self.machine = BehaviourMachine(start=start, robot=robot, control_period=control_period)
+        self._motions: tuple[tuple[tuple[State, ...], Motion], ...] = (
+            ((State.PASSIVE, State.FALL, State.EMERGENCY_STOP), Damp(robot, control_period)),
+            ((State.STAND,), Hold(robot, control_period)),
+            ((State.STAND_UP, State.RECOVER), Recovery(robot, control_period, recovery)),
+            ((State.JUMP,), Jump(robot, control_period)),
+        )
+        self._allocate(1)
+
+    @property
+    def state(self) -> NDArray[np.int8]:
+        """`State` of each robot, (n,)."""
+        return self.machine.state
+
+    def request(self, name: str, mask: ArrayLike | None = None) -> Mask:
+        """Ask for a behaviour; see `BehaviourMachine.request`."""
+        return self.machine.request(name, mask)
+
+    def _allocate(self, num_envs: int) -> None:
+        self.machine.reset(num_envs)
+        self._gait.reset(num_envs)
+        for _, motion in self._motions:
+            motion.reset(num_envs)
+        self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
+        self._was_moving = np.zeros(num_envs, np.bool_)
+
+    def _restart(self, mask: Mask) -> None:
+        self.machine.restart(mask)
+        self._gait.reset_where(mask)
+        self._targets[mask] = self.robot.home_pose
+        self._was_moving[mask] = False
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        self.machine.observe(observation)
+        if self._follow:
+            self._ask_for_what_the_command_needs(observation)
+        state, changed = self.machine.state, self.machine.take_changes()
+        rows = observation.astype(np.float64)
+        joints = rows[:, OBSERVATION["joint_position"]] + self.robot.home_pose
+        targets = self._gait_targets(observation, state)
+        for states, motion in self._motions:
+            within = np.isin(state, states)
+            if within.any():
+                if (entering := within & changed).any():
+                    # From the targets before, so that a change of behaviour is no jerk.
+                    motion.start(entering, self._targets[entering])
+                members = np.flatnonzero(within)
+                targets[members] = motion.targets(members, rows[members], joints[members])
+        self._targets = targets
+        return to_actions(self.robot, targets)
+
+    def _gait_targets(self, observation: NDArray[np.float32], state: NDArray[np.int8]) -> Floats:
+        """Targets of the robots that walk or run, (n, 12), blended from those before; of the others the former ones."""
+        moving = (state == State.WALK) | (state == State.RUN)
+        starting = moving & ~self._was_moving
+        self._was_moving = moving
+        if not moving.any():
+            return self._targets.copy()
+        if starting.any():
+            self._gait.reset_where(starting)
+        asked = observation.copy()
+        asked[:, _COMMAND] = np.where(
+            (state == State.WALK)[:, None], at_walking_speed(asked[:, _COMMAND]), asked[:, _COMMAND]
+        )
+        gait = self._gait.act(asked).astype(np.float64)
+        share = np.minimum((self.machine.ticks + 1) / round(BLEND_TIME / self.control_period), 1.0)
+        blended = self._targets + (gait - self._targets) * np.where(state == State.WALK, share, 1.0)[:, None]
+        return np.where(moving[:, None], blended, self._targets)
+
+    def _ask_for_what_the_command_needs(self, observation: NDArray[np.float32]) -> None:
+        command, state = observation[:, _COMMAND].astype(np.float64), self.machine.state
+        speed = np.sqrt(command[:, 0] ** 2 + command[:, 1] ** 2)
+        moving = (np.abs(command) > MOVE_ABOVE).any(axis=1)
+        wanted = {
+            "walk": ((state == State.STAND) & moving) | ((state == State.RUN) & (speed < WALK_BELOW)),
+            "stand": (state == State.WALK) & ~moving,
+            "run": (state == State.WALK) & (speed > RUN_ABOVE),
+        }
+        for name, mask in wanted.items():
+            if mask.any():
+                self.machine.request(name, mask)
+
+
+def at_walking_speed(command: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Commands (n, 3) with the planar velocity shortened to the walking speed."""
+    speed = np.sqrt(command[:, 0] ** 2 + command[:, 1] ** 2)
+    share = np.minimum(1.0, np.float32(WALKING_SPEED) / np.maximum(speed, np.float32(1e-6)))
+    return np.concatenate((command[:, :2] * share[:, None], command[:, 2:]), axis=1)

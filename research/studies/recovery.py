@@ -1,0 +1,66 @@
+"""Getting up, measured: `python -m research recovery` drops robots in random poses and counts those that then stand.
+
+A start is any orientation, any joint angles within the limits, and random velocities, the lowest point on flat ground
+(`quad_env.AnyPose`). The time to stand is the start of the last stretch in which the robot meets the rule of
+`evaluate.measures.at_rest` until the end.
+"""
+
+import itertools
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.rollouts.getting_up import TIME_ALLOWED, Outcome, recover_with
+from evaluate.statistics.intervals import wilson_interval
+from policies.behaviour import Behaviour, State
+from quad_env.cli.command_line import check_numbers
+from quad_env.seeding import episode_seeds
+
+TILTS = (0, 45, 90, 135, 180)
+"""Edges of the classes of starts, degrees."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Measure the recovery from falls."""
+
+    robots: int = 1000
+    """Robots (count), each with a random start of its own."""
+    seed: int = 0
+    """Which set of starts (whole number from 0)."""
+    seeds: Literal["search", "validation", "evaluation"] = "evaluation"
+    """Family of seeds; the keyframes were searched on "search"."""
+
+
+def main(options: Options) -> int:
+    """Measure and print; the exit code."""
+    check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
+    print(report(recover(episode_seeds(options.seeds, options.seed, options.robots))))
+    return 0
+
+
+def recover(seeds: NDArray[np.int64]) -> Outcome:
+    """One robot for each seed; the policy recovers from the first step on."""
+    return recover_with(Behaviour(start=State.RECOVER, follow=False), seeds)
+
+
+def report(outcome: Outcome) -> str:
+    """The measured figures as lines of text."""
+    stands = outcome.standing_since <= TIME_ALLOWED
+    low, high = wilson_interval(int(stands.sum()), len(stands))
+    times = outcome.standing_since[stands]
+    lines = [
+        f"standing within {TIME_ALLOWED:g} s: {stands.sum()} of {len(stands)}, "
+        f"{stands.mean():.1%} (95 % Wilson {low:.1%} … {high:.1%})",
+        f"largest torque {outcome.peak_torque:.1f} N·m; {outcome.diverged} diverged",
+    ]
+    if len(times):
+        middle, most, last = np.quantile(times, (0.5, 0.9, 1.0))
+        lines.append(f"time to stand: median {middle:.2f} s, 90 % {most:.2f} s, longest {last:.2f} s")
+    for first, past in itertools.pairwise(TILTS):
+        among = (outcome.tilt >= first) & (outcome.tilt < past + (past == TILTS[-1]))
+        if among.any():
+            lines.append(f"tilt at the start {first:3d}° … {past:3d}°: {stands[among].sum()} of {among.sum()}")
+    return "\n".join(lines)

@@ -1,0 +1,91 @@
+"""Gaits, jump, recovery and safety layer do on a few episodes what the studies report of many."""
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.measures.at_rest import standing
+from policies.behaviour import Behaviour
+from policies.behaviour.motion import keyframes_of
+from policies.safety import Safe
+from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.physics.simulation import ALL, Simulation
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.axes import AXES
+from quad_env.seeding import episode_seeds
+from research.studies import jump, recovery, safety
+
+
+def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch) -> None:
+    policy = Behaviour(follow=False)
+    outcome = jump.jumped(policy, episode_seeds("search", 9, 4))
+    assert outcome.rise.min() >= 0.15
+    assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque
+    assert {change.reason for change in policy.machine.changes()} == {"jump requested", "landed"}
+    assert "landed standing: 4 of 4" in jump.report(outcome)
+    crouch, *_, stand = keyframes_of(SIMPLE_QUAD)
+    monkeypatch.setattr("policies.behaviour.motion.keyframes_of", lambda _: (crouch, stand))
+    outcome = jump.jumped(Behaviour(follow=False), episode_seeds("search", 9, 2))
+    assert outcome.rise.max() < 0.05
+    assert "landed standing: 0 of 2" in jump.report(outcome)
+
+
+def test_a_robot_whose_simulation_diverges_in_the_air_has_not_landed(monkeypatch) -> None:
+    """It is parked in the home pose, where it looks as if it stood."""
+    found = Simulation.diverged
+
+    def first_one_diverges(self, ids=ALL):
+        first = np.arange(len(self.qpos))[ids] == 0
+        return found(self, ids) | (first & (self.qpos[ids, 2] > SIMPLE_QUAD.home_height + 0.16))
+
+    monkeypatch.setattr(Simulation, "diverged", first_one_diverges)
+    outcome = jump.jumped(Behaviour(follow=False), episode_seeds("search", 9, 2))
+    assert outcome.rise.min() >= 0.15
+    assert "landed standing: 1 of 2" in jump.report(outcome)
+
+
+def test_nearly_every_robot_gets_up_from_any_pose() -> None:
+    """At the 99.6 % of the whole study, 30 of 32 are missed in 0.03 % of samples; at 90 % in 63 %."""
+    outcome = recovery.recover(episode_seeds("search", 3, 32))
+    assert (outcome.standing_since <= 5.0).sum() >= 30
+    assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque + 1e-9
+    assert "of 32" in recovery.report(outcome)
+
+
+@pytest.mark.parametrize(
+    ("tilt", "height", "speed", "turning", "diverged", "expected"),
+    [
+        (9.0, 0.46, 0.29, 0.29, False, True),
+        (11.0, 0.46, 0.0, 0.0, False, False),
+        (0.0, 0.44, 0.0, 0.0, False, False),
+        (0.0, 0.5, 0.31, 0.0, False, False),
+        (0.0, 0.5, 0.0, 0.31, False, False),
+        (0.0, 0.5, 0.0, 0.0, True, False),  # parked in the home pose
+    ],
+)
+def test_a_robot_stands_that_is_upright_high_and_still(tilt, height, speed, turning, diverged, expected) -> None:
+    observation = np.zeros((1, OBSERVATION_SIZE), np.float32)
+    lean = np.deg2rad(tilt)
+    observation[:, OBSERVATION["projected_gravity"]] = (np.sin(lean), 0.0, -np.cos(lean))
+    observation[:, OBSERVATION["linear_velocity"]] = (0.0, -speed, 0.0)
+    observation[:, OBSERVATION["angular_velocity"]] = (0.0, 0.0, -turning)
+    infos = {"height": np.array([height]), "diverged": np.array([diverged])}
+    assert standing(observation, infos).tolist() == [expected]
+
+
+def test_pushed_robots_that_fall_alone_recover_with_the_layer_which_gave_alarm_before(monkeypatch) -> None:
+    monkeypatch.setattr(safety, "STEPS", 600)
+    where, seeds = AXES["push"].scenario(65.0, "push"), episode_seeds("search", 0, 8)
+    alone, guarded = (
+        safety.run(policy, where, seeds) for policy in (policies.make("trot"), Safe(policies.make("trot")))
+    )
+    assert alone.fell.sum() >= 3
+    assert guarded.fell.sum() <= 1
+    assert not any(map(len, alone.alarms))
+    saved = np.flatnonzero(alone.fell & ~guarded.fell)
+    assert all(safety.lead(guarded.alarms[robot], alone.fall_step[robot]) > 0.0 for robot in saved)
+
+
+@pytest.mark.parametrize(("fall_step", "expected"), [(100, 0.2), (60, 0.1), (50, 0.0), (20, 0.0)])
+def test_lead_is_the_time_from_the_last_alarm_before_the_fall(fall_step, expected) -> None:
+    assert safety.lead(np.array([50, 80]), fall_step) == pytest.approx(expected)
