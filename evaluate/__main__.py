@@ -34,7 +34,6 @@ COMMANDS = {
 }
 _RESEARCH = "calibration estimation gait-diagram gaits ground jump pictures prediction readme recovery rescore safety"
 MOVED = {name: f"now `python -m research {name}`" for name in (*_RESEARCH.split(), "straight-walking")}
-MOVED |= dict.fromkeys(("jump", "recovery"), "of version 0.2.0 alone")
 """Where commands of older versions are."""
 
 

@@ -34,8 +34,7 @@ COMMANDS = {
     "trials": Command("research.training.trials", "training runs of different settings, compared"),
     "publish": Command("research.training.publish", "finished runs evaluated, and that of seed 0 shipped"),
 }
-GONE = dict.fromkeys(("jump", "recovery"), "of version 0.2.0 alone")
-PROGRAM = Program("python -m research", COMMANDS, elsewhere=GONE)
+PROGRAM = Program("python -m research", COMMANDS)
 main = PROGRAM.main
 
 if __name__ == "__main__":
