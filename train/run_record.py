@@ -9,12 +9,12 @@ from typing import Any
 
 from evaluate.records.provenance import model_of, versions
 from evaluate.rollouts.hardware import Hardware
-from quad_env.files.reading import LARGEST, read_bytes
+from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
 from train.config import DEFAULTS, TrainConfig, for_robot
 from train.config_file import differences, to_dict
 from train.reward_term import FileTerm
-from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
+from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 LEARNER = ("stable-baselines3", "torch", "safetensors")
 """Packages that a run depends on in addition to those of the evaluation."""
@@ -69,17 +69,6 @@ def _sessions(path: Path) -> list[dict[str, Any]]:
 def write_validations(folder: Path, best: int, validations: Sequence[Mapping[str, Any]]) -> None:
     """Write all validations, the last of a finished run being the final one, and the steps of the best."""
     write_atomically(folder / VALIDATIONS_FILE, _lines({"best": best, "validations": validations}))
-
-
-def best_validation(folder: Path) -> dict[str, Any]:
-    """The best of a run's validations. Raises OSError where there are none."""
-    found = json.loads(read_bytes(folder / VALIDATIONS_FILE))
-    return next(each for each in found["validations"] if each["steps"] == found["best"])
-
-
-def last_metrics(folder: Path) -> dict[str, Any]:
-    """Figures of a run's last rollout. Raises OSError where there are none, IndexError before the first."""
-    return dict(json.loads(read_bytes(folder / METRICS_FILE, LARGEST).splitlines()[-1]))
 
 
 def _lines(record: Mapping[str, Any]) -> bytes:

@@ -24,12 +24,12 @@ from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
 from research.pages.csv_text import csv_text
 from research.pages.evaluations import png
+from research.training.trials import last_metrics
 from train.commands.run import parse
 from train.config import DEFAULTS, TrainConfig
 from train.config_file import differences, load_config
 from train.option_types import Count
 from train.run_folder import VALIDATIONS_FILE, has_checkpoint, steps_done
-from train.run_record import last_metrics
 
 DEFAULT = "default"
 VARIANTS: Mapping[str, str] = {

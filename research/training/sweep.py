@@ -18,11 +18,11 @@ from policies.parameters import limits_of, number
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.files.writing import make_writable_folder, sole_use, write_atomically
+from research.training.trials import best_validation
 from train.config import DEFAULTS, PolicyKind, TrainConfig
 from train.config_file import load_config, to_dict
 from train.option_types import Count
 from train.run_folder import has_checkpoint, steps_done
-from train.run_record import best_validation
 from train.setting_ranges import check
 
 if TYPE_CHECKING:

@@ -9,13 +9,13 @@ from typing import Annotated, Any
 import tyro
 
 from quad_env.cli.command_line import UsageError, make_folder_of
-from quad_env.files.reading import read_bytes
+from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
 from research.pages.csv_text import csv_text
 from train.config import DEFAULTS
 from train.config_file import flat, to_dict
 from train.run_folder import CONFIG_FILE, METRICS_FILE, VALIDATIONS_FILE
-from train.run_record import best_validation, last_metrics, words
+from train.run_record import words
 
 _APART = ("policy", "seed", "steps", "validation.")
 """Settings that have a column of their own, or only say how a run was validated."""
@@ -104,3 +104,14 @@ def _row(kind: str, trial: Tried, today: Mapping[str, Any]) -> dict[str, Any]:
             row["flat_success_percent"] = f"{100.0 * on_flat['success_rate']:.0f}"
             row["flat_velocity_error"] = f"{on_flat['velocity_error']:.3f}"
     return row
+
+
+def best_validation(folder: Path) -> dict[str, Any]:
+    """The best of a run's validations. Raises OSError where there are none."""
+    found = json.loads(read_bytes(folder / VALIDATIONS_FILE))
+    return next(each for each in found["validations"] if each["steps"] == found["best"])
+
+
+def last_metrics(folder: Path) -> dict[str, Any]:
+    """Figures of a run's last rollout. Raises OSError where there are none, IndexError before the first."""
+    return dict(json.loads(read_bytes(folder / METRICS_FILE, LARGEST).splitlines()[-1]))
