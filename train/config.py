@@ -126,9 +126,6 @@ class TrainConfig:
     run; its schedules continue as in a run of that length, though the weights are not that run's to the bit."""
     seed: int = number(0, limits=(0, LARGEST_SEED))  # NumPy's global generator, which SB3 seeds, takes no other
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
-    seeds: int = number(1, limits=(1, 1000))
-    """Number of runs, with --seed and the seeds after it. Several are in folders seed-NUMBER of --out or runs/POLICY,
-    which `python -m evaluate` takes for seeds of one run; with --resume finished ones stay as they are."""
     out: Path | None = None
     """Run folder, new or empty unless --resume; runs/POLICY-SEED when not given, for another robot than SimpleQuad
     runs/ROBOT-POLICY-SEED."""
@@ -172,18 +169,9 @@ class TrainConfig:
 
     @property
     def folder(self) -> Path:
-        """Run folder, or that of the folders of several seeds."""
-        several = self.policy if self.seeds > 1 else f"{self.policy}-{self.seed}"
+        """Run folder."""
         of_robot = "" if self.robot == Hardware.robot else f"{Path(self.robot).stem}-"
-        return self.out if self.out is not None else Path("runs") / f"{of_robot}{several}"
-
-    @property
-    def runs(self) -> "tuple[TrainConfig, ...]":
-        """The settings of each seed's run."""
-        if self.seeds == 1:
-            return (self,)
-        seeds = range(self.seed, self.seed + self.seeds)
-        return tuple(dataclasses.replace(self, seed=n, seeds=1, out=self.folder / f"seed-{n}") for n in seeds)
+        return self.out if self.out is not None else Path("runs") / f"{of_robot}{self.policy}-{self.seed}"
 
     @property
     def hardware(self) -> Hardware:

@@ -13,7 +13,7 @@ from quad_env.files.reading import read_bytes
 from train.config import ACTIVATION, PUSHES, TIMESTEP, TrainConfig
 from train.run_folder import CONFIG_FILE
 
-_NOT_OF_THE_RUN = ("seeds", "out", "resume", "threads")
+_NOT_OF_THE_RUN = ("out", "resume", "threads")
 
 
 def to_dict(config: TrainConfig) -> dict[str, Any]:

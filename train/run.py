@@ -1,8 +1,7 @@
-"""Training runs, of one seed or of several, one after the other."""
+"""A training run."""
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from stable_baselines3 import PPO
@@ -16,7 +15,7 @@ from quad_env.files.writing import sole_use
 from train.config import TrainConfig
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.reward_term import reported
-from train.run_folder import CHECKPOINTS, has_checkpoint, new_run, refuse_folder_in_use, steps_done, writing
+from train.run_folder import CHECKPOINTS, new_run, refuse_folder_in_use, writing
 from train.run_record import write_settings
 from train.sb3 import checkpoint
 from train.sb3.callbacks import CallbackState, Curriculum, RolloutFigures, Schedules, Segments, Session, ValidateAndSave
@@ -103,20 +102,3 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     except ValueError as error:  # of the base's footholds: robots and base are of one configuration
         raise UsageError(f"--base {config.base}: {error}") from None
     return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged=True)
-
-
-def train_seeds(config: TrainConfig) -> None:
-    """Train every seed of the settings. Raises as `train` does."""
-    runs: Sequence[TrainConfig] = config.runs
-    if config.seeds > 1:
-        runs = [replace(run, resume=config.resume and has_checkpoint(run.folder)) for run in runs]
-        runs = [run for run in runs if not run.resume or steps_done(run.folder) < run.steps]
-        if not runs:
-            raise UsageError(f"all runs in {config.folder} are finished: extend them with a larger --steps")
-    for run in runs:
-        if not run.resume:
-            refuse_folder_in_use(run.folder)
-    for run in runs:
-        if config.seeds > 1:
-            print(f"seed {run.seed}", flush=True)
-        train(run)

@@ -9,7 +9,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
-from train.config import LARGEST_SEED, TrainConfig
+from train.config import TrainConfig
 from train.reward_term import OPTION
 from train.reward_term import check as check_terms
 
@@ -29,7 +29,6 @@ def check(config: TrainConfig) -> None:
         for name, (low, high) in limits_of(part).items():
             if (value := getattr(part, name)) is not None:
                 _check_range(prefix + name, value, low, high)
-    _check_range("--seed + --seeds - 1", config.seed + config.seeds - 1, 0, LARGEST_SEED)
     for name, weight in dataclasses.asdict(config.rewards).items():
         _check_range(f"--rewards {name}", weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
     for term in config.reward_terms:

@@ -24,16 +24,9 @@ def test_settings_survive_json(kind):
 
 def test_where_a_run_is_written_and_with_how_many_threads_does_not_count_as_a_setting():
     config = TrainConfig()
-    elsewhere = dataclasses.replace(config, out=Path("elsewhere"), resume=True, threads=7, seeds=2)
+    elsewhere = dataclasses.replace(config, out=Path("elsewhere"), resume=True, threads=7)
     assert to_dict(elsewhere) == to_dict(config)
     assert differences(config, elsewhere) == []
-
-
-def test_several_seeds_are_runs_of_one_seed_each_in_folders_that_the_evaluation_takes_for_seeds():
-    one, two = TrainConfig(seed=3, seeds=2).runs
-    assert one == TrainConfig(seed=3, out=Path("runs/residual/seed-3"))
-    assert two == TrainConfig(seed=4, out=Path("runs/residual/seed-4"))
-    assert TrainConfig(seed=3).runs == (TrainConfig(seed=3),)
 
 
 def test_differences_name_the_option_and_both_values():
@@ -75,7 +68,6 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--steps 0", "--steps must be from 1"),
         ("--steps 1.5", "1.5 is no whole number"),
         ("--seed 4294967296", "--seed must be from 0 to 4294967295"),
-        ("--seed 4294967295 --seeds 2", "--seed . --seeds - 1 must be from 0 to 4294967295"),
         ("--hip-authority nan", "--hip-authority must be from 0"),
         ("--ppo.envs 65536 --ppo.rollout-steps 65536", "must be at most"),
         ("--rewards fall=inf", "--rewards fall must be from"),

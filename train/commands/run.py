@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evaluate.rollouts.hardware import Hardware, hardware_of
-from policies.parameters import limits_of
 from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError, as_spelled
 from quad_env.cli.command_line import parse as parse_options
@@ -35,16 +34,14 @@ def run(words: list[str]) -> int:
     """Train as the words say, which may begin with `run`; the exit code."""
     config = parse(words[1:] if words[:1] == ["run"] else words)
     # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
-    from train.run import train_seeds
+    from train.run import train
 
     launcher.raise_on_interrupt()
     try:
-        train_seeds(config)
+        train(config)
     except KeyboardInterrupt as interrupt:
-        unfinished = any(steps_done(each.folder) < each.steps for each in config.runs)
-        if unfinished and any(has_checkpoint(each.folder) for each in config.runs):
-            several = f"--seed {config.seed} --seeds {config.seeds} " if config.seeds > 1 else ""
-            said = [f"continue the run with --resume {several}--out {config.folder}", *map(str, interrupt.args)]
+        if has_checkpoint(config.folder) and steps_done(config.folder) < config.steps:
+            said = [f"continue the run with --resume --out {config.folder}", *map(str, interrupt.args)]
             raise KeyboardInterrupt("; ".join(said)) from None
         raise
     return 0
@@ -88,7 +85,6 @@ def _defaults(words: list[str]) -> TrainConfig:
     scout.add_argument("--policy", choices=list(DEFAULTS), default="residual")
     scout.add_argument("--robot", default=Hardware.robot)
     scout.add_argument("--seed", type=int, default=0)
-    scout.add_argument("--seeds", type=int, default=1)
     scout.add_argument("--out", type=Path)
     scout.add_argument("--resume", action="store_true")
     try:
@@ -98,13 +94,9 @@ def _defaults(words: list[str]) -> TrainConfig:
     defaults = DEFAULTS[found.policy]
     if found.robot != Hardware.robot:  # else --help would wait for MuJoCo
         defaults = for_robot(defaults, hardware_of(found.robot))
-    low, high = limits_of(TrainConfig)["seeds"]
-    if found.resume and low <= found.seeds <= high and not HELP & set(words):
-        asked = dataclasses.replace(defaults, seed=found.seed, seeds=found.seeds, out=found.out)
-        begun = [each.folder for each in asked.runs if has_checkpoint(each.folder)]
-        settings = load_config(begun[0] if begun else asked.runs[0].folder)
-        seed = found.seed if found.seeds > 1 else settings.seed
-        return dataclasses.replace(settings, seed=seed, seeds=found.seeds, out=found.out)
+    if found.resume and not HELP & set(words):
+        asked = dataclasses.replace(defaults, seed=found.seed, out=found.out)
+        return dataclasses.replace(load_config(asked.folder), out=found.out)
     return defaults
 
 
