@@ -1,4 +1,4 @@
-"""Watch and steer robots in the browser: `python -m quad_env view`, on this machine alone unless --host is given."""
+"""Watch and steer robots in the browser: `python -m quad_env view`, on this machine alone."""
 
 import threading
 import webbrowser
@@ -11,7 +11,7 @@ from live.commands.episode import Command, EpisodeOptions
 from live.view.driver import Driver
 from live.view.loop import LiveView
 from live.view.requests import LARGEST_SEED, MOST_ROBOTS
-from live.view.server import Receive, Server, is_loopback
+from live.view.server import Receive, Server
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.physics.rendering import shows_windows
@@ -29,9 +29,6 @@ class Options(EpisodeOptions):
     """Command at first: forward m/s, left m/s, yaw rate rad/s; None leaves commands to the scenario."""
     port: int | None = None
     """Port to listen on, 0 for any that is free; by default 8080, or another where that is taken."""
-    host: str = "127.0.0.1"
-    """Address to listen on, an IP address. Beyond this machine pages need the token of the printed address; anyone who
-    reads the network sees it."""
     quality: Literal["low", "middle", "high"] = "low"
     """Of the pictures: 640 x 400 plainly, 960 x 600 plainly, 960 x 600 with shadows and smooth edges, for graphics
     hardware."""
@@ -48,10 +45,6 @@ def main(options: Options) -> int:
         raise UsageError(f"--policy takes 1 to {MOST_ROBOTS} policies, not {len(options.policy)}")
     if options.port is not None and not 0 <= options.port < 65_536:
         raise UsageError(f"--port must be from 0 to 65535, not {options.port}")
-    try:
-        is_loopback(options.host)
-    except ValueError:
-        raise UsageError(f"--host must be an IP address such as 127.0.0.1, not {options.host!r}") from None
     hardware, _ = options.resolve()
     raise_on_interrupt()
     with ExitStack() as stack:
@@ -69,7 +62,7 @@ def main(options: Options) -> int:
         stack.enter_context(closing(driver))
         if options.record is not None:
             driver.record(options.record)
-        view = LiveView(driver, lambda receive: _server(options, receive), options.quality)
+        view = LiveView(driver, lambda receive: _server(options.port, receive), options.quality)
         stack.enter_context(closing(view))
         print(f"open {view.server.url} (Ctrl-C ends it)", flush=True)
         if options.browser and shows_windows():
@@ -81,11 +74,11 @@ def main(options: Options) -> int:
     return 0
 
 
-def _server(options: Options, receive: Receive) -> Server:
-    """At the port of --port, else the usual one, else a free one."""
-    if options.port is not None:
-        return Server(options.host, options.port, receive)
+def _server(port: int | None, receive: Receive) -> Server:
+    """At that port, else the usual one, else a free one."""
+    if port is not None:
+        return Server(port, receive)
     try:
-        return Server(options.host, PORT, receive)
+        return Server(PORT, receive)
     except UsageError:
-        return Server(options.host, 0, receive)
+        return Server(0, receive)

@@ -1,11 +1,9 @@
-"""The server of the page: HTTP and one WebSocket on one port, by default for this machine's own browsers alone."""
+"""The server of the page: HTTP and one WebSocket on one port, for this machine's own browsers alone."""
 
 import asyncio
 import contextlib
 import http
-import ipaddress
 import logging
-import secrets
 import socket
 import threading
 import urllib.parse
@@ -31,7 +29,7 @@ DRAWN = "drawn"
 _FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in KINDS} | {"/": PAGE / "index.html"}
 Receive = Callable[[str], str | None]
 """Told every text that a page sends, in the server's thread; what it returns is sent back to that page."""
-_THIS_MACHINE = ("localhost", "127.0.0.1", "::1")
+HOST = "127.0.0.1"
 _FOREIGN = "this page answers to itself alone: type its address, or paste it, where addresses are typed"
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -46,11 +44,9 @@ _HEADERS = {
 class Server:
     """Shows pages what is published and hands on what they send, from a thread of its own.
 
-    Only requests that name this machine as their host and come from its own page are answered; where it listens beyond
-    this machine, only those that know the token of `url` too.
+    It listens on `HOST`; only requests that name this machine as their host and come from its own page are answered.
 
     Args:
-        host: address to listen on.
         port: 0 takes a free one.
         receive: called with the texts of pages.
 
@@ -58,16 +54,15 @@ class Server:
         UsageError: nothing can listen there.
     """
 
-    def __init__(self, host: str, port: int, receive: Receive) -> None:
+    def __init__(self, port: int, receive: Receive) -> None:
         self._receive = receive
         try:
-            self._socket = socket.create_server((host, port), family=_family(host))
-        except (OSError, OverflowError) as error:
-            remedy = "try --port 0, which takes a free one" if port else "it is no address of this machine"
-            raise UsageError(f"cannot listen on {host} port {port} ({error}): {remedy}") from None
-        self.host, self.port = self._socket.getsockname()[:2]
-        """Where it listens."""
-        self.token = "" if is_loopback(self.host) else secrets.token_urlsafe(16)
+            self._socket = socket.create_server((HOST, port))
+        except OSError as error:
+            raise UsageError(
+                f"cannot listen on {HOST} port {port} ({error}): try --port 0, which takes a free one"
+            ) from None
+        self.port: int = self._socket.getsockname()[1]
         self._pages: dict[ServerConnection, bool] = {}
         """Whether each page waits for a frame."""
         self._stop: asyncio.Event | None = None
@@ -81,12 +76,7 @@ class Server:
     @property
     def url(self) -> str:
         """Address of the page."""
-        name = f"[{self.host}]" if ":" in self.host else self.host
-        if self.host in _THIS_MACHINE:
-            name = "localhost"
-        elif ipaddress.ip_address(self.host).is_unspecified:
-            name = socket.gethostname()
-        return f"http://{name}:{self.port}/" + (f"?token={self.token}" if self.token else "")
+        return f"http://localhost:{self.port}/"
 
     @property
     def watched(self) -> bool:
@@ -135,39 +125,19 @@ class Server:
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """The answer to a request, or None where a WebSocket is to be opened."""
         try:
-            address = urllib.parse.urlsplit(request.path)
-            refusal = self._refusal(request, urllib.parse.parse_qs(address.query))
+            path, refusal = urllib.parse.urlsplit(request.path).path, _refusal(request)
         except (ValueError, LookupError):  # no address, or a header twice
             return connection.respond(http.HTTPStatus.BAD_REQUEST, "that is no request\n")
         if refusal is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")
-        if address.path == "/socket":
+        if path == "/socket":
             return None
-        file = _FILES.get(address.path)
+        file = _FILES.get(path)
         if file is None:
             return connection.respond(http.HTTPStatus.NOT_FOUND, "there is no such file\n")
         body = file.read_bytes()
         headers = Headers({"Content-Type": KINDS[file.suffix], "Content-Length": str(len(body)), **_HEADERS})
         return Response(200, "OK", headers, body)
-
-    def _refusal(self, request: Request, query: dict[str, list[str]]) -> str | None:
-        """Why a request is refused, None where it is not."""
-        host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
-        named = urllib.parse.urlsplit(f"//{host}")
-        if "@" in host or named.netloc != host:
-            return "a host is a name or an address, and perhaps a port"
-        if not self.token and named.hostname not in (*_THIS_MACHINE, self.host):
-            return "this page is for browsers on its own machine: open it as localhost"
-        if origin is not None and origin != f"http://{host}":
-            return _FOREIGN
-        site = request.headers.get("Sec-Fetch-Site", "none")
-        if site not in ("none", "same-origin"):
-            return _FOREIGN
-        if self.token and urllib.parse.urlsplit(request.path).path in ("/", "/socket"):
-            given = query.get("token", [""])[0]
-            if not secrets.compare_digest(given.encode(), self.token.encode()):
-                return "the address lacks its token: open it as it was printed"
-        return None
 
     async def _connected(self, connection: ServerConnection) -> None:
         if len(self._pages) >= MOST_PAGES:
@@ -190,10 +160,15 @@ class Server:
         self.wanted.set()
 
 
-def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches that address."""
-    return ipaddress.ip_address(host).is_loopback
-
-
-def _family(host: str) -> socket.AddressFamily:
-    return socket.AF_INET6 if ":" in host else socket.AF_INET
+def _refusal(request: Request) -> str | None:
+    """Why a request is refused, None where it is not."""
+    host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
+    named = urllib.parse.urlsplit(f"//{host}")
+    if "@" in host or named.netloc != host:
+        return "a host is a name or an address, and perhaps a port"
+    if named.hostname not in ("localhost", HOST):
+        return "this page is for browsers on its own machine: open it as localhost"
+    if origin is not None and origin != f"http://{host}":
+        return _FOREIGN
+    site = request.headers.get("Sec-Fetch-Site", "none")
+    return None if site in ("none", "same-origin") else _FOREIGN

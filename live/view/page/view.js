@@ -21,7 +21,7 @@ function send(what, values = {}) {
 }
 
 function connect() {
-  const address = new URL("socket" + location.search, location.href);
+  const address = new URL("socket", location.href);
   address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
   socket = new WebSocket(address);
   socket.binaryType = "arraybuffer";

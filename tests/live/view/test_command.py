@@ -17,7 +17,7 @@ from live.view.server import Server
 @pytest.fixture
 def view() -> Iterator[tuple[Driver, LiveView]]:
     driver = Driver(["stand"])
-    found = LiveView(driver, lambda receive: Server("127.0.0.1", 0, receive), "low")
+    found = LiveView(driver, lambda receive: Server(0, receive), "low")
     with closing(driver), closing(found):
         yield driver, found
 
