@@ -99,8 +99,8 @@ class ParameterFile(Generic[P]):
     path: Path
     """SimpleQuad's in force."""
     kind: type[P]
-    search: str
-    """The search: what follows `python -m train search`."""
+    search: str = ""
+    """What follows `python -m train search` where that writes such a file."""
 
     def read(self, path: Path) -> P:
         """Parameters from a file like it; PolicyError where it is missing or damaged, or does not name them all."""

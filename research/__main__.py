@@ -29,6 +29,7 @@ COMMANDS = {
     "calibration": Command("research.statistics.calibration", "error rates of the intervals and tests"),
     "results": Command("research.pages.results", "CSV files and figures of docs/results, and the pages that show them"),
     "readme": Command("research.pages.readme", "the README's scores, figure and table of robots"),
+    "search": Command("research.training.search", "parameters of policies with feedback, searched by CMA-ES"),
     "sweep": Command("research.training.sweep", "settings of the training, searched by Optuna"),
     "ablations": Command("research.training.ablations", "the effect of each choice of the training"),
     "trials": Command("research.training.trials", "training runs of different settings, compared"),

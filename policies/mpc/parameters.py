@@ -104,7 +104,7 @@ OTHER_GAITS = {
 
 
 SEARCH_RANGES = search_ranges_of(MpcParameters)
-FILE = ParameterFile(Path(__file__).with_name("mpc_wbc.json"), MpcParameters, "feedback --policy mpc_wbc")
+FILE = ParameterFile(Path(__file__).with_name("mpc_wbc.json"), MpcParameters)
 """Those of the trot."""
 
 

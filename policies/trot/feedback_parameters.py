@@ -139,6 +139,6 @@ class FeedbackParameters(Parameters):
 
 
 SEARCH_RANGES = search_ranges_of(FeedbackParameters)
-FILE = ParameterFile(Path(__file__).with_name("trot_feedback.json"), FeedbackParameters, "feedback")
+FILE = ParameterFile(Path(__file__).with_name("trot_feedback.json"), FeedbackParameters)
 """TROT_FEEDBACK.md is the account of the last search."""
 searched_parameters = FILE.in_force

@@ -70,12 +70,13 @@ class Program:
 
     def _run(self, words: list[str]) -> int:
         first = words[0] if words else ""
+        for called in (first, " ".join(words[:2])):
+            if called in self.elsewhere:
+                raise UsageError(f"`{self.name} {called}` is {self.elsewhere[called]}")
         if first in self.commands:
             module: Any = import_module(self.commands[first].module)
             program = f"{self.name} {first}"
             return int(module.main(parse(module.Options, words[1:], program=program, description=module.__doc__)))
-        if first in self.elsewhere:
-            raise UsageError(f"`{self.name} {first}` is {self.elsewhere[first]}")
         try:
             return self.otherwise(words) if self.otherwise else self._list(words)
         except UsageError as mistake:

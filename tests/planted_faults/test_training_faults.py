@@ -17,8 +17,8 @@ from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
 from train import validation
 from train.config import PUSHES, PpoConfig, TrainConfig, ValidationConfig
 from train.run import make_env
-from train.search import feedback, trot
 from train.search import subject as searches
+from train.search import trot
 from train.search.command import evolve
 from train.search.subject import Effort, unit_cube
 
@@ -65,8 +65,6 @@ def check_validation_is_on_its_own_episodes_and_ground() -> None:
 def check_searches_are_on_their_own_episodes_and_ground() -> None:
     with begun() as starts:
         trot.candidate_costs([trot.TrotParameters()], episode_seeds("search", 0, 1), BRIEF, 1)
-        exercises = ("flat=1.5", "rough=0.12")
-        feedback.candidate_costs([policies.make("trot")], exercises, episode_seeds("search", 0, 1), BRIEF, 1)
     assert EXAM_SURFACE not in surfaces(starts)
     seen: list[int] = []
 
@@ -76,8 +74,8 @@ def check_searches_are_on_their_own_episodes_and_ground() -> None:
 
     effort = Effort(generations=2, candidates=4, episodes=3, steps=BRIEF, spread=0.1)
     ranges = {"frequency": (2.0, 4.0), "duty": (0.4, 0.6)}
-    space = unit_cube(trot.TrotParameters(), ranges, costs, searches.generations(0, effort))
-    list(evolve(0, effort, space))
+    space = unit_cube(trot.TrotParameters(), ranges, costs, searches.generations(effort))
+    list(evolve(effort, space))
     assert {PURPOSES[seed >> 48] for seed in seen} == {"search"}
     assert len(set(seen)) == 6, "every generation has new episodes"
 

@@ -14,10 +14,10 @@ from policies.trot import feedback_parameters, integral, open_loop
 from quad_env.files.reading import read_bytes
 
 MODULES = {
-    feedback_parameters: (feedback_parameters.FeedbackParameters, "trot_feedback", "train search feedback"),
+    feedback_parameters: (feedback_parameters.FeedbackParameters, "trot_feedback", "restore the file as it shipped"),
     gaits: (gaits.GaitParameters, "walk", "restore the file as it shipped"),
-    integral: (integral.IntegralParameters, "trot_integral", "train search feedback --policy trot_integral"),
-    mpc: (mpc.MpcParameters, "mpc_wbc", "train search feedback --policy mpc_wbc"),
+    integral: (integral.IntegralParameters, "trot_integral", "restore the file as it shipped"),
+    mpc: (mpc.MpcParameters, "mpc_wbc", "restore the file as it shipped"),
     open_loop: (open_loop.TrotParameters, "trot", "train search trot"),
 }
 """Kind of the parameters, a policy that has them, and the remedy for a file that is damaged."""

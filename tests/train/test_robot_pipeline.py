@@ -135,7 +135,7 @@ def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     def stop(_: object) -> int:
         raise KeyboardInterrupt("kept what was found")
 
-    monkeypatch.setattr(robot_pipeline.search_command, "main", stop)
+    monkeypatch.setattr(robot_pipeline.trot, "main", stop)
     monkeypatch.setattr("sys.argv", ["train", "robot", "my robot.xml"])
     options = robot_pipeline.Options(robot=str(tmp_path / "alike.xml"), out=tmp_path / "out")
     with pytest.raises(KeyboardInterrupt) as said:

@@ -32,12 +32,10 @@ from quad_env.robots.robot import Robot
 from train.config import BaseName
 from train.option_types import Count
 from train.run_folder import BEST, has_checkpoint, steps_done
-from train.search import command as search_command
-from train.search.subject import Options as Search
-from train.search.trot import ACCOUNT
+from train.search import trot
 
 RESIDUAL, BEGUN, DESCRIBED = "residual", "begun.json", "described.txt"
-SEARCH = Search("trot", generations=12, candidates=14, episodes=10, steps=400, check_episodes=48)
+SEARCH = trot.Options(generations=12, steps=400, check_episodes=48)
 """A short search: SimpleQuad's parameters walk on most robots already."""
 
 
@@ -121,7 +119,7 @@ def _stages(options: Options) -> list[Stage]:
     training, evaluation = folder / "training", folder / "evaluation"
 
     def search() -> None:
-        search_command.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
+        trot.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
 
     def train() -> None:
         from train.commands.run import run  # here, since it knows this command
@@ -154,7 +152,7 @@ def _stages(options: Options) -> list[Stage]:
 
     return [
         Stage("describe the robot", 0.1, (folder / DESCRIBED).is_file, partial(_describe, options)),
-        Stage("search its trot", 4.0, lambda: found(ACCOUNT), search),
+        Stage("search its trot", 4.0, lambda: found(trot.ACCOUNT), search),
         Stage("train a residual", 9.0, lambda: found(f"{RESIDUAL}/{bundle.DESCRIPTION}"), train),
         Stage("compare them", 5.0, compared, evaluate),
     ]

@@ -22,10 +22,11 @@ from train.setting_ranges import check
 NAME = "python -m train"
 COMMANDS = {
     "robot": Command("train.commands.robot", "all steps for your own robot: describe, search, train, evaluate, report"),
-    "search": Command("train.search.command", "parameters of a trot or a policy with feedback, by CMA-ES"),
+    "search": Command("train.search.trot", "parameters of a robot's trot, by CMA-ES"),
     "export": Command("train.commands.export", "a trained residual as an ONNX file"),
 }
 MOVED = {name: f"now `python -m research {name}`" for name in ("ablations", "publish", "sweep", "trials")}
+MOVED["search feedback"] = "now `python -m research search`"
 """Where commands of older versions are."""
 REWARDS = "--rewards"
 

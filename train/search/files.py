@@ -11,7 +11,7 @@ from policies.base import CONTROL_PERIOD
 from policies.parameters import Parameters
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import make_writable_folder, write_atomically
-from train.search.subject import Effort, Options, Ranges
+from train.search.subject import Effort, Ranges
 
 
 def check(out: Path, account: str) -> None:
@@ -44,10 +44,10 @@ def save(path: Path, text: str, *, show: bool = False) -> None:
         raise UsageError(problem)
 
 
-def method(options: Options, effort: Effort, scenarios: str) -> str:
+def method(program: str, effort: Effort, scenarios: str) -> str:
     """How the search was made, for its account."""
     return (
-        f"Written by `{options.command}`: CMA-ES, {effort.generations} generations of {effort.candidates} candidates, "
+        f"Written by `{effort.command(program)}`: CMA-ES, {effort.generations} generations of {effort.candidates} candidates, "
         f"{effort.episodes} episodes of {effort.steps * CONTROL_PERIOD:g} s a candidate on each of {scenarios}."
     )
 

@@ -1,12 +1,11 @@
-"""A subject of a search as a value: its start, the space around it, the cost of candidates, and what follows."""
+"""A search as a value: its effort, its start, the space around it, the cost of candidates, and what follows."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Generic, Literal, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
-import tyro
 from numpy.typing import NDArray
 
 from evaluate.measures.tracking import SETTLING_TIME
@@ -26,62 +25,36 @@ T = TypeVar("T")
 P = TypeVar("P", bound=Parameters)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Effort:
-    """How thoroughly a subject is searched."""
+    """How thoroughly is searched, and where the outcome goes: options of every search."""
 
-    generations: int
-    candidates: int
-    episodes: int
-    """Of a candidate in each scenario and generation."""
-    steps: int
-    """Length of an episode, control steps."""
-    check_episodes: int
-    """For what is done with the outcome, in each scenario."""
-    spread: float
-
-
-@dataclass(frozen=True)
-class Options:
-    """What is searched, and how thoroughly; numbers that are not given are the subject's own."""
-
-    subject: Annotated[Literal["trot", "feedback"], tyro.conf.Positional]
-    """trot: the open-loop trot. feedback: gait and gains of --policy."""
-    policy: Literal["mpc_wbc", "trot_feedback", "trot_integral"] | None = None
-    """Policy of `search feedback`; trot_feedback when not given."""
-    robot: str | None = None
-    """Robot of `search trot`: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     seed: int = number(0, limits=(0, 2**31))
     """Seed of the search."""
-    generations: int | None = None
+    generations: int = number(14, limits=(0, 10_000))
     """Rounds; 0 only does what follows the search."""
-    candidates: int | None = None
+    candidates: int = number(14, limits=(4, 1000))
     """Parameter sets tried in a round."""
-    episodes: int | None = None
-    """Episodes of a candidate in each scenario."""
-    steps: int | None = None
+    episodes: int = number(10, limits=(1, 10_000))
+    """Episodes of a candidate in each scenario and round."""
+    steps: int = number(600, limits=(SHORTEST, 100_000))
     """Length of an episode, control steps of 10 ms."""
-    check_episodes: int | None = None
+    check_episodes: int = number(108, limits=(1, 10_000))
     """Fresh episodes on which the outcome is finished and compared with the parameters before."""
-    spread: float | None = None
+    spread: float = number(0.15, limits=(1e-6, 0.5))
     """First standard deviation of a parameter, as a share of its range."""
-    exercises: tuple[str, ...] = ()
-    """Scenarios of `search feedback`, all of one weight, such as flat push=42; 21 when not given."""
-    start: Path | None = None
-    """Parameters that `search feedback` starts from, JSON, instead of those in force."""
     threads: int = number(2, limits=(1, 256))
     """Threads of the simulation."""
     out: Path | None = None
     """File of the outcome, JSON, by default the one that the policy reads; other files of the search are written next
     to it."""
 
-    @property
-    def command(self) -> str:
+    def command(self, program: str) -> str:
         """The command that repeats the search."""
-        words = ["python -m train search", self.subject]
-        for each in fields(self)[1:]:
+        words = [program]
+        for each in fields(self):
             value = getattr(self, each.name)
-            if each.name == "seed" or (value not in (None, ()) and each.name not in ("threads", "out")):
+            if each.name == "seed" or (value != each.default and each.name not in ("threads", "out")):
                 entries = value if isinstance(value, tuple) else (value,)
                 words.append(f"--{each.name.replace('_', '-')} {' '.join(map(str, entries))}")
         return " ".join(words)
@@ -156,7 +129,7 @@ def rounded(parameters: P) -> P:
     return replace(parameters, **values)
 
 
-def generations(seed: int, effort: Effort) -> list[Seeds]:
+def generations(effort: Effort) -> list[Seeds]:
     """Seeds of the episodes of each generation, new ones in each."""
-    seeds = episode_seeds("search", seed, effort.generations * effort.episodes)
+    seeds = episode_seeds("search", effort.seed, effort.generations * effort.episodes)
     return [seeds[place : place + effort.episodes] for place in range(0, len(seeds), effort.episodes)]

@@ -1,17 +1,23 @@
-"""The open-loop trot: its cost, the fit of its command map, and the account of its search."""
+"""Search of a robot's open-loop trot by CMA-ES: `python -m train search trot` writes the file that the policy reads.
+
+Candidates and their costs are in a file that ends in .trials.jsonl, a line for each generation, with the mean of the
+distribution after it, which is all that Ctrl-C leaves.
+"""
 
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+import tyro
 from rich.progress import track
 
 from evaluate.measures.metrics import Measures, measure
 from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
 from evaluate.rollouts.rollout import run
 from policies.base import Floats
-from policies.parameters import scaled_parameters, scaled_ranges
+from policies.parameters import number, scaled_parameters, scaled_ranges
 from policies.shipped import folder_of
 from policies.trot.open_loop import FILE, SEARCH_RANGES, Trot, TrotParameters, searched_parameters
 from quad_env.cli.command_line import UsageError
@@ -20,9 +26,10 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
+from train.search.command import search
 from train.search.files import as_json, changes, method, results
 from train.search.panel import Panel
-from train.search.subject import Effort, Options, Outcome, Seeds, Subject, generations, rounded, unit_cube
+from train.search.subject import Effort, Outcome, Seeds, Subject, generations, rounded, unit_cube
 
 SCENARIO_WEIGHTS = {"flat": 0.5, "push": 0.25, "rough": 0.25}
 ERROR_SCALES = {"velocity_error": 0.2, "mean_velocity_error": 0.12, "yaw_rate_error": 0.35, "overspeed": 0.02}
@@ -42,7 +49,27 @@ MAP_ROUNDS = 3
 ACCOUNT = "TROT.md"
 
 
-def subject(options: Options, effort: Effort) -> Subject[TrotParameters]:
+@dataclass(frozen=True, kw_only=True)
+class Options(Effort):
+    """Which robot's trot is searched, and how thoroughly."""
+
+    subject: Annotated[Literal["trot"], tyro.conf.Positional] = "trot"
+    """trot: the open-loop trot."""
+    robot: str | None = None
+    """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
+    # Two command intervals an episode, enough to fit a response.
+    episodes: int = number(10, limits=(MINIMUM_INTERVALS, 10_000))
+    """Episodes of a candidate in each scenario and round."""
+    check_episodes: int = number(108, limits=(MINIMUM_INTERVALS // 2, 10_000))
+    """Fresh episodes on which the command map is fitted and the outcome compared with the parameters before."""
+
+
+def main(options: Options) -> int:
+    """Search, conclude, write; the exit code. Raises UsageError."""
+    return search(subject, options)
+
+
+def subject(options: Options) -> Subject[TrotParameters]:
     """The search of a robot's trot: from SimpleQuad's, or for another robot from that of dynamic similarity."""
     hardware = hardware_of(options.robot or Hardware.robot)
     robot, threads = hardware.quadruped, options.threads
@@ -51,37 +78,37 @@ def subject(options: Options, effort: Effort) -> Subject[TrotParameters]:
     ranges = scaled_ranges(SEARCH_RANGES, TrotParameters, robot)
 
     def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
-        return candidate_costs(candidates, seeds, effort.steps, threads, hardware)
+        return candidate_costs(candidates, seeds, options.steps, threads, hardware)
 
     def conclude(found: TrotParameters) -> Outcome:
-        fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * effort.check_episodes)
+        fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
         for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
             found = mapped(found, seeds, threads, hardware)
         after = rounded(found)
-        seeds = episode_seeds("search", options.seed + 1_000_000, effort.check_episodes)
+        seeds = episode_seeds("search", options.seed + 1_000_000, options.check_episodes)
         walks = (
             (name, label, walked(parameters, name, seeds, threads, hardware))
             for name in SCENARIO_WEIGHTS
             for label, parameters in (("before", start), ("after", after))
         )
         table = results(track(walks, description="comparison", total=2 * len(SCENARIO_WEIGHTS)))
-        lines = [*introduction(options, effort), "", *changes(start, after, ranges, COMMAND_MAP), ""]
-        lines += [f"On {effort.check_episodes} fresh search episodes of 10 s a scenario:", "", *table]
+        lines = [*introduction(options), "", *changes(start, after, ranges, COMMAND_MAP), ""]
+        lines += [f"On {options.check_episodes} fresh search episodes of 10 s a scenario:", "", *table]
         return Outcome(as_json(after), "\n".join(lines) + "\n")
 
-    space = unit_cube(start, ranges, costs, generations(options.seed, effort))
+    space = unit_cube(start, ranges, costs, generations(options))
     file = FILE.path if own or options.out else own_folder(robot) / FILE.path.name
     return Subject(start, file, conclude, space, ACCOUNT)
 
 
-def introduction(options: Options, effort: Effort) -> list[str]:
+def introduction(options: Options) -> list[str]:
     """Heading of the account, and how the search was made."""
     scenarios = ", ".join(f"{name} (weight {weight:g})" for name, weight in SCENARIO_WEIGHTS.items())
     terms = " + ".join(f"{name} / {scale:g}" for name, scale in ERROR_SCALES.items())
     return [
         "# The trot's parameters",
         "",
-        method(options, effort, scenarios),
+        method("python -m train search trot", options, scenarios),
         f"Cost of an episode: {terms}; the errors count the steps after a fall.",
         "Each candidate is evaluated against its own linear response on flat ground; the command map is fitted by "
         "least squares afterwards.",

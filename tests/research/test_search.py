@@ -15,18 +15,20 @@ from evaluate.measures.outcomes import DIVERGED, FELL, OFF_COMMAND, POLICY_ERROR
 from policies.parameters import limits_of
 from policies.residual_bases import BASES
 from quad_env.seeding import episode_seeds
-from train.__main__ import main
-from train.search import feedback
-from train.search.feedback import (
+from research.__main__ import main
+from research.training import search
+from research.training.search import (
     ADOPTED,
     KEPT,
     OUTCOME_COSTS,
     POLICIES,
+    Options,
     candidate_costs,
     episode_costs,
-    is_better,
+    judged,
     walked,
 )
+from tests.batches import begun
 
 TINY = "--generations 1 --candidates 4 --episodes 1 --steps 101 --check-episodes 2 --threads 1 --exercises flat=1.5"
 each_subject = pytest.mark.parametrize("name", POLICIES)
@@ -38,7 +40,7 @@ def brief_judgement(monkeypatch):
     def brief(members, exercises, seeds, purpose, steps=101, threads=1):
         return walked(members, exercises, seeds, purpose, steps, threads)
 
-    monkeypatch.setattr(feedback, "walked", brief)
+    monkeypatch.setattr(search, "walked", brief)
 
 
 def found(outcome, commands, velocities, *, error=0.0, overspeed=0.0):
@@ -124,7 +126,7 @@ def searched(folder, name):
     """The parameters and the account that a tiny search leaves in a folder of its own."""
     folder.mkdir()
     out = folder / "found.json"
-    assert main(["search", "feedback", *TINY.split(), "--policy", name, "--out", str(out)]) == 0
+    assert main(["search", *TINY.split(), "--policy", name, "--out", str(out)]) == 0
     return json.loads(out.read_text(encoding="utf-8")), (folder / POLICIES[name].account).read_text(encoding="utf-8")
 
 
@@ -146,7 +148,7 @@ def test_a_search_writes_parameters_their_account_and_its_trials_and_is_the_same
     fixed = limits_of(kind).keys() - ranges.keys()
     assert fixed
     assert all(f"| {each} | fixed |" in account for each in fixed)
-    assert f"train search feedback --policy {name} --seed 0 --generations 1 " in account
+    assert "research search --seed 0 --generations 1 " in account
     rows = [line.split(" | ")[:3] for line in account.splitlines() if "/2 | " in line]
     assert [row[:2] for row in rows] == [["| flat=1.5", "before"], ["| flat=1.5", "after"]]
 
@@ -155,12 +157,12 @@ def test_a_search_writes_parameters_their_account_and_its_trials_and_is_the_same
 def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_force(tmp_path, monkeypatch):
     in_force = policies.make("trot_feedback").parameters
     worse = dataclasses.replace(in_force, forward_gain=0.4, integral_gain=0.0)
-    seen, real = [], feedback.walked
-    monkeypatch.setattr(feedback, "walked", lambda *walk, **options: seen.append(walk[2:4]) or real(*walk, **options))
+    seen, real = [], search.walked
+    monkeypatch.setattr(search, "walked", lambda *walk, **options: seen.append(walk[2:4]) or real(*walk, **options))
     out, start = tmp_path / "found.json", tmp_path / "start.json"
     start.write_text(json.dumps(dataclasses.asdict(worse)), encoding="utf-8")
     words = [*TINY.split(), "--generations", "0", "--start", str(start), "--out", str(out)]
-    assert main(["search", "feedback", *words]) == 0
+    assert main(["search", *words]) == 0
     assert json.loads(out.read_text(encoding="utf-8")) == dataclasses.asdict(in_force)
     assert KEPT in (tmp_path / "TROT_FEEDBACK.md").read_text(encoding="utf-8")
     for seeds, ground in seen:
@@ -169,6 +171,43 @@ def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_for
 
 
 def test_an_outcome_is_better_where_it_costs_less_on_most_seeds_and_not_by_chance():
-    assert is_better(np.full(8, -1.0))  # all of 2^8 signs but two cost less: p = 2 / 256
-    assert not is_better(np.full(8, 1.0))
-    assert not is_better(np.array([-2.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0]))
+    assert judged(np.full(8, -1.0))[0]  # all of 2^8 signs but two cost less: p = 2 / 256
+    assert not judged(np.full(8, 1.0))[0]
+    assert not judged(np.array([-2.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0]))[0]
+
+
+def test_every_option_reaches_the_robots_and_the_files(tmp_path):
+    in_force = policies.make("trot_integral").parameters
+    ranges = POLICIES["trot_integral"].ranges
+    fixed = next(name for name in dataclasses.asdict(in_force) if name not in ranges)
+    begin = dataclasses.replace(in_force, **{fixed: 0.9 * getattr(in_force, fixed)})
+    (tmp_path / "start.json").write_text(json.dumps(dataclasses.asdict(begin)))
+    words = "--policy trot_integral --generations 2 --candidates 5 --exercises flat=1.5 push=42 --episodes 2"
+    words += " --steps 110 --spread 0.02 --check-episodes 3 --start FOLDER/start.json"
+    given = f"{words} --seed 3 --threads 1 --out FOLDER/found.json".replace("FOLDER", str(tmp_path)).split()
+    assert {word[2:].replace("-", "_") for word in given if word.startswith("--")} == vars(Options()).keys()
+    with begun() as batches:
+        assert main(["search", *given]) == 0
+    assert {each.threads for each in batches} == {1}
+    shapes = [(each.env.scenario.name, len(each.seeds), each.env.max_episode_steps) for each in batches]
+    generation = [("flat=1.5", 5 * 2, 110), ("push=42", 5 * 2, 110)]
+    assert shapes[:4] == generation * 2
+    assert {shape[::2] for shape in shapes[4:]} == {("flat=1.5", 1000), ("push=42", 1000)}
+    seeds = list(dict.fromkeys(seed for each in batches for seed in each.seeds))
+    assert seeds == [*episode_seeds("search", 3, 4), *episode_seeds("validation", 3, 3)]
+    assert (tmp_path / "TROT_INTEGRAL.md").is_file()
+    first, _ = [json.loads(line) for line in (tmp_path / "found.trials.jsonl").read_text().splitlines()]
+    assert first["mean"][fixed] == getattr(begin, fixed) != getattr(in_force, fixed)
+    low, high = ranges["duty"]
+    tried = [(each["duty"] - begin.duty) / (high - low) for each in first["tried"]]
+    assert np.abs(tried).max() < 4 * 0.02
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [("--exercises gallop", "--exercises: unknown scenario 'gallop'"), ("--start no-such.json", "no-such.json")],
+)
+def test_bad_input_is_one_line(words, complaint, capsys):
+    assert main(["search", *words.split()]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert complaint in line
