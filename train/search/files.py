@@ -47,8 +47,9 @@ def save(path: Path, text: str, *, show: bool = False) -> None:
 def method(program: str, effort: Effort, scenarios: str) -> str:
     """How the search was made, for its account."""
     return (
-        f"Written by `{effort.command(program)}`: CMA-ES, {effort.generations} generations of {effort.candidates} candidates, "
-        f"{effort.episodes} episodes of {effort.steps * CONTROL_PERIOD:g} s a candidate on each of {scenarios}."
+        f"Written by `{effort.command(program)}`: CMA-ES, {effort.generations} generations of {effort.candidates} "
+        f"candidates, {effort.episodes} episodes of {effort.steps * CONTROL_PERIOD:g} s a candidate on each of "
+        f"{scenarios}."
     )
 
 

@@ -137,4 +137,4 @@ def test_an_outcome_that_cannot_be_written_is_printed(
     assert Kept(tmp_path, monkeypatch, FOUND).code == 2
     printed = capsys.readouterr()
     assert "No space left" in printed.err
-    assert json.JSONDecoder().raw_decode(printed.out)[0]["frequency"] == 3.125
+    assert json.JSONDecoder().raw_decode(printed.out[printed.out.index("{") :])[0]["frequency"] == 3.125
