@@ -137,8 +137,6 @@ class TrainConfig:
     """Largest correction of a thigh or calf joint, rad."""
     hip_authority: float = number(0.15, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
-    foothold_authority: float = number(0.0, limits=(0.0, 0.5))
-    """Largest shift of where the feet land, along each axis, m; 0 for none. Those of mpc and mpc_wbc can be shifted."""
     inputs: Inputs = MEMORY
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""

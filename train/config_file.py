@@ -24,16 +24,17 @@ def to_dict(config: TrainConfig) -> dict[str, Any]:
 
 _REMOVED: Mapping[str, Mapping[str, Any]] = {
     "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0}
+    | {"foothold_authority": 0.0}
     | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}}
     | {"pushes": PUSHES, "hardness": 1.0, "timestep": TIMESTEP},
     "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
     | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
 }
-"""Settings of version 0.1.0, by group, and the only value with which a run still loads; None: any."""
+"""Settings of older versions, by group, and the only value with which a run still loads; None: any."""
 
 
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
-    """The inverse of `to_dict`, of version 0.1.0 too. Raises UsageError on what is no configuration."""
+    """The inverse of `to_dict`, of older versions too. Raises UsageError on what is no configuration."""
     try:
         return typing.cast(TrainConfig, decode(TrainConfig, _of_today(settings)))
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
@@ -47,7 +48,7 @@ def _of_today(settings: Mapping[str, Any]) -> dict[str, Any]:
         values = found[group] if group else found
         for name, only in removed.items():
             if values.pop(name, only) != only and only is not None:
-                raise ValueError(f"{name} was removed after version 0.1.0")
+                raise ValueError(f"{name} was removed")
     return found
 
 

@@ -16,17 +16,7 @@ from numpy.typing import NDArray
 
 from policies.base import Policy
 from policies.history import Inputs
-from policies.residual import (
-    NO_SHIFT,
-    PRESENT,
-    Features,
-    answer,
-    authority_of,
-    check_shiftable,
-    compose,
-    correction_width,
-    parted,
-)
+from policies.residual import PRESENT, Features, authority_of, compose
 
 FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
@@ -50,8 +40,6 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         authority: largest correction of each joint, rad, shape (12,); None for the usual one.
         hold: control steps of one step of the learner.
         inputs: observations of the learner in addition to the present one and the base.
-        shift_authority: largest shift of the base's footholds, forward and lateral, m, shape (2,); an action has one
-            number more for each that is not zero.
     """
 
     def __init__(
@@ -61,21 +49,18 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         authority: FloatArray | None = None,
         hold: int = 1,
         inputs: Inputs = PRESENT,
-        shift_authority: FloatArray = NO_SHIFT,
     ) -> None:
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
             raise ValueError(f'the robots must be made with autoreset_mode="DISABLED", not {mode}: they restart here')
         robots: Any = env.unwrapped
         base.check_fits(robots.robot, robots.dt)
-        check_shiftable(base, shift_authority)
         self.base = base
         self.authority = authority if authority is not None else authority_of(base.robot)
         self._hold = hold
-        self.shift_authority = shift_authority
-        self._features = Features(base, inputs, shift_authority)
+        self._features = Features(base, inputs)
         self.single_observation_space = Box(-np.inf, np.inf, (self._features.width,), np.float32)
-        self.single_action_space = Box(-1.0, 1.0, (correction_width(base.robot, shift_authority),), np.float32)
+        self.single_action_space = Box(-1.0, 1.0, (base.robot.num_joints,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
         self.action_space = batch_space(self.single_action_space, env.num_envs)
         self.metadata = env.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
@@ -90,7 +75,6 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         self.base.reset(2 * self.num_envs)
         self._features.reset(2 * self.num_envs)
         self._row, self._spare = np.split(np.arange(2 * self.num_envs), 2)
-        self._shift = np.zeros((2 * self.num_envs, len(NO_SHIFT)), np.float32)
         self._tick(observation, observation)
         return self._seen[self._row], infos
 
@@ -102,11 +86,10 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         correction = np.asarray(actions, np.float32)
         if correction.shape != self.action_space.shape:
             raise ValueError(f"corrections have shape {self.action_space.shape}, not {correction.shape}")
-        joints, self._shift[self._row] = parted(self.base.robot, correction, self.shift_authority)
-        observation, rewards, terminated, truncated, infos = self._move(joints)
+        observation, rewards, terminated, truncated, infos = self._move(correction)
         for _ in range(self._hold - 1):
             self._tick(observation, observation)
-            observation, more, terminated, truncated, infos = self._move(joints)
+            observation, more, terminated, truncated, infos = self._move(correction)
             rewards += more
         if (finished := terminated | truncated).any():
             infos = self._restart(observation, finished, infos)
@@ -114,9 +97,9 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
             self._tick(observation, observation)
         return self._seen[self._row], rewards, terminated, truncated, infos
 
-    def _move(self, joints: FloatArray) -> Step:
+    def _move(self, correction: FloatArray) -> Step:
         """One control step of the robots, their joints corrected."""
-        return self.env.step(compose(self.base.robot, self._base_action[self._row], joints, self.authority))
+        return self.env.step(compose(self.base.robot, self._base_action[self._row], correction, self.authority))
 
     def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> Infos:
         """Restart the finished robots; the infos with the end of their episodes."""
@@ -124,7 +107,6 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         begun = np.isin(np.arange(2 * self.num_envs), self._spare[finished])
         self.base.reset_where(begun)
         self._features.reset_where(begun)
-        self._shift[begun] = 0.0
         self._tick(final, observation)
         ends = {
             "final_obs": np.where(finished[:, None], self._seen[self._row], np.float32(0.0)),
@@ -139,8 +121,8 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         rows = np.empty((2 * self.num_envs, observation.shape[1]), np.float32)
         rows[self._row], rows[self._spare] = observation, following
         self.base.needed = None if following is not observation else np.isin(np.arange(len(rows)), self._row)
-        self._base_action = answer(self.base, rows, self._shift)
-        self._seen = self._features.see(rows, self._base_action, self._shift)
+        self._base_action = self.base.act(rows)
+        self._seen = self._features.see(rows, self._base_action)
 
 
 def _merged(mask: BoolArray, fresh: Infos, infos: Infos) -> Infos:

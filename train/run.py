@@ -3,12 +3,11 @@
 import contextlib
 from collections.abc import Sequence
 
-import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
-from policies.residual import NO_SHIFT, authority_of
+from policies.residual import authority_of
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from quad_env.files.writing import sole_use
@@ -96,9 +95,5 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     robots = make_robots(config)
     base = policies.make(config.base, robot=robots.robot, control_period=robots.dt)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
-    shift = np.full_like(NO_SHIFT, config.foothold_authority)
-    try:
-        env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs, shift)
-    except ValueError as error:  # of the base's footholds: robots and base are of one configuration
-        raise UsageError(f"--base {config.base}: {error}") from None
+    env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs)
     return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged=True)

@@ -80,10 +80,7 @@ def does(config: TrainConfig) -> str:
     """What the policy does to its base, in words."""
     rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
     most = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
-    words = f"corrects `{config.base}` at {rate:g} Hz by at most {most}"
-    if config.foothold_authority:
-        words += f"; it shifts where its feet land by at most {config.foothold_authority:g} m along each axis"
-    return words
+    return f"corrects `{config.base}` at {rate:g} Hz by at most {most}"
 
 
 def mixture(config: TrainConfig) -> str:

@@ -60,13 +60,6 @@ def test_training_goes_by_its_timestep_and_validation_by_the_robots_own(tmp_path
     assert made == [("flat", 0.005), ("push", 0.005), ("flat", 0.002)]
 
 
-def test_footholds_that_cannot_be_shifted_are_one_line_and_leave_no_folder(tmp_path, capsys):
-    assert main([*TINY, "--base", "stand", "--foothold-authority", "0.1", "--out", str(tmp_path / "run")]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "--base stand: the footholds of stand cannot be shifted" in line
-    assert not (tmp_path / "run").exists()
-
-
 def test_a_folder_in_use_is_refused_and_left_alone(finished_run, capsys):
     before = files(finished_run)
     assert main([*TINY, "--steps", "256", "--out", str(finished_run)]) == 2

@@ -35,7 +35,7 @@ from train.scenarios import TERRAIN_SEEDS
 from train.training_robots import training_seeds
 
 WORDS = (
-    "--base mpc --steps 48 --seed 7 --threads 3 --joint-authority 0.2 --hip-authority 0.1 --foothold-authority 0.05 "
+    "--base mpc --steps 48 --seed 7 --threads 3 --joint-authority 0.2 --hip-authority 0.1 "
     "--inputs.lags 0.03 --inputs.averages 0.2 --inputs.clock 4 --mixture push=60 1 rough=0.2 3 --curriculum 0.5 "
     "--max-episode-steps 20 --actuator motor --sensors typical --estimator kalman "
     "--reward-terms FOLDER/own.py:always=5 --ppo.envs 4 --ppo.rollout-steps 3 --ppo.minibatch 6 --ppo.epochs 1 "
@@ -135,7 +135,6 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
     ),
     "joint_authority": (of_both(lambda each: authority(each)[1:]), [[0.2, 0.2]] * 2),
     "hip_authority": (of_both(lambda each: authority(each)[0]), [0.1] * 2),
-    "foothold_authority": (of_both(lambda each: each.shift_authority.tolist()), [pytest.approx([0.05] * 2)] * 2),
     "inputs": (
         lambda ran: [ran.env._features.inputs, ran.policy.features.inputs],
         [Inputs(lags=(0.03,), averages=(0.2,), clock=4.0)] * 2,

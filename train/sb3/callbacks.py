@@ -131,8 +131,7 @@ def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
     """The policy of a bundle: the actor on a new base, without exploration noise."""
     env = cast(ResidualVectorEnv, cast(TrainingVecEnv, model.get_env()).env)
     base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
-    network, authority = actor_network(model), env.authority
-    return ResidualPolicy(base, network, authority, config.policy, config.inputs, config.ppo.hold, env.shift_authority)
+    return ResidualPolicy(base, actor_network(model), env.authority, config.policy, config.inputs, config.ppo.hold)
 
 
 class Segments(BetweenRollouts):
