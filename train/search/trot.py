@@ -6,7 +6,6 @@ distribution after it, which is all that Ctrl-C leaves.
 
 import sys
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -20,9 +19,6 @@ from policies.base import Floats
 from policies.parameters import number, scaled_parameters, scaled_ranges
 from policies.shipped import folder_of
 from policies.trot.open_loop import FILE, SEARCH_RANGES, Trot, TrotParameters, searched_parameters
-from quad_env.cli.command_line import UsageError
-from quad_env.files.writing import make_writable_folder
-from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
@@ -97,7 +93,7 @@ def subject(options: Options) -> Subject[TrotParameters]:
         return Outcome(as_json(after), "\n".join(lines) + "\n")
 
     space = unit_cube(start, ranges, costs, generations(options))
-    file = FILE.path if own or options.out else own_folder(robot) / FILE.path.name
+    file = FILE.path if own else folder_of(robot) / FILE.path.name
     return Subject(start, file, conclude, space, ACCOUNT)
 
 
@@ -113,16 +109,6 @@ def introduction(options: Options) -> list[str]:
         "Each candidate is evaluated against its own linear response on flat ground; the command map is fitted by "
         "least squares afterwards.",
     ]
-
-
-def own_folder(robot: Robot) -> Path:
-    """The folder of what is found for that robot, made if need be. Raises UsageError where it cannot be."""
-    folder = folder_of(robot)
-    try:
-        make_writable_folder(folder)
-    except OSError as error:
-        raise UsageError(f"cannot write into {folder} ({error.strerror}), the robot's folder") from None
-    return folder
 
 
 def episode_costs(measures: Measures) -> Floats:
@@ -191,8 +177,7 @@ def candidate_costs(
 
 def mapped(parameters: TrotParameters, seeds: Seeds, threads: int, hardware: Hardware = IDEAL) -> TrotParameters:
     """The same gait with the command map that undoes a robot's response to it on flat ground."""
-    walks = walked(parameters, "flat", seeds, threads, hardware)
-    return unless_weak(parameters, interval_response(walks))
+    return unless_weak(parameters, interval_response(walked(parameters, "flat", seeds, threads, hardware)))
 
 
 def walked(parameters: TrotParameters, name: str, seeds: Seeds, threads: int, hardware: Hardware) -> Measures:

@@ -74,8 +74,7 @@ def test_search_of_the_trot(tmp_path: Path) -> None:
 BAD = {
     "trot": {
         "--steps 100": "--steps must be from 101",
-        "--out TROT.md": "must be a file",
-        "--out no-such-folder/trot.json": "no folder",
+        "--out TROT.md": "--out must not be TROT.md",
         "--robot go9": "unknown robot",
         "--policy mpc_wbc": "--policy",
     },
