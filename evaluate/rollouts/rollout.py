@@ -3,8 +3,8 @@
 One episode an environment, so that short ones are never over-counted.
 """
 
-from collections.abc import Callable, Generator, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Generator
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,9 +26,6 @@ REPORT_EVERY = 25
 
 Progress = Callable[[float], None]
 """Receives the share of the run that is done, 0 … 1; 1 exactly once, at the end."""
-Robots = Generator[NDArray[np.float32], Actions | None, None]
-"""n robots on a scenario: gives the observations of their start, takes None, and from then on gives observations and
-takes actions until it ends."""
 
 
 def roll_out(
@@ -58,7 +55,11 @@ def roll_out(
         terminate_on_fall=terminate_on_fall,
         hardware=hardware,
     )
-    _move(policy, [_robots(policy, env, seeds, observers, command)])
+    with closing(_steps(policy, env, seeds, command)) as taken:
+        for step in taken:
+            enough = [observer(step) for observer in observers]
+            if any(enough):
+                return
 
 
 def watch(
@@ -72,60 +73,22 @@ def watch(
 ) -> Generator[Step]:
     """The start and the control steps of one episode, each simulated on demand: several policies' episodes can
     go side by side. A robot that has fallen goes on; otherwise as in `roll_out`."""
-    steps_done: list[Step] = []
     env = batch_of(policy, scenario, 1, steps=steps, nthread=1, terminate_on_fall=False, hardware=hardware)
-    with closing(_robots(policy, env, np.array([seed]), (steps_done.append,), command)) as robot:
-        next(robot)
-        policy.reset(num_envs=1, seed=0)
-        action = None
-        while True:
-            try:
-                observation = robot.send(action)
-            except StopIteration:
-                yield steps_done.pop()
-                return
-            yield steps_done.pop()
-            action = policy.act(observation)
+    yield from _steps(policy, env, np.array([seed]), command)
 
 
-def _move(policy: Policy, walks: Sequence[Robots]) -> None:
-    """Move the robots of all walks, the policy acting for all at once, walk after walk, until each walk has ended."""
-    with ExitStack() as stack:
-        going = {number: stack.enter_context(closing(walk)) for number, walk in enumerate(walks)}
-        observations = [next(walk) for walk in walks]
-        ends = np.cumsum([len(each) for each in observations])
-        policy.reset(num_envs=int(ends[-1]), seed=0)
-        actions: Sequence[Actions | None] = [None] * len(walks)
-        while True:
-            for number, walk in list(going.items()):
-                try:
-                    observations[number] = walk.send(actions[number])
-                except StopIteration:  # its robots stay as they are
-                    del going[number]
-            if not going:
-                return
-            actions = np.split(policy.act(np.concatenate(observations)), ends[:-1])
-
-
-def _robots(
-    policy: Policy,
-    env: "SimpleQuadVectorEnv",
-    seeds: NDArray[np.int64],
-    observers: Sequence[Observer],
-    command: ArrayLike | None,
-) -> Robots:
-    """See `roll_out`; the environment is closed at the end."""
+def _steps(
+    policy: Policy, env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command: ArrayLike | None
+) -> Generator[Step]:
+    """The start and the control steps of one episode for each seed; the environment is closed at the end."""
     with closing(env):
         policy.check_fits(env.robot, env.dt)
         step, ended = begin(env, seeds, command), False
-        yield step.observation
-        while True:
-            enough = [observer(step) for observer in observers]
-            if ended or any(enough):
-                return
-            action = yield step.observation
-            assert action is not None
-            step, ended = advance(step, action)
+        policy.reset(num_envs=len(seeds), seed=0)
+        yield step
+        while not ended:
+            step, ended = advance(step, policy.act(step.observation))
+            yield step
 
 
 def batch_of(
@@ -202,26 +165,6 @@ def run(
     )
     progress(1.0)
     return recorder.episodes()
-
-
-def run_each(
-    policy: Policy,
-    scenarios: Sequence[str | Scenario],
-    seeds: NDArray[np.int64],
-    *,
-    nthread: int = 1,
-    steps: int = STEPS,
-) -> list[Episodes]:
-    """The records of one episode for each seed on each of the scenarios, all walked side by side.
-
-    The policy acts for all at once, scenario after scenario: for one whose time hardly depends on how many robots it
-    moves that is many times faster. What is the policy's own, such as its phase, is not in the records.
-    """
-    recorders = [Recorder(None, seeds, steps) for _ in scenarios]
-    envs = [batch_of(policy, scenario, len(seeds), steps=steps, nthread=nthread) for scenario in scenarios]
-    walks = [_robots(policy, env, seeds, (each,), None) for env, each in zip(envs, recorders, strict=True)]
-    _move(policy, walks)
-    return [recorder.episodes() for recorder in recorders]
 
 
 class Recorder:

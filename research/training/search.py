@@ -6,6 +6,7 @@ mpc_wbc. Candidates and their costs are in a file that ends in .trials.jsonl, a 
 """
 
 from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -13,16 +14,18 @@ from typing import Any, Literal
 import numpy as np
 from rich.progress import track
 
+from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE
 from evaluate.measures.tracking import VELOCITY_CAP
-from evaluate.rollouts.rollout import STEPS, run_each
+from evaluate.rollouts.rollout import STEPS, Recorder, advance, batch_of, begin
 from evaluate.statistics.significance import sign_flip_test
 from policies.base import Floats, Policy
 from policies.mpc import parameters as mpc_parameters
 from policies.parameters import ParameterFile, Parameters, number
 from policies.residual_bases import BASES
 from policies.trot import feedback_parameters, integral
+from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
 from train.scenarios import Purpose, practice
 from train.search.command import search
@@ -174,6 +177,35 @@ def walked(
     panel, scenarios = Panel(members, len(exercises)), [practice(each, purpose) for each in exercises]
     every_seed = np.tile(seeds, len(members))
     return [measure(each) for each in run_each(panel, scenarios, every_seed, nthread=threads, steps=steps)]
+
+
+def run_each(
+    policy: Policy, scenarios: Sequence[str | Scenario], seeds: Seeds, *, nthread: int = 1, steps: int = STEPS
+) -> list[Episodes]:
+    """The records of one episode for each seed on each of the scenarios, all walked side by side.
+
+    The policy acts for all at once, scenario after scenario: for one whose time hardly depends on how many robots it
+    moves that is many times faster. What is the policy's own, such as its phase, is not in the records.
+    """
+    recorders = [Recorder(None, seeds, steps) for _ in scenarios]
+    with ExitStack() as stack:
+        envs = [batch_of(policy, scenario, len(seeds), steps=steps, nthread=nthread) for scenario in scenarios]
+        for env in envs:
+            stack.enter_context(closing(env))
+            policy.check_fits(env.robot, env.dt)
+        now = [begin(env, seeds, None) for env in envs]
+        policy.reset(num_envs=len(envs) * len(seeds), seed=0)
+        for recorder, step in zip(recorders, now, strict=True):
+            recorder(step)
+        going = list(range(len(envs)))
+        while going:
+            actions = np.split(policy.act(np.concatenate([step.observation for step in now])), len(envs))
+            for number in going.copy():
+                now[number], ended = advance(now[number], actions[number])
+                recorders[number](now[number])
+                if ended:  # its robots stay as they are
+                    going.remove(number)
+    return [recorder.episodes() for recorder in recorders]
 
 
 def judged(differences: Floats) -> tuple[bool, str]:

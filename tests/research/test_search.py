@@ -10,10 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import policies
+import quad_env
+from evaluate.measures.episodes import OF_POLICY, shapes
 from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import DIVERGED, FELL, OFF_COMMAND, POLICY_ERROR, STALLED, SUCCEEDED
+from evaluate.rollouts.rollout import run
 from policies.parameters import limits_of
 from policies.residual_bases import BASES
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from research.__main__ import main
 from research.training import search
@@ -26,6 +30,7 @@ from research.training.search import (
     candidate_costs,
     episode_costs,
     judged,
+    run_each,
     walked,
 )
 from tests.batches import begun
@@ -211,3 +216,17 @@ def test_bad_input_is_one_line(words, complaint, capsys):
     assert main(["search", *words.split()]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert complaint in line
+
+
+def test_scenarios_walked_side_by_side_are_those_walked_alone():
+    """To the bit, also where on one of them all have fallen long before the end."""
+    pushes = quad_env.Pushes(count=1, impulse=120.0, window=(0.1, 0.4))
+    felled = dataclasses.replace(quad_env.SCENARIOS["push"], pushes=pushes)
+    seeds = episode_seeds("search", 0, 3)
+    together = run_each(policies.make("stand"), ("flat", felled, "slope"), seeds, steps=150)
+    assert together[1].fall_step.max() < 150
+    for scenario, episodes in zip(("flat", felled, "slope"), together, strict=True):
+        alone = run(policies.make("stand"), scenario, seeds, steps=150)
+        np.testing.assert_array_equal(episodes.fall_step, alone.fall_step)
+        for name in set(shapes(SIMPLE_QUAD)) - set(OF_POLICY):
+            np.testing.assert_array_equal(getattr(episodes, name), getattr(alone, name), err_msg=name)

@@ -72,19 +72,6 @@ def test_an_episode_is_the_same_in_any_company_and_on_any_threads() -> None:
         np.testing.assert_array_equal(getattr(one, field.name)[0], getattr(many, field.name)[5], err_msg=field.name)
 
 
-def test_scenarios_walked_side_by_side_are_those_walked_alone() -> None:
-    """To the bit, also where on one of them all have fallen long before the end."""
-    felled = replace(PUSHED, pushes=replace(PUSHED.pushes, impulse=120.0))  # type: ignore[type-var]
-    seeds = evaluation_seeds(0, 3)
-    together = rollout.run_each(policies.make("stand"), ("flat", felled, "slope"), seeds, steps=STEPS)
-    assert together[1].fall_step.max() < STEPS
-    for scenario, episodes in zip(("flat", felled, "slope"), together, strict=True):
-        alone = rollout.run(policies.make("stand"), scenario, seeds, steps=STEPS)
-        np.testing.assert_array_equal(episodes.fall_step, alone.fall_step)
-        for name in set(shapes(SIMPLE_QUAD)) - set(OF_POLICY):
-            np.testing.assert_array_equal(getattr(episodes, name), getattr(alone, name), err_msg=name)
-
-
 def test_the_policy_is_shown_the_latest_observation() -> None:
     """Step k's observation holds the velocity that step k−1's info reported, and the target sent in step k−1."""
     watcher = Watcher()
