@@ -31,7 +31,7 @@ from train.scenarios import Purpose, practice
 from train.search.command import search
 from train.search.files import as_json, changes, method, results
 from train.search.panel import Panel
-from train.search.subject import SHORTEST, Effort, Outcome, Ranges, Seeds, Subject, generations, unit_cube
+from train.search.subject import SHORTEST, Effort, Ranges, Seeds, Subject, generations, unit_cube
 from train.setting_ranges import check_scenarios
 
 EXERCISES = (
@@ -125,20 +125,15 @@ def subject(options: Options) -> Subject[Parameters]:
     def costs(candidates: list[Parameters], seeds: Seeds) -> Floats:
         return candidate_costs(made(candidates), exercises, seeds, options.steps, options.threads)
 
-    def conclude(after: Parameters) -> Outcome:
+    def conclude(after: Parameters) -> tuple[str, str]:
         seeds = episode_seeds("validation", options.seed, options.check_episodes)
         old, new = made((in_force, after))
         walks, differences = compared(old, new, exercises, seeds, options.threads)
         better, words = judged(differences)
-        lines = [
-            f"# The parameters of {name}",
-            "",
-            method("python -m research search", options, ", ".join(exercises)),
-            WORDS,
-            "",
-        ]
+        how = method("python -m research search", options, ", ".join(exercises))
+        lines = [f"# The parameters of {name}", "", how, WORDS, ""]
         lines += [words, "", *changes(in_force, after, searched.ranges), "", *results(walks)]
-        return Outcome(as_json(after if better else in_force), "\n".join(lines) + "\n")
+        return as_json(after if better else in_force), "\n".join(lines) + "\n"
 
     space = unit_cube(start, searched.ranges, costs, generations(options), digits=4, apart=True)
     return Subject(start, file.path, conclude, space, searched.account)

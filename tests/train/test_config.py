@@ -73,7 +73,6 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--ppo.envs 65536 --ppo.rollout-steps 65536", "must be at most"),
         ("--rewards fall=inf", "--rewards fall must be from"),
         ("--rewards stumble=1", "no reward term 'stumble'"),
-        ("--rewards.tilt -1", "--rewards.tilt is now --rewards tilt=WEIGHT"),
         ("--policy end-to-end --base trot", "--base crouch or stand, not on trot"),
         ("--ppo.envs 10 --ppo.rollout-steps 3 --ppo.minibatch 20", "must divide"),
         ("--mixture moon 1.0", "unknown scenario 'moon'"),

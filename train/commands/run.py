@@ -71,9 +71,6 @@ def parse(words: Sequence[str]) -> TrainConfig:
 
 def _with_all_weights(words: list[str], defaults: TrainConfig) -> list[str]:
     """The words with the default weights first in --rewards, so that those that are not given stay as they are."""
-    if old := next((word for word in words if word.startswith(f"{REWARDS}.")), None):
-        name = old.partition("=")[0]
-        raise UsageError(f"{name} is now {name.replace('.', ' ')}=WEIGHT")
     split = [part for word in words for part in (word.split("=", 1) if word.startswith(f"{REWARDS}=") else [word])]
     if REWARDS in split:
         place = split.index(REWARDS) + 1

@@ -37,15 +37,15 @@ def search(subject_of: Callable[[E], Subject[Any]], options: E) -> int:
         for found, tried in evolve(options, subject.space):
             lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": vars(found)}))
             save(trials, "\n".join(lines) + "\n")
-        outcome = subject.conclude(found)
+        outcome, account = subject.conclude(found)
     except KeyboardInterrupt:
         if not lines:
             raise
         raise KeyboardInterrupt(f"{trials} has what was found in {len(lines)} generations, not compared") from None
     try:
-        save(out, outcome.text)
+        save(out, outcome)
     finally:
-        save(out.with_name(subject.account), outcome.account, show=True)
+        save(out.with_name(subject.account), account, show=True)
     print(out)
     return 0
 

@@ -75,24 +75,14 @@ class Space(Generic[T]):
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What is left of a search."""
-
-    text: str
-    """Of the file."""
-    account: str
-    """How it was found, Markdown."""
-
-
-@dataclass(frozen=True)
 class Subject(Generic[T]):
     """What is searched."""
 
     start: T
     file: Path
     """Where the outcome goes."""
-    conclude: Callable[[T], Outcome]
-    """What is made of the mean of the last generation."""
+    conclude: Callable[[T], tuple[str, str]]
+    """Of the mean of the last generation the text of the file, and the account of how it was found, Markdown."""
     space: Space[T]
     account: str
     """File of the account, next to the outcome."""

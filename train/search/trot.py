@@ -25,7 +25,7 @@ from train.scenarios import practice
 from train.search.command import search
 from train.search.files import as_json, changes, method, results
 from train.search.panel import Panel
-from train.search.subject import Effort, Outcome, Seeds, Subject, generations, rounded, unit_cube
+from train.search.subject import Effort, Seeds, Subject, generations, rounded, unit_cube
 
 SCENARIO_WEIGHTS = {"flat": 0.5, "push": 0.25, "rough": 0.25}
 ERROR_SCALES = {"velocity_error": 0.2, "mean_velocity_error": 0.12, "yaw_rate_error": 0.35, "overspeed": 0.02}
@@ -76,7 +76,7 @@ def subject(options: Options) -> Subject[TrotParameters]:
     def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
         return candidate_costs(candidates, seeds, options.steps, threads, hardware)
 
-    def conclude(found: TrotParameters) -> Outcome:
+    def conclude(found: TrotParameters) -> tuple[str, str]:
         fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
         for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
             found = mapped(found, seeds, threads, hardware)
@@ -90,7 +90,7 @@ def subject(options: Options) -> Subject[TrotParameters]:
         table = results(track(walks, description="comparison", total=2 * len(SCENARIO_WEIGHTS)))
         lines = [*introduction(options), "", *changes(start, after, ranges, COMMAND_MAP), ""]
         lines += [f"On {options.check_episodes} fresh search episodes of 10 s a scenario:", "", *table]
-        return Outcome(as_json(after), "\n".join(lines) + "\n")
+        return as_json(after), "\n".join(lines) + "\n"
 
     space = unit_cube(start, ranges, costs, generations(options))
     file = FILE.path if own else folder_of(robot) / FILE.path.name

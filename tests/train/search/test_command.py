@@ -39,9 +39,8 @@ class Run:
 def searched(words: str, folder: Path) -> Run:
     """The outcome of the search with these words; every option must be among them."""
     given = f"{words} --seed 3 --threads 1 --out FOLDER/found.json".replace("FOLDER", str(folder)).split()
-    assert {word[2:].replace("-", "_") for word in given if word.startswith("--")} == asdict(Options()).keys() - {
-        "subject"
-    }
+    names = asdict(Options()).keys() - {"subject"}
+    assert {word[2:].replace("-", "_") for word in given if word.startswith("--")} == names
     with begun() as batches:
         assert main(["search", "trot", *given]) == 0
     assert {each.threads for each in batches} == {1}
