@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,11 @@ from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import Recorder, watch
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError
-from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.arrows import Arrow
 from quad_env.scenarios.scenario import Scenario
+
+if TYPE_CHECKING:
+    from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
 AFTERMATH = 1.0
 """s that are shown after a fall."""
@@ -87,7 +89,7 @@ class Filming:
         self._view = *size, camera
         self._camera: Any = None
 
-    def draw(self, env: SimpleQuadVectorEnv, arrows: Sequence[Arrow] = ()) -> Frame:
+    def draw(self, env: "SimpleQuadVectorEnv", arrows: Sequence[Arrow] = ()) -> Frame:
         """The first robot as it is now, with these arrows.
 
         Raises:
