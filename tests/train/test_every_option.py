@@ -37,7 +37,7 @@ from train.training_robots import training_seeds
 WORDS = (
     "--base mpc --steps 48 --seed 7 --threads 3 --joint-authority 0.2 --hip-authority 0.1 "
     "--inputs.lags 0.03 --inputs.averages 0.2 --inputs.clock 4 --mixture push=60 1 rough=0.2 3 --curriculum 0.5 "
-    "--max-episode-steps 20 --actuator motor --sensors typical --estimator kalman "
+    "--max-episode-steps 20 --servo 30/0.6 --actuator motor --sensors typical --estimator kalman "
     "--reward-terms FOLDER/own.py:always=5 --ppo.envs 4 --ppo.rollout-steps 3 --ppo.minibatch 6 --ppo.epochs 1 "
     "--ppo.hold 3 --ppo.actor 4 --ppo.critic 4 --ppo.learning-rate-schedule adaptive --ppo.target-kl 0.04 "
     "--ppo.log-std-final -3.2 --validation.interval 24 --validation.episodes 3 --validation.scenarios push rough=0.1 "
@@ -152,6 +152,7 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
         lambda ran: ran.env.unwrapped._first_episode_steps(SEEDS).tolist(),
         np.random.default_rng(SEEDS).integers(1, 20, 4, endpoint=True).tolist(),
     ),
+    "servo": (lambda ran: {float(each.env.robot.servo_stiffness[0]) for each in ran.batches}, {30.0}),
     "actuator": (lambda ran: {warms for warms, _, _ in hardware(ran)}, {True}),
     "sensors": (lambda ran: {sensed for _, sensed, _ in hardware(ran)}, {True}),
     "estimator": (lambda ran: {estimator for _, _, estimator in hardware(ran)}, {"KalmanFilter"}),
