@@ -73,10 +73,3 @@ def without_rattling(contact: Bools, shortest: int) -> Bools:
     for ahead in range(1, shortest):
         filled[:-ahead] &= lately[ahead:]
     return filled[: len(contact)]
-
-
-def stances(contact: Bools) -> list[tuple[int, int]]:
-    """First step and length of every stretch on the ground, of (steps,)."""
-    change = np.diff(np.concatenate(([False], contact, [False])).astype(np.int8))
-    first, end = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
-    return list(zip(first.tolist(), (end - first).tolist(), strict=True))

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from evaluate.measures.footfalls import stances
 from evaluate.rollouts.observers import Step
 from policies.gaits.parameters import GAITS
 from policies.gaits.policy import Gaits
@@ -36,6 +36,13 @@ class Options:
     """Time that the diagram shows, s."""
     seed: int = 0
     """Which episode (whole number from 0)."""
+
+
+def stances(contact: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First step and length of every stretch on the ground, of (steps,)."""
+    change = np.diff(np.concatenate(([False], contact, [False])).astype(np.int8))
+    first, end = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+    return list(zip(first.tolist(), (end - first).tolist(), strict=True))
 
 
 def draw(policy: Gaits, strides: Strides, title: str, out: Path) -> None:

@@ -4,6 +4,8 @@ Look at the robot before believing a figure. With `--scenarios flat rough --out 
 side by side; with `--robots simple_quad go1 go2 --policies residual` too, the robots do, as in the README.
 """
 
+from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,9 +14,10 @@ from PIL import Image
 import quad_env
 from evaluate.film.captions import Text
 from evaluate.film.files import moving_picture, tiled
-from evaluate.film.frames import frames_of
+from evaluate.film.frames import Filming, Frame
 from evaluate.rollouts.hardware import Hardware, hardware_of
-from policies.base import CONTROL_PERIOD
+from evaluate.rollouts.rollout import watch
+from policies.base import CONTROL_PERIOD, Policy
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.robots.similarity import scaled
@@ -133,3 +136,30 @@ def walk(hardware: Hardware, policy: str, scenario: str, options: Options) -> li
     for image in images if options.moving else images[:1]:
         Text(LETTERS, edge=1).write(image, label, 0)
     return images
+
+
+def frames_of(
+    policy: Policy,
+    scenario: str,
+    seed: int,
+    *,
+    first: int,
+    every: int,
+    count: int,
+    size: tuple[int, int],
+    command: Sequence[float],
+    hardware: Hardware,
+) -> list[Frame]:
+    """`count` frames of an episode, one every so many control steps from the step `first` on.
+
+    A fallen robot is shown where it lies; where the simulation diverges, the frames that are left are the last one.
+    Raises as `Filming.draw` and `watch`.
+    """
+    taken: list[Frame] = []
+    steps = watch(policy, scenario, seed, steps=first + (count - 1) * every, command=command, hardware=hardware)
+    with closing(Filming(size)) as filming, closing(steps):
+        for step in steps:
+            due = step.number >= first and (step.number - first) % every == 0
+            if due or step.infos["diverged"][0]:
+                taken.append(filming.draw(step.env))
+    return taken + taken[-1:] * (count - len(taken))

@@ -2,24 +2,31 @@
 
 A start is any orientation, any joint angles within the limits, and random velocities, the lowest point on flat ground
 (`quad_env.AnyPose`). The time to stand is the start of the last stretch in which the robot meets the rule of
-`evaluate.measures.at_rest` until the end.
+`research.studies.standing` until the end.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.rollouts.getting_up import TIME_ALLOWED, Outcome, recover_with
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import roll_out
 from evaluate.statistics.intervals import wilson_interval
+from policies.base import CONTROL_PERIOD, Floats
 from policies.behaviour import Behaviour, State
+from quad_env import OBSERVATION, SCENARIOS, AnyPose
 from quad_env.cli.command_line import check_numbers
 from quad_env.seeding import episode_seeds
+from research.studies.standing import standing
 
 TILTS = (0, 45, 90, 135, 180)
 """Edges of the classes of starts, degrees."""
+LYING = replace(SCENARIOS["flat"], name="lying", start=AnyPose())
+TIME_ALLOWED, WATCHED = 5.0, 6.0
+"""s for getting up, and of the whole episode: a robot that falls over again after standing up does not count."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +41,19 @@ class Options:
     """Family of seeds; the keyframes were searched on "search"."""
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """What became of n robots."""
+
+    tilt: Floats
+    """At the start, degrees, (n,)."""
+    standing_since: Floats
+    """s, infinite for a robot that does not stand at the end, (n,)."""
+    peak_torque: float
+    """Largest joint torque at the end of any control step, N·m."""
+    diverged: int
+
+
 def main(options: Options) -> int:
     """Measure and print; the exit code."""
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
@@ -43,7 +63,23 @@ def main(options: Options) -> int:
 
 def recover(seeds: NDArray[np.int64]) -> Outcome:
     """One robot for each seed; the policy recovers from the first step on."""
-    return recover_with(Behaviour(start=State.RECOVER, follow=False), seeds)
+    tilt, since, peak, diverged = np.zeros(0), np.full(len(seeds), np.inf), 0.0, np.zeros(len(seeds), np.bool_)
+
+    def watch(step: Step) -> None:
+        nonlocal tilt, since, peak, diverged
+        if step.number == 0:
+            upright = -step.observation[:, OBSERVATION["projected_gravity"]][:, 2]
+            tilt = np.rad2deg(np.arccos(np.clip(upright, -1.0, 1.0))).astype(np.float64)
+        diverged = step.infos["diverged"]
+        peak = max(peak, float(np.abs(step.infos["joint_torque"]).max()))
+        stands = standing(step.observation, step.infos)
+        since = np.where(stands, np.minimum(since, step.number * CONTROL_PERIOD), np.inf)
+
+    policy = Behaviour(start=State.RECOVER, follow=False)
+    steps = round(WATCHED / CONTROL_PERIOD)
+    still = np.zeros(3)
+    roll_out(policy, LYING, seeds, watch, steps=steps, command=still, terminate_on_fall=False)
+    return Outcome(tilt, since, peak, int(diverged.sum()))
 
 
 def report(outcome: Outcome) -> str:

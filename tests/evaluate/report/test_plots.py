@@ -8,17 +8,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from evaluate.analysis.results import analyse
 from evaluate.analysis.score import Score
-from evaluate.measures.footfalls import stances
 from evaluate.report.plots import curves, drawing, success
 from tests.evaluate.report.conftest import watch_clipping
-
-
-def test_stances_are_the_stretches_on_the_ground() -> None:
-    contact = np.array([1, 1, 0, 0, 1, 0, 1, 1, 1], bool)
-    assert stances(contact) == [(0, 2), (4, 1), (6, 3)]
-    assert stances(np.zeros(5, bool)) == []
-    assert stances(np.ones(5, bool)) == [(0, 5)]
-
 
 LONG = "models/residual-with-a-long-name/seed-12"
 WIDE = "W" * 30
