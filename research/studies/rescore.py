@@ -47,7 +47,7 @@ class Options:
     rules: tuple[str, ...] = ("all",)
     """Names of fall rules: simple-quad/1, height-only, tilt-70, tilt-90, trunk-contact, non-foot-contact; or all."""
     success: tuple[str, ...] = ("all",)
-    """Names of rules of success: success/2, success/1, success-half, success-double, survival; or all."""
+    """Names of rules of success: success/2, success/1, success-half, success-double, survival, isaac-lab; or all."""
 
 
 def main(options: Options) -> int:
