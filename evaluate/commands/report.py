@@ -20,7 +20,7 @@ class Options:
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation")
     """Folder of an evaluation, finished or not."""
-    success: Literal["isaac-lab", "success-half", "success-double", "survival"] | None = None
+    success: Literal["success/2", "success/1", "success-half", "success-double", "survival", "isaac-lab"] | None = None
     """Print the table by another rule of success, such as Isaac Lab's thresholds; no file changes."""
     gate: tuple[str, ...] = ()
     """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
