@@ -1,6 +1,6 @@
 """A list of policies to compare, a TOML file such as docs/leaderboard/go1.toml: ours by name, others by their files.
 
-A file of another project is looked for as a clone of its repository has it: FOLDER/<source's last part>/<path>.
+A file of another project is looked for as a clone of its repository has it: FOLDER/OWNER/REPOSITORY/PATH.
 """
 
 import hashlib
@@ -21,6 +21,9 @@ from quad_env.files.text import described
 from quad_env.files.writing import write_atomically
 from quad_env.serialisation import check_types
 
+_SOURCE, _SHA256 = re.compile(r"https://[\w.-]+(/[\w-][\w.-]*){2}"), re.compile("[0-9a-f]{64}")
+_OUTSIDE = re.compile(r"[\\:]|^/|(^|/)\.\.(/|$)")
+"""In a path that may leave its folder."""
 _PATIENCE = 60.0
 """For a server to answer, s."""
 
@@ -46,7 +49,7 @@ class Published:
 
     def place(self, folder: Path, path: str) -> Path:
         """Place of a file on this machine."""
-        return folder / PurePosixPath(self.source).name / path
+        return folder.joinpath(*PurePosixPath(self.source).parts[-2:], path)
 
 
 @dataclass(frozen=True)
@@ -85,15 +88,10 @@ def _check(listed: PolicyList) -> None:
     if not listed.names or len(set(listed.names)) < len(listed.names):
         raise ValueError("it names no policy, or one twice")
     for each in listed.published:
-        parts = [PurePosixPath(path) for path in (each.policy, *each.files)]
-        if not each.files or any(path.is_absolute() or ".." in path.parts for path in parts):
+        if not each.files or any(map(_OUTSIDE.search, (each.policy, *each.files))):
             raise ValueError(f"{each.name!r} has no files, or one that is not in its repository")
-        if not each.source.startswith("https://") or not all(map(_is_sha256, each.files.values())):
-            raise ValueError(f"{each.name!r} wants an https:// source, and of each file 64 hexadecimal digits")
-
-
-def _is_sha256(text: str) -> bool:
-    return re.fullmatch("[0-9a-f]{64}", text) is not None
+        if not _SOURCE.fullmatch(each.source) or not all(map(_SHA256.fullmatch, each.files.values())):
+            raise ValueError(f"{each.name!r} wants a source https://HOST/OWNER/REPOSITORY, SHA-256 of 64 digits")
 
 
 def references(listed: PolicyList, file: Path, folder: Path, *, fetch: bool = False) -> dict[str, str]:

@@ -56,16 +56,18 @@ def page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made
 
 
 def _overview(results: Results, robots: Mapping[str, Robot], order: Sequence[str]) -> Iterator[str]:
-    """Success on every scenario, and the servo gains."""
+    """Servo gains, success on every scenario, and the cost of transport on the first."""
     scores = {score.policy: share(score.score, score.ci) for score in results.scores}
+    first, found = results.scenarios[0], results.summaries
     heads = {FIRST: "policy", "gains": "servo: N·m/rad; N·m·s/rad", **{name: name for name in results.scenarios}}
-    yield from ("## Success", "")
     rows = [
         {FIRST: policy, "gains": gains(robots[policy]), "mean": scores.get(policy, ABSENT)}
-        | {name: f"{number(100.0 * results.summaries[name, policy].success_rate, 0)} %" for name in results.scenarios}
+        | {name: f"{number(100.0 * found[name, policy].success_rate, 0)} %" for name in results.scenarios}
+        | {COST: number(found[first, policy].cost_of_transport, 2)}
         for policy in order
     ]
-    yield from (table({**heads, "mean": "mean"}, rows), "")
+    heads |= {"mean": "mean", COST: f"cost of transport, {first}"}
+    yield from ("## Success", "", table(heads, rows), "")
 
 
 def gains(robot: Robot) -> str:

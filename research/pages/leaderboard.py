@@ -1,12 +1,12 @@
-"""The leaderboard of a robot: `python -m research leaderboard LIST` evaluates a list's policies and writes their page.
+"""The leaderboard of a robot: `python -m research leaderboard LIST` evaluates the policies and writes their page.
 
-Each policy has an evaluation of its own, in a folder that `python -m evaluate report` and `compare` read as any other;
-a policy whose evaluation is finished is not run again. NAME.csv and NAME_differences.csv have all figures.
+Each policy has an evaluation of its own, an ordinary one; one that is finished is not run again.
 """
 
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -52,9 +52,7 @@ class Options:
     runs: Path = Path("results/leaderboard")
     """Folder of the evaluations."""
     out: Path | None = None
-    """Page; by default docs/leaderboard_NAME.md for the list NAME.toml."""
-    data: Path = Path("docs/results")
-    """Folder of the CSV files, named after the page."""
+    """Page, with CSV files in results/ next to it; by default docs/leaderboard_NAME.md for the list NAME.toml."""
 
 
 def main(options: Options) -> int:
@@ -63,15 +61,18 @@ def main(options: Options) -> int:
     if options.reference not in (None, *listed.names):
         raise UsageError(f"--reference: {options.reference} is not in the list: {', '.join(listed.names)}")
     out = options.out or Path("docs") / f"leaderboard_{options.list.stem}.md"
+    data = out.parent / "results" / f"{out.stem}.csv"
     make_folder_of(out, "--out")
-    make_folder_of(options.data / f"{out.stem}.csv", "--data")
+    make_folder_of(data, "--out")
     references = policy_list.references(listed, options.list, options.files, fetch=options.fetch)
     plans = {name: _plan(name, policy, listed, options) for name, policy in references.items()}
     results = _results({name: _run(plan) for name, plan in plans.items()}, listed.ours, options.reference)
     robots = {name: plan.policies[0].policy.robot for name, plan in plans.items()}
     write_atomically(out, leaderboard.page(results, listed, robots, _made_by(options, results)).encode())
-    for name, rows in _tables(results).items():
-        write_atomically(options.data / f"{out.stem}{name}.csv", csv_text(rows))
+    rows = [{"scenario": s, "policy": p, **flat(without_nan(asdict(of)))} for (s, p), of in results.summaries.items()]
+    write_atomically(data, csv_text(rows))
+    differences = [flat(without_nan(asdict(of))) for of in results.comparisons]
+    write_atomically(data.with_stem(f"{out.stem}_differences"), csv_text(differences))
     print(out)
     return 0
 
@@ -88,17 +89,9 @@ def _made_by(options: Options, results: Results) -> str:
 def _plan(name: str, policy: str, listed: PolicyList, options: Options) -> Plan:
     """The evaluation of one policy, checked; one that was begun is carried on. Raises UsageError."""
     out = options.runs / options.list.stem / re.sub(r"[^\w.-]+", "_", name)
-    asked = evaluation.Options(
-        policies=(policy,),
-        trust=options.trust,
-        scenarios=options.scenarios,
-        episodes=options.episodes,
-        robot=listed.robot,
-        out=out,
-        resume=(out / manifest.NAME).is_file(),
-        film=False,
-        threads=options.threads,
-    )
+    same = {each: getattr(options, each) for each in ("trust", "scenarios", "episodes", "threads")}
+    begun = (out / manifest.NAME).is_file()
+    asked = evaluation.Options((policy,), robot=listed.robot, out=out, resume=begun, film=False, **same)
     try:
         return check(asked)
     except UsageError as error:
@@ -117,16 +110,8 @@ def _results(runs: Mapping[str, Run], ours: Sequence[str], reference: str | None
     """All of them compared with the reference, by default with the best of ours."""
     made = next(iter(runs.values())).manifest
     cells = [replace(cell, policy=name) for name, run in runs.items() for cell in run.cells]
-    about = {"seed": made.seed, "episodes": made.episodes, "complete": True}
+    compared = partial(analyse, cells, seed=made.seed, episodes=made.episodes, complete=True)
     if reference is None:
-        best = leaderboard.mean_success(analyse(cells, **about, provenance=made.provenance()))
+        best = leaderboard.mean_success(compared(provenance=made.provenance()))
         reference = next((name for name in best if name in ours), next(iter(best)))
-    return analyse(cells, **about, provenance=made.provenance(), baseline=reference)
-
-
-def _tables(results: Results) -> dict[str, list[dict[str, object]]]:
-    """Rows of each CSV file, by the ending of its name."""
-    cells = [
-        {"scenario": s, "policy": p, **flat(without_nan(asdict(each)))} for (s, p), each in results.summaries.items()
-    ]
-    return {"": cells, "_differences": [flat(without_nan(asdict(each))) for each in results.comparisons]}
+    return compared(provenance=made.provenance(), baseline=reference)

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 import tyro
@@ -27,6 +27,7 @@ from research.studies import fall_rules
 from research.studies.fall_rules import FallCriterion
 
 FILE = "rescored.json"
+Rule = Literal["simple-quad/1", "height-only", "tilt-70", "tilt-90", "trunk-contact", "non-foot-contact"]
 Key = tuple[str, str, str]
 """Scenario, policy and rule."""
 Figures = dict[str, Any]
@@ -40,30 +41,25 @@ class Options:
 
     results: Annotated[Path, tyro.conf.Positional]
     """Folder of the results."""
-    rules: tuple[str, ...] = ("all",)
-    """Names of fall rules: simple-quad/1, height-only, tilt-70, tilt-90, trunk-contact, non-foot-contact; or all."""
+    rules: tuple[Rule, ...] = get_args(Rule)
+    """Names of fall rules."""
 
 
 def main(options: Options) -> int:
     """Apply the rules, print and write; the exit code."""
-    rules = _chosen(options.rules)
+    rules = tuple(map(fall_rules.RULES.__getitem__, options.rules))
     falls = rescore(options.results, rules)
     Console(file=sys.stdout).print(table(falls))
+    by_policy: dict[str, dict[str, dict[str, dict[str, Figures]]]] = {}
+    for (scenario, policy, rule), figures in falls.items():
+        by_policy.setdefault(policy, {"scenarios": {}})["scenarios"].setdefault(scenario, {})[rule] = figures
     contents = {
         "schema": 1,
-        "rules": {rule.name: {"words": rule.words, "source": rule.source} for rule in rules},
-        "policies": _by_policy(falls),
+        "rules": {each.name: {"words": each.words, "source": each.source} for each in rules},
+        "policies": by_policy,
     }
     write_atomically(options.results / FILE, (json.dumps(contents, indent=2, allow_nan=False) + "\n").encode())
     return 0
-
-
-def _chosen(names: tuple[str, ...]) -> tuple[FallCriterion, ...]:
-    """The rules of those names, every one for `all`; UsageError lists the valid names."""
-    known = fall_rules.RULES
-    if unknown := [name for name in names if name not in known and names != ("all",)]:
-        raise UsageError(f"--rules: unknown rule {unknown[0]!r}; valid: {', '.join(known)}, or all")
-    return tuple(known[name] for name in (known if names == ("all",) else names))
 
 
 def rescore(results: Path, rules: tuple[FallCriterion, ...]) -> Scores:
@@ -93,10 +89,8 @@ def _check_belong(falls: Scores, run: Run, folder: Path) -> None:
     there = {(cell.scenario.name, cell.policy): (cell.episodes, int(cell.measures.fell.sum())) for cell in run.cells}
     for (scenario, policy, rule), figures in falls.items():
         if rule == FALL_RULE and there.get((scenario, policy)) != (figures["episodes"], figures["falls"]):
-            raise UsageError(
-                f"the trace of {policy} on {scenario} is not of these results: "
-                f"delete {folder} and run the evaluation again"
-            )
+            other = f"the trace of {policy} on {scenario} is not of these results"
+            raise UsageError(f"{other}: delete {folder} and run the evaluation again")
 
 
 def _falls(time: NDArray[np.float64]) -> Figures:
@@ -118,11 +112,3 @@ def table(scores: Scores) -> Table:
     heads = {FIRST: "policy", **{rule: rule.replace("-", "-\n") for _, _, rule in scores}}
     groups = {scenario: by_policy.values() for scenario, by_policy in found.items()}
     return console_table("falls, with Wilson 95 % intervals", heads, groups)
-
-
-def _by_policy(scores: Scores) -> dict[str, Any]:
-    """Policy -> "scenarios" -> scenario -> rule -> figures."""
-    policies: dict[str, dict[str, dict[str, dict[str, Figures]]]] = {}
-    for (scenario, policy, rule), figures in scores.items():
-        policies.setdefault(policy, {"scenarios": {}})["scenarios"].setdefault(scenario, {})[rule] = figures
-    return policies

@@ -61,7 +61,9 @@ def board(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def test_a_list_of_our_controllers_becomes_a_page_and_its_data(board) -> None:
     text = (board / "docs/leaderboard_quads.md").read_text(encoding="utf-8")
     first, flat, noise = text.split("\n## ")[1:]
-    assert first.startswith("Success\n\n| policy | servo: N·m/rad; N·m·s/rad | flat | noise:3 | mean |")
+    assert first.startswith(
+        "Success\n\n| policy | servo: N·m/rad; N·m·s/rad | flat | noise:3 | mean | cost of transport, flat |"
+    )
     rows = [line.split(" | ") for line in first.splitlines() if line.startswith(("| trot", "| stand"))]
     assert [(row[0], row[1]) for row in rows] == [("| trot", "300; 10"), ("| stand", "300; 10")], "the best first"
     assert rows[0][2:4] == ["100 %", "100 %"]
@@ -79,8 +81,8 @@ def test_a_list_of_our_controllers_becomes_a_page_and_its_data(board) -> None:
 
 def test_a_finished_policy_is_not_run_again(board) -> None:
     before = {file: file.stat().st_mtime_ns for file in (board / "results").rglob("*.parquet")}
-    assert main([*WORDS, "quads.toml", "--reference", "stand", "--out", "other.md"]) == 0
-    assert "minus `stand`" in (board / "other.md").read_text(encoding="utf-8")
+    assert main([*WORDS, "quads.toml", "--reference", "stand", "--out", "docs/other.md"]) == 0
+    assert "minus `stand`" in (board / "docs/other.md").read_text(encoding="utf-8")
     assert {file: file.stat().st_mtime_ns for file in (board / "results").rglob("*.parquet")} == before
 
 
@@ -95,12 +97,12 @@ def test_a_missing_file_is_named_with_its_address(folder, capsys) -> None:
     path = listed(folder)
     assert main(["leaderboard", str(path), "--files", "theirs"]) == 2
     missing, error = capsys.readouterr().err.splitlines()
-    assert missing == f"theirs: download {URL} to theirs/robots/{PATH}"
+    assert missing == f"theirs: download {URL} to theirs/someone/robots/{PATH}"
     assert error == f"error: 1 file of {path} not in theirs: get them, or give --fetch"
 
 
 def test_a_file_of_another_hash_is_refused(folder, refused) -> None:
-    place = folder / "theirs/robots" / PATH
+    place = folder / "theirs/someone/robots" / PATH
     place.parent.mkdir(parents=True)
     place.write_bytes(b"another network")
     said = refused(main, "leaderboard", listed(folder), "--files", "theirs")
@@ -117,7 +119,7 @@ def answer(content: bytes, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_fetch_keeps_what_has_the_lists_hash_and_puts_the_description_beside_it(folder, monkeypatch, refused) -> None:
     (folder / "theirs.toml").write_text('network = "go1 policy.onnx"', encoding="utf-8")
-    path, place = listed(folder), folder / "files/robots" / PATH
+    path, place = listed(folder), folder / "files/someone/robots" / PATH
     asked = answer(b"another network", monkeypatch)
     assert f"{URL} is not the file of theirs" in refused(main, "leaderboard", path, "--files", "files", "--fetch")
     assert not place.exists(), "nothing is kept that is not the list's"
@@ -130,7 +132,7 @@ def test_fetch_keeps_what_has_the_lists_hash_and_puts_the_description_beside_it(
 
 
 def test_what_is_there_is_not_fetched_again(folder, monkeypatch) -> None:
-    place = folder / "files/robots" / PATH
+    place = folder / "files/someone/robots" / PATH
     place.parent.mkdir(parents=True)
     place.write_bytes(CONTENT)
     asked = answer(b"", monkeypatch)
@@ -148,8 +150,10 @@ def test_what_is_there_is_not_fetched_again(folder, monkeypatch) -> None:
         ({"ours": "3"}, "ours of a PolicyList cannot be [3]"),
         ({"published": "= 3"}, "is no list of policies (TOMLDecodeError"),
         ({"published": PUBLISHED.replace("revision", "version")}, "'version'"),
-        ({"published": PUBLISHED.replace("https", "http")}, "https:// source"),
+        ({"published": PUBLISHED.replace("https", "http")}, "wants a source https://"),
+        ({"published": PUBLISHED.replace("someone/robots", "../robots")}, "wants a source https://"),
         ({"published": PUBLISHED.replace(PATH, "../go1.onnx")}, "not in its repository"),
+        ({"published": PUBLISHED.replace("theirs.toml", "/theirs.toml")}, "not in its repository"),
         ({"published": PUBLISHED.replace('= "', '= "x')}, "is no list of policies"),
     ],
 )
