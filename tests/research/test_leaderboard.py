@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 
 from evaluate.records import policy_list
+from evaluate.records.store import read_run
 from evaluate.report.leaderboard import gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from research.__main__ import main
+from research.pages import leaderboard as command
 
 REVISION, PATH, CONTENT = "d5e6b475", "onnx/go1 policy.onnx", b"a network"
 PUBLISHED = f"""
@@ -27,7 +29,8 @@ revision = "{REVISION}"
 policy = "theirs.toml"
 files = {{ "{PATH}" = "{hashlib.sha256(CONTENT).hexdigest()}" }}
 """
-WORDS = ("leaderboard", "--scenarios", "flat", "noise:3", "--episodes", "2", "--threads", "1")
+WORDS = ("leaderboard", "--scenarios", "flat", "rough", "--episodes", "2", "--threads", "1")
+NAMED = {"theirs": "trot", "mine": "stand"}
 URL = f"https://github.com/someone/robots/raw/{REVISION}/onnx/go1%20policy.onnx"
 
 
@@ -60,30 +63,40 @@ def board(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 def test_a_list_of_our_controllers_becomes_a_page_and_its_data(board) -> None:
     text = (board / "docs/leaderboard_quads.md").read_text(encoding="utf-8")
-    first, flat, noise = text.split("\n## ")[1:]
+    first, flat, rough = text.split("\n## ")[1:]
     assert first.startswith(
-        "Success\n\n| policy | servo: N·m/rad; N·m·s/rad | flat | noise:3 | mean | cost of transport, flat |"
+        "Success\n\n| policy | servo: N·m/rad; N·m·s/rad | flat | rough | mean | cost of transport, flat |"
     )
     rows = [line.split(" | ") for line in first.splitlines() if line.startswith(("| trot", "| stand"))]
     assert [(row[0], row[1]) for row in rows] == [("| trot", "300; 10"), ("| stand", "300; 10")], "the best first"
     assert rows[0][2:4] == ["100 %", "100 %"]
-    assert [noise.count(f"\n| {name} |") for name in ("trot", "stand")] == [1, 1]
+    assert [rough.count(f"\n| {name} |") for name in ("trot", "stand")] == [1, 1]
     of = {(row["scenario"], row["policy"]): row for row in written(board, "leaderboard_quads.csv")}
     error = float(of["flat", "trot"]["velocity_error"])
     assert f"| trot | 100\u00a0% [34,\u00a0100] | 0\u00a0% [0,\u00a066] | {error:.3f} ±" in flat
     assert "minus `trot`" in flat, "the reference is the best of ours"
-    difference = written(board, "leaderboard_quads_differences.csv")[0]
-    assert (difference["a"], difference["b"], difference["metric"]) == ("stand", "trot", "success_rate")
-    assert f"quads.toml --scenarios flat noise:3 --episodes 2`; MuJoCo {version('mujoco')}" in text
+    for row in written(board, "leaderboard_quads_differences.csv"):
+        assert (row["a"], row["b"]) == ("stand", "trot")
+        shown = f"| {float(row['difference']):.3f} [" in {"flat": flat, "rough": rough}[row["scenario"]]
+        assert shown == (row["metric"] == "velocity_error"), row
+    assert f"quads.toml --scenarios flat rough --episodes 2`; MuJoCo {version('mujoco')}" in text
     run = json.loads((board / "results/leaderboard/quads/trot/results.json").read_text(encoding="utf-8"))
     assert error == pytest.approx(run["policies"]["trot"]["scenarios"]["flat"]["velocity_error"], rel=1e-5)
 
 
 def test_a_finished_policy_is_not_run_again(board) -> None:
-    before = {file: file.stat().st_mtime_ns for file in (board / "results").rglob("*.parquet")}
+    before = {file: file.stat().st_mtime_ns for file in (board / "results").rglob("results.json")}
     assert main([*WORDS, "quads.toml", "--reference", "stand", "--out", "docs/other.md"]) == 0
     assert "minus `stand`" in (board / "docs/other.md").read_text(encoding="utf-8")
-    assert {file: file.stat().st_mtime_ns for file in (board / "results").rglob("*.parquet")} == before
+    assert {file: file.stat().st_mtime_ns for file in (board / "results").rglob("results.json")} == before
+
+
+def test_policies_have_their_names_of_the_list_and_the_reference_is_the_best_of_ours(board) -> None:
+    runs = {name: read_run(board / "results/leaderboard/quads" / label) for name, label in NAMED.items()}
+    of_ours = command._results(runs, ("mine",), None)
+    assert (of_ours.baseline, set(of_ours.policies)) == ("mine", {"mine", "theirs"})
+    for ours, reference in ((("mine",), "theirs"), ((), None)):
+        assert command._results(runs, ours, reference).baseline == "theirs"
 
 
 def test_a_run_that_was_begun_otherwise_is_one_line(board, refused) -> None:

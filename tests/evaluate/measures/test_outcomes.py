@@ -197,3 +197,5 @@ def test_kept_episodes_succeed_by_another_rule_as_their_record_does(policy, forw
     assert rescored(cell, RULES[ISAAC_LAB]).measures.succeeded == [by_isaac_lab]
     failed = replace(cell, failure=np.array(["it raised"], object))
     assert not rescored(failed, RULES["survival"]).measures.succeeded.any()
+    fell = replace(cell, measures=replace(cell.measures, fell=np.ones(1, np.bool_)))
+    assert not rescored(fell, RULES[ISAAC_LAB]).measures.succeeded.any()
