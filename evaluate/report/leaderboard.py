@@ -40,8 +40,8 @@ def page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made
         "",
         f"Our controllers{' and published policies' * bool(listed.published)} on {robot.name} ({robot.mass:.1f} kg), "
         f"each with its own servo gains: the same {counted(results.episodes, 'episode')} of each scenario for all. "
-        "Success, errors, intervals (95 %) and tests: [numbers.md](numbers.md). Differences are paired by episode, minus "
-        f"`{results.baseline}`; p is corrected for the number of comparisons (Holm).",
+        "Success, errors, intervals (95 %) and tests: [numbers.md](numbers.md). Differences are paired by episode, "
+        f"minus `{results.baseline}`; p is corrected for the number of comparisons (Holm).",
         "",
         *(f"{line}.\n" for line in warnings(results)),
         made_by,
