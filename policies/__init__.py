@@ -135,7 +135,7 @@ def resolve(
         raise PolicyError(remedy)
     raise PolicyError(
         f"no policy {text!r}: name one of {', '.join(names())}, the folder of a trained policy, or a policy of yours: "
-        "my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3"
+        "my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3, a deployment file of another project"
     )
 
 

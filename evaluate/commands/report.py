@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from evaluate.commands.options import Flag
 from quad_env.cli.command_line import UsageError
 
 if TYPE_CHECKING:
@@ -26,10 +25,6 @@ class Options:
     """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
-    film: bool = True
-    """Whether report.html shows a film of one episode."""
-    trust: Flag = False
-    """Film policies from files that can hide code, the .zip files of Stable-Baselines3."""
 
 
 def main(options: Options) -> int:
@@ -50,7 +45,7 @@ def main(options: Options) -> int:
     if options.success is not None:
         _print_by(options.success, run, options)
         return 0
-    ending = Ending(gates=gates, baseline=options.baseline, film=options.film, trust=options.trust)
+    ending = Ending(gates=gates, baseline=options.baseline)
     try:
         with sole_use(options.folder):
             code = conclude(run, options.folder, ending)

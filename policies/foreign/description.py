@@ -5,8 +5,12 @@ this package bring them to the robot's. A target is `offset + scale * clip(actio
 """
 
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
+from reprlib import repr as shortened
 from typing import Literal
+
+from policies.base import PolicyError
 
 Numbers = tuple[float, ...]
 Range = tuple[float, float]
@@ -28,6 +32,18 @@ TERMS: dict[str, int | None] = {
 }
 """Names of observation terms, and how many numbers each has; None where the term's own settings say it."""
 
+LONGEST_HISTORY, MOST_POINTS = 1000, 10_000
+"""Control steps that a term may show, and points of a height scan."""
+_OWNERS = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
+_POSITIVE = "control_rate", "stiffness", "damping", "frequency", "observation_clip"
+_CHOICES = {
+    "frame": ("body", "heading", "world"),
+    "history_layout": ("term", "time"),
+    "history_newest": ("first", "last"),
+    "history_start": ("first", "zero"),
+    "previous_action": ("raw", "scaled"),
+}
+
 
 @dataclass(frozen=True)
 class HeightGrid:
@@ -41,6 +57,11 @@ class HeightGrid:
     """Whether x is what changes fastest from point to point; false: y does."""
     offset: float = 0.0
     """A point's number is the trunk's height minus that of the ground minus this, m."""
+
+    def __post_init__(self) -> None:
+        _check(self, x=(), y=(), offset=(1,))
+        if len(self.x) * len(self.y) > MOST_POINTS:
+            raise PolicyError(f"a height scan has at most {MOST_POINTS} points, not {len(self.x)} x {len(self.y)}")
 
 
 @dataclass(frozen=True)
@@ -56,7 +77,16 @@ class Clock:
     by_part: bool = False
     """All sines before all cosines, instead of phase by phase."""
     stands: bool = False
-    """Whether the clock stays at 0 while the command is zero."""
+    """Whether zeros are given while the command is nearly zero; the clock runs on."""
+
+    def __post_init__(self) -> None:
+        _check(self, frequency=(1,), phases=())
+        if (
+            not self.parts
+            or not isinstance(self.parts, tuple)
+            or any(part not in ("sin", "cos") for part in self.parts)
+        ):
+            raise PolicyError(f"`parts` of a clock must be of sin, cos, not {shortened(self.parts)}")
 
 
 @dataclass(frozen=True)
@@ -79,6 +109,19 @@ class Term:
     """Of a `gait_clock`."""
     grid: HeightGrid | None = None
     """Of a `height_scan`."""
+
+    def __post_init__(self) -> None:
+        if self.name not in (*TERMS,):
+            raise PolicyError(f"{shortened(self.name)} is no observation term", f"the terms are {', '.join(TERMS)}")
+        for setting, owner in _OWNERS.items():
+            if bool(getattr(self, setting)) != (owner == self.name):
+                raise PolicyError(f"`{setting}` belongs to the term {owner} and to no other, not to {self.name}")
+        if type(self.history) is not int or not 1 <= self.history <= LONGEST_HISTORY:
+            raise PolicyError(f"`history` must be a whole number from 1 to {LONGEST_HISTORY}, not {self.history!r:.80}")
+        if self.values:
+            _check(self, values=())
+        _check(self, scale=(1, self.width))
+        _check_range("clip", self.clip)
 
     @property
     def width(self) -> int:
@@ -130,7 +173,59 @@ class PolicyDescription:
     previous_action: Literal["raw", "scaled"] = "raw"
     """Whether the previous action is what the network gave, clipped, or the target minus its offset, rad."""
 
+    def __post_init__(self) -> None:
+        if not _are_names(self.joints):
+            raise PolicyError(f"`joints` must be the names of 12 different joints, not {shortened(self.joints)}")
+        observed = self.joints if self.observed_joints is None else self.observed_joints
+        if not _are_names(observed) or {*observed} != {*self.joints}:
+            raise PolicyError("`observed_joints` must be the names of `joints`, in another order")
+        _check(self, control_rate=(1,), default_position=(12,), action_scale=(12,), stiffness=(12,), damping=(12,))
+        _check(self, action_offset=(12,), observation_clip=(1,))
+        _check_range("action_clip", self.action_clip)
+        if self.target_clip is not None and len(self.target_clip) != 12:
+            raise PolicyError(f"`target_clip` must be 12 ranges, not {len(self.target_clip)}")
+        for each in self.target_clip or ():
+            _check_range("target_clip", each)
+        terms = self.terms if isinstance(self.terms, tuple) else ()
+        if not terms or not all(isinstance(term, Term) for term in terms):
+            raise PolicyError("`terms` must be one term or more", f"the terms are {', '.join(TERMS)}")
+        if self.history_layout == "time" and len({term.history for term in self.terms}) > 1:
+            raise PolicyError("with the history_layout `time`, all terms must have the same history")
+
     @property
     def width(self) -> int:
         """Numbers of the whole observation."""
         return sum(term.width * term.history for term in self.terms)
+
+
+def _check(described: object, **counts: tuple[int, ...]) -> None:
+    """Raise PolicyError unless fields are finite numbers, as many as one of their counts says, () for any."""
+    for name, allowed in counts.items():
+        if (value := getattr(described, name)) is None:
+            continue
+        values = (value,) if allowed == (1,) else value
+        many = isinstance(values, tuple) and len(values) in (allowed or (len(values) or 1,))
+        if not many or not all(map(_is_number, values)):
+            count = " or ".join(map(str, dict.fromkeys(allowed))) or "some"
+            raise PolicyError(f"`{name}` must be {count} finite numbers, not {shortened(value)}")
+        if name in _POSITIVE and (min(values) < 0 or (0 in values and name != "damping")):
+            raise PolicyError(f"`{name}` must be positive, not {min(values)}")
+    for name, choices in _CHOICES.items():
+        if getattr(described, name, choices[0]) not in choices:
+            raise PolicyError(f"`{name}` must be {' or '.join(choices)}, not {getattr(described, name)!r:.80}")
+
+
+def _check_range(name: str, value: object) -> None:
+    two = isinstance(value, tuple) and len(value) == 2 and all(map(_is_number, value))
+    if value is not None and not (two and value[0] < value[1]):  # type: ignore[index]
+        raise PolicyError(f"`{name}` must be a least and a largest value, not {shortened(value)}")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+
+
+def _are_names(value: object) -> bool:
+    return (
+        isinstance(value, tuple) and all(isinstance(each, str) for each in value) and len(value) == len({*value}) == 12
+    )

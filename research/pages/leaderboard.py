@@ -91,7 +91,7 @@ def _plan(name: str, policy: str, listed: PolicyList, options: Options) -> Plan:
     out = options.runs / options.list.stem / re.sub(r"[^\w.-]+", "_", name)
     same = {each: getattr(options, each) for each in ("trust", "scenarios", "episodes", "threads")}
     begun = (out / manifest.NAME).is_file()
-    asked = evaluation.Options((policy,), robot=listed.robot, out=out, resume=begun, film=False, **same)
+    asked = evaluation.Options((policy,), robot=listed.robot, out=out, resume=begun, **same)
     try:
         return check(asked)
     except UsageError as error:

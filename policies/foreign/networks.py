@@ -1,0 +1,154 @@
+"""Networks of policies from other projects, ONNX or TorchScript, with or without memory, asked for n robots.
+
+They are shown one observation at a time: a row of a larger product is rounded otherwise, by 1e-7, which the previous
+actions in the observation multiply. So a robot's actions have the same bits in any batch, and those of its project.
+"""
+
+import copy
+import re
+import warnings
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import Mask, PolicyError
+from policies.foreign.description import PolicyDescription
+from policies.foreign.onnx_file import TYPES, session_of
+from quad_env.columns import Rows
+from quad_env.files.text import described
+
+Weights = NDArray[np.float32]
+Act = Callable[[Weights], Any]
+"""From one observation, (1, k), to one action."""
+LONGEST_REASON = 300
+
+
+class Networks:
+    """The network of a description, for n robots.
+
+    Args:
+        make: makes what gives actions, without memory of any robot.
+        remembers: whether it has a memory: then each robot has one of its own.
+    """
+
+    def __init__(self, make: Callable[[], Act], remembers: bool) -> None:
+        self._make, self.remembers = make, remembers
+        self.allocate(1)
+
+    def allocate(self, num_envs: int) -> None:
+        """Fresh memories for so many robots."""
+        self._acts = [self._make() for _ in range(num_envs)] if self.remembers else [self._make()] * num_envs
+
+    def restart(self, mask: Mask) -> None:
+        """Fresh memories for those robots."""
+        for robot in np.flatnonzero(mask).tolist() if self.remembers else ():
+            self._acts[robot] = self._make()
+
+    def actions(self, observations: Weights, who: Rows) -> NDArray[Any]:
+        """Actions (m, 12) of those robots for their observations, (m, k)."""
+        pairs = zip(observations[:, None], who.tolist(), strict=True)
+        return np.array([np.ravel(self._acts[robot](row)) for row, robot in pairs])
+
+
+def load(description: PolicyDescription) -> Networks:
+    """The description's network, which has its process to itself. Raises PolicyError, one line."""
+    make, remembers = (_torch if description.network.suffix.lower() == ".pt" else _onnx)(description)
+    row = np.random.default_rng(0).standard_normal((1, description.width)).astype(np.float32)
+    try:
+        act = make()
+        found, *again = (np.array(act(row)) for _ in range(3))
+    except Exception as error:
+        raise _failure(description, error) from None
+    if found.size != (wanted := len(description.joints)) or found.dtype.kind != "f":
+        gives = f"gives {found.size} numbers of type {found.dtype}"
+        raise PolicyError(f"{description.network} {gives} for the {wanted} joints of its description")
+    return Networks(make, remembers or any(found.tobytes() != each.tobytes() for each in again))
+
+
+def _failure(description: PolicyDescription, error: Exception) -> PolicyError:
+    """What an error of a network says; where it is of matrices that do not fit, the width that it reads."""
+    if found := re.search(r"and (\d+)x\d+\)|Expected (\d+), got|mat \(\d+x(\d+)\)", str(error)):
+        return _other_width(description, int(next(filter(None, found.groups()))))
+    reason = described(error).rpartition("RuntimeError: ")[2]
+    return PolicyError(f"{description.network} fails: {reason[:LONGEST_REASON]}")
+
+
+def _other_width(description: PolicyDescription, reads: int) -> PolicyError:
+    terms = [(each.name, each.width, each.history) for each in description.terms]
+    widths = " + ".join(f"{name} {width}{f' x {shown}' if shown > 1 else ''}" for name, width, shown in terms)
+    fault = f"{description.network} reads {reads} numbers and its description gives {description.width}: {widths}"
+    return PolicyError(fault, "correct the terms")
+
+
+def _onnx(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
+    """What makes the network of an ONNX file, and whether it has a memory: inputs after the first, which outputs after
+    the first renew in the same order."""
+    file = description.network
+    session = session_of(file)
+    (seen, *states), (given, *renewed) = session.get_inputs(), session.get_outputs()
+    shapes = [[size if isinstance(size, int) else 1 for size in state.shape] for state in states]
+    if other := next((each for each in (seen, *states) if each.type not in TYPES), None):
+        raise PolicyError(f"{file} reads {other.type}: it must read float or double")
+    if len(seen.shape) not in (1, 2):
+        raise PolicyError(f"{file} reads {seen.shape}: it must read one observation, or a batch")
+    if isinstance(seen.shape[-1], int) and seen.shape[-1] != description.width:
+        raise _other_width(description, seen.shape[-1])
+    if [len(each.shape) for each in renewed[: len(states)]] != [len(shape) for shape in shapes]:
+        others = ", ".join(each.name for each in states)
+        raise PolicyError(f"{file} reads {others} besides the observation, and its outputs do not renew them")
+    names, flat = [each.name for each in (given, *renewed[: len(states)])], len(seen.shape) == 1
+
+    def make() -> Act:
+        memory = {state.name: np.zeros(shape, TYPES[state.type]) for state, shape in zip(states, shapes, strict=True)}
+
+        def act(row: Weights) -> Any:
+            shown = row.astype(TYPES[seen.type])
+            found, *kept = session.run(names, {seen.name: shown[0] if flat else shown} | memory)
+            memory.update(zip(memory, kept, strict=True))
+            return found
+
+        return act
+
+    return make, bool(states)
+
+
+def _torch(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
+    """What makes the network of a TorchScript file, and whether it says that it has a memory."""
+    # By name: evaluating imports no learner, except for a learner's own file.
+    file, torch = description.network, import_module("torch")
+    torch.set_num_threads(1)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            module = torch.jit.load(file, map_location="cpu").eval()
+    except Exception as error:
+        fault = f"{file} is no TorchScript ({described(error)[:LONGEST_REASON]})"
+        raise PolicyError(fault, "export the network with torch.jit.save; a checkpoint holds weights alone") from None
+    kind = next((each.dtype for each in module.parameters()), torch.float32)
+
+    def make(flat: bool = False) -> Act:
+        own = copy.deepcopy(module)
+
+        def act(row: Weights) -> Any:
+            # A copy, since bits hang on where a row lies in memory; unoptimised, since later calls would differ.
+            with torch.inference_mode(), torch.jit.optimized_execution(False):
+                found = own(torch.from_numpy(row[0] if flat else row).to(kind, copy=True))
+            return (found[0] if isinstance(found, tuple | list) else found).numpy()
+
+        return act
+
+    one = np.zeros((1, description.width), np.float32)
+    flat = not _answers(make(), one) and _answers(make(True), one)
+    return partial(make, flat), hasattr(module, "reset")
+
+
+def _answers(act: Act, rows: Weights) -> bool:
+    try:
+        act(rows)
+    except Exception:
+        return False
+    return True

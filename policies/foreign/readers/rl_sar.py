@@ -1,0 +1,112 @@
+"""rl_sar's `config.yaml`, with the `base.yaml` of its robot in the folder above; older ones have no base.
+
+Sources: fan-ziqi/rl_sar `library/core/rl_sdk/rl_sdk.cpp` and `observation_buffer.cpp`: joint i of the policy is motor
+`joint_mapping[i]`, observations are scaled, then clipped as a whole; a history starts with zeros, 0 is its newest step.
+"""
+
+from typing import Any, Literal
+
+from policies.base import PolicyError
+from policies.foreign.description import PolicyDescription, Range, Term
+from policies.foreign.readers.isaac_terms import scaled, unknown
+from policies.foreign.readers.joint_orders import Joints
+from policies.foreign.readers.networks import named
+from policies.foreign.readers.settings import BY_HAND, Settings, load
+
+_TERMS = {
+    "lin_vel": ("linear_velocity", "lin_vel_scale"),
+    "ang_vel": ("angular_velocity", "ang_vel_scale"),
+    "gravity_vec": ("projected_gravity", ""),
+    "commands": ("command", "commands_scale"),
+    "dof_pos": ("joint_position", "dof_pos_scale"),
+    "dof_vel": ("joint_velocity", "dof_vel_scale"),
+    "actions": ("previous_action", ""),
+}
+
+
+def describe(settings: Settings) -> PolicyDescription:
+    """The policy of a `config.yaml`, whose settings lie under the name of its folder. Raises PolicyError."""
+    ((_, own),) = settings.groups()
+    file = settings.file.parent.parent / "base.yaml"
+    base = next((each for _, each in load(file).groups()), None) if file.is_file() else None
+    found = Settings((base.values if base else {}) | own.values, settings.file, own.above)
+    for key in ("dt", "decimation", "num_of_dofs"):
+        if base and base.find(key) not in (None, found.find(key)):
+            raise _disagreement(settings, key)
+    if (count := found.number("num_of_dofs", 12)) != 12:
+        raise PolicyError(f"`num_of_dofs` is {count:g}: policies of 12 joints are read")
+    if found.find("hip_scale_reduction") is not None:
+        raise found.wrong("hip_scale_reduction", "in `action_scale`, joint by joint")
+    steps, newest = _history(found)
+    return PolicyDescription(
+        network=named(settings.file.parent, str(found.get("model_name"))),
+        control_rate=1 / (found.number("dt") * found.number("decimation")),
+        joints=_joints(own, base, found),
+        default_position=found.numbers("default_dof_pos"),
+        action_scale=found.numbers("action_scale"),
+        action_clip=_action_clip(found),
+        stiffness=found.numbers("rl_kp"),
+        damping=found.numbers("rl_kd"),
+        terms=_terms(found, steps),
+        observation_clip=found.number("clip_obs"),
+        history_layout="term" if found.find("observations_history_priority") == "term" else "time",
+        history_newest=newest,
+        history_start="zero",
+    )
+
+
+def _disagreement(settings: Settings, key: str) -> PolicyError:
+    return PolicyError(f"`{key}` in {settings.file.name} and in ../base.yaml disagree", "make them one")
+
+
+def _joints(own: Settings, base: Settings | None, found: Settings) -> Joints:
+    """Names in the policy's order: those in the file itself, or the base's by `joint_mapping`."""
+    names, motors = _names(own), _names(base) if base else None
+    if motors and (names is None or own.find("joint_mapping") is not None):
+        mapped = tuple(motors[each] for each in found.order("joint_mapping")) if len(motors) == 12 else motors
+        if names not in (None, mapped):
+            raise _disagreement(own, "joint_names")
+        return mapped
+    if names is None:
+        raise PolicyError(f"neither {own.file.name} nor ../base.yaml has `joint_names`", f"add it, or {BY_HAND}")
+    return names
+
+
+def _names(settings: Settings) -> Joints | None:
+    if settings.find("joint_names") is not None:
+        return settings.texts("joint_names")
+    if settings.find("joint_controller_names") is None:
+        return None
+    return tuple(name.replace("_controller", "_joint") for name in settings.texts("joint_controller_names"))
+
+
+def _terms(found: Settings, steps: int) -> tuple[Term, ...]:
+    terms = []
+    for name in found.texts("observations"):
+        if name not in _TERMS:
+            raise unknown(name)
+        term, key = _TERMS[name]
+        if key:
+            found.get(key)
+        terms.append(scaled(Term(term, history=steps), found, key))
+    if (width := sum(term.width for term in terms)) != found.number("num_observations", width):
+        raise found.wrong("num_observations", f"{width}, the numbers of `observations`")
+    return tuple(terms)
+
+
+def _history(found: Settings) -> tuple[int, Literal["first", "last"]]:
+    """How many steps, and where the newest is."""
+    given: Any = found.find("observations_history") or [0]
+    steps = list(range(len(given))) if isinstance(given, list) else []
+    if not steps or given not in (steps, steps[::-1]):
+        raise found.wrong("observations_history", "the steps from 0, or down to 0")
+    return len(steps), "first" if given == steps else "last"
+
+
+def _action_clip(found: Settings) -> Range | None:
+    if not found.find("clip_actions_upper") or not found.find("clip_actions_lower"):
+        return None
+    limits = {*zip(found.numbers("clip_actions_lower"), found.numbers("clip_actions_upper"), strict=True)}
+    if len(limits) > 1:
+        raise found.wrong("clip_actions_upper", "alike for all joints, as `clip_actions_lower`")
+    return limits.pop()

@@ -1,0 +1,83 @@
+"""Unitree's `deploy.yaml`, which unitree_rl_lab and unitree_rl_mjlab export next to a network.
+
+Sources: unitree_rl_lab `utils/export_deploy_cfg.py` and `deploy/include/isaaclab`. Joint i of the policy is motor
+`joint_ids_map[i]` of Unitree's SDK; gains are in the order of the motors, all else in that of the policy. Terms are
+clipped, then scaled, unless `scale_first`; `use_gym_history` puts a history by time, oldest first.
+"""
+
+from dataclasses import replace
+
+from policies.base import PolicyError
+from policies.foreign.description import PolicyDescription, Range, Term
+from policies.foreign.readers.isaac_terms import observed_joints, term
+from policies.foreign.readers.joint_orders import UNITREE_MOTORS, Joints
+from policies.foreign.readers.networks import exported
+from policies.foreign.readers.settings import Settings
+
+
+def describe(settings: Settings) -> PolicyDescription:
+    """The policy of a `deploy.yaml`. Raises PolicyError."""
+    actions, motors = settings.inside("actions"), settings.order("joint_ids_map")
+    if list(actions.values) != ["JointPositionAction"]:
+        raise settings.wrong("actions", "JointPositionAction alone")
+    action = actions.inside("JointPositionAction")
+    order = action.order("joint_ids") if action.find("joint_ids") is not None else range(12)
+    asset = tuple(UNITREE_MOTORS[motor] for motor in motors)
+    joints = tuple(asset[each] for each in order)
+    stiffness, damping, default = (settings.numbers(key) for key in ("stiffness", "damping", "default_joint_pos"))
+    default = tuple(default[each] for each in order)
+    offset = action.numbers("offset") if action.find("offset") is not None else (0.0,) * 12
+    group = _group(settings)
+    terms = {name: _term(name, each, bool(group.find("scale_first"))) for name, each in group.groups()}
+    observed = observed_joints(terms, lambda name: _observed(group.inside(name), asset))
+    return PolicyDescription(
+        network=exported(settings.file),
+        control_rate=1 / settings.number("step_dt"),
+        joints=joints,
+        default_position=default,
+        action_scale=action.numbers("scale") if action.find("scale") is not None else (1.0,) * 12,
+        action_offset=offset if offset != default else None,
+        target_clip=_clip(action),
+        stiffness=tuple(stiffness[motors[each]] for each in order),
+        damping=tuple(damping[motors[each]] for each in order),
+        terms=tuple(terms.values()),
+        observed_joints=observed if observed != joints else None,
+        history_layout="time" if group.find("use_gym_history") else "term",
+    )
+
+
+def _group(settings: Settings) -> Settings:
+    """The observations of the only input."""
+    observations = settings.inside("observations")
+    groups = [group for _, group in observations.groups()]
+    if not groups or "params" in groups[0].values:
+        return observations
+    if len(groups) > 1:
+        raise settings.wrong("observations", "those of one input")
+    return groups[0]
+
+
+def _term(name: str, settings: Settings, scale_first: bool) -> Term:
+    found = term(name, settings)
+    if not scale_first or found.clip is None:
+        return found
+    if len(found.scale) > 1 or found.scale[0] <= 0:
+        raise PolicyError(f"`scale_first` with a clip needs one positive scale for all numbers of {name}")
+    return replace(found, clip=(found.clip[0] / found.scale[0], found.clip[1] / found.scale[0]))
+
+
+def _observed(settings: Settings, asset: Joints) -> Joints:
+    chosen = settings.inside("params").find("asset_cfg")
+    if not isinstance(chosen, dict) or chosen.get("joint_ids") is None:
+        return asset
+    return tuple(asset[each] for each in settings.inside("params", "asset_cfg").order("joint_ids"))
+
+
+def _clip(action: Settings) -> tuple[Range, ...] | None:
+    """Ranges of the targets, rad."""
+    if (clip := action.find("clip")) is None:
+        return None
+    if not isinstance(clip, list):
+        raise action.wrong("clip", "12 ranges")
+    ranges = Settings(dict(enumerate(clip)), action.file, f"{action.above}clip.")
+    return tuple(each for each in (ranges.range(index) for index in ranges.values) if each is not None)

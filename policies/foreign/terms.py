@@ -1,0 +1,216 @@
+"""The observation of a policy from another project, term by term, from the environment's.
+
+What the environment does not show is worked out from what it does: the world frame's yaw by integrating the gyro from 0
+at the reset, contacts and torques from the servos.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import Floats, Mask, PolicyError
+from policies.foreign.description import Clock, HeightGrid, PolicyDescription, Term
+from policies.foreign.joints import joints_of
+from policies.legs.level_frame import level_frame, vector
+from policies.mpc.contact import ContactSense
+from policies.mpc.motion import motion
+from policies.mpc.parameters import TROT, parameters_of
+from quad_env.columns import Rows
+from quad_env.config import GRAVITY
+from quad_env.physics.dynamics import Dynamics
+from quad_env.robots.anatomy import JOINTS_PER_LEG
+from quad_env.robots.robot import Robot
+from quad_env.sensing.height_scan import HeightScan, table_with
+
+CONTACT_SHARE = 0.05
+"""Share of the robot's weight from which the estimated force of a foot is a contact: right in 86 to 96 % of the control
+steps of SimpleQuad and Go1 with `trot` and `mpc_wbc`, on flat and rough ground and when pushed."""
+STANDING = 0.1
+"""Length of the command, m/s and rad/s, below which a gait clock that knows standing shows zeros; as in Unitree's
+`unitree_rl_mjlab`."""
+_FINEST = 1e-3
+"""Unit in which the points of a height scan are told apart, m."""
+
+
+Seen = dict[str, Floats]
+"""Of m robots: our observation by term; `angles` of the robot's joints; `yaw`; control `steps` of the policy since the
+reset, 0 at the first; `action`, the previous one; `contact` of the robot's feet."""
+
+
+class Terms:
+    """Observations of n robots.
+
+    Args:
+        description: of the policy.
+        robot: whose observations they are, with the servo gains in force.
+        control_period: of the environment, s.
+    """
+
+    def __init__(self, description: PolicyDescription, robot: Robot, control_period: float) -> None:
+        self._description, self._robot, self._period = description, robot, control_period
+        self._joints = joints_of(description.joints, robot)
+        self._observed = joints_of(description.observed_joints or description.joints, robot)
+        default = self._joints.in_place(np.array(description.default_position, dtype=np.float64))
+        self._default = default[self._observed.places]
+        self.height_scan = scan_of(description)
+        self._slices = table_with(robot, self.height_scan).slices
+        self._order = _layout(description)
+        self._contacts: ContactSense | None = None
+        if any(term.name == "foot_contact" for term in description.terms):
+            self._contacts = ContactSense(robot, parameters_of(TROT, robot), control_period)
+            self._dynamics = Dynamics(robot)
+        self.allocate(1)
+
+    def allocate(self, num_envs: int) -> None:
+        """Fresh state for so many robots."""
+        d = self._description
+        self._yaw, self._turning = np.zeros(num_envs), np.zeros(num_envs, np.bool_)
+        self._steps = np.zeros(num_envs, np.int64)
+        self.action = np.zeros((num_envs, len(d.joints)))
+        """The previous action of each robot as the policy is shown it, (n, 12); to be renewed after each action."""
+        self._history = np.zeros((num_envs, *_shape(d)))
+        self._contact = np.zeros((num_envs, len(self._robot.leg_names)), np.bool_)
+        if self._contacts is not None:
+            self._contacts.allocate(num_envs)
+
+    def restart(self, mask: Mask) -> None:
+        """Fresh state for those robots."""
+        for state in (self._yaw, self._turning, self._steps, self.action, self._history):
+            state[mask] = 0
+        if self._contacts is not None:
+            self._contacts.restart(mask)
+
+    def track(self, observation: Floats) -> None:
+        """Take in the control step that led to the environment's observations, (n, k): turns and contacts."""
+        gravity, (_, pitching, turning) = (
+            observation[:, self._slices[name]].T for name in ("projected_gravity", "angular_velocity")
+        )
+        frame = level_frame(gravity)
+        rate = (frame.up_y * pitching + frame.up_z * turning) / frame.level_x**2  # of the x axis' heading
+        self._yaw += np.where(self._turning, self._period * rate, 0.0)
+        self._turning[:] = True
+        if self._contacts is not None:
+            now = motion(self._robot, self._dynamics, observation)
+            force = self._contacts.estimate(now, np.zeros((len(observation), 6)))[..., 2]
+            self._contact = force > CONTACT_SHARE * GRAVITY * self._robot.mass
+
+    def observe(self, observation: Floats, who: Rows) -> NDArray[np.float32]:
+        """The policy's observations, (m, width), of those robots, whose of the environment are given, (m, k)."""
+        seen = {name: observation[:, part] for name, part in self._slices.items()}
+        kept: dict[str, Any] = {"yaw": self._yaw, "steps": self._steps, "action": self.action, "contact": self._contact}
+        seen |= {name: values[who] for name, values in kept.items()}
+        seen["angles"] = seen["joint_position"] + self._robot.home_pose
+        now = np.concatenate([_limited(self._numbers(term, seen), term) for term in self._description.terms], axis=1)
+        if (bound := self._description.observation_clip) is not None:
+            now = np.clip(now, -bound, bound)
+        before = self._history[who, 1:]
+        if self._description.history_start == "first":
+            before = np.where((seen["steps"] == 0)[:, None, None], now[:, None], before)
+        history = self._history[who] = np.concatenate((before, now[:, None]), axis=1)
+        self._steps[who] += 1
+        return history.reshape(len(who), -1)[:, self._order].astype(np.float32)
+
+    def _numbers(self, term: Term, seen: Seen) -> Floats:
+        """A term's numbers of this control step, (m, width), neither clipped nor scaled."""
+        match term.name:
+            case "joint_position":
+                return self._observed.angles(seen["angles"]) - self._default
+            case "absolute_joint_position":
+                return self._observed.angles(seen["angles"])
+            case "joint_velocity":
+                return self._observed.rates(seen["joint_velocity"])
+            case "joint_torque":
+                return self._observed.rates(_torque(self._robot, seen))
+            case "previous_action":
+                return seen["action"]
+            case "command":
+                return seen["command"]
+            case "foot_contact":
+                return seen["contact"][:, list(dict.fromkeys(self._joints.places // JOINTS_PER_LEG))]
+            case "gait_clock":
+                return _clock(term.clock or Clock(0.0), seen, self._description.control_rate)
+            case "constant":
+                return np.tile(term.values, (len(seen["steps"]), 1))
+            case "height_scan":
+                assert self.height_scan is not None and term.grid is not None  # noqa: PT018
+                apart = self.height_scan.points[None] - _points(term.grid)[:, None]
+                places = np.abs(apart).max(axis=-1).argmin(axis=1)
+                return -seen["height_scan"][:, places] - term.grid.offset
+        return _turned(seen[term.name], term.frame, seen)
+
+
+def _turned(body: Floats, frame: str, seen: Seen) -> Floats:
+    """Vectors of the body in a frame, (m, 3)."""
+    if frame == "body":
+        return body
+    x, y, z = level_frame(seen["projected_gravity"].T).to_level(vector(body.T))
+    if frame == "world":
+        cosine, sine = np.cos(seen["yaw"]), np.sin(seen["yaw"])
+        x, y = cosine * x - sine * y, sine * x + cosine * y
+    return np.stack((x, y, z), axis=1)
+
+
+def _torque(robot: Robot, seen: Seen) -> Floats:
+    """What the servos give by the gains in force on the target in force, the joints where they are now, limited to the
+    robot's rated torque, (m, 12), N·m."""
+    apart = seen["previous_action"] - seen["joint_position"]
+    torque = robot.servo_stiffness * apart - robot.servo_damping * seen["joint_velocity"]
+    return np.clip(torque, -robot.rated_torque, robot.rated_torque)
+
+
+def _clock(clock: Clock, seen: Seen, control_rate: float) -> Floats:
+    """Sines and cosines of a clock, (m, k)."""
+    angles = 2.0 * np.pi * (clock.frequency / control_rate * seen["steps"][:, None] + np.array(clock.phases))
+    parts = [np.sin(angles) if part == "sin" else np.cos(angles) for part in clock.parts]
+    numbers = np.stack(parts, axis=1 if clock.by_part else 2).reshape(len(angles), -1)
+    stands = clock.stands and np.linalg.norm(seen["command"], axis=1, keepdims=True) < STANDING
+    shown: Floats = np.where(stands, 0.0, numbers)
+    return shown
+
+
+def _limited(values: Floats, term: Term) -> Floats:
+    """Values of a term, clipped, then scaled."""
+    clipped: Floats = values if term.clip is None else np.clip(values, *term.clip)
+    return clipped * np.array(term.scale)
+
+
+def _shape(description: PolicyDescription) -> tuple[int, int]:
+    """Control steps of the longest history, and numbers of all terms in one of them."""
+    return max(term.history for term in description.terms), sum(term.width for term in description.terms)
+
+
+def _layout(description: PolicyDescription) -> NDArray[np.intp]:
+    """Places of the policy's observation in the flattened history of steps, the oldest first, each of all terms."""
+    shape, first = _shape(description), description.history_newest == "first"
+    steps = np.arange(np.prod(shape)).reshape(shape)[:: -1 if first else 1]
+    if description.history_layout == "time":
+        return steps.ravel()
+    ends = np.cumsum([term.width for term in description.terms])
+    each = [steps[:, end - term.width : end] for term, end in zip(description.terms, ends, strict=True)]
+    kept = [slice(term.history) if first else slice(-term.history, None) for term in description.terms]
+    return np.concatenate([numbers[shown].ravel() for numbers, shown in zip(each, kept, strict=True)])
+
+
+def _points(grid: HeightGrid) -> Floats:
+    """x and y of a grid's points in the order of the observation, (p, 2), m."""
+    x, y = np.meshgrid(grid.x, grid.y, indexing="xy" if grid.x_first else "ij")
+    return np.stack((x.ravel(), y.ravel()), axis=1)
+
+
+def scan_of(description: PolicyDescription) -> HeightScan | None:
+    """The environment's height scan in which the points of the policy's are; None without one. Raises PolicyError."""
+    grids = [_points(term.grid) for term in description.terms if term.grid is not None]
+    if not grids:
+        return None
+    points = np.concatenate(grids)
+    units = np.round(points / _FINEST).astype(int)
+    spacing = int(np.gcd.reduce(np.abs(units), axis=None)) or 100
+    (ahead, left), (behind, right) = np.maximum(units.max(axis=0), 0), np.maximum(-units.min(axis=0), 0)
+    ahead, behind, aside = (int(far) // spacing for far in (ahead, behind, max(left, right)))
+    try:
+        if np.abs(points / _FINEST - units).max() > 1e-3:
+            raise ValueError(f"its points do not lie on a grid of {_FINEST:g} m through the trunk's centre")
+        return HeightScan(ahead=ahead, behind=behind, aside=aside, spacing=_FINEST * spacing)
+    except ValueError as error:
+        raise PolicyError(f"the height_scan of {description.network} cannot be shown: {error}") from None
