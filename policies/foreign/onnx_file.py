@@ -30,7 +30,8 @@ FEATURES, CORRECTION = "features", "correction"
 PROBES, TOLERANCE = 16, 1e-5
 """Features at which the runtime must give NumPy's corrections, and to within what."""
 _OPERATIONS = {"elu": "Elu", "tanh": "Tanh"}
-_TYPES: dict[str, type[np.floating]] = {"tensor(float)": np.float32, "tensor(double)": np.float64}
+TYPES: dict[str, type[np.floating]] = {"tensor(float)": np.float32, "tensor(double)": np.float64}
+"""Kinds of numbers that a network may read."""
 _OPSET, _IR_VERSION = 17, 8
 """Old ones, which every runtime reads."""
 
@@ -45,7 +46,7 @@ def load(reference: Reference, robot: Robot) -> Policy | Maker:
     return lambda: model.one
 
 
-def _package(name: str) -> Any:
+def package(name: str) -> Any:
     """The package of that name; PolicyError where it is missing."""
     try:
         return import_module(name)
@@ -53,15 +54,26 @@ def _package(name: str) -> Any:
         raise PolicyError(f'ONNX files need {name}, which is not here: pip install -e ".[onnx]"') from None
 
 
-def _opened(reference: Reference) -> "_Model":
-    runtime = _package("onnxruntime")
+def session_of(file: Path) -> Any:
+    """The file's network in the runtime. Raises PolicyError, one line."""
+    runtime, onnx = package("onnxruntime"), package("onnx")
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
     try:
-        session = runtime.InferenceSession(str(reference.file), options, providers=["CPUExecutionProvider"])
+        tensors = onnx.load(file, load_external_data=False).graph.initializer
+        if any(each.data_location == onnx.TensorProto.EXTERNAL for each in tensors):
+            one = f'onnx.save(onnx.load("{file.name}"), "one_file.onnx")'
+            raise PolicyError(f"{file} keeps its weights in another file", f"write them into it: {one}")
+        return runtime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
+    except PolicyError:
+        raise
     except Exception as error:
-        raise PolicyError(f"{reference} cannot be read as ONNX: {described(error)}") from error
+        raise PolicyError(f"{file} cannot be read as ONNX: {described(error)}") from error
+
+
+def _opened(reference: Reference) -> "_Model":
+    session = session_of(reference.file)
     return _Model(session, *_input(session, reference))
 
 
@@ -90,13 +102,13 @@ def _input(session: Any, reference: Reference) -> tuple[str, int, type[np.floati
     shape = list(inputs[0].shape)
     if len(shape) not in (1, 2) or (len(shape) == 2 and isinstance(shape[0], int) and shape[0] != 1):
         raise PolicyError(f"{reference} reads {shape}: it must read one observation, or a batch of any size")
-    if inputs[0].type not in _TYPES:
+    if inputs[0].type not in TYPES:
         raise PolicyError(f"{reference} reads {inputs[0].type}: it must read float or double")
-    return inputs[0].name, len(shape), _TYPES[inputs[0].type]
+    return inputs[0].name, len(shape), TYPES[inputs[0].type]
 
 
 def _residual(file: Path, description: str, model: _Model, robot: Robot) -> ResidualPolicy:
-    onnx = _package("onnx")
+    onnx = package("onnx")
     tensors = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer}
     found = parsed(file, description.encode())
 
@@ -124,7 +136,7 @@ def _difference(model: _Model, network: Network, count: int) -> float:
 def export(folder: Path, file: Path, checked: int, robot: Robot | None = None) -> float:
     """Write the residual of a bundle's folder, for a robot as in `policies.load`, as ONNX; the largest difference of
     the file's corrections from the bundle's, over so many features. Raises PolicyError and OSError."""
-    onnx, _ = _package("onnx"), _package("onnxruntime")
+    onnx, _ = package("onnx"), package("onnxruntime")
     network = bundle.load(folder, robot).network
     model = onnx.helper.make_model(
         _graph(onnx, network),

@@ -11,7 +11,7 @@ KINDS = {".py": "Python", ".onnx": "ONNX", ".zip": "Stable-Baselines3"}
 """What a file holds, by how its name ends."""
 UNSUPPORTED = ".pt", ".pth", ".jit", ".ckpt", ".h5", ".pkl"
 """Files of networks that are not read."""
-_NEEDS = {".onnx": (("onnxruntime",), "onnx"), ".zip": (("stable_baselines3", "torch"), "train")}
+_NEEDS = {".onnx": (("onnxruntime", "onnx"), "onnx"), ".zip": (("stable_baselines3", "torch"), "train")}
 """Packages that read a file, and the extra that installs them."""
 
 

@@ -1,0 +1,96 @@
+"""A policy from another project by its description: its network between its observation and its joint targets."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD, Actions, Mask, Policy, PolicyError, to_actions
+from policies.foreign import networks
+from policies.foreign.description import PolicyDescription
+from policies.foreign.joints import joints_of
+from policies.foreign.terms import Terms
+from quad_env.robots.named import robot_of
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+TOLERANCE = 1e-6
+"""Share of a control period by which a policy's may miss a whole number of the environment's."""
+
+
+class DescribedPolicy(Policy):
+    """The policy of a description; each target is held over its control period, which begins when its robot does.
+
+    Args:
+        description: of it.
+        robot: with any servo gains; the policy's `robot` has the description's.
+        control_period: of the environment, s.
+
+    Raises PolicyError, one line, for a network that is not as described, and for joints, rates and scans that the robot
+    or the environment cannot have.
+    """
+
+    def __init__(
+        self,
+        description: PolicyDescription,
+        *,
+        robot: str | Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+    ) -> None:
+        super().__init__(robot=with_gains(robot_of(robot), description), control_period=control_period)
+        self.name = description.network.name
+        self._description, self._steps = description, steps_held(description, control_period)
+        self._joints = joints_of(description.joints, self.robot)
+        offset = description.action_offset or description.default_position
+        self._offset, self._scale = np.array(offset), np.array(description.action_scale)
+        self._terms = Terms(description, self.robot, control_period)
+        self.height_scan = self._terms.height_scan
+        self._networks = networks.load(description)
+        self._allocate(1)
+
+    def _allocate(self, num_envs: int) -> None:
+        self._ticks = np.zeros(num_envs, np.int64)
+        self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
+        self._terms.allocate(num_envs)
+        self._networks.allocate(num_envs)
+
+    def _restart(self, mask: Mask) -> None:
+        self._ticks[mask] = 0
+        self._terms.restart(mask)
+        self._networks.restart(mask)
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        rows = observation.astype(np.float64)
+        self._terms.turn(rows)
+        due = np.flatnonzero(self._ticks % self._steps == 0)
+        if len(due):
+            actions = self._networks.actions(self._terms.observe(rows[due], due), due).astype(np.float64)
+            if self._description.action_clip is not None:
+                actions = np.clip(actions, *self._description.action_clip)
+            targets = self._offset + self._scale * actions
+            if self._description.target_clip is not None:
+                targets = np.clip(targets, *np.transpose(self._description.target_clip))
+            raw = self._description.previous_action == "raw"
+            self._terms.action[due] = actions if raw else targets - self._offset
+            self._targets[due] = self._joints.to_robot(targets)
+        self._ticks += 1
+        return to_actions(self.robot, self._targets)
+
+
+def with_gains(robot: Robot, description: PolicyDescription) -> Robot:
+    """The robot with the servo gains of a description. Raises PolicyError for joints that it does not have."""
+    joints = joints_of(description.joints, robot)
+    gains = (joints.in_place(np.array(each, float)) for each in (description.stiffness, description.damping))
+    stiffness, damping = (float(each.mean()) for each in gains)
+    return replace(robot, servo_stiffness=stiffness, servo_damping=damping)
+
+
+def steps_held(description: PolicyDescription, control_period: float) -> int:
+    """Control steps of the environment, of so many s each, in one of the policy. Raises PolicyError."""
+    steps = 1.0 / (description.control_rate * control_period)
+    if round(steps) < 1 or abs(steps - round(steps)) > TOLERANCE * steps:
+        raise PolicyError(
+            f"{description.network} acts at {description.control_rate:g} Hz, of which the environment's "
+            f"{1.0 / control_period:g} Hz is no multiple"
+        )
+    return round(steps)

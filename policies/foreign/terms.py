@@ -1,0 +1,227 @@
+"""The observation of a policy from another project, term by term, from the environment's.
+
+What the environment does not show is worked out from what it does: the world frame's yaw by integrating the gyro from 0
+at the reset, torques and contacts from the servos.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import Floats, Mask, PolicyError
+from policies.foreign.description import Clock, HeightGrid, PolicyDescription, Term
+from policies.foreign.joints import joints_of
+from policies.legs.level_frame import level_frame, vector
+from quad_env.columns import Rows
+from quad_env.robots.anatomy import JOINTS_PER_LEG
+from quad_env.robots.kinematics import foot_jacobians
+from quad_env.robots.robot import Robot
+from quad_env.sensing.height_scan import HeightScan, table_with
+
+CONTACT_SHARE = 0.1
+"""Share of the robot's weight on a foot from which it is taken to be on the ground."""
+_SINGULAR = 1e-4
+"""Added to the squared Jacobian of a leg, m²: a straight leg shows no force along itself."""
+_FINEST = 1e-3
+"""Unit in which the points of a height scan are told apart, m."""
+
+
+class _Shown(NamedTuple):
+    """What terms are made of, of m robots."""
+
+    seen: dict[str, Floats]
+    """Our observation by term, and `angles`, of the robot's joints, rad."""
+    yaw: Floats
+    steps: NDArray[np.int64]
+    """Control steps of the policy since the reset, (m,), 0 at the first..."""
+    moving: NDArray[np.int64]
+    """... and since the command was last zero."""
+    action: Floats
+    """The previous action, (m, 12)."""
+
+
+class Terms:
+    """Observations of n robots.
+
+    Args:
+        description: of the policy.
+        robot: whose observations they are, with the servo gains in force.
+        control_period: of the environment, s.
+    """
+
+    def __init__(self, description: PolicyDescription, robot: Robot, control_period: float) -> None:
+        self._description, self._robot, self._period = description, robot, control_period
+        self._joints = joints_of(description.joints, robot)
+        self._observed = joints_of(description.observed_joints or description.joints, robot)
+        default = self._joints.in_place(np.array(description.default_position, dtype=np.float64))
+        self._default = default[self._observed.places]
+        self.height_scan = scan_of(description)
+        self._slices = table_with(robot, self.height_scan).slices
+        self._order = _layout(description)
+        self.allocate(1)
+
+    def allocate(self, num_envs: int) -> None:
+        """Fresh state for so many robots."""
+        d = self._description
+        self._yaw, self._turning = np.zeros(num_envs), np.zeros(num_envs, np.bool_)
+        self._steps, self._moving = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64)
+        self.action = np.zeros((num_envs, len(d.joints)))
+        """The previous action of each robot as the policy is shown it, (n, 12); to be renewed after each action."""
+        length, width = max(term.history for term in d.terms), sum(term.width for term in d.terms)
+        self._history = np.zeros((num_envs, length, width))
+
+    def restart(self, mask: Mask) -> None:
+        """Fresh state for those robots."""
+        for state in (self._yaw, self._turning, self._steps, self._moving, self.action, self._history):
+            state[mask] = 0
+
+    def turn(self, observation: Floats) -> None:
+        """Integrate the yaw over the control step that led to the environment's observations, (n, k)."""
+        gravity, (_, pitching, turning) = (
+            observation[:, self._slices[name]].T for name in ("projected_gravity", "angular_velocity")
+        )
+        frame = level_frame(gravity)
+        rate = (frame.up_y * pitching + frame.up_z * turning) / frame.level_x**2  # of the x axis' heading
+        self._yaw += np.where(self._turning, self._period * rate, 0.0)
+        self._turning[:] = True
+
+    def observe(self, observation: Floats, who: Rows) -> NDArray[np.float32]:
+        """The policy's observations, (m, width), of those robots, whose of the environment are given, (m, k)."""
+        seen = {name: observation[:, part] for name, part in self._slices.items()}
+        seen["angles"] = seen["joint_position"] + self._robot.home_pose
+        self._moving[who] = np.where(seen["command"].any(axis=1), self._moving[who], 0)
+        steps = self._steps[who]
+        shown = _Shown(seen, self._yaw[who], steps, self._moving[who], self.action[who])
+        now = np.concatenate([_limited(_READERS[term.name](self, shown, term), term) for term in self._terms], axis=1)
+        if (bound := self._description.observation_clip) is not None:
+            now = np.clip(now, -bound, bound)
+        before = self._history[who, 1:]
+        if self._description.history_start == "first":
+            before = np.where((steps == 0)[:, None, None], now[:, None], before)
+        history = self._history[who] = np.concatenate((before, now[:, None]), axis=1)
+        self._steps[who] += 1
+        self._moving[who] += 1
+        return history.reshape(len(who), -1)[:, self._order].astype(np.float32)
+
+    @property
+    def _terms(self) -> tuple[Term, ...]:
+        return self._description.terms
+
+    def _turned(self, name: str, shown: _Shown, term: Term) -> Floats:
+        """A vector of the body in the term's frame, (m, 3)."""
+        body = shown.seen[name]
+        if term.frame == "body":
+            return body
+        x, y, z = level_frame(shown.seen["projected_gravity"].T).to_level(vector(body.T))
+        if term.frame == "world":
+            cosine, sine = np.cos(shown.yaw), np.sin(shown.yaw)
+            x, y = cosine * x - sine * y, sine * x + cosine * y
+        return np.stack((x, y, z), axis=1)
+
+    def _angles(self, shown: _Shown, _: Term) -> Floats:
+        return self._observed.angles(shown.seen["angles"])
+
+    def _torque(self, shown: _Shown) -> Floats:
+        """What the servos give by the gains in force on the target in force, the joints where they are now, limited to
+        the robot's rated torque, (m, 12), N·m."""
+        robot, seen = self._robot, shown.seen
+        apart = seen["previous_action"] - seen["joint_position"]
+        torque = robot.servo_stiffness * apart - robot.servo_damping * seen["joint_velocity"]
+        return np.clip(torque, -robot.rated_torque, robot.rated_torque)
+
+    def _contact(self, shown: _Shown, _: Term) -> Floats:
+        """1 for feet that, by the servos' torques on massless legs, press with CONTACT_SHARE of the weight, (m, 4)."""
+        robot = self._robot
+        legs = shown.seen["angles"].reshape(-1, len(robot.leg_names), JOINTS_PER_LEG)
+        jacobians, torque = foot_jacobians(robot, legs), self._torque(shown).reshape(legs.shape)
+        squares = np.einsum("nlxj,nlyj->nlxy", jacobians, jacobians) + _SINGULAR * np.eye(3)
+        aims = np.einsum("nlxj,nlj->nlx", jacobians, torque)
+        force = np.linalg.solve(squares, aims[..., None])[..., 0]  # on the ground, body frame
+        down = (force * shown.seen["projected_gravity"][:, None]).sum(axis=-1)
+        order = list(dict.fromkeys(self._joints.places // JOINTS_PER_LEG))
+        return (down > CONTACT_SHARE * robot.mass * 9.81)[:, order].astype(np.float64)
+
+    def _heights(self, shown: _Shown, term: Term) -> Floats:
+        assert self.height_scan is not None and term.grid is not None  # noqa: PT018
+        apart = self.height_scan.points[None] - _points(term.grid)[:, None]
+        places = np.abs(apart).max(axis=-1).argmin(axis=1)
+        return -shown.seen["height_scan"][:, places] - term.grid.offset
+
+    def _clock(self, shown: _Shown, term: Term) -> Floats:
+        clock = term.clock or Clock(0.0)
+        steps = shown.moving if clock.stands else shown.steps
+        cycles = clock.frequency / self._description.control_rate * steps[:, None] + np.array(clock.phases)
+        angles = 2.0 * np.pi * cycles
+        parts = [np.sin(angles) if part == "sin" else np.cos(angles) for part in clock.parts]
+        return np.stack(parts, axis=1 if clock.by_part else 2).reshape(len(steps), -1)
+
+
+_Reader = Callable[[Terms, _Shown, Term], Floats]
+_READERS: dict[str, _Reader] = {
+    "projected_gravity": lambda of, shown, term: of._turned("projected_gravity", shown, term),
+    "angular_velocity": lambda of, shown, term: of._turned("angular_velocity", shown, term),
+    "linear_velocity": lambda of, shown, term: of._turned("linear_velocity", shown, term),
+    "joint_position": lambda of, shown, term: of._angles(shown, term) - of._default,
+    "absolute_joint_position": Terms._angles,
+    "joint_velocity": lambda of, shown, _: of._observed.rates(shown.seen["joint_velocity"]),
+    "joint_torque": lambda of, shown, _: of._observed.rates(of._torque(shown)),
+    "previous_action": lambda of, shown, _: shown.action,
+    "command": lambda of, shown, _: shown.seen["command"],
+    "foot_contact": Terms._contact,
+    "height_scan": Terms._heights,
+    "gait_clock": Terms._clock,
+    "constant": lambda of, shown, term: np.tile(term.values, (len(shown.steps), 1)),
+}
+
+
+def _limited(values: Floats, term: Term) -> Floats:
+    """Values of a term, clipped, then scaled."""
+    return (values if term.clip is None else np.clip(values, *term.clip)) * np.array(term.scale)
+
+
+def _layout(description: PolicyDescription) -> NDArray[np.intp]:
+    """Places of the policy's observation in the flattened history of steps, the oldest first, each of all terms."""
+    d = description
+    length, width = max(term.history for term in d.terms), sum(term.width for term in d.terms)
+    ages = range(length) if d.history_newest == "first" else range(length - 1, -1, -1)
+    starts = np.cumsum([0, *(term.width for term in d.terms)])
+    blocks = {
+        (number, age): (length - 1 - age) * width + starts[number] + np.arange(term.width)
+        for number, term in enumerate(d.terms)
+        for age in range(term.history)
+    }
+    numbers = range(len(d.terms))
+    by_term = [(number, age) for number in numbers for age in ages]
+    order = by_term if d.history_layout == "term" else [(number, age) for age in ages for number in numbers]
+    return np.concatenate([blocks[each] for each in order if each in blocks])
+
+
+def _points(grid: HeightGrid) -> Floats:
+    """x and y of a grid's points in the order of the observation, (p, 2), m."""
+    x, y = np.meshgrid(grid.x, grid.y, indexing="xy" if grid.x_first else "ij")
+    return np.stack((x.ravel(), y.ravel()), axis=1)
+
+
+def scan_of(description: PolicyDescription) -> HeightScan | None:
+    """The environment's height scan in which the points of the policy's are; None without one. Raises PolicyError."""
+    grids = [_points(term.grid) for term in description.terms if term.grid is not None]
+    if not grids:
+        return None
+    points = np.concatenate(grids)
+    units = np.round(points / _FINEST)
+    spacing = int(np.gcd.reduce(np.abs(units).astype(int), axis=None)) or 100
+    (ahead, left), (behind, right) = units.max(axis=0) / spacing, -units.min(axis=0) / spacing
+    try:
+        if np.abs(points / _FINEST - units).max() > 1e-3:
+            raise ValueError(f"its points do not lie on a grid of {_FINEST:g} m through the trunk's centre")
+        return HeightScan(
+            ahead=max(0, round(ahead)),
+            behind=max(0, round(behind)),
+            aside=max(0, math.ceil(max(left, right))),
+            spacing=_FINEST * spacing,
+        )
+    except ValueError as error:
+        raise PolicyError(f"the height_scan of {description.network} cannot be shown: {error}") from None
