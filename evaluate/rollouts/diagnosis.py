@@ -1,38 +1,72 @@
 """Whether a policy stands and walks as its description says, and which of the usual mistakes explains it if not."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
-from evaluate.rollouts.walking_test import Walk
-from policies.base import PolicyError
-from policies.foreign.description import PolicyDescription
-from policies.foreign.mistakes import MISTAKES, Correction, Places, combined, corrections
-from quad_env.robots.robot import Robot
+from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.walking_test import Walk, walks
+from policies.base import Policy, PolicyError
+from policies.foreign import Foreign
+from policies.foreign.mistakes import MISTAKES, Correction, combined, corrections
+from policies.safety import Safe
 from quad_env.seeding import episode_seeds
 
 STAND = "to stand"
 COMMANDS = {STAND: (0.0, 0.0, 0.0), "forward": (0.5, 0.0, 0.0), "in a curve": (0.5, 0.0, 0.8)}
 """m/s and rad/s of SimpleQuad; only in a curve is the world's frame another than the body's."""
 SEEDS = episode_seeds("search", 0, 2)
-NONE = f"none of the usual mistakes explains it; tried: {', '.join(MISTAKES)}"
-
-Run = Callable[[PolicyDescription], list[Walk]]
-"""Runs a policy as a description says."""
+TRIED = f"none of the usual mistakes alone explains it ({', '.join(MISTAKES)})"
 
 
-def cause(described: PolicyDescription, places: Places, robot: Robot, run: Run) -> Correction | None:
+def described(policy: Policy) -> Foreign | None:
+    """The policy, without its safety layer, if it has a description; None if not."""
+    inner = policy.policy if isinstance(policy, Safe) else policy
+    return inner if isinstance(inner, Foreign) and inner.description is not None else None
+
+
+def tested(policy: Foreign, robot: str) -> list[Walk]:
+    """Walks at each of COMMANDS on that robot, by name or path; the policy's process is ended."""
+    try:
+        return walks(policy, Hardware(robot=robot), COMMANDS, SEEDS)
+    finally:
+        policy.close()
+
+
+def faults(found: Sequence[Walk]) -> dict[str, str]:
+    """Words about the worst walk at each command that was not followed, by command."""
+    worst = sorted((each for each in found if each.deviation > 1.0), key=lambda each: each.deviation)
+    return {each.way: each.words for each in worst}
+
+
+def cause(policy: Foreign, robot: str, trust: bool = False) -> Correction | None:
     """The correction with which a policy that fails walks best; None where it walks with none."""
+    assert policy.description is not None
+    own = Hardware(robot=robot).quadruped
+    make = partial(Foreign, policy.name, robot=own, control_period=policy.control_period, trust=trust)
     for tried in (corrections, combined):
-        found = [(_deviation(run, each.description), each) for each in tried(described, places, robot)]
+        found = [(_deviation(make, each, robot), each) for each in tried(policy.description, own)]
         best, correction = min(found, key=lambda each: each[0])
         if best <= 1.0:
             return correction
     return None
 
 
-def _deviation(run: Run, described: PolicyDescription) -> float:
+def _deviation(make: partial[Foreign], correction: Correction, robot: str) -> float:
     try:
-        return max(walk.deviation for walk in run(described))
+        return max(walk.deviation for walk in tested(make(description=correction.description), robot))
     except PolicyError:
         return np.inf
+
+
+def finding(correction: Correction | None) -> str:
+    """The cause in words."""
+    return TRIED if correction is None else f"it walks with {correction.words}: check {correction.keys}"
+
+
+def warning(policy: Foreign, robot: str, trust: bool = False) -> str | None:
+    """A line about a policy that does not stand or walk as its description says; None for one that does."""
+    if not (seen := faults(tested(policy, robot))):
+        return None
+    return f"{next(iter(seen.values()))}; {finding(cause(policy, robot, trust))}"

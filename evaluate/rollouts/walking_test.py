@@ -34,17 +34,21 @@ class Walk:
     """Mean, heading frame, (3,), m/s and rad/s."""
     fall: str
     """Why it fell; empty where it did not."""
+    failure: str | None
+    """Why the policy failed it; None where it did not."""
     errors: Floats
     """Of the velocity, per what the success rule allows, (3,)."""
 
     @property
     def deviation(self) -> float:
-        """Largest of the errors; infinite after a fall. It follows its command at 1 and less."""
-        return np.inf if self.fall else float(self.errors.max())
+        """Largest of the errors; infinite after a fall or a failure. It follows its command at 1 and less."""
+        return np.inf if self.fall or self.failure else float(self.errors.max())
 
     @property
     def words(self) -> str:
         """Such as `forward 0.49 of 0.50 m/s`."""
+        if self.failure:
+            return f"commanded {self.way} it {self.failure}"
         if self.fall:
             return f"commanded {self.way} it falls ({self.fall.replace('_', ' ')})"
         if not self.command.any():
@@ -80,7 +84,9 @@ def walks(policy: Policy, hardware: Hardware, commands: Mapping[str, Command], s
     errors = np.abs(means - asked) / allowed
     ways = np.repeat(list(commands), count).tolist()
     falls = [FALL_REASONS[code] if code else "" for code in fall]
-    return [Walk(*each) for each in zip(ways, asked, means, falls, errors, strict=True)]
+    failures = getattr(policy, "failure", None)
+    failures = [None] * len(asked) if failures is None else failures
+    return [Walk(*each) for each in zip(ways, asked, means, falls, failures, errors, strict=True)]
 
 
 def _scale(robot: Robot) -> Floats:

@@ -1,6 +1,6 @@
 """The usual mistakes in a policy's description, each undone, and what is to be corrected in it then."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.foreign.description import PolicyDescription
+from policies.foreign.joints import joints_of
+from quad_env.cli.format import spread
 from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.robot import Robot
 
-Order = NDArray[np.int64]
+Order = NDArray[np.intp]
 """Places of joints among the robot's, (12,)."""
-Places = Mapping[str, int]
-"""Name of each joint of a description -> its place among the robot's."""
+Names = tuple[str, ...]
 
 SIDES, ENDS, GROUPING = "left and right", "fore and hind", "by kind or by leg"
 FRAMES, GRAVITY, GAINS = "frame of velocities", "sign of gravity", "servo gains"
@@ -44,25 +45,25 @@ class Correction:
     description: PolicyDescription
 
 
-def corrections(described: PolicyDescription, places: Places, robot: Robot) -> Iterator[Correction]:
+def corrections(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
     """Each of MISTAKES undone by itself, some in several ways."""
     for mistake in (SIDES, ENDS, GROUPING):
-        yield from _reordered(described, (mistake,), places, robot)
+        yield from _reordered(described, (mistake,), robot)
     yield from _reframed(described)
     yield from _turned(described)
-    yield from _with_other_gains(described, places, robot)
+    yield from _with_other_gains(described, robot)
 
 
-def combined(described: PolicyDescription, places: Places, robot: Robot) -> Iterator[Correction]:
+def combined(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
     """Two or three mistakes of the joints' order undone at once, by which Isaac Lab's order is not Unitree's."""
     for count in (2, 3):
         for mistakes in combinations((SIDES, ENDS, GROUPING), count):
-            yield from _reordered(described, mistakes, places, robot)
+            yield from _reordered(described, mistakes, robot)
 
 
-def order_of(joints: tuple[str, ...], places: Places, robot: Robot) -> str:
+def order_of(joints: Names, robot: Robot) -> str:
     """The order of a description's joints in words, such as `FL FR RL RR by leg`."""
-    order = np.array([places[name] for name in joints])
+    order = joints_of(joints, robot).places
     legs = dict.fromkeys(robot.leg_names[place // JOINTS_PER_LEG] for place in order.tolist())
     by_leg, by_kind = _grouped(order)
     grouping = "by leg" if np.array_equal(order, by_leg) else "by kind" if np.array_equal(order, by_kind) else "mixed"
@@ -85,14 +86,12 @@ def _changed(order: Order, mistake: str, robot: Robot) -> Order:
     return JOINTS_PER_LEG * others[order // JOINTS_PER_LEG] + order % JOINTS_PER_LEG
 
 
-def _reordered(
-    described: PolicyDescription, mistakes: tuple[str, ...], places: Places, robot: Robot
-) -> Iterator[Correction]:
+def _reordered(described: PolicyDescription, mistakes: Names, robot: Robot) -> Iterator[Correction]:
     """Other names for the joints; and then their figures in the order of their names, where that is another."""
-    called = {place: name for name, place in places.items()}
+    called = dict(zip(joints_of(described.joints, robot).places.tolist(), described.joints, strict=True))
 
-    def names(joints: tuple[str, ...]) -> tuple[str, ...]:
-        order = np.array([places[name] for name in joints])
+    def names(joints: Names) -> Names:
+        order = joints_of(joints, robot).places
         for mistake in mistakes:
             order = _changed(order, mistake, robot)
         return tuple(called[place] for place in order.tolist())
@@ -100,7 +99,7 @@ def _reordered(
     joints = names(described.joints)
     observed = None if described.observed_joints is None else names(described.observed_joints)
     alone = replace(described, joints=joints, observed_joints=observed)
-    kind, words = " and ".join(mistakes), order_of(joints, places, robot)
+    kind, words = " and ".join(mistakes), order_of(joints, robot)
     yield Correction(kind, f"the joint order {words}", "`joints`", alone)
     moved = [described.joints.index(name) for name in joints]
     figures: dict[str, Any] = {name: getattr(described, name) for name in IN_ORDER}
@@ -112,8 +111,8 @@ def _reordered(
 
 def _reframed(described: PolicyDescription) -> Iterator[Correction]:
     """All velocities in the body's frame, and in the world's; and each alone in the other one."""
-    frames = {term.name: term.frame for term in described.terms if term.name in VELOCITIES}
-    others = [dict.fromkeys(frames, frame) for frame in ("body", "world")]
+    frames: dict[str, Any] = {term.name: term.frame for term in described.terms if term.name in VELOCITIES}
+    others: list[dict[str, Any]] = [dict.fromkeys(frames, frame) for frame in ("body", "world")]
     others += [frames | {name: "world" if frame == "body" else "body"} for name, frame in frames.items()]
     for place, found in enumerate(others):
         if found == frames or found in others[:place]:
@@ -135,19 +134,13 @@ def _turned(described: PolicyDescription) -> Iterator[Correction]:
         yield Correction(GRAVITY, words, "the sign of `scale` of projected_gravity", replace(described, terms=terms))
 
 
-def _with_other_gains(described: PolicyDescription, places: Places, robot: Robot) -> Iterator[Correction]:
+def _with_other_gains(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
     """The robot's own servo gains, where those of the policy are not the same; and gains far off."""
-    own = [places[name] for name in described.joints]
+    own = joints_of(described.joints, robot).places
     gains = np.array((described.stiffness, described.damping))
     robots = np.array([np.broadcast_to(each, 12)[own] for each in (robot.servo_stiffness, robot.servo_damping)])
     others = [] if np.allclose(robots, gains, rtol=ALIKE) else [robots]
     for stiffness, damping in (each.tolist() for each in (*others, *(factor * gains for factor in FACTORS))):
-        words = f"servo gains of {_numbers(stiffness)} N·m/rad and {_numbers(damping)} N·m·s/rad"
+        words = f"servo gains of {spread(stiffness)} N·m/rad and {spread(damping)} N·m·s/rad"
         found = replace(described, stiffness=tuple(stiffness), damping=tuple(damping))
         yield Correction(GAINS, words, "`stiffness` and `damping`", found)
-
-
-def _numbers(values: list[float]) -> str:
-    """`35`, or `20 to 40` where they differ."""
-    least, largest = f"{min(values):.3g}", f"{max(values):.3g}"
-    return least if least == largest else f"{least} to {largest}"
