@@ -58,7 +58,8 @@ class HeightGrid:
     """A point's number is the trunk's height minus that of the ground minus this, m."""
 
     def __post_init__(self) -> None:
-        _numbers("x", self.x), _numbers("y", self.y), _numbers("offset", (self.offset,))
+        for name, values in (("x", self.x), ("y", self.y), ("offset", (self.offset,))):
+            _numbers(name, values)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,54 @@
+"""Descriptions of policies from the files of other projects, and a short TOML of our own."""
+
+from pathlib import Path
+
+from policies.base import PolicyError
+from policies.foreign.description import PolicyDescription
+from policies.foreign.readers import isaac_lab, legged_gym, mjlab_onnx, rl_sar, toml_file, unitree_deploy
+from policies.foreign.readers.settings import BY_HAND, Settings, load
+from policies.foreign.readers.toml_file import write_toml
+
+SUFFIXES = (".onnx", ".yaml", ".yml", ".json", ".toml")
+"""Of files that can hold a description."""
+
+
+def read(path: Path) -> PolicyDescription | None:
+    """The description that a file holds, or that it and the files next to it do; None for an ONNX file without one and
+    for other kinds of file.
+
+    Raises PolicyError, one line that names the file. No code of any file runs.
+    """
+    try:
+        match path.suffix.lower():
+            case ".onnx":
+                return mjlab_onnx.describe(path)
+            case ".toml":
+                return toml_file.describe(path)
+            case ".yaml" | ".yml" | ".json":
+                return _settings(load(path))
+    except PolicyError as error:
+        raise PolicyError(f"{path}: {error}") from None
+    except ZeroDivisionError:
+        raise PolicyError(f"{path}: a time step, a period or a scale is zero") from None
+    return None
+
+
+def _settings(found: Settings) -> PolicyDescription:
+    """The description by the project whose keys these are."""
+    keys = set(found.values)
+    if "joint_ids_map" in keys:
+        return unitree_deploy.describe(found)
+    if {"scene", "observations", "actions"} <= keys:
+        return isaac_lab.describe(found)
+    if {"init_state", "control"} <= keys:
+        return legged_gym.describe(found)
+    if len(keys) == 1 and any("model_name" in each.values for _, each in found.groups()):
+        return rl_sar.describe(found)
+    raise PolicyError(
+        "it is no deployment file that is read: a deploy.yaml of Unitree, Isaac Lab's params/env.yaml, rl_sar's "
+        "config.yaml, settings of legged_gym",
+        BY_HAND,
+    )
+
+
+__all__ = ["SUFFIXES", "read", "write_toml"]

@@ -1,0 +1,67 @@
+"""Observation terms by Isaac Lab's function names, which mjlab and Unitree share: clipped, then scaled.
+
+Sources: `isaaclab/managers/observation_manager.py`, `isaaclab/envs/mdp/observations.py`; unitree_rl_lab's
+`mdp/observations.py` (gait_phase); robot_lab's `mdp/observations.py` (phase). Histories lie by term, oldest first, and
+begin with the first observation (`CircularBuffer`).
+"""
+
+from dataclasses import replace
+from typing import Any
+
+from policies.base import PolicyError
+from policies.foreign.description import TERMS, Clock, HeightGrid, Term
+from policies.foreign.readers.settings import BY_HAND, Settings
+
+FUNCTIONS = {
+    "base_lin_vel": "linear_velocity",
+    "base_ang_vel": "angular_velocity",
+    "projected_gravity": "projected_gravity",
+    "generated_commands": "command",
+    "velocity_commands": "command",
+    "keyboard_velocity_commands": "command",
+    "joint_pos": "absolute_joint_position",
+    "joint_pos_rel": "joint_position",
+    "joint_vel": "joint_velocity",
+    "joint_vel_rel": "joint_velocity",
+    "joint_effort": "joint_torque",
+    "last_action": "previous_action",
+    "height_scan": "height_scan",
+    "gait_phase": "gait_clock",
+    "phase": "gait_clock",
+}
+OF_JOINTS = {"absolute_joint_position", "joint_position", "joint_velocity", "joint_torque"}
+"""Terms that have an order of joints."""
+_PERIODS = {"gait_phase": "period", "phase": "cycle_time"}
+
+
+def term(function: str, settings: Settings, history: int, grid: HeightGrid | None = None) -> Term:
+    """A term by the name of its function, with its `params`, `clip` and `scale`. Raises PolicyError."""
+    if (name := FUNCTIONS.get(function)) is None or (name == "height_scan" and grid is None):
+        raise unknown(function, settings)
+    if settings.find("modifiers"):
+        raise PolicyError(f"`{settings.above}modifiers` in {settings.file.name} change the term: they are not read")
+    more: dict[str, Any] = {"grid": grid} if name == "height_scan" else {}
+    if name == "gait_clock":
+        more["clock"] = Clock(1 / settings.inside("params").number(_PERIODS[function]))
+    return scaled(Term(name, clip=settings.range("clip"), history=history, **more), settings)
+
+
+def scaled(term: Term, settings: Settings, key: str = "scale") -> Term:
+    """A term with the scale that a key gives, if it does: one number where all are alike."""
+    if settings.find(key) is None:
+        return term
+    found = replace(term, scale=settings.numbers(key, None))
+    return replace(found, scale=found.scale[:1]) if len(set(found.scale)) == 1 else found
+
+
+def unknown(function: str, settings: Settings) -> PolicyError:
+    """The error for a term that is not known."""
+    return PolicyError(
+        f"the observation term {function} (`{settings.above[:-1]}` in {settings.file.name}) is not known",
+        f"{BY_HAND} with terms of {', '.join(TERMS)}",
+    )
+
+
+def history_of(settings: Settings) -> int:
+    """The `history_length`, where 0 stands for the present step alone."""
+    return max(1, int(settings.number("history_length", 1)))

@@ -1,0 +1,37 @@
+"""Orders of the twelve joints in the makers' own names, where a file gives no names or no order.
+
+Isaac Gym and Isaac Sim import links by name: legs are in alphabetical order. Isaac Gym's joints then go leg by leg
+(`gym.get_asset_dof_names`), Isaac Lab's breadth first, so kind by kind (`Articulation.joint_names`).
+"""
+
+from collections.abc import Iterable
+
+Joints = tuple[str, ...]
+
+FAMILIES: dict[str, tuple[str, str]] = {
+    "go1 go2 a1 b1 b2 aliengo unitree": ("FL FR RL RR", "hip_joint thigh_joint calf_joint"),
+    "anymal": ("LF LH RF RH", "HAA HFE KFE"),
+    "spot": ("fl fr hl hr", "hx hy kn"),
+    "lite3 deeprobotics": ("FL FR HL HR", "HipX_joint HipY_joint Knee_joint"),
+}
+"""Words in a model's path, and the legs and kinds in the names of its joints."""
+
+
+def by_leg(legs: str, kinds: str = "hip_joint thigh_joint calf_joint") -> Joints:
+    """Joints leg by leg, each from the trunk down."""
+    return tuple(f"{leg}_{kind}" for leg in legs.split() for kind in kinds.split())
+
+
+def by_kind(legs: str, kinds: str) -> Joints:
+    """Joints kind by kind, each in the order of the legs."""
+    return tuple(f"{leg}_{kind}" for kind in kinds.split() for leg in legs.split())
+
+
+def isaac_gym(names: Iterable[str]) -> Joints | None:
+    """Isaac Gym's order of joints; None for names of no known family."""
+    given = set(names)
+    return next((order for each in FAMILIES.values() if set(order := by_leg(*each)) == given), None)
+
+
+UNITREE_MOTORS = by_leg("FR FL RR RL")
+"""Order of the motors in Unitree's SDK."""

@@ -1,0 +1,33 @@
+"""Network of a run, in the usual places of its exporters."""
+
+from pathlib import Path
+
+from policies.base import PolicyError
+
+NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/policy_lstm_1.pt", "policy_1.pt")
+"""Of Isaac Lab, mjlab and Unitree (`exported/policy.*`) and of legged_gym (`exported/policies/policy_1.pt`)."""
+
+
+def exported(settings: Path) -> Path:
+    """The network to a file of settings: in `exported` of its run, next to the file, or the only .onnx there.
+
+    Raises PolicyError where there is none, or several.
+    """
+    run = settings.parent.parent if settings.parent.name == "params" else settings.parent
+    folders = [run / "exported", run, settings.parent]
+    named = [folder / name for folder in folders for name in NAMES if (folder / name).is_file()]
+    others = [file for folder in folders for file in sorted(folder.glob("*.onnx"))]
+    found = named[:1] or list(dict.fromkeys(others))
+    if len(found) == 1:
+        return found[0].absolute()
+    several = f"{', '.join(file.name for file in found)} lie there" if found else "none is there"
+    raise PolicyError(
+        f"which network belongs to {settings.name}? {several}", f"put it at {run / 'exported/policy.onnx'}"
+    )
+
+
+def named(folder: Path, name: str) -> Path:
+    """The network of that name in a folder. Raises PolicyError where it is none."""
+    if (file := folder / name).is_file():
+        return file.absolute()
+    raise PolicyError(f"there is no network {file}")
