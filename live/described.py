@@ -78,7 +78,7 @@ def _loaded(subject: Subject) -> Foreign:
 
 @lru_cache(maxsize=1)
 def _walks(subject: Subject) -> list[Walk]:
-    return diagnosis.tested(_loaded(subject), subject.name)
+    return diagnosis.tried(_loaded(subject), subject.name)
 
 
 @lru_cache(maxsize=1)

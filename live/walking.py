@@ -35,7 +35,9 @@ def policy(subject: Subject) -> Finding:
     """Whether the named policy loads, is for this robot and control period, and follows commands."""
     assert subject.policy is not None
     try:
-        chosen = policies.resolve(subject.policy, robot=subject.robot, control_period=CONTROL_PERIOD, trust=subject.trust)
+        chosen = policies.resolve(
+            subject.policy, robot=subject.robot, control_period=CONTROL_PERIOD, trust=subject.trust
+        )
     except PolicyError as error:
         if policies.is_reference(subject.policy):
             return _failing(str(error))

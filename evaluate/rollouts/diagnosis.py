@@ -26,10 +26,10 @@ def described(policy: Policy) -> Foreign | None:
     return inner if isinstance(inner, Foreign) and inner.description is not None else None
 
 
-def tested(policy: Foreign, robot: str) -> list[Walk]:
+def tried(policy: Foreign, robot: str, *, to_first_fall: bool = False) -> list[Walk]:
     """Walks at each of COMMANDS on that robot, by name or path; the policy's process is ended."""
     try:
-        return walks(policy, Hardware(robot=robot), COMMANDS, SEEDS)
+        return walks(policy, Hardware(robot=robot), COMMANDS, SEEDS, to_first_fall=to_first_fall)
     finally:
         policy.close()
 
@@ -45,8 +45,8 @@ def cause(policy: Foreign, robot: str, trust: bool = False) -> Correction | None
     assert policy.description is not None
     own = Hardware(robot=robot).quadruped
     make = partial(Foreign, policy.name, robot=own, control_period=policy.control_period, trust=trust)
-    for tried in (corrections, combined):
-        found = [(_deviation(make, each, robot), each) for each in tried(policy.description, own)]
+    for undone in (corrections, combined):
+        found = [(_deviation(make, each, robot), each) for each in undone(policy.description, own)]
         best, correction = min(found, key=lambda each: each[0])
         if best <= 1.0:
             return correction
@@ -55,7 +55,8 @@ def cause(policy: Foreign, robot: str, trust: bool = False) -> Correction | None
 
 def _deviation(make: partial[Foreign], correction: Correction, robot: str) -> float:
     try:
-        return max(walk.deviation for walk in tested(make(description=correction.description), robot))
+        found = tried(make(description=correction.description), robot, to_first_fall=True)
+        return max(walk.deviation for walk in found)
     except PolicyError:
         return np.inf
 
@@ -67,6 +68,6 @@ def finding(correction: Correction | None) -> str:
 
 def warning(policy: Foreign, robot: str, trust: bool = False) -> str | None:
     """A line about a policy that does not stand or walk as its description says; None for one that does."""
-    if not (seen := faults(tested(policy, robot))):
+    if not (seen := faults(tried(policy, robot))):
         return None
     return f"{next(iter(seen.values()))}; {finding(cause(policy, robot, trust))}"

@@ -60,20 +60,28 @@ class Walk:
         return f"{words}, with {_rounded(self.velocity[worst])} {UNITS[worst]} {AXES[worst]}"
 
 
-def walks(policy: Policy, hardware: Hardware, commands: Mapping[str, Command], seeds: NDArray[np.int64]) -> list[Walk]:
+def walks(
+    policy: Policy,
+    hardware: Hardware,
+    commands: Mapping[str, Command],
+    seeds: NDArray[np.int64],
+    *,
+    to_first_fall: bool = False,
+) -> list[Walk]:
     """A walk for each seed and each command by its words; these are SimpleQuad's, scaled to the size of the robot.
 
-    Raises what making the environment and `Policy.check_fits` do.
+    With `to_first_fall` they all end there. Raises what making the environment and `Policy.check_fits` do.
     """
     scale, count = _scale(policy.robot), len(seeds)
     asked = np.repeat(scale * np.array(list(commands.values())), count, axis=0)
     fall = np.zeros(len(asked), int)
     velocities: list[Floats] = []
 
-    def observe(step: Step) -> None:
+    def observe(step: Step) -> bool:
         fall[:] = np.where(fall > 0, fall, step.infos["fall"])
         if step.number * step.env.dt > SETTLING:
             velocities.append(step.infos["heading_velocity"])
+        return to_first_fall and bool(fall.any())
 
     steps, seeds = round(SECONDS / policy.control_period), np.tile(seeds, len(commands))
     roll_out(policy, "flat", seeds, observe, steps=steps, command=asked, hardware=hardware)
