@@ -61,7 +61,7 @@ class DescribedPolicy(Policy):
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         rows = observation.astype(np.float64)
-        self._terms.turn(rows)
+        self._terms.track(rows)
         due = np.flatnonzero(self._ticks % self._steps == 0)
         if len(due):
             actions = self._networks.actions(self._terms.observe(rows[due], due), due).astype(np.float64)

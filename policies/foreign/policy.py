@@ -9,8 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, PolicyError, within_limits
+from policies.foreign.described import with_gains
+from policies.foreign.description import PolicyDescription
 from policies.foreign.reference import checked
 from policies.foreign.served import PATIENCE_AT_FIRST, Answer, limited, serve
+from policies.foreign.terms import scan_of
 from policies.safety.watchdog import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
@@ -23,18 +26,22 @@ GRACE = 2.0
 
 
 class Foreign(Policy):
-    """The policy of `my_file.py:NAME`, of an .onnx or of a .zip file; robots that it fails hold the home pose.
+    """The policy of `my_file.py:NAME`, or of another file; robots that it fails hold the home pose.
 
     Args:
         reference: names it.
+        robot: whose joints it moves; its own `robot` has the servo gains of its description.
         trust: whether a file may be loaded in which code can be hidden.
         deadline: for one call, s; by default DEADLINE.
+        description: in place of what the file says of how its network is run.
 
     Raises PolicyError, one line, for what is no policy.
     """
 
     failure: NDArray[np.object_]
     """Why the policy failed each robot, (n,); None where it has not."""
+    description: PolicyDescription | None = None
+    """How its network is run; None of a policy that acts on our observation by itself."""
     _signals: dict[str, NDArray[Any]]
 
     def __init__(
@@ -45,10 +52,13 @@ class Foreign(Policy):
         control_period: float = CONTROL_PERIOD,
         trust: bool = False,
         deadline: float | None = None,
+        description: PolicyDescription | None = None,
     ) -> None:
-        robot = robot_of(robot)
+        robot, found = robot_of(robot), checked(reference, trust, description)
+        if found.description is not None:
+            robot, self.description = with_gains(robot, found.description), found.description
+            self.height_scan = scan_of(found.description)
         super().__init__(robot=robot, control_period=control_period)
-        found = checked(reference, trust)
         self.name = str(reference)
         self.sha256 = hashlib.sha256(found.content).hexdigest()
         self._deadline = DEADLINE if deadline is None else deadline

@@ -1,17 +1,25 @@
-"""What names a policy from outside: `my_file.py:MyPolicy`, `my_file.onnx` or `my_file.zip`."""
+"""What names a policy from outside: `my_file.py:MyPolicy`, a network's file, or one that describes how it is run."""
 
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
 from policies.base import PolicyError
+from policies.foreign import readers
+from policies.foreign.description import PolicyDescription
 from quad_env.files.reading import check_file
 
-KINDS = {".py": "Python", ".onnx": "ONNX", ".zip": "Stable-Baselines3"}
-"""What a file holds, by how its name ends."""
-UNSUPPORTED = ".pt", ".pth", ".jit", ".ckpt", ".h5", ".pkl"
+DESCRIBED = ".onnx", ".pt", ".toml", ".yaml", ".yml", ".json"
+"""Ends of the names of files that may describe a policy, or that one next to them describes."""
+KINDS = ".py", ".zip", *DESCRIBED
+"""How the names of files end that are read."""
+UNSUPPORTED = ".pth", ".jit", ".ckpt", ".h5", ".pkl"
 """Files of networks that are not read."""
-_NEEDS = {".onnx": (("onnxruntime", "onnx"), "onnx"), ".zip": (("stable_baselines3", "torch"), "train")}
+_NEEDS = {
+    ".onnx": (("onnxruntime", "onnx"), "onnx"),
+    ".pt": (("torch",), "train"),
+    ".zip": (("stable_baselines3", "torch"), "train"),
+}
 """Packages that read a file, and the extra that installs them."""
 
 
@@ -23,6 +31,8 @@ class Reference:
     name: str = ""
     normaliser: Path | None = None
     """Statistics of the observations of a model of Stable-Baselines3, its VecNormalize, None if there are none."""
+    description: PolicyDescription | None = None
+    """How its network is run; None of a policy that acts on our observation by itself."""
 
     @property
     def suffix(self) -> str:
@@ -32,7 +42,12 @@ class Reference:
     @property
     def content(self) -> bytes:
         """All that is read of it."""
-        return b"".join(file.read_bytes() for file in (self.file, self.normaliser) if file is not None)
+        files, said = [self.file, *([self.normaliser] if self.normaliser else [])], b""
+        if self.description is not None:
+            network = self.description.network
+            files.append(network)
+            said = repr(replace(self.description, network=Path(network.name))).encode()
+        return b"".join(file.read_bytes() for file in files) + said
 
     def __str__(self) -> str:
         return f"{self.name} in {self.file}" if self.name else str(self.file)
@@ -48,9 +63,9 @@ def unsupported(text: str | Path) -> str | None:
     if Path(text).suffix.lower() not in UNSUPPORTED:
         return None
     return (
-        f"{text}: {Path(text).suffix} files (TorchScript, checkpoints of other learners) are not supported yet; export "
-        "the network as .onnx (torch.onnx.export), load it in a class of a Python file (my_file.py:MyPolicy), or give "
-        "a .zip of Stable-Baselines3 (with --trust)"
+        f"{text}: {Path(text).suffix} files (checkpoints of other learners) are not supported; export the network as "
+        ".onnx (torch.onnx.export) or TorchScript .pt, load it in a class of a Python file (my_file.py:MyPolicy), or "
+        "give a .zip of Stable-Baselines3 (with --trust)"
     )
 
 
@@ -59,29 +74,51 @@ def _read(text: str | Path) -> Reference:
     return Reference(Path(file), name) if colon and file.lower().endswith(".py") else Reference(Path(text))
 
 
-def checked(text: str | Path, trust: bool) -> Reference:
+def checked(text: str | Path, trust: bool, description: PolicyDescription | None = None) -> Reference:
     """What a text names, wherever the process that loads it stands, if it is there and may be loaded.
 
-    Raises PolicyError, which says what is missing.
+    A description given stands for that of the file. Raises PolicyError, which says what is missing.
     """
     reference = _read(text)
-    if not reference.file.is_file():
-        raise PolicyError(f"there is no file {reference.file}")
-    try:
-        check_file(reference.file)
-    except OSError as error:
-        raise PolicyError(f"cannot read {reference.file} ({error.strerror})") from None
+    _check_file(reference.file)
     if reference.suffix == ".py" and not reference.name:
         raise PolicyError(f"name the policy in {reference.file} after a colon, as in {reference.file}:MyPolicy")
-    if reference.suffix == ".zip" and not trust:
-        raise PolicyError(
-            f"loading {reference.file} can run code that is hidden in it: give --trust if you know where it comes from"
-        )
-    packages, extra = _NEEDS.get(reference.suffix, ((), ""))
-    if missing := [package for package in packages if find_spec(package) is None]:
-        raise PolicyError(f'{reference.file} needs {missing[0]}, which is not here: pip install -e ".[{extra}]"')
     found = replace(reference, file=reference.file.absolute())
+    if found.suffix in DESCRIBED:
+        found = replace(found, description=description or _description(reference.file))
+    loaded = found.file if found.description is None else found.description.network
+    if loaded.suffix.lower() in (".zip", ".pt") and not trust:
+        raise PolicyError(
+            f"loading {loaded.name} can run code that is hidden in it: give --trust if you know where it comes from"
+        )
+    if loaded != found.file:
+        _check_file(loaded)
     return replace(found, normaliser=_normaliser(found.file)) if found.suffix == ".zip" else found
+
+
+def _check_file(file: Path) -> None:
+    """Raise PolicyError unless it is there, can be read, and the packages are there that read it."""
+    if not file.is_file():
+        raise PolicyError(f"there is no file {file}")
+    try:
+        check_file(file)
+    except OSError as error:
+        raise PolicyError(f"cannot read {file} ({error.strerror})") from None
+    packages, extra = _NEEDS.get(file.suffix.lower(), ((), ""))
+    if missing := [package for package in packages if find_spec(package) is None]:
+        raise PolicyError(f'{file} needs {missing[0]}, which is not here: pip install -e ".[{extra}]"')
+
+
+def _description(file: Path) -> PolicyDescription | None:
+    """What the files say of the policy; None of an ONNX of which they say nothing. Raises PolicyError."""
+    if (found := readers.read(file)) is not None:
+        return replace(found, network=found.network.absolute())
+    if file.suffix.lower() == ".onnx":
+        return None
+    raise PolicyError(
+        f"{file} does not say how its policy is run",
+        f"describe it in {file.with_suffix('.toml').name} next to it: docs/your-policy.md",
+    )
 
 
 def _normaliser(model: Path) -> Path | None:

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Mask, Policy, PolicyError
 from policies.foreign import onnx_file, python_file, sb3_file
+from policies.foreign.described import DescribedPolicy
 from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
 from policies.safety.watchdog import still_at_work
 from quad_env.files.text import described
 from quad_env.robots.robot import Robot
-from quad_env.task.observations import observation_table
+from quad_env.sensing.height_scan import table_with
 
 POLICY, ROBOT, BATCH = "policy", "robot", "batch"
 """Ways to ask: a `Policy`; a callable of one robot's observation; a callable of every robot's."""
@@ -44,7 +45,9 @@ class Answer:
 def serve(reference: Reference, way: str, robot: Robot, control_period: float, deadline: float) -> "Served":
     """The policy of a reference, loaded; without a way to ask it is found out. Raises PolicyError."""
     loaded: Policy | Maker
-    if reference.suffix == ".py":
+    if reference.description is not None:
+        loaded = DescribedPolicy(reference.description, robot=robot, control_period=control_period)
+    elif reference.suffix == ".py":
         loaded = python_file.load(reference, robot, control_period)
     else:
         loaded = (sb3_file if reference.suffix == ".zip" else onnx_file).load(reference, robot)
@@ -72,7 +75,8 @@ class Served:
 
     def find_way(self, reference: Reference) -> None:
         """Find out how it is to be asked; PolicyError if no way gives actions."""
-        table, joints = observation_table(self._robot), self._robot.num_joints
+        scan = self._loaded.height_scan if isinstance(self._loaded, Policy) else None
+        table, joints = table_with(self._robot, scan), self._robot.num_joints
         upright = np.zeros((2, table.size), np.float32)
         upright[:, table.slices["projected_gravity"].stop - 1] = -1.0
         tried = []

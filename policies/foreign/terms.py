@@ -1,7 +1,7 @@
 """The observation of a policy from another project, term by term, from the environment's.
 
 What the environment does not show is worked out from what it does: the world frame's yaw by integrating the gyro from 0
-at the reset, torques and contacts from the servos.
+at the reset, contacts and torques from the servos.
 """
 
 import math
@@ -15,16 +15,19 @@ from policies.base import Floats, Mask, PolicyError
 from policies.foreign.description import Clock, HeightGrid, PolicyDescription, Term
 from policies.foreign.joints import joints_of
 from policies.legs.level_frame import level_frame, vector
+from policies.mpc.contact import ContactSense
+from policies.mpc.motion import motion
+from policies.mpc.parameters import TROT, parameters_of
 from quad_env.columns import Rows
+from quad_env.config import GRAVITY
+from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.anatomy import JOINTS_PER_LEG
-from quad_env.robots.kinematics import foot_jacobians
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import HeightScan, table_with
 
-CONTACT_SHARE = 0.1
-"""Share of the robot's weight on a foot from which it is taken to be on the ground."""
-_SINGULAR = 1e-4
-"""Added to the squared Jacobian of a leg, m²: a straight leg shows no force along itself."""
+CONTACT_SHARE = 0.05
+"""Share of the robot's weight from which the estimated force of a foot is a contact: right in 86 to 96 % of the control
+steps of SimpleQuad and Go1 with `trot` and `mpc_wbc`, on flat and rough ground and when pushed."""
 _FINEST = 1e-3
 """Unit in which the points of a height scan are told apart, m."""
 
@@ -41,6 +44,8 @@ class _Shown(NamedTuple):
     """... and since the command was last zero."""
     action: Floats
     """The previous action, (m, 12)."""
+    contact: Mask
+    """Of the robot's feet, (m, 4)."""
 
 
 class Terms:
@@ -61,6 +66,10 @@ class Terms:
         self.height_scan = scan_of(description)
         self._slices = table_with(robot, self.height_scan).slices
         self._order = _layout(description)
+        self._contacts: ContactSense | None = None
+        if any(term.name == "foot_contact" for term in description.terms):
+            self._contacts = ContactSense(robot, parameters_of(TROT, robot), control_period)
+            self._dynamics = Dynamics(robot)
         self.allocate(1)
 
     def allocate(self, num_envs: int) -> None:
@@ -72,14 +81,19 @@ class Terms:
         """The previous action of each robot as the policy is shown it, (n, 12); to be renewed after each action."""
         length, width = max(term.history for term in d.terms), sum(term.width for term in d.terms)
         self._history = np.zeros((num_envs, length, width))
+        self._contact = np.zeros((num_envs, len(self._robot.leg_names)), np.bool_)
+        if self._contacts is not None:
+            self._contacts.allocate(num_envs)
 
     def restart(self, mask: Mask) -> None:
         """Fresh state for those robots."""
         for state in (self._yaw, self._turning, self._steps, self._moving, self.action, self._history):
             state[mask] = 0
+        if self._contacts is not None:
+            self._contacts.restart(mask)
 
-    def turn(self, observation: Floats) -> None:
-        """Integrate the yaw over the control step that led to the environment's observations, (n, k)."""
+    def track(self, observation: Floats) -> None:
+        """Take in the control step that led to the environment's observations, (n, k): turns and contacts."""
         gravity, (_, pitching, turning) = (
             observation[:, self._slices[name]].T for name in ("projected_gravity", "angular_velocity")
         )
@@ -87,6 +101,10 @@ class Terms:
         rate = (frame.up_y * pitching + frame.up_z * turning) / frame.level_x**2  # of the x axis' heading
         self._yaw += np.where(self._turning, self._period * rate, 0.0)
         self._turning[:] = True
+        if self._contacts is not None:
+            now = motion(self._robot, self._dynamics, observation)
+            force = self._contacts.estimate(now, np.zeros((len(observation), 6)))[..., 2]
+            self._contact = force > CONTACT_SHARE * GRAVITY * self._robot.mass
 
     def observe(self, observation: Floats, who: Rows) -> NDArray[np.float32]:
         """The policy's observations, (m, width), of those robots, whose of the environment are given, (m, k)."""
@@ -94,7 +112,7 @@ class Terms:
         seen["angles"] = seen["joint_position"] + self._robot.home_pose
         self._moving[who] = np.where(seen["command"].any(axis=1), self._moving[who], 0)
         steps = self._steps[who]
-        shown = _Shown(seen, self._yaw[who], steps, self._moving[who], self.action[who])
+        shown = _Shown(seen, self._yaw[who], steps, self._moving[who], self.action[who], self._contact[who])
         now = np.concatenate([_limited(_READERS[term.name](self, shown, term), term) for term in self._terms], axis=1)
         if (bound := self._description.observation_clip) is not None:
             now = np.clip(now, -bound, bound)
@@ -124,25 +142,17 @@ class Terms:
     def _angles(self, shown: _Shown, _: Term) -> Floats:
         return self._observed.angles(shown.seen["angles"])
 
-    def _torque(self, shown: _Shown) -> Floats:
+    def _torque(self, shown: _Shown, _: Term) -> Floats:
         """What the servos give by the gains in force on the target in force, the joints where they are now, limited to
         the robot's rated torque, (m, 12), N·m."""
         robot, seen = self._robot, shown.seen
         apart = seen["previous_action"] - seen["joint_position"]
         torque = robot.servo_stiffness * apart - robot.servo_damping * seen["joint_velocity"]
-        return np.clip(torque, -robot.rated_torque, robot.rated_torque)
+        return self._observed.rates(np.clip(torque, -robot.rated_torque, robot.rated_torque))
 
-    def _contact(self, shown: _Shown, _: Term) -> Floats:
-        """1 for feet that, by the servos' torques on massless legs, press with CONTACT_SHARE of the weight, (m, 4)."""
-        robot = self._robot
-        legs = shown.seen["angles"].reshape(-1, len(robot.leg_names), JOINTS_PER_LEG)
-        jacobians, torque = foot_jacobians(robot, legs), self._torque(shown).reshape(legs.shape)
-        squares = np.einsum("nlxj,nlyj->nlxy", jacobians, jacobians) + _SINGULAR * np.eye(3)
-        aims = np.einsum("nlxj,nlj->nlx", jacobians, torque)
-        force = np.linalg.solve(squares, aims[..., None])[..., 0]  # on the ground, body frame
-        down = (force * shown.seen["projected_gravity"][:, None]).sum(axis=-1)
+    def _feet(self, shown: _Shown, _: Term) -> Floats:
         order = list(dict.fromkeys(self._joints.places // JOINTS_PER_LEG))
-        return (down > CONTACT_SHARE * robot.mass * 9.81)[:, order].astype(np.float64)
+        return shown.contact[:, order].astype(np.float64)
 
     def _heights(self, shown: _Shown, term: Term) -> Floats:
         assert self.height_scan is not None and term.grid is not None  # noqa: PT018
@@ -167,10 +177,10 @@ _READERS: dict[str, _Reader] = {
     "joint_position": lambda of, shown, term: of._angles(shown, term) - of._default,
     "absolute_joint_position": Terms._angles,
     "joint_velocity": lambda of, shown, _: of._observed.rates(shown.seen["joint_velocity"]),
-    "joint_torque": lambda of, shown, _: of._observed.rates(of._torque(shown)),
+    "joint_torque": Terms._torque,
     "previous_action": lambda of, shown, _: shown.action,
     "command": lambda of, shown, _: shown.seen["command"],
-    "foot_contact": Terms._contact,
+    "foot_contact": Terms._feet,
     "height_scan": Terms._heights,
     "gait_clock": Terms._clock,
     "constant": lambda of, shown, term: np.tile(term.values, (len(shown.steps), 1)),
