@@ -83,4 +83,4 @@ def _walks(subject: Subject) -> list[Walk]:
 
 @lru_cache(maxsize=1)
 def _cause(subject: Subject) -> Correction | None:
-    return diagnosis.cause(_loaded(subject), subject.name, subject.trust)
+    return diagnosis.cause(_loaded(subject), subject.name)

@@ -64,7 +64,7 @@ def _check_descriptions(plan: Plan) -> None:
     """Print, on stderr, a line for each policy that does not stand or walk as its description says."""
     for each in plan.policies:
         policy = diagnosis.described(each.policy)
-        if policy and (words := diagnosis.warning(policy, plan.manifest.hardware.robot, plan.options.trust)):
+        if policy and (words := diagnosis.warning(policy, plan.manifest.hardware.robot)):
             print(f"warning: {each.label}: {words}", file=sys.stderr)
 
 

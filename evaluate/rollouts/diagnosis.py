@@ -9,6 +9,7 @@ from evaluate.rollouts.hardware import Hardware
 from evaluate.rollouts.walking_test import Walk, walks
 from policies.base import Policy, PolicyError
 from policies.foreign import Foreign
+from policies.foreign.described import DescribedPolicy
 from policies.foreign.mistakes import MISTAKES, Correction, combined, corrections
 from policies.safety import Safe
 from quad_env.seeding import episode_seeds
@@ -26,12 +27,9 @@ def described(policy: Policy) -> Foreign | None:
     return inner if isinstance(inner, Foreign) and inner.description is not None else None
 
 
-def tried(policy: Foreign, robot: str, *, to_first_fall: bool = False) -> list[Walk]:
-    """Walks at each of COMMANDS on that robot, by name or path; the policy's process is ended."""
-    try:
-        return walks(policy, Hardware(robot=robot), COMMANDS, SEEDS, to_first_fall=to_first_fall)
-    finally:
-        policy.close()
+def tried(policy: Policy, robot: str, *, to_first_fall: bool = False) -> list[Walk]:
+    """Walks at each of COMMANDS on that robot, by name or path."""
+    return walks(policy, Hardware(robot=robot), COMMANDS, SEEDS, to_first_fall=to_first_fall)
 
 
 def faults(found: Sequence[Walk]) -> dict[str, str]:
@@ -40,11 +38,11 @@ def faults(found: Sequence[Walk]) -> dict[str, str]:
     return {each.way: each.words for each in worst}
 
 
-def cause(policy: Foreign, robot: str, trust: bool = False) -> Correction | None:
-    """The correction with which a policy that fails walks best; None where it walks with none."""
+def cause(policy: Foreign, robot: str) -> Correction | None:
+    """The correction with which a policy that fails walks best, in this process; None where it walks with none."""
     assert policy.description is not None
     own = Hardware(robot=robot).quadruped
-    make = partial(Foreign, policy.name, robot=own, control_period=policy.control_period, trust=trust)
+    make = partial(DescribedPolicy, robot=own, control_period=policy.control_period)
     for undone in (corrections, combined):
         found = [(_deviation(make, each, robot), each) for each in undone(policy.description, own)]
         best, correction = min(found, key=lambda each: each[0])
@@ -53,12 +51,12 @@ def cause(policy: Foreign, robot: str, trust: bool = False) -> Correction | None
     return None
 
 
-def _deviation(make: partial[Foreign], correction: Correction, robot: str) -> float:
+def _deviation(make: partial[DescribedPolicy], correction: Correction, robot: str) -> float:
     try:
-        found = tried(make(description=correction.description), robot, to_first_fall=True)
-        return max(walk.deviation for walk in found)
+        found = tried(make(correction.description), robot, to_first_fall=True)
     except PolicyError:
         return np.inf
+    return max(walk.deviation for walk in found)
 
 
 def finding(correction: Correction | None) -> str:
@@ -66,8 +64,11 @@ def finding(correction: Correction | None) -> str:
     return TRIED if correction is None else f"it walks with {correction.words}: check {correction.keys}"
 
 
-def warning(policy: Foreign, robot: str, trust: bool = False) -> str | None:
+def warning(policy: Foreign, robot: str) -> str | None:
     """A line about a policy that does not stand or walk as its description says; None for one that does."""
-    if not (seen := faults(tried(policy, robot))):
+    found = tried(policy, robot)
+    policy.close()
+    if not (seen := faults(found)):
         return None
-    return f"{next(iter(seen.values()))}; {finding(cause(policy, robot, trust))}"
+    failed = any(walk.failure for walk in found)
+    return f"{next(iter(seen.values()))}{'' if failed else f'; {finding(cause(policy, robot))}'}"
