@@ -7,38 +7,36 @@ velocity tasks it is 50 Hz (`velocity_env_cfg.py`, decimation 4 at 0.005 s).
 
 import json
 from importlib import import_module
-from math import isinf
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from policies.base import PolicyError
-from policies.foreign.description import PolicyDescription, Range, Term
-from policies.foreign.readers.isaac_terms import history_of, scaled
+from policies.foreign.description import PolicyDescription, Term
+from policies.foreign.readers.isaac_terms import term
 from policies.foreign.readers.settings import BY_HAND, Settings
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.text import described
 
 CONTROL_RATE = 50.0
-_LISTS = "scale", "clip", "history_length"
-_TERMS = {
-    "base_lin_vel": "linear_velocity",
-    "base_ang_vel": "angular_velocity",
-    "projected_gravity": "projected_gravity",
-    "command": "command",
-    "velocity_commands": "command",
-    "joint_pos": "joint_position",
-    "joint_vel": "joint_velocity",
-    "actions": "previous_action",
+_FUNCTIONS = {
+    "command": "generated_commands",
+    "joint_pos": "joint_pos_rel",
+    "joint_vel": "joint_vel_rel",
+    "actions": "last_action",
 }
+"""Terms whose function has another name."""
+_LISTS = "scale", "clip", "history_length"
 
 
 def describe(file: Path) -> PolicyDescription | None:
     """The policy of a file with such metadata; None for one without. Raises PolicyError."""
-    metadata = _metadata(file)
+    metadata = metadata_of(file)
     if not {"joint_names", "observation_names"} <= metadata.keys():
         return None
-    values = {key: _values(value) for key, value in metadata.items() if not key.endswith("_names")}
-    found = Settings(values | {key: metadata[key].split(",") for key in metadata if key.endswith("_names")}, file)
+    found = Settings(
+        {key: text.split(",") if key.endswith("_names") else _values(text) for key, text in metadata.items()}, file
+    )
     if len(commands := found.texts("command_names")) != 1:
         raise PolicyError(f"the commands are {', '.join(commands)}: one of velocities is read", BY_HAND)
     return PolicyDescription(
@@ -57,20 +55,14 @@ def _terms(found: Settings) -> tuple[Term, ...]:
     names = found.texts("observation_names")
     lists = [found.find(f"observation_terms_{key}") or [None] * len(names) for key in _LISTS]
     if any(not isinstance(each, list) or len(each) != len(names) for each in lists):
-        raise PolicyError(f"the metadata of {found.file.name} have other numbers of terms than `observation_names`")
+        raise PolicyError(f"`observation_terms_…` and `observation_names` in {found.file.name} differ in length")
     terms = []
     for name, *values in zip(names, *lists, strict=True):
-        if name not in _TERMS:
-            raise PolicyError(f"of the observation term {name} the metadata say too little", BY_HAND)
         each = Settings(dict(zip(_LISTS, values, strict=True)), found.file, f"{name}.")
-        term = Term(_TERMS[name], clip=_clip(each), history=history_of(each))
-        terms.append(scaled(term, each))
+        if each.find("clip") == [-inf, inf]:
+            del each.values["clip"]
+        terms.append(term(_FUNCTIONS.get(name, name), each))
     return tuple(terms)
-
-
-def _clip(each: Settings) -> Range | None:
-    clip = each.find("clip")
-    return None if isinstance(clip, list) and all(isinf(limit) for limit in clip) else each.range("clip")
 
 
 def _values(text: str) -> Any:
@@ -79,25 +71,20 @@ def _values(text: str) -> Any:
         found = json.loads(f"[{text.replace('inf', 'Infinity')}]")
     except (ValueError, RecursionError):
         return text
-    return found[0] if len(found) == 1 else found
+    return found[0] if len(found) == 1 and not isinstance(found[0], list) else found
 
 
-def _metadata(file: Path) -> dict[str, str]:
+def metadata_of(file: Path) -> dict[str, str]:
     """Metadata of a file that holds all of its network. Raises PolicyError where weights lie in another file."""
     try:
-        onnx = import_module("onnx")
+        model = import_module("onnx").load_model_from_string(read_bytes(file, LARGEST))
     except ModuleNotFoundError:
         raise PolicyError('ONNX files need onnx, which is not here: pip install -e ".[onnx]"') from None
-    try:
-        model = onnx.load_model_from_string(read_bytes(file, LARGEST))
-    except OSError as error:
-        raise PolicyError(f"cannot read {file.name} ({error.strerror})") from None
     except Exception as error:
         raise PolicyError(f"{file.name} cannot be read as ONNX: {described(error)}") from None
     if _outside(model):
-        raise PolicyError(
-            f"the weights of {file.name} lie in another file", "write them into it: onnx.save(onnx.load(file), file)"
-        )
+        remedy = "write them into it: onnx.save(onnx.load(file), file)"
+        raise PolicyError(f"the weights of {file.name} lie in another file", remedy)
     return {entry.key: entry.value for entry in model.metadata_props}
 
 
@@ -106,6 +93,6 @@ def _outside(message: Any) -> bool:
     for field, value in message.ListFields():
         if field.name == "external_data" or (field.name == "data_location" and value == 1):
             return True
-        if field.message_type is not None and any(map(_outside, value if field.is_repeated else [value])):
+        if field.message_type is not None and any(map(_outside, [value] if hasattr(value, "ListFields") else value)):
             return True
     return False
