@@ -1,13 +1,13 @@
 """Whether a policy stands and walks as its description says, and which of the usual mistakes explains it if not."""
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluate.rollouts.hardware import Hardware
 from evaluate.rollouts.walking_test import Walk, walks
-from policies.base import Policy, PolicyError
+from policies.base import Actions, Policy
 from policies.foreign import Foreign
 from policies.foreign.described import DescribedPolicy
 from policies.foreign.mistakes import MISTAKES, Correction, combined, corrections
@@ -27,36 +27,58 @@ def described(policy: Policy) -> Foreign | None:
     return inner if isinstance(inner, Foreign) and inner.description is not None else None
 
 
-def tried(policy: Policy, robot: str, *, to_first_fall: bool = False) -> list[Walk]:
+def tried(policy: Policy, robot: str, times: int = 1) -> list[Walk]:
     """Walks at each of COMMANDS on that robot, by name or path."""
-    return walks(policy, Hardware(robot=robot), COMMANDS, SEEDS, to_first_fall=to_first_fall)
+    return walks(policy, Hardware(robot=robot), COMMANDS, SEEDS, times)
 
 
 def faults(found: Sequence[Walk]) -> dict[str, str]:
     """Words about the worst walk at each command that was not followed, by command."""
-    worst = sorted((each for each in found if each.deviation > 1.0), key=lambda each: each.deviation)
-    return {each.way: each.words for each in worst}
+    worst = {each.way: each for each in sorted(found, key=lambda each: each.deviation)}
+    return {way: worst[way].words for way in COMMANDS if way in worst and worst[way].deviation > 1.0}
+
+
+class Abreast(Policy):
+    """Policies for one robot, each for as many of those of a batch."""
+
+    name = "abreast"
+
+    def __init__(self, policies: Sequence[Policy]) -> None:
+        super().__init__(robot=policies[0].robot, control_period=policies[0].control_period)
+        self.height_scan = policies[0].height_scan
+        self._policies = policies
+
+    def _allocate(self, num_envs: int) -> None:
+        for policy in self._policies:
+            policy.reset(num_envs // len(self._policies))
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        shares = np.split(observation, len(self._policies))
+        return np.concatenate([policy.act(own) for policy, own in zip(self._policies, shares, strict=True)])
 
 
 def cause(policy: Foreign, robot: str) -> Correction | None:
     """The correction with which a policy that fails walks best, in this process; None where it walks with none."""
     assert policy.description is not None
     own = Hardware(robot=robot).quadruped
-    make = partial(DescribedPolicy, robot=own, control_period=policy.control_period)
     for undone in (corrections, combined):
-        found = [(_deviation(make, each, robot), each) for each in undone(policy.description, own)]
-        best, correction = min(found, key=lambda each: each[0])
+        groups: dict[bytes, list[tuple[Correction, Policy]]] = {}
+        for each in undone(policy.description, own):
+            made = DescribedPolicy(each.description, robot=own, control_period=policy.control_period)
+            gains = made.robot.servo_stiffness.tobytes() + made.robot.servo_damping.tobytes()
+            groups.setdefault(gains, []).append((each, made))  # robots of a batch have the same servos
+        found = [pair for group in groups.values() for pair in _deviations(group, robot)]
+        best, correction = min(found, key=lambda pair: pair[0])
         if best <= 1.0:
             return correction
     return None
 
 
-def _deviation(make: partial[DescribedPolicy], correction: Correction, robot: str) -> float:
-    try:
-        found = tried(make(correction.description), robot, to_first_fall=True)
-    except PolicyError:
-        return np.inf
-    return max(walk.deviation for walk in found)
+def _deviations(group: Sequence[tuple[Correction, Policy]], robot: str) -> list[tuple[float, Correction]]:
+    """How far each is off its commands at worst."""
+    found = tried(Abreast([policy for _, policy in group]), robot, len(group))
+    worst = np.reshape([walk.deviation for walk in found], (len(group), -1)).max(axis=1)
+    return [(float(each), correction) for each, (correction, _) in zip(worst, group, strict=True)]
 
 
 def finding(correction: Correction | None) -> str:

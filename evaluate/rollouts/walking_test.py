@@ -65,32 +65,30 @@ def walks(
     hardware: Hardware,
     commands: Mapping[str, Command],
     seeds: NDArray[np.int64],
-    *,
-    to_first_fall: bool = False,
+    times: int = 1,
 ) -> list[Walk]:
     """A walk for each seed and each command by its words; these are SimpleQuad's, scaled to the size of the robot.
 
-    With `to_first_fall` they all end there. Raises what making the environment and `Policy.check_fits` do.
+    All of them so many `times`, for policies abreast. Raises what making the environment and `Policy.check_fits` do.
     """
     scale, count = _scale(policy.robot), len(seeds)
-    asked = np.repeat(scale * np.array(list(commands.values())), count, axis=0)
+    asked = np.tile(np.repeat(scale * np.array(list(commands.values())), count, axis=0), (times, 1))
     fall = np.zeros(len(asked), int)
     velocities: list[Floats] = []
 
-    def observe(step: Step) -> bool:
+    def observe(step: Step) -> None:
         fall[:] = np.where(fall > 0, fall, step.infos["fall"])
         if step.number * step.env.dt > SETTLING:
             velocities.append(step.infos["heading_velocity"])
-        return to_first_fall and bool(fall.any())
 
-    steps, seeds = round(SECONDS / policy.control_period), np.tile(seeds, len(commands))
+    steps, seeds = round(SECONDS / policy.control_period), np.tile(seeds, len(commands) * times)
     roll_out(policy, "flat", seeds, observe, steps=steps, command=asked, hardware=hardware)
     planar = np.linalg.norm(asked[:, :2], axis=1, keepdims=True)
     rule = RULES[SUCCESS_RULE]
     allowed = rule.linear * scale + rule.share * np.hstack((planar, planar, np.abs(asked[:, 2:])))
     means = np.mean(velocities, axis=0) if velocities else np.zeros_like(asked)
     errors = np.abs(means - asked) / allowed
-    ways = np.repeat(list(commands), count).tolist()
+    ways = np.tile(np.repeat(list(commands), count), times).tolist()
     falls = [FALL_REASONS[code] if code else "" for code in fall]
     failures = getattr(policy, "failure", None)
     failures = [None] * len(asked) if failures is None else failures

@@ -25,7 +25,7 @@ MISTAKES = SIDES, ENDS, GROUPING, FRAMES, GRAVITY, GAINS
 IN_ORDER = "default_position", "action_scale", "stiffness", "damping", "action_offset", "target_clip"
 """What a description gives in the order of its `joints`."""
 VELOCITIES = "linear_velocity", "angular_velocity"
-FACTORS = 0.125, 0.25, 0.5, 2.0, 4.0, 8.0
+FACTORS = 0.2, 0.45, 2.2, 5.0
 """Of the described servo gains, where the policy's are not known."""
 ALIKE = 0.2
 """Largest difference between gains that are taken for the same, as a share."""
@@ -119,8 +119,10 @@ def _reframed(described: PolicyDescription) -> Iterator[Correction]:
             continue
         terms = tuple(replace(term, frame=found.get(term.name, term.frame)) for term in described.terms)
         names = " and ".join(name for name in frames if found[name] != frames[name])
-        words = " and ".join(f"{name} in the {found[name]} frame" for name in names.split(" and "))
-        yield Correction(FRAMES, words, f"`frame` of {names}", replace(described, terms=terms))
+        frame = next(found[name] for name in frames if found[name] != frames[name])
+        yield Correction(
+            FRAMES, f"{names} in the {frame} frame", f"`frame` of {names}", replace(described, terms=terms)
+        )
 
 
 def _turned(described: PolicyDescription) -> Iterator[Correction]:

@@ -2,26 +2,15 @@
 
 import pytest
 
-from evaluate.rollouts import diagnosis
-from evaluate.rollouts.diagnosis import cause, faults, finding, tried
+from evaluate.rollouts import diagnosis, walking_test
+from policies.foreign import Foreign
 from policies.foreign.described import DescribedPolicy
 from policies.foreign.description import PolicyDescription
-from policies.foreign.mistakes import ENDS, FRAMES, GRAVITY, GROUPING, SIDES, corrections
+from policies.foreign.mistakes import ENDS, FRAMES, GAINS, GRAVITY, GROUPING, SIDES, corrections
 from quad_env import SIMPLE_QUAD
 from tests.policies.foreign import walking_network
 
 ROBOT = "simple_quad"
-
-
-class Described(DescribedPolicy):
-    """A policy as it is served, in this process."""
-
-    def __init__(self, _: str, *, description: PolicyDescription, trust: bool = False, **made_for: object) -> None:
-        super().__init__(description, **made_for)
-        self.description = description
-
-    def close(self) -> None:
-        pass
 
 
 @pytest.fixture(scope="module")
@@ -31,33 +20,42 @@ def described(tmp_path_factory: pytest.TempPathFactory) -> PolicyDescription:
 
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnosis, "Foreign", Described)
     monkeypatch.setattr(diagnosis, "SEEDS", diagnosis.SEEDS[:1])
+    monkeypatch.setattr(walking_test, "SECONDS", 3.0)
+    monkeypatch.setattr(walking_test, "SETTLING", 1.5)
 
 
-def planted(described: PolicyDescription, mistake: str) -> PolicyDescription:
-    """The description with that mistake: undoing what is no mistake makes one."""
+def made(described: PolicyDescription) -> DescribedPolicy:
+    """The policy as it is served, in this process, with what is asked of one that is."""
+    policy = DescribedPolicy(described)
+    policy.description, policy.close = described, lambda: None
+    return policy
+
+
+def with_mistake(described: PolicyDescription, mistake: str) -> PolicyDescription:
+    """The description with that mistake: undoing what is none makes one."""
     return next(each.description for each in corrections(described, SIMPLE_QUAD) if each.mistake == mistake)
 
 
-def test_a_policy_that_is_described_as_it_is_passes(described: PolicyDescription) -> None:
-    assert diagnosis.warning(Described("", description=described), ROBOT) is None
+def test_a_policy_that_is_described_as_it_is_raises_no_complaint(described: PolicyDescription) -> None:
+    policy = Foreign(described.network, description=described)
+    assert diagnosis.warning(policy, "simple_quad") is None
 
 
 @pytest.mark.parametrize(
-    ("mistake", "words"),
+    ("mistake", "seen", "words"),
     [
-        (SIDES, "it walks with the joint order FR FL RR RL by kind: check `joints`"),
-        (ENDS, "it walks with the joint order FR FL RR RL by kind: check `joints`"),
-        (GROUPING, "it walks with the joint order FR FL RR RL by kind: check `joints`"),
-        (FRAMES, "it walks with linear_velocity in the body frame"),
-        (GRAVITY, "it walks with projected_gravity the other way"),
+        (SIDES, "in a curve", "the joint order FR FL RR RL by kind: check `joints`"),
+        (ENDS, "in a curve", "the joint order FR FL RR RL by kind: check `joints`"),
+        (GROUPING, "to stand", "the joint order FR FL RR RL by kind: check `joints`"),
+        (FRAMES, "in a curve", "linear_velocity and angular_velocity in the body frame: check `frame` of"),
+        (GRAVITY, "in a curve", "projected_gravity the other way: check the sign of `scale` of projected_gravity"),
+        (GAINS, "forward", "servo gains of 300 N·m/rad and 10 N·m·s/rad: check `stiffness` and `damping`"),
     ],
 )
-def test_each_planted_mistake_is_named(described: PolicyDescription, mistake: str, words: str) -> None:
-    wrong = Described("", description=planted(described, mistake))
-    assert faults(tried(wrong, ROBOT))
-    found = cause(wrong, ROBOT)
-    assert found is not None
-    assert found.mistake == mistake
-    assert finding(found).startswith(words)
+def test_each_planted_mistake_is_named(described: PolicyDescription, mistake: str, seen: str, words: str) -> None:
+    warning = diagnosis.warning(made(with_mistake(described, mistake)), "simple_quad")
+    assert warning is not None
+    before, _, after = warning.partition("; it walks with ")
+    assert seen in before
+    assert after.startswith(words)

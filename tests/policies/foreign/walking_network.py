@@ -21,7 +21,7 @@ FEATURES, STEEP, STEPS, ROBOTS, SETTLED = 50, 4.0, 50, 40, 40
 ACTION_SCALE = 0.25
 FEEDBACK = np.array([1.5, 1.5, 0.0])
 """Of the velocity's error, added to the command."""
-LEVELLING, HEIGHT = 0.5, 0.14
+LEVELLING, HEIGHT = 0.5, 0.18
 """Share of what would level the trunk by which the legs on its lower side reach further; and m for gravity's size."""
 ORDER = [3 * leg + link for link in range(3) for leg in (1, 0, 3, 2)]
 """The robot's joints in the order of the policy: by kind, and FR FL HR HL."""
