@@ -2,9 +2,12 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from policies.base import PolicyError
@@ -219,3 +222,27 @@ def test_json_and_folders(tmp_path: Path) -> None:
     assert "cannot read folder.yaml" in refusal(tmp_path / "folder.yaml")
     assert "cannot read none.yaml" in refusal(tmp_path / "none.yaml")
     assert "it cannot be read" in refusal(tmp_path / "none.toml")
+
+
+def places(settings: dict[str, Any], above: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """Keys of all values, however deep."""
+    deeper = [
+        place for key, value in settings.items() if isinstance(value, dict) for place in places(value, (*above, key))
+    ]
+    return [(*above, key) for key in settings] + deeper
+
+
+ODD = [None, "x", [], {}, -1, 0, 1e300, [[]], True, {"a": {}}, [None] * 12, ["x"] * 12, 10**400, ["("], [2, 1]]
+
+
+@pytest.mark.parametrize(("file", "settings"), [("d.yaml", files.deploy(files.permuted(0))), ("e.yaml", files.env())])
+def test_any_value_of_any_key_is_understood_or_refused(tmp_path: Path, file: str, settings: dict[str, Any]) -> None:
+    network(tmp_path)
+    rng, keys = np.random.default_rng(0), places(settings)
+    for number in rng.integers(len(keys), size=100):
+        changed = inner = deepcopy(settings)
+        for key in keys[number][:-1]:
+            inner = inner[key]
+        inner[keys[number][-1]] = ODD[rng.integers(len(ODD))]
+        with suppress(PolicyError):
+            read(written(tmp_path / file, changed))
