@@ -1,6 +1,6 @@
 """Checks of `python -m quad_env doctor` of a policy by its description: does it load, stand and walk as described."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
 import policies
@@ -8,9 +8,9 @@ from evaluate.rollouts import diagnosis
 from evaluate.rollouts.walking_test import Walk
 from policies import Foreign, PolicyError
 from policies.base import CONTROL_PERIOD
+from policies.foreign.described import with_gains
 from policies.foreign.description import PolicyDescription, Term
-from policies.foreign.mistakes import Correction, order_of
-from quad_env.cli.format import spread
+from policies.foreign.mistakes import order_of
 from quad_env.doctor.check import Finding, Subject, ok, problem
 from quad_env.robots.robot import Robot
 
@@ -45,15 +45,19 @@ def understood(described: PolicyDescription, robot: Robot) -> Iterator[str]:
     """What a description says, in lines."""
     yield f"rate    {described.control_rate:g} Hz"
     yield f"joints  {order_of(described.joints, robot)}: {' '.join(described.joints)}"
-    gains = f"{spread(described.stiffness)} N·m/rad, {spread(described.damping)} N·m·s/rad"
-    yield f"servos  {gains}; an action of 1 is {spread(described.action_scale)} rad"
+    scale = _numbers(dict.fromkeys(described.action_scale))
+    yield f"servos  {with_gains(robot, described).servo}; an action of 1 is {scale} rad"
     yield f"reads   {', '.join(map(_words, described.terms))}"
 
 
 def _words(term: Term) -> str:
     """Such as `joint_velocity 12 × 0.05`, of 5 control steps where it has a history."""
-    scale = "" if set(term.scale) == {1.0} else f" × {spread(term.scale)}"
+    scale = "" if set(term.scale) == {1.0} else f" × {_numbers(term.scale)}"
     return f"{term.name} {term.width}{scale}{f' of {term.history} steps' if term.history > 1 else ''}"
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(f"{value:g}" for value in values)
 
 
 def _finding(subject: Subject, ways: tuple[str, ...]) -> Finding:
@@ -63,9 +67,7 @@ def _finding(subject: Subject, ways: tuple[str, ...]) -> Finding:
     found = [walk for walk in _walks(subject) if walk.way in ways]
     if not (seen := diagnosis.faults(found)):
         return ok("; ".join({walk.way: walk.words for walk in found}.values()))
-    correction = _cause(subject)
-    keys = "every figure" if correction is None else correction.keys
-    return problem("; ".join(seen.values()), diagnosis.finding(correction), f"correct {keys} {CORRECT}")
+    return problem("; ".join(seen.values()), diagnosis.cause(_loaded(subject), subject.name), f"correct that {CORRECT}")
 
 
 @lru_cache(maxsize=1)
@@ -79,8 +81,3 @@ def _loaded(subject: Subject) -> Foreign:
 @lru_cache(maxsize=1)
 def _walks(subject: Subject) -> list[Walk]:
     return diagnosis.tried(_loaded(subject), subject.name)
-
-
-@lru_cache(maxsize=1)
-def _cause(subject: Subject) -> Correction | None:
-    return diagnosis.cause(_loaded(subject), subject.name)

@@ -63,8 +63,7 @@ def _execute(plan: Plan, show: Show) -> int:
 def _check_descriptions(plan: Plan) -> None:
     """Print, on stderr, a line for each policy that does not stand or walk as its description says."""
     for each in plan.policies:
-        policy = diagnosis.described(each.policy)
-        if policy and (words := diagnosis.warning(policy, plan.manifest.hardware.robot)):
+        if words := diagnosis.warning(each.policy, plan.manifest.hardware.robot):
             print(f"warning: {each.label}: {words}", file=sys.stderr)
 
 

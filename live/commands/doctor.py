@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from quad_env.cli.command_line import UsageError
+from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.doctor.check import Check
 from quad_env.doctor.command import Options, run
 
@@ -21,42 +21,25 @@ policy."""
 
 def main(options: Options) -> int:
     """Run all checks, of walking and of the policy too; the exit code. Raises UsageError."""
-    if options.policy is not None:
-        check_exists(options.policy)
+    if options.policy is None:
+        return run(options, CHECKS[:1])
+    check_exists(options.policy)
     if options.write is not None:
-        _write(options, options.write)
-    return run(options, _checks_of(options.policy))
+        _write(options.policy, options.trust, options.write)
+    file = Path(options.policy.removeprefix("safe:"))
+    return run(options, CHECKS if file.is_file() and file.suffix != ".zip" else (CHECKS[0], CHECKS[-1]))
 
 
-def _checks_of(policy: str | None) -> tuple[Check, ...]:
-    if policy is None:
-        return CHECKS[:1]
-    return CHECKS if _is_described(policy) else (CHECKS[0], CHECKS[-1])
-
-
-def _is_described(policy: str) -> bool:
-    """Whether it is a file that may have a description."""
-    from policies.foreign.reference import DESCRIBED
-
-    return Path(policy).suffix.lower() in DESCRIBED and not Path(policy).is_dir()
-
-
-def _write(options: Options, file: Path) -> None:
-    """Write the description of the policy. Raises UsageError where there is none, or for what cannot be written."""
+def _write(policy: str, trust: bool, file: Path) -> None:
+    """Write the policy's description as TOML. Raises UserError where it has none or the file cannot be written."""
     from policies import SAFE
     from policies.foreign.readers import write_toml
     from policies.foreign.reference import checked
 
-    if options.policy is None or not _is_described(options.policy):
-        raise UsageError("--write needs --policy with the file of another project's policy")
-    if file.suffix != ".toml":
-        raise UsageError(f"--write: {file} must end in .toml")
-    if (found := checked(options.policy.removeprefix(SAFE), options.trust).description) is None:
-        raise UsageError(f"--write: {options.policy} has no description: write one by hand, docs/deployment-files.md")
-    try:
-        write_toml(found, file)
-    except OSError as error:
-        raise UsageError(f"cannot write {file} ({error.strerror})") from error
+    make_folder_of(file, "--write")
+    if (found := checked(policy.removeprefix(SAFE), trust).description) is None:
+        raise UsageError(f"--write: {policy} has no description: write one by hand, docs/deployment-files.md")
+    write_toml(found, file)
 
 
 def check_exists(name_or_path: str) -> None:

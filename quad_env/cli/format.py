@@ -31,12 +31,6 @@ def interval(ends: tuple[float, float], digits: int = 3) -> str:
     return ABSENT if ABSENT in (low, high) else f"{low}{NO_BREAK}… {high}"
 
 
-def spread(values: Sequence[float]) -> str:
-    """Numbers as `35`, or as `20 to 40` where they differ."""
-    least, largest = f"{min(values):.4g}", f"{max(values):.4g}"
-    return least if least == largest else f"{least} to {largest}"
-
-
 def percent(share: float) -> str:
     """A share of 1 in per cent, one decimal below ten."""
     if not math.isfinite(share):

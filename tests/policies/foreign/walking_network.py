@@ -45,7 +45,7 @@ def write(file: Path) -> PolicyDescription:
     terms = [Term(name, (scale,)) for name, scale in TERMS.items()] + [Term("gait_clock", clock=Clock(trot.frequency))]
     found = PolicyDescription(
         network=file,
-        control_rate=100.0,
+        control_rate=50.0,
         joints=tuple(SIMPLE_QUAD.joint_names[joint] for joint in ORDER),
         default_position=tuple(DEFAULT[ORDER].tolist()),
         action_scale=(ACTION_SCALE,) * 12,
