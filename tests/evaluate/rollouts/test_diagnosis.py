@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
-from policies.foreign import Foreign
+from policies.foreign import Foreign, mistakes
 from policies.foreign.described import DescribedPolicy
 from policies.foreign.description import PolicyDescription
 from policies.foreign.mistakes import ENDS, FRAMES, GAINS, GRAVITY, GROUPING, SIDES, corrections
@@ -21,8 +21,9 @@ def described(tmp_path_factory: pytest.TempPathFactory) -> PolicyDescription:
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(diagnosis, "SEEDS", diagnosis.SEEDS[:1])
-    monkeypatch.setattr(walking_test, "SECONDS", 3.0)
-    monkeypatch.setattr(walking_test, "SETTLING", 1.5)
+    monkeypatch.setattr(walking_test, "SECONDS", 2.4)
+    monkeypatch.setattr(walking_test, "SETTLING", 1.2)
+    monkeypatch.setattr(mistakes, "FACTORS", (5.0,))
 
 
 def made(described: PolicyDescription) -> DescribedPolicy:
