@@ -65,14 +65,21 @@ ENV = [
     (path("scene/robot/init_state/joint_pos/.*_hip_joint", 0.2), "has .*L_hip_joint and .*_hip_joint for FL_hip_joint"),
     (
         path("scene/robot/init_state/joint_pos/knee", 0.2),
-        "the order of the joints cannot be known: the robot is none of",
+        "the order of the joints is not known: it is that of go1",
     ),
     (
         path("scene/robot/spawn/usd_path", "mine/robot.usd"),
-        "the order of the joints cannot be known: the robot is none",
+        "the order of the joints is not known: it is that",
+    ),
+    (
+        path("sim/newton_cfg", {"num_substeps": 1}),
+        "go1, go2, a1, b1, b2, aliengo, unitree, anymal, spot, lite3, deeprobotics",
     ),
     (path("scene/robot/actuators/hips/joint_names_expr", ["("]), "'(' is no regular expression"),
-    (path("actions/joint_pos/class_type", "x:JointVelocityAction"), "the actions are JointVelocityAction"),
+    (
+        path("actions/joint_pos/class_type", "x:JointVelocityAction"),
+        "the actions are joint_pos (x:JointVelocityAction): one Joint",
+    ),
     (
         path("commands/base_velocity/class_type", "x:UniformPoseCommand"),
         "the command base_velocity is a UniformPoseComm",
