@@ -126,7 +126,7 @@ def resolve(
     text, robot = str(name_or_path), robot_of(robot)
     if is_reference(inner := text.removeprefix(SAFE)):
         policy: Policy = Foreign(inner, robot=robot, control_period=control_period, trust=trust)
-        return Safe(policy, SafetyLimits.of(policy.robot, actuator)) if text.startswith(SAFE) else policy
+        return Safe(policy, SafetyLimits.of(robot, actuator)) if text.startswith(SAFE) else policy
     if text.removeprefix(SAFE) in _MAKERS:
         return make(text, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors)
     if Path(name_or_path).is_dir():

@@ -88,7 +88,7 @@ def with_gains(robot: Robot, description: PolicyDescription) -> Robot:
 def steps_held(description: PolicyDescription, control_period: float) -> int:
     """Control steps of the environment, of so many s each, in one of the policy. Raises PolicyError."""
     steps = 1.0 / (description.control_rate * control_period)
-    if round(steps) < 1 or abs(steps - round(steps)) > TOLERANCE * steps:
+    if abs(steps - round(steps)) > TOLERANCE * steps:
         raise PolicyError(
             f"{description.network} acts at {description.control_rate:g} Hz, of which the environment's "
             f"{1.0 / control_period:g} Hz is no multiple"
