@@ -20,24 +20,26 @@ policy."""
 
 
 def main(options: Options) -> int:
-    """Run all checks, of walking and of the policy too; the exit code. Raises UsageError."""
+    """Run all checks, of walking and of the policy too; the exit code. Raises UsageError and PolicyError."""
     if options.policy is None:
+        if options.write is not None:
+            raise UsageError("--write needs --policy with the file of another project's policy")
         return run(options, CHECKS[:1])
     check_exists(options.policy)
-    if options.write is not None:
-        _write(options.policy, options.trust, options.write)
     file = Path(options.policy.removeprefix("safe:"))
+    if options.write is not None:
+        _write(file, options.trust, options.write)
     return run(options, CHECKS if file.is_file() and file.suffix != ".zip" else (CHECKS[0], CHECKS[-1]))
 
 
-def _write(policy: str, trust: bool, file: Path) -> None:
-    """Write the policy's description as TOML. Raises UserError where it has none or the file cannot be written."""
-    from policies import SAFE
+def _write(policy: Path, trust: bool, file: Path) -> None:
+    """Write the policy's description as TOML. Raises UsageError where there is none, and PolicyError."""
     from policies.foreign.readers import write_toml
     from policies.foreign.reference import checked
 
     make_folder_of(file, "--write")
-    if (found := checked(policy.removeprefix(SAFE), trust).description) is None:
+    found = checked(policy, trust).description if policy.is_file() else None
+    if found is None:
         raise UsageError(f"--write: {policy} has no description: write one by hand, docs/deployment-files.md")
     write_toml(found, file)
 
