@@ -14,7 +14,7 @@ from policies.foreign.mistakes import order_of
 from quad_env.doctor.check import Finding, Subject, ok, problem
 from quad_env.robots.robot import Robot
 
-NO_DESCRIPTION = Finding("left out", "it acts on this environment's observation by itself, without a description")
+NO_DESCRIPTION = ok("it acts on this environment's observation by itself, without a description")
 CORRECT = "in the description: --write mine.toml writes it, to correct and to name in its place"
 
 

@@ -11,7 +11,7 @@ from evaluate.rollouts.walking_test import Walk, walks
 from policies.base import Actions, Policy
 from policies.foreign import Foreign
 from policies.foreign.described import DescribedPolicy
-from policies.foreign.mistakes import MISTAKES, ORDERS, Correction, corrections
+from policies.foreign.mistakes import GAINS, MISTAKES, ORDERS, Correction, corrections
 from quad_env.seeding import episode_seeds
 
 STAND = "to stand"
@@ -51,10 +51,14 @@ def faults(found: Sequence[Walk]) -> dict[str, str]:
 
 
 def cause(policy: Foreign, robot: str) -> str:
-    """What explains that it fails, in words: the correction with which it walks best, tried in this process."""
+    """What explains that it fails, in words: the correction with which it walks best, tried in this process.
+
+    Other gains than the policy's may suit it better than its own: they explain only what nothing else does.
+    """
     for count in range(1, len(ORDERS) + 1):
-        best, correction = min(_deviations(policy, robot, count), key=lambda pair: pair[0])
-        if best <= 1.0:
+        walking = [pair for pair in _deviations(policy, robot, count) if pair[0] <= 1.0]
+        if walking:
+            _, correction = min(walking, key=lambda pair: (pair[1].mistake == GAINS, round(pair[0], 1)))
             return f"it walks with {correction.words}: check {correction.keys}"
     return f"no usual mistake alone explains it; tried: {', '.join(MISTAKES)}"
 

@@ -6,17 +6,19 @@ from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.doctor.check import Check
 from quad_env.doctor.command import Options, run
 
-__all__ = ["CHECKS", "Options", "main"]
+__all__ = ["CHECKS", "OF_DESCRIPTION", "Options", "main"]
 
 CHECKS = (
     Check("walks", "live.walking:walks", ("stands",)),
+    Check("policy", "live.walking:policy", ("walks", "walking")),
+)
+"""They follow those of `quad_env.doctor`; the second is for runs with a policy."""
+OF_DESCRIPTION = (
     Check("description", "live.described:description", ("stands",)),
     Check("standing", "live.described:standing", ("description",)),
     Check("walking", "live.described:walking", ("standing",)),
-    Check("policy", "live.walking:policy", ("walks", "walking")),
 )
-"""They follow those of `quad_env.doctor`: of the robot, of what describes a policy from another project, and of any
-policy."""
+"""Between them, for a policy from another project."""
 
 
 def main(options: Options) -> int:
@@ -29,7 +31,8 @@ def main(options: Options) -> int:
     file = Path(options.policy.removeprefix("safe:"))
     if options.write is not None:
         _write(file, options.trust, options.write)
-    return run(options, CHECKS if file.is_file() and file.suffix != ".zip" else (CHECKS[0], CHECKS[-1]))
+    described = OF_DESCRIPTION if file.is_file() and file.suffix != ".zip" else ()
+    return run(options, (CHECKS[0], *described, CHECKS[1]))
 
 
 def _write(policy: Path, trust: bool, file: Path) -> None:

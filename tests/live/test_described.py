@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
-from live.commands.doctor import CHECKS
+from live.commands.doctor import OF_DESCRIPTION
 from policies.foreign import mistakes
 from policies.foreign.description import PolicyDescription
 from policies.foreign.readers import write_toml
@@ -28,8 +28,7 @@ def found(policy: PolicyDescription) -> dict[str, Finding]:
     """Of the checks of a description."""
     file = policy.network.with_suffix(".toml")
     write_toml(policy, file)
-    of = [check for check in CHECKS if check.place.startswith("live.described")]
-    return {name: finding for name, finding, _ in examine(of, Subject(policy=str(file)))}
+    return {name: finding for name, finding, _ in examine(OF_DESCRIPTION, Subject(policy=str(file)))}
 
 
 def test_what_was_understood_is_shown(policy: PolicyDescription) -> None:
