@@ -56,7 +56,14 @@ def _plan(words: list[str]) -> "Plan":
 
 
 PROGRAM = Program(NAME, COMMANDS, compare, MOVED)
-main = PROGRAM.main
+FILM = {"--film", "--no-film"}
+"""Options up to version 0.2.0, whose report showed a film; scripts that give one go on working."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command; its exit code."""
+    return PROGRAM.main([word for word in (sys.argv[1:] if arguments is None else arguments) if word not in FILM])
+
 
 if __name__ == "__main__":
     raise SystemExit(launcher.launch(main))

@@ -37,7 +37,7 @@ class ShortTrot:
 def main(episodes: int = 8, out: str = "results/own-policy") -> int:
     """Evaluate it on flat ground: a table, and a folder with a report."""
     policies = ["--policies", f"{os.path.relpath(__file__)}:ShortTrot", "trot", "stand"]
-    return evaluate([*policies, "--scenarios", "flat", "--no-film", "--episodes", str(episodes), "--out", out])
+    return evaluate([*policies, "--scenarios", "flat", "--episodes", str(episodes), "--out", out])
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ def main(steps: int = 200_000, out: Path = Path("runs/sb3_home_pose.zip"), episo
     model.save(out)
     print(f"saved {out} after {model.num_timesteps} steps")
     compared = ["--policies", str(out), "stand", "--trust", "--scenarios", "flat", "--episodes", str(episodes)]
-    return evaluate([*compared, "--no-film", "--out", str(out.with_suffix(""))])
+    return evaluate([*compared, "--out", str(out.with_suffix(""))])
 
 
 if __name__ == "__main__":

@@ -4,13 +4,14 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from policies.base import PolicyError
 from policies.shipped import folder_of
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.robots import similarity
 from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Range = tuple[float, float]
 N = TypeVar("N", int, float, float | None)
@@ -60,13 +61,6 @@ def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Ro
     return {name: (min(both), max(both)) for name, both in ends.items()}
 
 
-def in_force(robot: Robot, file: Path, decode: Callable[[Path], P]) -> P:
-    """The robot's parameters: those of a file of that name in its own folder, or without one SimpleQuad's, of that
-    file, by dynamic similarity. Raises PolicyError for a damaged file."""
-    own = folder_of(robot) / file.name
-    return decode(own) if own.is_file() else scaled_parameters(decode(file), robot)
-
-
 def from_json(kind: type[P], values: Any) -> P:
     """The parameters of a JSON object. Raises ValueError unless it holds a number for each and nothing else."""
     if not isinstance(values, dict):
@@ -88,11 +82,32 @@ def is_number(value: Any) -> bool:
     return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
-def read(path: Path, search: str, decode: Callable[[Any], T]) -> T:
-    """What a search has left in a JSON file, decoded. Raises PolicyError where it is missing or damaged."""
+def read(path: Path, decode: Callable[[Any], T], search: str = "") -> T:
+    """Parameters in a JSON file, decoded; `search` is the one that writes such a file. Raises PolicyError where it is
+    missing or damaged."""
     try:
         return decode(parse_json(read_bytes(path)))
     except (AttributeError, KeyError, OSError, RecursionError, TypeError, ValueError) as error:
-        raise PolicyError(
-            f"cannot read {path} ({error}); `python -m train search {search}` writes such a file"
-        ) from None
+        remedy = f"`python -m train search {search}` writes such a file" if search else "restore the file as it shipped"
+        raise PolicyError(f"cannot read {path} ({error})", remedy) from None
+
+
+@dataclass(frozen=True)
+class ParameterFile(Generic[P]):
+    """A JSON file of parameters that a search writes."""
+
+    path: Path
+    """SimpleQuad's in force."""
+    kind: type[P]
+    search: str
+    """The search: what follows `python -m train search`."""
+
+    def read(self, path: Path) -> P:
+        """Parameters from a file like it; PolicyError where it is missing or damaged, or does not name them all."""
+        return read(path, lambda values: from_json(self.kind, values), self.search)
+
+    def in_force(self, robot: Robot = SIMPLE_QUAD) -> P:
+        """The robot's parameters: those of a file of that name in its own folder, or without one SimpleQuad's by
+        dynamic similarity. Raises PolicyError for a damaged file."""
+        own = folder_of(robot) / self.path.name
+        return self.read(own) if own.is_file() else scaled_parameters(self.read(self.path), robot)

@@ -28,16 +28,13 @@ _EVERY = {
     ),
     "policies": Command("live.commands.policies", "the policies by name, what each is, what was trained on what"),
     "view": Command("live.commands.view", "robots in the browser, to watch, steer and push"),
-    "film": Command("live.commands.film", "an episode as a film: policies side by side, a ghost of the command"),
+    "film": Command("live.commands.film", "an episode as a film, policies side by side"),
     "record": Command("live.commands.record", "an episode as an MCAP file or a ROS 2 bag"),
     "ros": Command("live.commands.ros", "the simulated robot as a ROS node, in real time"),
 }
-_WITHOUT_POLICIES = {
-    "doctor": Command("quad_env.doctor.command", _EVERY["doctor"].summary),
-    "view": Command("quad_env.view", "the standing robot in a window"),
-}
-"""What a wheel has in place of a clone's commands."""
-_HERE = _EVERY if launcher.IS_CLONE else _EVERY | _WITHOUT_POLICIES
+_OF_A_WHEEL = {"doctor": Command("quad_env.doctor.command", _EVERY["doctor"].summary)}
+"""In place of a clone's command."""
+_HERE = _EVERY if launcher.IS_CLONE else _EVERY | _OF_A_WHEEL
 COMMANDS = {name: each for name, each in _HERE.items() if launcher.IS_CLONE or each.module.startswith("quad_env.")}
 MISSING = [name for name in _EVERY if name not in COMMANDS]
 CLONE = "in a clone of the project alone: git clone it, then pip install -e ."

@@ -37,10 +37,10 @@ def test_commands_work_where_text_is_ascii(words: str, tmp_path: Path, repositor
 
 
 def test_reports_are_the_same_where_text_is_ascii(tmp_path: Path, repository: Path) -> None:
-    run("evaluate trot --scenarios flat --episodes 1 --no-film --threads 1 --out {}", tmp_path, repository)
+    run("evaluate trot --scenarios flat --episodes 1 --threads 1 --out {}", tmp_path, repository)
     written = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "\xa0" in written
-    printed = run("evaluate report {} --no-film", tmp_path, repository)
+    printed = run("evaluate report {}", tmp_path, repository)
     assert "trot" in printed
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == written
 

@@ -19,7 +19,6 @@ TINY_TRAINING = (
 )
 SHORTER = (
     (r"--episodes \d+", "--episodes 1 --threads 1"),
-    (r"--scenarios flat", "--scenarios flat --no-film"),
     (r"--steps \S+", f"--steps 64 {TINY_TRAINING}"),
     (r" push:3", ""),
     (r"push --policies trot", "push --policies"),

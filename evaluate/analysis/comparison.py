@@ -28,7 +28,7 @@ ERRORS = tuple(CAPS)
 METRICS = (*RATES, *ERRORS)
 """What is compared, in the order in which it is shown."""
 SIGNIFICANT = 0.05
-"""Level at which the report's words claim a difference, of the corrected p-value."""
+"""Level below which a corrected p-value counts as a difference."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +47,6 @@ class Comparison:
     test: str
     p_value_holm: float
     """Corrected for its family (see `compare`)."""
-
-    @property
-    def gain(self) -> float:
-        """The difference, positive where a does better."""
-        return self.difference if self.metric == SUCCESS_RATE else -self.difference
-
-    @property
-    def significant(self) -> bool:
-        """Whether a difference is to be claimed, with a chance of 5 % for any false claim in the family."""
-        return self.p_value_holm < SIGNIFICANT and self.difference != 0.0
 
 
 def compare(cells: Sequence[Cell], against: str | None = None) -> list[Comparison]:

@@ -9,12 +9,11 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from evaluate.analysis.comparison import SIGNIFICANT, SUCCESS_RATE, by_episode, paired_difference
+from evaluate.analysis.comparison import SUCCESS_RATE, by_episode, paired_difference
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import Interval
 from evaluate.statistics.significance import holm
-from quad_env.cli.format import NO_BREAK, signed
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
@@ -23,13 +22,6 @@ from quad_env.scenarios.terrain import SmoothRandom
 
 UNDISTURBED = "flat"
 """The undisturbed scenario."""
-UNCHANGED = "the same to the bit"
-FAILS_WITHOUT = "fails without it"
-LEAD = (
-    "What the hardest level of each axis in this run takes from the successes, in percentage points of the episodes, "
-    "and adds to the velocity error of the same episodes undisturbed. In brackets: not significantly worse, p-values "
-    "corrected by Holm's method over both figures of all axes of a policy."
-)
 
 
 @dataclass(frozen=True)
@@ -56,16 +48,6 @@ class Sensitivity:
     """95 %, bootstrap over the pairs."""
     velocity_error_p_value: float
     """Paired sign flips, corrected in the same way."""
-
-    @property
-    def less_success(self) -> bool:
-        """Whether the policy succeeds significantly less often under the disturbance."""
-        return self.success < 0.0 and self.success_p_value < SIGNIFICANT
-
-    @property
-    def more_error(self) -> bool:
-        """Whether the policy tracks significantly worse under the disturbance."""
-        return self.velocity_error > 0.0 and self.velocity_error_p_value < SIGNIFICANT
 
 
 def sensitivities(cells: Sequence[Cell], robot: Robot = SIMPLE_QUAD) -> list[Sensitivity]:
@@ -137,16 +119,3 @@ def _sensitivity(cell: Cell, undisturbed: Cell) -> Sensitivity:
 def _same(a: Cell, b: Cell) -> bool:
     pairs = ((getattr(a.measures, field.name), getattr(b.measures, field.name)) for field in fields(Measures))
     return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in pairs)
-
-
-def effect_text(found: Sensitivity) -> str:
-    """`−12 points, +0.31 m/s`: success, if it differs, and velocity error; in brackets what is not significant."""
-    if found.undisturbed_success_rate == 0.0:
-        return FAILS_WITHOUT
-    if not found.felt:
-        return UNCHANGED
-    success = f"{signed(100.0 * found.success, 0)}{NO_BREAK}points"
-    error = f"{signed(found.velocity_error, 2)}{NO_BREAK}m/s"
-    figures = ((success, found.less_success), (error, found.more_error))
-    shown = figures if found.success else figures[1:]
-    return ", ".join(figure if worse else f"({figure})" for figure, worse in shown)

@@ -28,16 +28,6 @@ class SeverityAxis:
         return tuple({scenario.severity: scenario for scenario in reversed(self.scenarios)}.values())[::-1]
 
     @property
-    def nominal(self) -> Scenario:
-        """The scenario of the axis's nominal severity, else the mildest."""
-        axis = AXES.get(self.name)
-        wanted = self.scenarios[0].severity if axis is None else axis.nominal
-        # Of another robot than SimpleQuad the nominal severity is another one; its level is the same.
-        names = () if axis is None else (axis.name, f"{axis.name}:{axis.nominal_level}")
-        found = [each for each in self.scenarios if each.severity == wanted or each.name in names]
-        return found[0] if found else self.scenarios[0]
-
-    @property
     def quantity(self) -> str:
         """What its severity is, with its unit."""
         named = AXES[self.name].quantity if self.name in AXES else self.name

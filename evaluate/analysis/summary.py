@@ -11,7 +11,6 @@ from evaluate.measures.catalogue import FIGURES
 from evaluate.measures.effort import cost_of_transport
 from evaluate.measures.episodes import weight
 from evaluate.measures.outcomes import OUTCOMES
-from evaluate.measures.response import Response, responses
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, wilson_interval
 from quad_env.robots.robot import Robot
@@ -63,8 +62,6 @@ class Summary:
     transport, which is that of all episodes together."""
     duty_factor: tuple[float, ...]
     """Mean of each foot."""
-    response: dict[str, Response]
-    """Response along each axis of the command."""
 
 
 def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> Summary:
@@ -93,7 +90,6 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
         **means,
         figures={name: _mean(getattr(measures, name)) for name in FIGURES} | {"cost_of_transport": transport},
         duty_factor=tuple(_mean(foot) for foot in measures.duty_factor.T),
-        response=responses(measures.commands, measures.mean_velocities),
     )
 
 

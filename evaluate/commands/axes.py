@@ -47,7 +47,7 @@ def main(options: Options) -> int:
         raise UsageError(f"there is no axis {', '.join(unknown)}; the axes are {', '.join(AXES)}")
     scenarios = tuple(f"{name}:all" for name in dict.fromkeys(options.axes or AXES))
     others = {name: value for name, value in vars(options).items() if name != "axes"}
-    plan = check(Comparison(scenarios=scenarios, film=False, **others))
+    plan = check(Comparison(scenarios=scenarios, **others))
     from evaluate.commands.execution import execute
     from evaluate.report.table import print_levels
 

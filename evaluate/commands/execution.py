@@ -34,7 +34,7 @@ def execute(plan: Plan, show: Show = print_results) -> int:
 
 def _execute(plan: Plan, show: Show) -> int:
     out, manifest = plan.options.out, plan.manifest
-    ending = Ending(show, plan.gates, plan.options.baseline, plan.options.film, plan.options.trust)
+    ending = Ending(show, plan.gates, plan.options.baseline)
     if plan.options.resume and (run := read_run(out)).complete:
         print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
         code = conclude(run, out, ending)

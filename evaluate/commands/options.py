@@ -16,7 +16,7 @@ PROGRAM = "python -m evaluate"
 WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "trot_integral", "residual", "robust")
 DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
-CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "film", "trust")
+CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "trust")
 """Options that --resume may change."""
 
 
@@ -63,8 +63,6 @@ class Options:
     trace: Literal["none", "compact", "full"] = "none"
     """Record of every step, in the folder traces: compact for `python -m research rescore`, full for every measure.
     Robots then go on after a fall, which takes longer and changes no figure."""
-    film: bool = True
-    """Whether report.html shows a film of one episode."""
     threads: int = available_cores()
     """Simulating processes (count; default: this machine's cores). No result depends on it."""
     at_once: int = 256

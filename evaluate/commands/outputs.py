@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 # Functions import the first three when they need them: here too, so that no interrupt comes in the middle of an import.
 import matplotlib.backends.backend_svg  # noqa: F401
@@ -60,10 +59,6 @@ class Ending:
     """Evaluated if the run is complete."""
     baseline: str | None = None
     """Policy that the others are measured against; None is the usual one."""
-    film: bool = False
-    """Whether the report shows one; not of an interrupted run, which is to end soon."""
-    trust: bool = False
-    """Whether the policies that it shows may be loaded from files in which code can be hidden."""
 
 
 def conclude(run: Run, folder: Path, ending: Ending) -> int:
@@ -78,13 +73,11 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
     failures = _tried("the table", partial(_print, results, gate_results, ending, console))
     if failures:
         console.on_broken_pipe()
-    film, fingerprint = ending.film and run.complete, run.manifest.fingerprint
-    about: dict[str, Any] = {"trust": ending.trust, "gates": gate_results}
-    about["made_by"] = command(run.manifest.options), run.manifest.date
+    made_by, fingerprint = (command(run.manifest.options), run.manifest.date), run.manifest.fingerprint
     for name, write in (
         ("results.json", partial(write_json, results)),
         *([] if run.stored else [("episodes.parquet", partial(write_parquet, run.cells, run=fingerprint))]),
-        ("report.html", partial(write_report, results, film=film, **about)),
+        ("report.html", partial(write_report, results, gates=gate_results, made_by=made_by)),
     ):
         path = folder / name
         failures += _tried(str(path), partial(write, path)) or _tried("its name", partial(_print_path, console, path))

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import tyro
 
-from evaluate.commands.options import Flag
 from quad_env.cli.command_line import UsageError
 
 
@@ -21,10 +20,6 @@ class Options:
     """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
-    film: bool = True
-    """Whether report.html shows a film of one episode."""
-    trust: Flag = False
-    """Film policies from files that can hide code, the .zip files of Stable-Baselines3."""
 
 
 def main(options: Options) -> int:
@@ -42,7 +37,7 @@ def main(options: Options) -> int:
         raise UsageError(f"--gate: {options.folder} holds an unfinished run; carry it on with --resume")
     gates = check_gates(options.gate, list(run.manifest.policies), run.manifest.scenarios)
     check_baseline(options.baseline, list(run.manifest.policies))
-    ending = Ending(gates=gates, baseline=options.baseline, film=options.film, trust=options.trust)
+    ending = Ending(gates=gates, baseline=options.baseline)
     try:
         with sole_use(options.folder):
             code = conclude(run, options.folder, ending)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from PIL import Image, ImageDraw
 
 from quad_env.columns import Array
-from quad_env.physics.marks import Colour
+from quad_env.physics.arrows import Colour
 
 Ink = tuple[int, int, int]
 DARK: Ink = (30, 34, 38)

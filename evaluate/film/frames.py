@@ -11,7 +11,7 @@ from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.rollout import watch
 from policies.base import Policy
 from quad_env.cli.command_line import UsageError
-from quad_env.physics.marks import Mark
+from quad_env.physics.arrows import Arrow
 from quad_env.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ class Filming:
         self._view = *size, camera
         self._camera: Any = None
 
-    def draw(self, env: "SimpleQuadVectorEnv", marks: Sequence[Mark] = ()) -> Frame:
-        """The first robot as it is now, with these marks.
+    def draw(self, env: "SimpleQuadVectorEnv", arrows: Sequence[Arrow] = ()) -> Frame:
+        """The first robot as it is now, with these arrows.
 
         Raises:
             ValueError: there is no such camera; names those that there are.
@@ -40,7 +40,7 @@ class Filming:
         try:
             if self._camera is None:
                 self._camera = Camera(env.simulation.model, *self._view)
-            frame: Frame = self._camera.draw(env.simulation.snapshot(0), marks=marks)
+            frame: Frame = self._camera.draw(env.simulation.snapshot(0), arrows=arrows)
         except ValueError:
             raise
         except Exception as error:  # whatever the graphics driver fails with

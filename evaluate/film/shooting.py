@@ -11,7 +11,7 @@ from PIL import Image
 
 from evaluate.film import captions, files
 from evaluate.film.frames import Filming
-from evaluate.film.scene import COMMAND, GHOST, VELOCITY, Scene
+from evaluate.film.scene import COMMAND, VELOCITY, Scene
 from evaluate.measures import metrics
 from evaluate.measures.outcomes import DIVERGED, FELL, SUCCEEDED, SUCCESS_RULE
 from evaluate.measures.tracking import SETTLING_TIME
@@ -55,8 +55,8 @@ class Look:
     """1 is real time, less is slow motion."""
     rate: float = 25.0
     """Frames a second, about: a whole number of control steps lies between two."""
-    ghost: bool = True
-    """Whether ghost and arrows are drawn."""
+    arrows: bool = True
+    """Whether arrows are drawn."""
 
     @property
     def every(self) -> int:
@@ -155,13 +155,12 @@ class _Panel:
 
     def draw(self, last: bool) -> Image.Image:
         """The robot now, with its captions; at last with its outcome."""
-        marks = self._scene.marks() if self._look.ghost else ()
-        image = Image.fromarray(self._filming.draw(self.step.env, marks))
+        arrows = self._scene.arrows() if self._look.arrows else ()
+        image = Image.fromarray(self._filming.draw(self.step.env, arrows))
         text = captions.Text(self._look.letters, edge=1)
         text.write(image, self._label, 0)
-        if self._look.ghost:
+        if self._look.arrows:
             text.write(image, captions.motion(self._scene.velocity), 1, captions.ink(VELOCITY))
-            text.write(image, f"{self._scene.way_to_ghost:.2f} m from its ghost", 2, captions.ink(GHOST))
         words, ground = self._news(last)
         if words:
             text.sign(image, words, ground)

@@ -62,15 +62,14 @@ def mark(colour: str, glyph: str) -> str:
     return f'<span class="mark" style="color:{colour}">{glyph}</span>'
 
 
-def image(data: bytes, description: str, kind: str = "svg+xml") -> str:
+def image(svg: bytes, description: str) -> str:
     """An image that travels within the page."""
-    source = base64.b64encode(data).decode()
-    return f'<img alt="{escape(description)}" src="data:image/{kind};base64,{source}">'
+    return f'<img alt="{escape(description)}" src="data:image/svg+xml;base64,{base64.b64encode(svg).decode()}">'
 
 
-def grid(images: Iterable[str], columns: int) -> str:
-    """Images in so many columns; on a phone one below the other."""
-    return f'<div class="plots" style="--columns: {max(2, min(columns, 4))}">{"".join(images)}</div>'
+def grid(images: Iterable[str]) -> str:
+    """Images in two columns; on a phone one below the other."""
+    return f'<div class="plots">{"".join(images)}</div>'
 
 
 def _cell(text: str) -> str:

@@ -1,25 +1,20 @@
 """The whole page, section by section."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from evaluate.analysis.breaking_points import CAVEAT
-from evaluate.analysis.findings import headline
 from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.measures.outcomes import SUCCESS_RULE
-from evaluate.report.footage import footage
 from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
 from evaluate.report.sections.figures import definitions, policy_label, training
-from evaluate.report.sections.gait_section import gaits
-from evaluate.report.sections.overview import overview, sensitivity, success
-from evaluate.report.sections.response_section import responses
+from evaluate.report.sections.overview import overview, success
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
@@ -44,8 +39,8 @@ NOTES = (
     "agree, others may have the share that Wilson's interval has for none of so many, and any value up to the cap.",
     "Tests are paired by episode and two-sided: exact McNemar for falls, sign-flip permutation for means. p-values are "
     "corrected by Holm's method, metric by metric, over the comparisons with the baseline on every scenario of the "
-    "run; those of the other pairs are families of their own. A difference is claimed below 0.05: the chance of any "
-    "false claim in a family is then at most 5 %. Where none is claimed there may still be one that so many episodes "
+    "run; those of the other pairs are families of their own. With those below 0.05 claimed, the chance of any "
+    "false claim in a family is at most 5 %. Where p is larger there may still be a difference that so many episodes "
     "cannot show.",
     "A breaking point is where half of the episodes fail, that is fall or do not succeed: where a monotone regression, "
     "straight over the logarithm of severity between the levels, crosses one half. No shape is assumed. "
@@ -61,33 +56,15 @@ def write_report(results: Results, path: Path, **about: Any) -> None:
     write_atomically(path, render(results, path.parent, **about).encode())
 
 
-def render(
-    results: Results,
-    folder: Path,
-    *,
-    film: bool = False,
-    trust: bool = False,
-    gates: Sequence[GateResult] = (),
-    made_by: Origin = ("", ""),
-) -> str:
-    """The whole page; `folder` is where the results are, for the commands that the page names.
-
-    Filming takes a few seconds, and the page says why where it is impossible; `trust`, of the filmed policies: see
-    `evaluate.report.footage.film`.
-    """
+def render(results: Results, folder: Path, *, gates: Sequence[GateResult] = (), made_by: Origin = ("", "")) -> str:
+    """The whole page; `folder` is where the results are, for the commands that the page names."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
-    with drawing.settings(), ThreadPoolExecutor(1) as pool:
-        shown = pool.submit(footage, results, trust) if film else None  # in another process meanwhile
+    with drawing.settings():
         sections = [
-            _outcome(results),
             success(results),
             _gates(gates),
             overview(results),
-            sensitivity(results),
             disturbances(results),
-            shown.result() if shown else "",
-            gaits(results),
-            responses(results),
             training(results),
             worst_episodes(results, folder),
             _notes(results),
@@ -120,13 +97,6 @@ def _head(results: Results, made_by: Origin) -> str:
         f"{words_of(results.hardware)}</p>{made}{warning}"
         f'<ul class="legend">{legend}</ul>'
     )
-
-
-def _outcome(results: Results) -> str:
-    first = "".join(
-        f"<p><strong>{escape(lead)}</strong> {escape(' '.join(rest))}</p>" for lead, *rest in headline(results)
-    )
-    return section("Outcome", first)
 
 
 def _gates(gates: Sequence[GateResult]) -> str:

@@ -1,7 +1,6 @@
 """Film an episode: `python -m quad_env film walk.mp4 --policies trot residual`, the policies side by side.
 
-A ghost shows where a robot would be that had done exactly as commanded since the start, a green arrow the command, a
-yellow one the mean velocity of the last half second, a red one a push.
+A green arrow shows the command, a yellow one the mean velocity of the last half second, a red one a push.
 """
 
 from dataclasses import dataclass
@@ -44,8 +43,8 @@ class Options(EpisodeOptions):
     """Width and height of each robot's frames, pixels."""
     camera: Literal["track", "side"] = "track"
     """Camera, which goes along with the robot."""
-    ghost: bool = True
-    """Whether ghost and arrows are drawn."""
+    arrows: bool = True
+    """Whether arrows are drawn."""
 
 
 def main(options: Options) -> int:
@@ -58,7 +57,7 @@ def main(options: Options) -> int:
     robot = "" if hardware == IDEAL else f"{hardware.quadruped.name}, "
     title, steps = f"{robot}{scenario.name}, seed {options.seed}", round(options.seconds / CONTROL_PERIOD)
     take = Take(policies, scenario, options.seed, steps, title, hardware, options.command)
-    look = Look(options.size, options.camera, options.speed, options.fps, options.ghost)
+    look = Look(options.size, options.camera, options.speed, options.fps, options.arrows)
     files.check(options.out, "the film")
     raise_on_interrupt()
     with bar("filming") as progress:

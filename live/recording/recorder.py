@@ -1,8 +1,7 @@
-"""Recorder: an observer of control steps that leaves them in shared memory for a process that writes them."""
+"""Recorder: an observer of control steps that hands them to a process that writes them."""
 
 import contextlib
 import multiprocessing
-import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from importlib.util import find_spec
@@ -11,9 +10,10 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluate.rollouts.observers import Step
-from live.recording.rows import Floats, Ring, Source, memory
+from live.recording.rows import Source
 from live.recording.skeleton import links_of
 from live.recording.writer import write
 from policies.base import Policy
@@ -23,16 +23,15 @@ from quad_env.task.rewards import REWARD
 
 PACKAGES = ("mcap", "rosbags")
 """What the extra `recording` installs."""
-STEPS_A_BATCH = 100
-"""Control steps that are written together."""
+WAITING = 1 << 20
+"""Bytes that may wait where the system allows it, some ten seconds of control steps: while the writer starts, or has to
+wait for its core."""
 SIGNALS = (
     *("position", "quaternion", "angular_velocity", "heading_velocity", "vertical_velocity"),
     *("joint_position", "joint_velocity", "joint_torque", "action", "command", "push"),
     *("foot_contact", "leg_contact", "trunk_contact", "fall", "diverged"),
 )
 """Readings of a control step that are recorded, by their names in the infos."""
-WAIT = 0.002
-"""Between two looks whether there is room for a row, s."""
 
 
 @contextmanager
@@ -69,87 +68,72 @@ class Recorder:
         """Whose correction is recorded, where it has one; may be another one from any step on."""
         self._path = path
         self._process: BaseProcess | None = None
-        self._pipe: Connection | None = None
-        self._announced = 0
+        self._rows: Connection | None = None
         self._events: list[str] = []
 
     def __call__(self, step: Step) -> None:
         """Record a control step, or the start of an episode. Raises OSError where it cannot be written."""
-        if self._pipe is None:
+        first = self._rows is None
+        if first:
             self._begin(step)
-        if (row := self._free_row()) is None:
-            return
         correction = getattr(self.policy, "correction", None)
-        own = {
-            "correction": np.nan if correction is None else correction[0],
-            "start": step.number == 0 or self._ring.put == 0,
-        }
-        for name, columns in self._slices.items():
-            row[columns] = own[name] if name in own else step.infos[name][0]
-        self._ring.put_row()
+        readings = {name: step.infos[name][0] for name in self._names}
+        readings["correction"] = np.full(step.action.shape[1], np.nan) if correction is None else correction[0]
+        readings["start"] = step.number == 0 or first
+        self._send(np.concatenate([np.ravel(reading) for reading in readings.values()], dtype=np.float64))
         for event in self._events:
-            self._announce(event)
+            self._send(event)
         self._events.clear()
-        if self._ring.put - self._announced >= STEPS_A_BATCH:
-            self._announce()
 
     def event(self, text: str) -> None:
         """Record that something happened just now, after the last step. Raises OSError where it cannot be written."""
-        if self._pipe is None:
+        if self._rows is None:
             self._events.append(text)
         else:
-            self._announce(text)
+            self._send(text)
 
     def _begin(self, step: Step) -> None:
         env, robot = step.env, step.env.robot
-        names = (*SIGNALS, *(name for name in step.infos if name.startswith(REWARD)))
+        self._names = (*SIGNALS, *(name for name in step.infos if name.startswith(REWARD)))
+        widths = {name: step.infos[name][0].size for name in self._names}
         source = Source(
-            widths={name: step.infos[name][0].size for name in names} | {"correction": robot.num_joints, "start": 1},
+            widths=widths | {"correction": robot.num_joints, "start": 1},
             joints=robot.joint_names,
             legs=robot.leg_names,
             links=links_of(env.simulation.model, env.simulation.snapshot(0), robot),
             description="" if robot.urdf is None else robot.urdf.read_text(encoding="utf-8"),
             dt=env.dt,
         )
-        self._slices = source.slices
         context = multiprocessing.get_context("spawn")
-        shared = memory(context, sum(source.widths.values()))
-        self._ring = Ring(shared)
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=write, args=(theirs, shared, self._path, source))
-        with closing(theirs), without_ctrl_c():  # also where Ctrl-C comes meanwhile, else `close` waits for ever
+        theirs, self._rows = context.Pipe(duplex=False)
+        self._answer, answer = context.Pipe(duplex=False)
+        with contextlib.suppress(ImportError, AttributeError, OSError):  # not everywhere
+            import fcntl
+
+            fcntl.fcntl(self._rows.fileno(), fcntl.F_SETPIPE_SZ, WAITING)
+        self._process = context.Process(target=write, args=(theirs, answer, self._path, source))
+        with closing(theirs), closing(answer), without_ctrl_c():  # also where Ctrl-C comes, else `close` waits for ever
             self._process.start()
 
-    def _free_row(self) -> Floats | None:
-        """Where the next row goes, once there is room; None where the writer has ended."""
-        assert self._process is not None
-        while (row := self._ring.free_row()) is None:
-            if not self._process.is_alive():
-                self.close()
-                return None
-            time.sleep(WAIT)
-        return row
-
-    def _announce(self, event: str = "") -> None:
-        """Send how many rows there are, and what happened then."""
-        assert self._pipe is not None
-        self._announced = self._ring.put
+    def _send(self, news: NDArray[np.float64] | str) -> None:
+        """A row, or what happened then; it waits where the writer does not keep up."""
+        assert self._rows is not None
         try:
-            self._pipe.send((self._announced, event))
+            if not self._rows.closed:
+                self._rows.send(news)
         except OSError:  # the writer has ended, and sent its reason
             self.close()
 
     def close(self) -> None:
         """Wait until all of it is written. Raises OSError where it could not be."""
-        if self._process is None or self._pipe is None or self._pipe.closed:
+        if self._process is None or self._rows is None or self._rows.closed:
             return
-        with contextlib.suppress(OSError):
-            self._pipe.send(None)
-        try:
-            failure = self._pipe.recv()
-        except (EOFError, OSError):
-            failure = OSError("the process that writes the recording was ended")
-        self._pipe.close()
+        self._rows.close()
+        with closing(self._answer) as answer:
+            try:
+                failure = answer.recv()
+            except (EOFError, OSError):
+                failure = OSError("the process that writes the recording was ended")
         self._process.join()
         if failure is not None:
             raise failure

@@ -1,4 +1,4 @@
-"""Pictures of a session: the robots, the ghost of the command, arrows, and the place of the camera."""
+"""Pictures of a session: the robots, arrows, and the place of the camera."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evaluate.film.scene import Scene
 from evaluate.rollouts.observers import Step
 from live.session import Session
-from quad_env.physics.marks import Ghost, Mark
+from quad_env.physics.arrows import Arrow
 from quad_env.physics.rendering import Viewpoint
 
 TURN, ZOOM = 0.4, 0.0015
@@ -20,8 +20,6 @@ DISTANCES = (0.4, 30.0)
 """m"""
 FOLLOWING = 0.15
 """Share of its way to the robot that the camera goes a frame up and down, so that it does not shake with the trunk."""
-_THREAD = 2
-"""Marks of the ghost, which come first: itself and the thread to it."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,7 @@ class Picture:
     """What the camera looks at for each robot, world, m."""
     names: Sequence[str]
     orbit: Orbit
-    marks: Sequence[Mark]
+    arrows: Sequence[Arrow]
     """About the first robot."""
     forces: bool
 
@@ -71,28 +69,19 @@ class ViewCamera:
         self.orbit = Orbit()
         self.forces = False
         """Forces of the first robot's contacts."""
-        self.ghost = True
-        """Where the first robot would be had it followed the command exactly since that was given."""
-        self._command = np.zeros(3)
 
     def __call__(self, step: Step) -> None:
         """Take note of a control step, or of the start of an episode."""
-        command = step.infos["command"][0]
         if step.number == 0:
             self.orbit = replace(self.orbit, target=tuple(step.infos["position"][0].tolist()))
-        if step.number == 0 or not np.array_equal(command, self._command):
             self._scene = Scene(step)
         else:
             self._scene.advance(step)
-        self._command = command.copy()
 
     def picture(self, session: Session) -> Picture:
         """Of now."""
         env, positions = session.env, session.latest.infos["position"]
         self.orbit = self.orbit.at(positions[0])
-        marks: list[Mark] = list(self._scene.marks())
-        if not self.ghost:
-            marks = [mark for mark in marks[_THREAD:] if not isinstance(mark, Ghost)]
         height = self.orbit.target[2]
         return Picture(
             model=env.simulation.model,
@@ -100,6 +89,6 @@ class ViewCamera:
             places=[self.orbit.target, *((float(x), float(y), height) for x, y, _ in positions[1:])],
             names=[policy.name for policy in session.policies],
             orbit=self.orbit,
-            marks=marks,
+            arrows=self._scene.arrows(),
             forces=self.forces,
         )

@@ -82,7 +82,6 @@ class Driver:
             "zoom": lambda wheel: self._look(self.camera.orbit.zoomed(wheel)),
             "follow": lambda on: self._look(replace(self.camera.orbit, follow=on)),
             "forces": lambda on: setattr(self.camera, "forces", on),
-            "ghost": lambda on: setattr(self.camera, "ghost", on),
         }
 
     def do(self, request: Request) -> None:
@@ -128,7 +127,6 @@ class Driver:
             "by_hand": session.command is not None,
             "command": rounded(session.latest.infos["command"][0] if session.command is None else session.command),
             "forces": camera.forces,
-            "ghost": camera.ghost,
             "follow": camera.orbit.follow,
             "robots": self._telemetry.robots(session),
             "rows": self._telemetry.rows(),

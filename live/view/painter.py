@@ -82,7 +82,7 @@ class Painter:
             distance = orbit.distance * count**0.5  # narrower pictures show as much
             frame = self._camera(number, count).draw(
                 robot,
-                marks=picture.marks if number == 0 else (),
+                arrows=picture.arrows if number == 0 else (),
                 viewpoint=replace(orbit, target=target, distance=distance),
                 forces=picture.forces,
             )

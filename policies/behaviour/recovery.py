@@ -4,7 +4,7 @@ Lying, the robot gathers its legs and waits so until it lies on its back, since 
 it comes to rest on its side it rocks: it gathers the legs as if the other side were the lower. From its back it rolls
 over the lower side by swinging all legs at once, and lands on bent legs. Upright it tucks them under its hips and
 stands up. Whenever it is lost on the way it begins again, after a kick that failed over the other side. The poses,
-times and thresholds of the file are the outcome of a search, `python -m train search recovery`.
+times and thresholds of the file are the outcome of a search.
 """
 
 from dataclasses import dataclass, fields
@@ -92,7 +92,7 @@ def searched_parameters() -> RecoveryParameters:
             values[name] = tuple(value) if isinstance(value, list) else value
         return RecoveryParameters(**values)
 
-    return read(PARAMETERS_FILE, "recovery", decoded)
+    return read(PARAMETERS_FILE, decoded)
 
 
 SETTLE_TIME, SETTLE_MINIMUM = 0.1, 0.05

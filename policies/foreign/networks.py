@@ -98,8 +98,8 @@ def _onnx(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
     if isinstance(seen.shape[-1], int) and seen.shape[-1] != description.width:
         raise _other_width(description, seen.shape[-1])
     if [len(each.shape) for each in renewed[: len(states)]] != [len(shape) for shape in shapes]:
-        names = ", ".join(each.name for each in states)
-        raise PolicyError(f"{file} reads {names} besides the observation, and its outputs do not renew them")
+        others = ", ".join(each.name for each in states)
+        raise PolicyError(f"{file} reads {others} besides the observation, and its outputs do not renew them")
     names, flat = [each.name for each in (given, *renewed[: len(states)])], len(seen.shape) == 1
 
     def make() -> Act:

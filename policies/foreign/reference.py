@@ -47,7 +47,7 @@ class Reference:
         """All that is read of it."""
         network = None if self.description is None else self.description.network
         files = [file for file in dict.fromkeys((self.file, self.normaliser, network)) if file is not None]
-        said = "" if self.description is None else repr(replace(self.description, network=Path(self.file.name)))
+        said = "" if self.description is None else repr(vars(self.description) | {"network": ""})
         return b"".join(file.read_bytes() for file in files) + said.encode()
 
     def __str__(self) -> str:
@@ -90,7 +90,7 @@ def checked(text: str | Path, trust: bool, description: PolicyDescription | None
     loaded = found.file if found.description is None else found.description.network
     if loaded.suffix.lower() in (".zip", ".pt") and not trust:
         raise PolicyError(
-            f"loading {loaded.name} can run code that is hidden in it: give --trust if you know where it comes from"
+            f"loading {loaded} can run code that is hidden in it: give --trust if you know where it comes from"
         )
     if loaded != found.file:
         _check_file(loaded)

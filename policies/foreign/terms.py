@@ -4,6 +4,8 @@ What the environment does not show is worked out from what it does: the world fr
 at the reset, contacts and torques from the servos.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,7 +98,7 @@ class Terms:
     def observe(self, observation: Floats, who: Rows) -> NDArray[np.float32]:
         """The policy's observations, (m, width), of those robots, whose of the environment are given, (m, k)."""
         seen = {name: observation[:, part] for name, part in self._slices.items()}
-        kept = {"yaw": self._yaw, "steps": self._steps, "action": self.action, "contact": self._contact}
+        kept: dict[str, Any] = {"yaw": self._yaw, "steps": self._steps, "action": self.action, "contact": self._contact}
         seen |= {name: values[who] for name, values in kept.items()}
         seen["angles"] = seen["joint_position"] + self._robot.home_pose
         now = np.concatenate([_limited(self._numbers(term, seen), term) for term in self._description.terms], axis=1)
@@ -163,12 +165,14 @@ def _clock(clock: Clock, seen: Seen, control_rate: float) -> Floats:
     parts = [np.sin(angles) if part == "sin" else np.cos(angles) for part in clock.parts]
     numbers = np.stack(parts, axis=1 if clock.by_part else 2).reshape(len(angles), -1)
     stands = clock.stands and np.linalg.norm(seen["command"], axis=1, keepdims=True) < STANDING
-    return np.where(stands, 0.0, numbers)
+    shown: Floats = np.where(stands, 0.0, numbers)
+    return shown
 
 
 def _limited(values: Floats, term: Term) -> Floats:
     """Values of a term, clipped, then scaled."""
-    return (values if term.clip is None else np.clip(values, *term.clip)) * np.array(term.scale)
+    clipped: Floats = values if term.clip is None else np.clip(values, *term.clip)
+    return clipped * np.array(term.scale)
 
 
 def _shape(description: PolicyDescription) -> tuple[int, int]:

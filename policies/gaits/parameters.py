@@ -14,7 +14,7 @@ from quad_env.robots.similarity import WIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("gaits.json")
-"""The searched parameters of each gait, written by `python -m train search gait`."""
+"""The searched parameters of each gait."""
 
 OFFSETS = {
     "bound": BOUND_OFFSETS,
@@ -146,4 +146,4 @@ def searched_parameters(robot: Robot = SIMPLE_QUAD) -> dict[str, GaitParameters]
             raise ValueError(f"it has {', '.join(gaits)} instead of {', '.join(OFFSETS)}")
         return {name: from_json(GaitParameters, values) for name, values in gaits.items()}
 
-    return {name: scaled_parameters(each, robot) for name, each in read(PARAMETERS_FILE, "gait", decoded).items()}
+    return {name: scaled_parameters(each, robot) for name, each in read(PARAMETERS_FILE, decoded).items()}

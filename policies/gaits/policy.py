@@ -40,8 +40,6 @@ LINEAR_ACCELERATION = 3.0
 """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
 YAW_ACCELERATION = 8.0
 """Fastest change of the yaw rate command that the gait follows, rad/s²."""
-TARGET_RATE_LIMIT = 25.0
-"""No joint target moves faster, in a gait or between two, rad/s."""
 LONGEST_REACH = 0.2
 """Farthest that a foot goes from under its place, forward and sideways each, m."""
 CLOSE = 0.005
@@ -126,19 +124,13 @@ class Gaits(GaitedPolicy):
         """Phase of each leg ahead of the clock, rad, in force, (n, 4)."""
         return self._change.offsets
 
-    def request(
-        self,
-        gait: str,
-        mask: ArrayLike | None = None,
-        *,
-        parameters: GaitParameters | None = None,
-    ) -> None:
+    def request(self, gait: str, mask: ArrayLike | None = None) -> None:
         """Have the robots where `mask`, (n,) of bool, is true change to a gait from now on; all robots without a mask.
 
-        `parameters` replace the gait's own. Raises ValueError for a gait that does not exist.
+        Raises ValueError for a gait that does not exist.
         """
         _known(gait)
-        self._send(gait, chosen(mask, self.num_envs), parameters or self.parameters[gait])
+        self._send(gait, chosen(mask, self.num_envs))
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
@@ -163,14 +155,14 @@ class Gaits(GaitedPolicy):
         self._left_y, self._y = np.where(rows, foot_y, self._left_y), np.where(rows, foot_y, self._y)
         self._joints = np.where(rows, self.robot.home_pose, self._joints)
         self.clock_rate, self.duty = stepping(self.robot, self._change.values, self._command)
-        self._send(self._first, mask, self.parameters[self._first])
+        self._send(self._first, mask)
 
-    def _send(self, gait: str, mask: Mask, parameters: GaitParameters) -> None:
+    def _send(self, gait: str, mask: Mask) -> None:
         offsets = np.array(_offsets(self.robot, gait))
         # A robot at rest has no footfalls to shift: it sets out with the new ones, from no lift.
         unlifted = np.where(np.array(NAMES) == "step_height", 0.0, self._change.values)
         self._change.place(mask & self._standing & self.settled, unlifted, offsets)
-        self._change.start(mask, row(parameters), offsets)
+        self._change.start(mask, row(self.parameters[gait]), offsets)
         self._gait = np.where(mask, GAITS.index(gait), self._gait)
 
     @property

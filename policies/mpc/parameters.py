@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from policies.parameters import Parameters, from_json, in_force, number, read, scaled_parameters, search_ranges_of
+from policies.parameters import ParameterFile, Parameters, number, scaled_parameters, search_ranges_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import LONG, WIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-
-PARAMETERS_FILE = Path(__file__).with_name("mpc_wbc.json")
-"""The parameters in force of the trot; `python -m train search feedback --policy mpc_wbc` writes such a file."""
 
 
 @dataclass(frozen=True)
@@ -106,23 +103,15 @@ OTHER_GAITS = {
 """Than the trot, by name, set by hand on a few search episodes."""
 
 
+SEARCH_RANGES = search_ranges_of(MpcParameters)
+FILE = ParameterFile(Path(__file__).with_name("mpc_wbc.json"), MpcParameters, "feedback --policy mpc_wbc")
+"""Those of the trot."""
+
+
 def parameters_of(gait: str, robot: Robot = SIMPLE_QUAD) -> MpcParameters:
     """Those in force of a gait. Raises ValueError for an unknown one."""
     if gait == TROT:
-        return searched_parameters(robot)
+        return FILE.in_force(robot)
     if gait not in OTHER_GAITS:
         raise ValueError(f"unknown gait {gait!r}; there are {', '.join(sorted((TROT, *OTHER_GAITS)))}")
     return scaled_parameters(OTHER_GAITS[gait], robot)
-
-
-SEARCH_RANGES = search_ranges_of(MpcParameters)
-
-
-def searched_parameters(robot: Robot = SIMPLE_QUAD) -> MpcParameters:
-    """The trot's, see `in_force`. Raises PolicyError where it is missing or damaged."""
-    return in_force(robot, PARAMETERS_FILE, read_parameters)
-
-
-def read_parameters(path: Path) -> MpcParameters:
-    """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
-    return read(path, "feedback --policy mpc_wbc", lambda values: from_json(MpcParameters, values))

@@ -6,18 +6,15 @@ change of command. On pushed episodes the first warned earlier than a logistic r
 extrapolated tilt and this speed.
 """
 
-from functools import cache
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats
-from policies.parameters import read
 from quad_env import OBSERVATION
 
-THRESHOLD_FILE = Path(__file__).with_name("prediction.json")
-"""The fitted threshold, written by `python -m train search fall-prediction`."""
+ALARM_ABOVE = 0.8866
+"""Velocity deviation, m/s, above which a fall is predicted: 0.2 m/s above the largest in an hour of the undisturbed
+trot."""
 RESPONSE_TIME = 0.25
 """Lag of a walking robot behind its command, s."""
 RECENT_TIME = 0.1
@@ -45,16 +42,3 @@ def velocity_deviation(observation: NDArray[np.float32], reference: Floats, rece
 
 def _planar_velocity(observation: NDArray[np.float32]) -> Floats:
     return observation[:, OBSERVATION["linear_velocity"]][:, :2].astype(np.float64)
-
-
-@cache
-def fitted_threshold() -> float:
-    """The velocity deviation above which a fall is predicted, m/s. Raises PolicyError where THRESHOLD_FILE is bad."""
-
-    def decoded(found: dict[str, float]) -> float:
-        threshold = float(found["velocity_deviation"])
-        if not 0.0 < threshold < np.inf:
-            raise ValueError("velocity_deviation must be positive and finite")
-        return threshold
-
-    return read(THRESHOLD_FILE, "fall-prediction", decoded)

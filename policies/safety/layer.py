@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from policies.base import Actions, Floats, Mask, Policy, chosen, to_actions
 from policies.behaviour.motion import Damp, Motion, Stop
 from policies.safety.brace import Brace
-from policies.safety.fall_prediction import fitted_threshold, next_recent, next_reference, velocity_deviation
+from policies.safety.fall_prediction import ALARM_ABOVE, next_recent, next_reference, velocity_deviation
 from policies.safety.target_limits import SafetyLimits, limited
 from quad_env import OBSERVATION
 from quad_env.files.text import described
@@ -53,20 +53,20 @@ class Safe(Policy):
     Args:
         policy: what to guard; put it into `policies.safety.Watched` if it might hang.
         limits: of every target.
-        alarm_above: `velocity_deviation` at which a fall is predicted, m/s; None for the fitted one.
+        alarm_above: `velocity_deviation` at which a fall is predicted, m/s.
     """
 
     def __init__(
         self,
         policy: Policy,
         limits: SafetyLimits | None = None,
-        alarm_above: float | None = None,
+        alarm_above: float = ALARM_ABOVE,
     ) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
         self.policy = policy
         self.name, self.height_scan = f"safe:{policy.name}", policy.height_scan
         self._limits = limits or SafetyLimits.of(self.robot)
-        self._alarm_above = alarm_above if alarm_above is not None else fitted_threshold()
+        self._alarm_above = alarm_above
         self._motions: dict[Mode, Motion] = {
             Mode.STOP: Stop(self.robot, self.control_period),
             Mode.DAMP: Damp(self.robot, self.control_period),

@@ -3,13 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from policies.parameters import Parameters, from_json, in_force, number, read, search_ranges_of
-from quad_env.robots.robot import Robot
+from policies.parameters import ParameterFile, Parameters, number, search_ranges_of
 from quad_env.robots.similarity import LONG, WIDE
-from quad_env.robots.simple_quad import SIMPLE_QUAD
-
-PARAMETERS_FILE = Path(__file__).with_name("trot_feedback.json")
-"""The parameters in force; TROT_FEEDBACK.md is the account of the last `python -m train search feedback`."""
 
 _SHARE = (0.0, 2.0)
 _GAIN = (-10.0, 10.0)
@@ -144,13 +139,6 @@ class FeedbackParameters(Parameters):
 
 
 SEARCH_RANGES = search_ranges_of(FeedbackParameters)
-
-
-def searched_parameters(robot: Robot = SIMPLE_QUAD) -> FeedbackParameters:
-    """The outcome of the search, see `in_force`. Raises PolicyError where it is missing or damaged."""
-    return in_force(robot, PARAMETERS_FILE, read_parameters)
-
-
-def read_parameters(path: Path) -> FeedbackParameters:
-    """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
-    return read(path, "feedback", lambda values: from_json(FeedbackParameters, values))
+FILE = ParameterFile(Path(__file__).with_name("trot_feedback.json"), FeedbackParameters, "feedback")
+"""TROT_FEEDBACK.md is the account of the last search."""
+searched_parameters = FILE.in_force

@@ -13,18 +13,15 @@ from numpy.typing import NDArray
 from policies.base import CONTROL_PERIOD, Actions
 from policies.legs.level_frame import motion
 from policies.legs.memory import taken_in
-from policies.parameters import from_json, in_force, number, read, search_ranges_of
+from policies.parameters import ParameterFile, number, search_ranges_of
 from policies.shipped import folder_of
-from policies.trot.open_loop import PARAMETERS_FILE as TROT_FILE
+from policies.trot.open_loop import FILE as TROT_FILE
 from policies.trot.open_loop import Trot, TrotParameters, searched_parameters
 from quad_env import OBSERVATION
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import scaled
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-
-PARAMETERS_FILE = Path(__file__).with_name("trot_integral.json")
-"""The parameters in force; TROT_INTEGRAL.md says where they come from."""
 
 
 @dataclass(frozen=True)
@@ -56,20 +53,19 @@ SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
     "yaw_per_lateral": (-0.8, 0.2),
 }
 """Wider where the trot's parameters lie at the edge of its own; and those of the command map, which its search fits."""
+FILE = ParameterFile(
+    Path(__file__).with_name("trot_integral.json"), IntegralParameters, "feedback --policy trot_integral"
+)
+"""TROT_INTEGRAL.md says where they come from."""
 
 
 def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
-    """The parameters in force, see `policies.parameters.in_force`; of a robot whose trot alone was searched, with that
-    trot's. Raises PolicyError where they are missing or damaged."""
-    found, folder = in_force(robot, PARAMETERS_FILE, read_parameters), folder_of(robot)
-    if (folder / PARAMETERS_FILE.name).is_file() or not (folder / TROT_FILE.name).is_file():
+    """The parameters in force, see `ParameterFile`; of a robot whose trot alone was searched, with that trot's. Raises
+    PolicyError where they are missing or damaged."""
+    found, folder = FILE.in_force(robot), folder_of(robot)
+    if (folder / FILE.path.name).is_file() or not (folder / TROT_FILE.path.name).is_file():
         return found
     return replace(found, **asdict(searched_parameters(robot)))
-
-
-def read_parameters(path: Path) -> IntegralParameters:
-    """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
-    return read(path, "feedback --policy trot_integral", lambda values: from_json(IntegralParameters, values))
 
 
 class TrotIntegral(Trot):

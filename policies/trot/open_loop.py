@@ -14,15 +14,12 @@ from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to
 from policies.gait_cycle import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import held_up, leg_angles
-from policies.parameters import Parameters, from_json, in_force, number, read, search_ranges_of
+from policies.parameters import ParameterFile, Parameters, number, search_ranges_of
 from quad_env import OBSERVATION
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import WIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-
-PARAMETERS_FILE = Path(__file__).with_name("trot.json")
-"""The searched parameters, written by `python -m train search trot`."""
 
 
 @dataclass(frozen=True)
@@ -66,16 +63,8 @@ class TrotParameters(Parameters):
 
 
 SEARCH_RANGES = search_ranges_of(TrotParameters)
-
-
-def searched_parameters(robot: Robot = SIMPLE_QUAD) -> TrotParameters:
-    """The outcome of the search, see `in_force`. Raises PolicyError where it is missing or damaged."""
-    return in_force(robot, PARAMETERS_FILE, read_parameters)
-
-
-def read_parameters(path: Path) -> TrotParameters:
-    """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
-    return read(path, "trot", lambda values: from_json(TrotParameters, values))
+FILE = ParameterFile(Path(__file__).with_name("trot.json"), TrotParameters, "trot")
+searched_parameters = FILE.in_force
 
 
 class Trot(GaitedPolicy):

@@ -108,13 +108,6 @@ def check_numbers(options: object, limits: Mapping[str, tuple[float, float]]) ->
             raise UsageError(f"--{name.replace('_', '-')} must be from {low} to {high}, not {value}")
 
 
-def make_room_for_picture(file: Path, option: str) -> None:
-    """Make the folder of a PNG to come; UsageError where it is none, or where there is no place for it."""
-    if file.suffix.lower() != ".png" or file.is_dir():
-        raise UsageError(f"{option} must be a PNG file, such as results/picture.png, not {file}")
-    make_folder_of(file, option)
-
-
 def make_folder_of(file: Path, option: str) -> None:
     """Make the folder that a file is to be written into. Raises UsageError, one line, where it cannot be written."""
     try:

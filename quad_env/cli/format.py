@@ -19,12 +19,6 @@ def number(value: float, digits: int = 3) -> str:
     return text.replace("-", MINUS)
 
 
-def signed(value: float, digits: int = 3) -> str:
-    """The same with a plus sign where it has no minus."""
-    text = number(value, digits)
-    return text if text == ABSENT or text.startswith(MINUS) else f"+{text}"
-
-
 def interval(ends: tuple[float, float], digits: int = 3) -> str:
     """`low … high`; a dash if it does not exist."""
     low, high = (number(end, digits) for end in ends)

@@ -15,7 +15,7 @@ import numpy as np
 from mujoco.rendering.classic import gl_context
 from numpy.typing import NDArray
 
-from quad_env.physics.marks import Mark, Marker
+from quad_env.physics.arrows import Arrow, draw_arrows
 
 NEAR = 6.0
 """Half-side of the square that is drawn, m; a whole height field is a million triangles."""
@@ -71,7 +71,7 @@ class Camera:
             model.vis.quality.offsamples = 4 if fine else 0
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._size = height, width
-        self._option, self._marker = mujoco.MjvOption(), Marker(model)
+        self._option = mujoco.MjvOption()
         # A free camera's begins with the first frame, once the ground is cut: to load all of it takes seconds.
         self._renderer = None if camera is None else _Renderer(model, *self._size)
 
@@ -79,7 +79,7 @@ class Camera:
         self,
         data: mujoco.MjData,
         depth: bool = False,
-        marks: Sequence[Mark] = (),
+        arrows: Sequence[Arrow] = (),
         *,
         viewpoint: Viewpoint | None = None,
         forces: bool = False,
@@ -88,7 +88,7 @@ class Camera:
 
         Args:
             data: snapshot of the robot.
-            marks: drawn into the frame.
+            arrows: drawn into the frame.
             viewpoint: of a free camera.
             forces: whether those of the robot's contacts are shown.
         """
@@ -101,7 +101,7 @@ class Camera:
         if self._ground is not None:
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._fine
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
-        self._marker.draw(renderer.scene, marks)
+        draw_arrows(renderer.scene, arrows)
         return np.array(renderer.render())
 
     def close(self) -> None:
@@ -197,11 +197,6 @@ class Window:
         self._viewer.cam.trackbodyid = model.body("base_link").id
         self._viewer.cam.distance = 2.5
         self._threads = set(threading.enumerate()) - others
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the window is still open."""
-        return bool(self._viewer.is_running())
 
     def draw(self, data: mujoco.MjData, depth: bool = False) -> None:
         """Show the snapshot."""

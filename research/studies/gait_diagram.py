@@ -7,11 +7,12 @@ import numpy as np
 
 from evaluate.measures.footfalls import stances
 from evaluate.rollouts.observers import Step
-from evaluate.rollouts.strides import Strides, walked
 from policies.gaits.parameters import GAITS
 from policies.gaits.policy import Gaits
-from quad_env.cli.command_line import UsageError, check_numbers, make_room_for_picture
+from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.seeding import episode_seeds
+from research.pages.places import make_room_for_picture
+from research.studies.strides import Strides, walked
 
 LONGEST = 60.0
 """Longest duration of what is walked or drawn, s."""

@@ -12,12 +12,12 @@ from rich.console import Console
 from rich.table import Table
 
 from evaluate.rollouts.observers import Step
-from evaluate.rollouts.strides import Strides, walked
 from policies.base import CONTROL_PERIOD
 from policies.gaits.parameters import GAITS, OFFSETS
-from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
+from policies.gaits.policy import Gaits
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.seeding import episode_seeds
+from research.studies.strides import TARGET_RATE_LIMIT, Strides, walked
 
 SPEEDS = dict.fromkeys(OFFSETS, 0.5) | {"walk": 0.3, "stand": 0.0}
 """Forward command of each gait, m/s."""

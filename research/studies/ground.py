@@ -23,7 +23,7 @@ from evaluate.statistics.intervals import share_difference_interval, wilson_inte
 from evaluate.statistics.significance import holm, mcnemar
 from policies.base import Floats
 from quad_env.cli.command_line import UsageError, check_numbers
-from quad_env.cli.format import NO_BREAK, share, signed
+from quad_env.cli.format import ABSENT, MINUS, NO_BREAK, number, share
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 
@@ -139,5 +139,11 @@ def share_of(successes: Bools | Floats) -> str:
 
 def points_more(difference: float, ends: tuple[float, float]) -> str:
     """`−4 [−12, +3]`: a difference of shares with its interval, points."""
-    low, high = (signed(100.0 * end, 0) for end in ends)
-    return f"{signed(100.0 * difference, 0)} [{low},{NO_BREAK}{high}]"
+    low, high = (_signed(100.0 * end) for end in ends)
+    return f"{_signed(100.0 * difference)} [{low},{NO_BREAK}{high}]"
+
+
+def _signed(value: float) -> str:
+    """A whole number with its sign."""
+    text = number(value, 0)
+    return text if text == ABSENT or text.startswith(MINUS) else f"+{text}"

@@ -23,12 +23,12 @@ from evaluate.rollouts.rollout import STEPS, roll_out
 from policies.base import Floats
 from policies.mpc.policy import HORIZON, Mpc, MpcWbc
 from quad_env import SCENARIOS
-from quad_env.cli.command_line import check_numbers, make_room_for_picture
+from quad_env.cli.command_line import check_numbers
 from quad_env.robots.collisions import foot_geoms
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
-from research.pages.places import page_with, put
+from research.pages.places import make_room_for_picture, page_with, put
 from research.studies.estimation import norm, roll_pitch
 from research.studies.ground import elsewhere
 

@@ -125,7 +125,6 @@ def evaluated(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun)
         out=options.out,
         resume=options.resume,
         baseline=base,
-        film=False,
         threads=options.threads,
     )
     execute(check(evaluation))

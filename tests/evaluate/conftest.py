@@ -59,7 +59,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     stderr = io.StringIO()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(stderr):
         arguments = ["--policies", *POLICIES, "--scenarios", *SCENARIOS, "--episodes", str(EPISODES)]
-        code = main([*arguments, "--seed", "3", "--no-film", "--out", str(folder)])
+        code = main([*arguments, "--seed", "3", "--out", str(folder)])
     assert code == 0, stderr.getvalue()
     results = json.loads(folder.joinpath("results.json").read_text(encoding="utf-8"))
     return Run(folder, results, stderr.getvalue())

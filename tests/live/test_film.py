@@ -21,7 +21,7 @@ def test_policies_are_filmed_side_by_side_on_the_scenario_and_command_that_are_n
 ) -> None:
     film = tmp_path / "new" / "walk.webp"
     words = ["--policies", "stand", "trot", "--scenario", "slope=5", "--command", "0.4", "0", "0", "--seconds", "0.4"]
-    assert main(["film", str(film), *words, "--size", "160", "120", "--speed", "0.5", "--no-ghost"]) == 0
+    assert main(["film", str(film), *words, "--size", "160", "120", "--speed", "0.5", "--no-arrows"]) == 0
     assert capsys.readouterr().out == f"{film}\n"
     with Image.open(film) as image:
         assert image.size == (320, 120 + 36)

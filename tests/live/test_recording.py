@@ -19,7 +19,7 @@ import policies
 import quad_env
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
-from live.recording import recorder, rows
+from live.recording import recorder
 from live.recording.messages import STANDARD, topic_name
 from live.recording.recorder import recorder_for
 from quad_env.physics.state import rotation_matrix
@@ -165,9 +165,8 @@ def test_the_log_has_pushes_falls_and_commands_when_they_were(tmp_path: Path) ->
 def test_an_episode_after_a_reset_goes_on_in_time_and_a_slow_writer_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Fewer rows fit into the memory than are put before the writer has started."""
-    monkeypatch.setattr(rows, "LENGTH", 7)
-    monkeypatch.setattr(recorder, "STEPS_A_BATCH", 5)
+    """Fewer rows fit into the pipe than are sent before the writer has started."""
+    monkeypatch.setattr(recorder, "WAITING", 4096)
     path, steps = tmp_path / "walk.mcap", []
     trot, residual = policies.make("trot"), policies.resolve("residual")
     with recorder_for(path, trot) as observer:

@@ -6,19 +6,21 @@ from types import ModuleType
 import pytest
 
 import policies
+from policies import parameters
 from policies.gaits import parameters as gaits
 from policies.mpc import parameters as mpc
 from policies.parameters import limits_of
 from policies.trot import feedback_parameters, integral, open_loop
+from quad_env.files.reading import read_bytes
 
 MODULES = {
-    feedback_parameters: (feedback_parameters.FeedbackParameters, "trot_feedback", "feedback"),
-    gaits: (gaits.GaitParameters, "walk", "gait"),
-    integral: (integral.IntegralParameters, "trot_integral", "feedback --policy trot_integral"),
-    mpc: (mpc.MpcParameters, "mpc_wbc", "feedback --policy mpc_wbc"),
-    open_loop: (open_loop.TrotParameters, "trot", "trot"),
+    feedback_parameters: (feedback_parameters.FeedbackParameters, "trot_feedback", "train search feedback"),
+    gaits: (gaits.GaitParameters, "walk", "restore the file as it shipped"),
+    integral: (integral.IntegralParameters, "trot_integral", "train search feedback --policy trot_integral"),
+    mpc: (mpc.MpcParameters, "mpc_wbc", "train search feedback --policy mpc_wbc"),
+    open_loop: (open_loop.TrotParameters, "trot", "train search trot"),
 }
-"""Kind of the parameters, a policy that has them, and the search that writes their file."""
+"""Kind of the parameters, a policy that has them, and the remedy for a file that is damaged."""
 EACH = pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__)
 DAMAGED = ["{", "[]", '{"gallop": 1}', '{"frequency": "fast"}', '{"frequency": 7}']
 
@@ -34,11 +36,11 @@ def test_limits_hold_the_search_ranges_and_leave_no_parameter_out(module: Module
 
 @EACH
 @pytest.mark.parametrize("content", [None, *DAMAGED])
-def test_a_missing_or_damaged_file_names_the_search(module, content, tmp_path, monkeypatch) -> None:
-    _, name, search = MODULES[module]
+def test_a_missing_or_damaged_file_names_the_remedy(module, content, tmp_path, monkeypatch) -> None:
+    _, name, remedy = MODULES[module]
     file = tmp_path / "parameters.json"
     if content is not None:
         file.write_text(content, encoding="utf-8")
-    monkeypatch.setattr(module, "PARAMETERS_FILE", file)
-    with pytest.raises(policies.PolicyError, match=f"train search {search}`"):
+    monkeypatch.setattr(parameters, "read_bytes", lambda _: read_bytes(file))
+    with pytest.raises(policies.PolicyError, match=remedy):
         policies.make(name)

@@ -23,7 +23,7 @@ def traced(tmp_path_factory):
     """A small evaluation with traces, as the command leaves it."""
     folder = tmp_path_factory.mktemp("traced")
     of_what = ("--policies", "document", "stand", "--scenarios", "push", "--episodes", "3")
-    assert evaluate([*of_what, "--trace", "compact", "--no-film", "--out", str(folder)]) == 0
+    assert evaluate([*of_what, "--trace", "compact", "--out", str(folder)]) == 0
     return folder
 
 

@@ -23,7 +23,7 @@ from train.setting_ranges import check
 NAME = "python -m train"
 COMMANDS = {
     "robot": Command("train.commands.robot", "all steps for your own robot: describe, search, train, evaluate, report"),
-    "search": Command("train.search.command", "parameters of a trot, a gait, a policy with feedback, by CMA-ES"),
+    "search": Command("train.search.command", "parameters of a trot or a policy with feedback, by CMA-ES"),
     "export": Command("train.commands.export", "a trained residual as an ONNX file"),
 }
 MOVED = {name: f"now `python -m research {name}`" for name in ("ablations", "publish", "sweep", "trials")}

@@ -7,12 +7,9 @@ ends in .trials.jsonl, a line for each generation; after Ctrl-C the mean found s
 
 Defaults:
 
-    subject          generations  candidates  episodes  steps  check-episodes  spread
-    trot                      14          14        10    600             108    0.15
-    feedback                  22          16         1    500              32    0.15
-    gait                      20          10        10    400              64    0.15
-    recovery                  30          24        12      -               -    0.07
-    fall-prediction            -           -       360      -               -       -
+    subject   generations  candidates  episodes  steps  check-episodes  spread
+    trot               14          14        10    600             108    0.15
+    feedback           22          16         1    500              32    0.15
 """
 
 import json
@@ -26,7 +23,7 @@ from rich.progress import track
 from policies.parameters import limits_of
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.launcher import raise_on_interrupt
-from train.search import fall_prediction, feedback, gait, recovery, trot
+from train.search import feedback, trot
 from train.search.files import as_json, check, save
 from train.search.subject import SHORTEST, Effort, Options, Space, Subject
 
@@ -47,7 +44,7 @@ class Kind:
     usual: Effort
     least: Effort
     """Smallest numbers with which it makes sense."""
-    options: tuple[str, ...] = ()
+    options: tuple[str, ...]
     """Options that this subject has alone."""
 
 
@@ -66,14 +63,6 @@ SUBJECTS: Mapping[str, Kind] = {
         Effort(0, 4, 1, SHORTEST, 1, 1e-6),
         ("policy", "exercises", "start"),
     ),
-    "gait": Kind(
-        gait.subject,
-        Effort(20, 10, 10, 400, 64, 0.15),
-        Effort(0, 4, gait.FEWEST, gait.SETTLING + 100, gait.FEWEST, 1e-3),
-        ("gait",),
-    ),
-    "recovery": Kind(recovery.subject, Effort(30, 24, 12, spread=0.07), Effort(0, 4, 1, spread=1e-6)),
-    "fall-prediction": Kind(fall_prediction.subject, Effort(episodes=360), Effort(episodes=1)),
 }
 
 
@@ -87,10 +76,9 @@ def main(options: Options) -> int:
     raise_on_interrupt()
     found, lines = subject.start, list[str]()
     try:
-        if subject.space is not None and effort.generations:
-            for found, tried in evolve(options.seed, effort, subject.space):
-                lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": vars(found)}))
-                save(out.with_suffix(TRIALS), "\n".join(lines) + "\n")
+        for found, tried in evolve(options.seed, effort, subject.space):
+            lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": vars(found)}))
+            save(out.with_suffix(TRIALS), "\n".join(lines) + "\n")
         outcome = subject.conclude(found)
     except KeyboardInterrupt:
         if not lines:
@@ -100,9 +88,8 @@ def main(options: Options) -> int:
     try:
         save(out, outcome.text)
     finally:
-        if subject.account:
-            save(out.with_name(subject.account), outcome.account, show=True)
-    print(out if subject.account else f"{outcome.account}\n{out}".lstrip())
+        save(out.with_name(subject.account), outcome.account, show=True)
+    print(out)
     return 0
 
 
@@ -110,15 +97,14 @@ def effort_of(options: Options) -> Effort:
     """The subject's effort with the numbers that are given. Raises UsageError for an option that the subject has not,
     and for a number beyond its limits."""
     kind = SUBJECTS[options.subject]
+    for name in {name for each in SUBJECTS.values() for name in each.options} - set(kind.options):
+        if getattr(options, name) not in (None, ()):
+            raise UsageError(f"search {options.subject} has no --{name}")
     numbers = [each.name for each in fields(Effort)]
-    taken = {name for name in numbers if getattr(kind.usual, name)} | set(kind.options)
-    for name in (*numbers, "policy", "gait", "robot", "exercises", "start"):
-        if name not in taken and getattr(options, name) not in (None, ()):
-            raise UsageError(f"search {options.subject} has no --{name.replace('_', '-')}")
     given = {name: getattr(options, name) for name in numbers if getattr(options, name) is not None}
     effort = replace(kind.usual, **given)
     check_numbers(options, limits_of(options))
-    check_numbers(effort, {name: (getattr(kind.least, name), getattr(MOST, name)) for name in numbers if name in taken})
+    check_numbers(effort, {name: (getattr(kind.least, name), getattr(MOST, name)) for name in numbers})
     return effort
 
 
@@ -127,7 +113,7 @@ def evolve(seed: int, effort: Effort, space: Space[T]) -> Iterator[tuple[T, list
     import cma
 
     settings: dict[str, Any] = {"popsize": effort.candidates, "seed": seed + 1, "verbose": -9}
-    settings |= {"bounds": [space.low, space.high]} | ({"CMA_diagonal": True} if space.apart else {})
+    settings |= {"bounds": [0, 1]} | ({"CMA_diagonal": True} if space.apart else {})
     strategy = cma.CMAEvolutionStrategy(space.start, effort.spread, settings)
     for seeds in track(space.seeds, description="generations"):
         points = strategy.ask()
@@ -136,4 +122,4 @@ def evolve(seed: int, effort: Effort, space: Space[T]) -> Iterator[tuple[T, list
         strategy.tell(points, list(costs))
         print(f"best {min(costs):.3f}  median {np.median(costs):.3f}", flush=True)
         tried = [{"cost": float(cost)} | asdict(each) for cost, each in zip(costs, candidates, strict=True)]
-        yield space.decode(np.clip(strategy.result.xfavorite, space.low, space.high)), tried
+        yield space.decode(np.clip(strategy.result.xfavorite, 0, 1)), tried

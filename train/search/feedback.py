@@ -4,9 +4,9 @@ The outcome is compared with the parameters in force on the same episodes of the
 has not seen.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.progress import track
@@ -18,7 +18,7 @@ from evaluate.rollouts.rollout import STEPS, run_each
 from evaluate.statistics.significance import sign_flip_test
 from policies.base import Floats, Policy
 from policies.mpc import parameters as mpc_parameters
-from policies.parameters import Parameters
+from policies.parameters import ParameterFile, Parameters
 from policies.residual_bases import BASES
 from policies.trot import feedback_parameters, integral
 from quad_env.seeding import episode_seeds
@@ -62,24 +62,19 @@ AT_ONCE = 7
 class Searched:
     """A policy that can be searched."""
 
-    read: Callable[[Path], Parameters]
-    """Its parameters from a file. Raises PolicyError."""
-    file: Path
-    """Those in force, JSON."""
+    file: ParameterFile[Any]
     ranges: Ranges
 
     @property
     def account(self) -> str:
         """Name of the account of a search."""
-        return f"{self.file.stem.upper()}.md"
+        return f"{self.file.path.stem.upper()}.md"
 
 
 POLICIES = {
-    "mpc_wbc": Searched(mpc_parameters.read_parameters, mpc_parameters.PARAMETERS_FILE, mpc_parameters.SEARCH_RANGES),
-    "trot_feedback": Searched(
-        feedback_parameters.read_parameters, feedback_parameters.PARAMETERS_FILE, feedback_parameters.SEARCH_RANGES
-    ),
-    "trot_integral": Searched(integral.read_parameters, integral.PARAMETERS_FILE, integral.SEARCH_RANGES),
+    "mpc_wbc": Searched(mpc_parameters.FILE, mpc_parameters.SEARCH_RANGES),
+    "trot_feedback": Searched(feedback_parameters.FILE, feedback_parameters.SEARCH_RANGES),
+    "trot_integral": Searched(integral.FILE, integral.SEARCH_RANGES),
 }
 
 
@@ -88,7 +83,8 @@ def subject(options: Options, effort: Effort) -> Subject[Parameters]:
     name, exercises = options.policy or "trot_feedback", options.exercises or EXERCISES
     searched = POLICIES[name]
     check_scenarios("--exercises", exercises)
-    start, in_force = (searched.read(path) for path in (options.start or searched.file, searched.file))
+    file = searched.file
+    start, in_force = (file.read(path) for path in (options.start or file.path, file.path))
 
     def made(parameters: Sequence[Parameters]) -> list[Policy]:
         return [BASES[name].make(parameters=each) for each in parameters]
@@ -105,7 +101,7 @@ def subject(options: Options, effort: Effort) -> Subject[Parameters]:
         return Outcome(as_json(after if is_better(differences) else in_force), "\n".join(lines) + "\n")
 
     space = unit_cube(start, searched.ranges, costs, generations(options.seed, effort), digits=4, apart=True)
-    return Subject(start, searched.file, conclude, space, searched.account)
+    return Subject(start, file.path, conclude, space, searched.account)
 
 
 def episode_costs(measures: Measures) -> Floats:

@@ -14,11 +14,10 @@ from quad_env.files.writing import make_writable_folder, write_atomically
 from train.search.subject import Effort, Options, Ranges
 
 
-def check(out: Path, account: str = "") -> None:
-    """Raise UsageError, one line, where no parameters can be written, with their account, if any, next to them."""
+def check(out: Path, account: str) -> None:
+    """Raise UsageError, one line, where no parameters can be written, with their account next to them."""
     if out.is_dir() or out.name == account:
-        reserved = f", and not {account}, which the account goes to" if account else ""
-        raise UsageError(f"--out must be a file{reserved}; got {out}")
+        raise UsageError(f"--out must be a file, and not {account}, which the account goes to; got {out}")
     if not out.parent.is_dir():
         raise UsageError(f"no folder {out.parent}; make it, or choose another --out")
     try:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 
 import numpy as np
 import tyro
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from evaluate.measures.tracking import SETTLING_TIME
 from policies.base import CONTROL_PERIOD, Floats
@@ -28,30 +28,27 @@ P = TypeVar("P", bound=Parameters)
 
 @dataclass(frozen=True)
 class Effort:
-    """How thoroughly a subject is searched; 0 where it has no such number."""
+    """How thoroughly a subject is searched."""
 
-    generations: int = 0
-    candidates: int = 0
-    episodes: int = 0
+    generations: int
+    candidates: int
+    episodes: int
     """Of a candidate in each scenario and generation."""
-    steps: int = 0
+    steps: int
     """Length of an episode, control steps."""
-    check_episodes: int = 0
+    check_episodes: int
     """For what is done with the outcome, in each scenario."""
-    spread: float = 0.0
+    spread: float
 
 
 @dataclass(frozen=True)
 class Options:
     """What is searched, and how thoroughly; numbers that are not given are the subject's own."""
 
-    subject: Annotated[Literal["trot", "feedback", "gait", "recovery", "fall-prediction"], tyro.conf.Positional]
-    """trot: the open-loop trot. feedback: gait and gains of --policy. gait: one of the gaits. recovery: poses and times
-    of getting up. fall-prediction: threshold of the safety layer."""
+    subject: Annotated[Literal["trot", "feedback"], tyro.conf.Positional]
+    """trot: the open-loop trot. feedback: gait and gains of --policy."""
     policy: Literal["mpc_wbc", "trot_feedback", "trot_integral"] | None = None
     """Policy of `search feedback`; trot_feedback when not given."""
-    gait: Literal["bound", "pace", "pronk", "trot", "walk"] | None = None
-    """Gait of `search gait`."""
     robot: str | None = None
     """Robot of `search trot`: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     seed: int = number(0, limits=(0, 2**31))
@@ -67,7 +64,7 @@ class Options:
     check_episodes: int | None = None
     """Fresh episodes on which the outcome is finished and compared with the parameters before."""
     spread: float | None = None
-    """First standard deviation of a parameter: as a share of its range, for the recovery in rad and log(s)."""
+    """First standard deviation of a parameter, as a share of its range."""
     exercises: tuple[str, ...] = ()
     """Scenarios of `search feedback`, all of one weight, such as flat push=42; 21 when not given."""
     start: Path | None = None
@@ -92,11 +89,9 @@ class Options:
 
 @dataclass(frozen=True)
 class Space(Generic[T]):
-    """The points of a search, between two corners, and what the parameters of a point cost."""
+    """The points of a search, in the unit cube, and what the parameters of a point cost."""
 
     start: Floats
-    low: ArrayLike
-    high: ArrayLike
     decode: Callable[[Floats], T]
     costs: Callable[[list[T], Seeds], Sequence[float] | Floats]
     """Costs of a generation's candidates on the same episodes."""
@@ -112,8 +107,8 @@ class Outcome:
 
     text: str
     """Of the file."""
-    account: str = ""
-    """What is printed, and kept where the subject has a file for it."""
+    account: str
+    """How it was found, Markdown."""
 
 
 @dataclass(frozen=True)
@@ -125,10 +120,9 @@ class Subject(Generic[T]):
     """Where the outcome goes."""
     conclude: Callable[[T], Outcome]
     """What is made of the mean of the last generation."""
-    space: Space[T] | None = None
-    """None where nothing is searched, only concluded."""
-    account: str = ""
-    """File of the account, next to the outcome; none where empty."""
+    space: Space[T]
+    account: str
+    """File of the account, next to the outcome."""
 
 
 def unit_cube(
@@ -142,7 +136,7 @@ def unit_cube(
 ) -> Space[P]:
     """The space in which each searched parameter goes from 0 to 1 over its range."""
     point = np.clip(encode(start, ranges), MARGIN, 1.0 - MARGIN)
-    return Space(point, 0, 1, lambda each: decode(each, start, ranges, digits), costs, seeds, apart)
+    return Space(point, lambda each: decode(each, start, ranges, digits), costs, seeds, apart)
 
 
 def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -> P:

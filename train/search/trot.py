@@ -13,14 +13,13 @@ from evaluate.rollouts.rollout import run
 from policies.base import Floats
 from policies.parameters import scaled_parameters, scaled_ranges
 from policies.shipped import folder_of
-from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters, searched_parameters
+from policies.trot.open_loop import FILE, SEARCH_RANGES, Trot, TrotParameters, searched_parameters
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import make_writable_folder
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
-from train.search.command_map import response, undone, weakness
 from train.search.files import as_json, changes, method, results
 from train.search.panel import Panel
 from train.search.subject import Effort, Options, Outcome, Seeds, Subject, generations, rounded, unit_cube
@@ -31,6 +30,9 @@ ERROR_SCALES = {"velocity_error": 0.2, "mean_velocity_error": 0.12, "yaw_rate_er
 
 Without the last the search finds gaits that no motor could move: steps of 5 Hz in a deep crouch."""
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
+WEAKEST_RESPONSE = 0.7
+"""Achieved per commanded velocity below which a candidate costs more, so that standing still does not win."""
+WEAKNESS_WEIGHT = 10.0
 WEAKEST_MAPPED = 0.1
 """Achieved per commanded velocity below which a response is not undone: the map would ask for leaps."""
 MINIMUM_INTERVALS = 8
@@ -68,7 +70,7 @@ def subject(options: Options, effort: Effort) -> Subject[TrotParameters]:
         return Outcome(as_json(after), "\n".join(lines) + "\n")
 
     space = unit_cube(start, ranges, costs, generations(options.seed, effort))
-    file = PARAMETERS_FILE if own or options.out else own_folder(robot) / PARAMETERS_FILE.name
+    file = FILE.path if own or options.out else own_folder(robot) / FILE.path.name
     return Subject(start, file, conclude, space, ACCOUNT)
 
 
@@ -117,7 +119,14 @@ def interval_response(measures: Measures) -> Floats:
     upright = np.isfinite(achieved).all(axis=1)
     if upright.sum() < MINIMUM_INTERVALS:
         return np.zeros((4, 3))
-    return response(command[upright], achieved[upright])
+    inputs = np.column_stack((command[upright], np.ones(upright.sum())))
+    found: Floats = np.linalg.lstsq(inputs, achieved[upright], rcond=None)[0].astype(np.float64)
+    return found
+
+
+def weakness(found: Floats) -> float:
+    """Cost of a response (4, 3) whose velocities are too small compared with the commanded ones."""
+    return WEAKNESS_WEIGHT * float(np.clip(WEAKEST_RESPONSE - np.diag(found[:3]), 0.0, None).sum())
 
 
 def candidate_costs(
@@ -164,6 +173,22 @@ def walked(parameters: TrotParameters, name: str, seeds: Seeds, threads: int, ha
     robot = hardware.quadruped
     policy, scenario = Trot(parameters, robot=robot), practice(name, "search", robot=robot)
     return measure(run(policy, scenario, seeds, nthread=threads, hardware=hardware))
+
+
+def undone(parameters: TrotParameters, found: Floats) -> TrotParameters:
+    """The same gait with the command map that undoes the response `found`, (4, 3), to the map in force.
+
+    With u asked of the gait and v achieved: forward v = a u + b, lateral v = a u, yaw rate ω = a u + c u_lateral.
+    Raises ValueError where the response is too weak for the parameters' limits.
+    """
+    return replace(
+        parameters,
+        forward_gain=parameters.forward_gain / found[0, 0],
+        forward_bias=parameters.forward_bias - parameters.forward_gain * found[3, 0] / found[0, 0],
+        lateral_gain=parameters.lateral_gain / found[1, 1],
+        yaw_gain=parameters.yaw_gain / found[2, 2],
+        yaw_per_lateral=(parameters.yaw_per_lateral - parameters.yaw_gain * found[1, 2] / found[2, 2]) / found[1, 1],
+    )
 
 
 def unless_weak(parameters: TrotParameters, found: Floats) -> TrotParameters:

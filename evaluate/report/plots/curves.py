@@ -1,7 +1,6 @@
-"""Curves against severity, one line a policy; bars where there is one severity only; episode against episode."""
+"""Curves against severity, one line a policy."""
 
 import io
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,8 +9,7 @@ import numpy as np
 from evaluate.analysis.comparison import FALL_RATE, RATES
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
-from evaluate.report.plots.drawing import Margins, figure, same_ticks, short_name, style, svg, text_width
-from evaluate.rollouts.experiment import Cell
+from evaluate.report.plots.drawing import figure, style, svg
 from evaluate.statistics.breaking_point import LEAST_LEVELS, monotone_curve
 from evaluate.statistics.intervals import Floats
 from quad_env.files.writing import write_atomically
@@ -24,8 +22,6 @@ HEIGHT = 2.7
 CURVE_POINTS = 60
 PANELS = 4
 """Panels side by side."""
-SHOWN = 300
-"""Episodes of a scatter at most: the first of the run, the same for every policy."""
 
 
 def against_severity(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
@@ -98,7 +94,7 @@ def _draw_levels(
         if (summary := results.summaries.get((level.name, policy)))
     ]
     severities, *figures = np.array(rows, dtype=np.float64).reshape(-1, 4).T
-    values, low, high = (_scale(metric) * each for each in figures)
+    values, low, high = ((100.0 if metric in RATES else 1.0) * each for each in figures)
     if len(severities):
         colour, mark = style(results, policy)
         if len(severities) == 1:
@@ -106,48 +102,6 @@ def _draw_levels(
         axes.fill_between(severities, low, high, color=colour, alpha=0.15, linewidth=0)
         axes.plot(severities, values, mark, color=colour, markersize=4, linewidth=1.4, linestyle=line, label=policy)
     return severities, values
-
-
-def _scale(metric: str) -> float:
-    """Shares are shown in per cent."""
-    return 100.0 if metric in RATES else 1.0
-
-
-def intervals(results: Results, scenario: str, metric: str, label: str) -> bytes:
-    """A policy a line: figure and 95 % interval."""
-    names = [policy for policy in results.policies if (scenario, policy) in results.summaries]
-    widest = max(text_width(short_name(name)) for name in names)
-    drawn, axes = figure(0.6 + 0.3 * len(names), margins=Margins(left=0.22 + widest))
-    for row, policy in enumerate(names):
-        summary = results.summaries[scenario, policy]
-        value = _scale(metric) * getattr(summary, metric)
-        ci = _scale(metric) * np.asarray(getattr(summary, f"{metric}_ci"))
-        colour, mark = style(results, policy)
-        if np.isfinite(ci).all():
-            axes.plot(ci, (row, row), color=colour, linewidth=2.2, solid_capstyle="butt", alpha=0.55)
-        axes.plot([value], [row], mark, color=colour, markersize=5.5)
-    axes.set_yticks(range(len(names)), [short_name(name) for name in names])
-    axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.set_xlim(*((-2.0, 102.0) if metric in RATES else (min(0.0, axes.get_xlim()[0]), None)))
-    axes.set_xlabel(label)
-    return svg(drawn)
-
-
-def paired(results: Results, others: Sequence[Cell], baseline: Cell) -> bytes:
-    """Velocity error of each episode, the baseline across, the others up; below the line a policy did better."""
-    drawn, axes = figure(3.6)
-    x = baseline.measures.velocity_error[:SHOWN]
-    ups = [cell.measures.velocity_error[:SHOWN] for cell in others]
-    limit = 1.05 * float(max(0.1, x.max(), *(up.max() for up in ups)))
-    axes.plot((0, limit), (0, limit), color="#888888", linewidth=1)
-    same_ticks(axes)
-    for cell, up in zip(others, ups, strict=True):
-        colour, mark = style(results, cell.policy)
-        axes.plot(x, up, mark, color=colour, markersize=3.5, alpha=0.55, markeredgewidth=0)
-    axes.set(
-        xlim=(0, limit), ylim=(0, limit), xlabel=f"{short_name(baseline.policy)}, m/s", ylabel="other policies, m/s"
-    )
-    return svg(drawn)
 
 
 def _curve(severities: Floats, values: Floats, of: str) -> tuple[Floats, Floats]:

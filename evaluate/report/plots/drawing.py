@@ -7,7 +7,6 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from evaluate.analysis.results import Results
-from evaluate.rollouts.experiment import Cell
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,18 +55,15 @@ class Margins:
     top: float = 0.12
 
 
-def figure(
-    height: float, width: float = WIDTH, margins: Margins = Margins(), projection: str = "rectilinear"
-) -> "tuple[Figure, Axes]":
+def figure(height: float, width: float = WIDTH, margins: Margins = Margins()) -> "tuple[Figure, Axes]":
     """One pair of axes of that size, in."""
     from matplotlib.figure import Figure
 
     drawn = Figure(figsize=(width, height))
     room = margins.left + margins.right, margins.bottom + margins.top
     place = margins.left / width, margins.bottom / height, 1.0 - room[0] / width, 1.0 - room[1] / height
-    axes: Axes = drawn.add_axes(place, projection=projection)
-    if projection == "rectilinear":
-        axes.spines[["top", "right"]].set_visible(False)
+    axes = drawn.add_axes(place)
+    axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
     return drawn, axes
@@ -114,17 +110,3 @@ def short_name(policy: str) -> str:
     """A policy's name, or the end of a long path, as a plot has room for it."""
     cuts = (policy, *(f"…{policy[first:]}" for first in range(1, len(policy))))
     return next((name for name in cuts if text_width(name) <= LONGEST_NAME), "…")
-
-
-def cell_of(results: Results, scenario: str, policy: str) -> Cell | None:
-    """The cell of that name; None if an interrupted run lacks it."""
-    found = (cell for cell in results.cells if (cell.scenario.name, cell.policy) == (scenario, policy))
-    return next(found, None)
-
-
-def same_ticks(axes: "Axes") -> None:
-    """As many ticks up as across."""
-    from matplotlib.ticker import MaxNLocator
-
-    axes.xaxis.set_major_locator(MaxNLocator(5))
-    axes.yaxis.set_major_locator(MaxNLocator(5))

@@ -1,4 +1,4 @@
-"""Success at a glance: a heat map of policies and axes, what came of all episodes, and success against severity."""
+"""Success at a glance: a heat map of policies and axes, and what came of all episodes."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -8,7 +8,7 @@ import numpy as np
 from evaluate.analysis.results import Results
 from evaluate.analysis.score import Score
 from evaluate.measures.outcomes import RULES
-from evaluate.report.plots.drawing import Margins, figure, short_name, style, text_width
+from evaluate.report.plots.drawing import Margins, figure, short_name, text_width
 from quad_env.cli.format import broken
 
 if TYPE_CHECKING:
@@ -29,8 +29,6 @@ COLOURS = {
     "diverged": "#000000",
 }
 """Colour of each outcome; `refused` is of the rule success/1."""
-NAMES = ("nominal", "hard", "hardest")
-"""Severities of a battery that has three of each axis."""
 
 
 def heat_map(scores: Sequence[Score]) -> "Figure":
@@ -70,7 +68,7 @@ def _cell(axes: "Axes", left: float, top: float, rate: float) -> None:
 def outcomes(results: Results) -> "Figure":
     """What came of each policy's episodes, all scenarios together: a bar a policy, a piece an outcome, in per cent."""
     widest = max(text_width(short_name(name)) for name in results.policies)
-    drawn, axes = figure(1.1 + 0.26 * len(results.policies), margins=Margins(left=0.15 + widest, top=0.57))
+    drawn, axes = figure(1.1 + 0.26 * len(results.policies), margins=Margins(left=0.22 + widest, top=0.57))
     names = RULES[results.success_rule].outcomes
     for row, policy in enumerate(results.policies):
         counts = [summary.outcomes for (_, name), summary in results.summaries.items() if name == policy]
@@ -86,19 +84,4 @@ def outcomes(results: Results) -> "Figure":
         loc="lower right", bbox_to_anchor=(1.02, 1.0), ncols=3, fontsize=6.5, frameon=False, handlelength=0.8,
         columnspacing=0.8, handletextpad=0.3,
     )  # fmt: skip
-    return drawn
-
-
-def profile(results: Results) -> "Figure":
-    """Mean success over the axes at their mildest, … hardest severity in the run: a line a policy."""
-    drawn, axes = figure(2.4)
-    levels = max((len(rates) for score in results.scores for rates in score.axes.values()), default=0)
-    for score in results.scores:
-        graded = [rates for rates in score.axes.values() if len(rates) == levels]
-        colour, mark = style(results, score.policy)
-        axes.plot(
-            range(levels), 100.0 * np.mean(graded, axis=0), color=colour, marker=mark, markersize=4, linewidth=1.4
-        )
-    axes.set(ylim=(-3, 103), ylabel="episodes that succeed, %", xlabel="severity, mean of the axes")
-    axes.set_xticks(range(levels), NAMES if levels == len(NAMES) else [str(number + 1) for number in range(levels)])
     return drawn

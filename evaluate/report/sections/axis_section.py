@@ -1,7 +1,6 @@
 """A section for each axis of the run: curves over its levels, and folded below them every figure."""
 
 from collections.abc import Iterator
-from functools import partial
 from html import escape
 
 from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE
@@ -9,9 +8,7 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
 from evaluate.report.html import fold, grid, image, note, section
 from evaluate.report.plots import curves
-from evaluate.report.plots.drawing import cell_of
 from evaluate.report.sections.figures import comparison_table, figures_table, level_table, summary_table
-from evaluate.report.sections.push_section import pushes
 from evaluate.statistics.breaking_point import LEAST_LEVELS
 from quad_env.scenarios.named import Scenario
 
@@ -46,17 +43,14 @@ def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
     if len(axis.levels) > 1:
         lines = FITTED if len(axis.levels) >= LEAST_LEVELS else JOINED
         yield note(f"Bands join the levels' 95 % intervals. {lines} Harder to the right.")
-        drawn, on = partial(curves.against_severity, results, axis), f"against {axis.quantity}"
-        table = level_table(results, axis)
-        folded = fold("Every figure", "".join(_figures(results, level) for level in axis.scenarios))
+        plots = {label: curves.against_severity(results, axis, metric, label) for metric, label in SHOWN.items()}
+        yield grid((image(plot, f"{label} of each policy against {axis.quantity}") for label, plot in plots.items()))
+        yield level_table(results, axis)
+        yield fold("Every figure", "".join(_figures(results, level) for level in axis.scenarios))
     else:
         scenario = axis.scenarios[0].name
-        drawn, on = partial(curves.intervals, results, scenario), f"on {scenario}"
-        table, folded = summary_table(results, scenario), fold("Every measure", figures_table(results, scenario))
-    yield grid((image(drawn(metric, label), f"{label} of each policy {on}") for metric, label in SHOWN.items()), 2)
-    yield table
-    yield pushes(results, axis)
-    yield folded
+        yield summary_table(results, scenario)
+        yield fold("Every measure", figures_table(results, scenario))
     yield from _differences(results, axis)
 
 
@@ -68,24 +62,9 @@ def _differences(results: Results, axis: SeverityAxis) -> Iterator[str]:
     yield fold(f"Differences from {escape(baseline)}", lead + comparison_table(results, against) if against else "")
     others = [c for c in shown if c.b != baseline]
     yield fold("Differences of every other pair", lead + comparison_table(results, others) if others else "")
-    yield fold("Episode by episode", _episodes(results, axis))
 
 
 def _figures(results: Results, level: Scenario) -> str:
     every = fold("Every measure", figures_table(results, level.name))
     head = f"<h3>{escape(level.name)} <small>{escape(severity(level))}</small></h3>"
     return f"{head}{summary_table(results, level.name)}{every}"
-
-
-def _episodes(results: Results, axis: SeverityAxis) -> str:
-    """Paired scatter on the nominal scenario of the axis, else on its mildest level."""
-    scenario = axis.nominal.name
-    found = {policy: cell for policy in results.policies if (cell := cell_of(results, scenario, policy))}
-    baseline = found.pop(results.baseline, None)
-    if baseline is None or not found:
-        return ""
-    lead = (
-        f"Velocity error of each episode of {scenario}, {baseline.policy} across: below the line a policy did better."
-    )
-    drawn = curves.paired(results, list(found.values()), baseline)
-    return note(lead) + grid([image(drawn, f"Velocity errors on {scenario}, by episode")], 2)

@@ -1,4 +1,4 @@
-"""The first pictures and tables of the page: success and scores, breaking points, and what each disturbance does."""
+"""The first pictures and tables of the page: success and scores, and breaking points."""
 
 from collections.abc import Mapping
 from html import escape
@@ -6,9 +6,7 @@ from html import escape
 from evaluate.analysis.breaking_points import CAVEAT, HALF, AxisBreakingPoint, Of, figure_and_interval
 from evaluate.analysis.results import Results
 from evaluate.analysis.score import WORDS, Score
-from evaluate.analysis.sensitivity import LEAD as EFFECTS
-from evaluate.analysis.sensitivity import effect_text
-from evaluate.analysis.severity_levels import amount, severity_axes
+from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.headings import FIRST
 from evaluate.report.html import grid, heading, image, note, section, table, wide
 from evaluate.report.plots import success as success_plots
@@ -28,12 +26,10 @@ BREAKING_LEAD = (
 
 
 def success(results: Results) -> str:
-    """Heat map, outcomes, profile and scores; outcomes alone of a run of one axis."""
-    pictures = [image(svg(success_plots.outcomes(results)), "What came of the episodes of each policy")]
+    """Scores, heat map and outcomes; outcomes alone of a run of one axis."""
+    outcomes = image(svg(success_plots.outcomes(results)), "What came of the episodes of each policy")
     if not results.scores:
-        return section("Success", grid(pictures, 2))
-    if any(len(axis.levels) > 1 for axis in severity_axes(results.cells)):
-        pictures.append(image(svg(success_plots.profile(results)), "Mean success of each policy against severity"))
+        return section("Success", grid([outcomes]))
     heat_map = image(
         svg(success_plots.heat_map(results.scores)), "Success of each policy on each axis at each severity, in per cent"
     )
@@ -43,7 +39,8 @@ def success(results: Results) -> str:
         {"policy": policy_label(results, each.policy), **_score_cells(each, results.baseline)}
         for each in results.scores
     )
-    return section("Success", note(SUCCESS_LEAD), wide(heat_map), grid(pictures, 2), note(WORDS), table(heads, rows))
+    pictures = note(SUCCESS_LEAD), wide(heat_map), grid([outcomes])
+    return section("Success", table(heads, rows), note(WORDS), *pictures)
 
 
 def _score_cells(score: Score, baseline: str) -> dict[str, str]:
@@ -62,27 +59,15 @@ def overview(results: Results) -> str:
 
 
 def _breaking_points(results: Results, axes: Mapping[str, str], of: Of) -> str:
-    """A table, headed by what breaks."""
+    """A table, headed by what breaks, of the policies that have a breaking point."""
     cells = {(point.axis, point.policy): _breaking_cell(point) for point in results.breaking_points if point.of == of}
-    return f"<h3>{HALF[of].capitalize()}</h3>{_by_axis(results, axes, cells)}" if cells else ""
-
-
-def sensitivity(results: Results) -> str:
-    """What each disturbance does; empty for a run without the undisturbed scenario, or with nothing else."""
-    cells = {(each.axis, each.policy): escape(effect_text(each)) for each in results.sensitivities}
-    axes = {each.axis: amount(each.severity, each.unit) for each in results.sensitivities}
-    return section("What each disturbance does", note(EFFECTS), _by_axis(results, axes, cells)) if axes else ""
-
-
-def _by_axis(results: Results, axes: Mapping[str, str], cells: Mapping[tuple[str, str], str]) -> str:
-    """A table of cells, ready HTML, of the policies that have one; below each axis's name stand its words, a text."""
-    policies = [policy for policy in results.policies if any(policy == found for _, found in cells)]
+    policies = {name: policy_label(results, name) for name in results.policies if any(name == one for _, one in cells)}
     rows = [
         {FIRST: f'<a href="#{anchor(axis)}">{escape(axis)}</a><small>{escape(words)}</small>'}
         | {policy: cells.get((axis, policy), ABSENT) for policy in policies}
         for axis, words in axes.items()
     ]
-    return table({FIRST: "axis", **{policy: policy_label(results, policy) for policy in policies}}, rows, "text")
+    return f"<h3>{HALF[of].capitalize()}</h3>{table({FIRST: 'axis', **policies}, rows, 'text')}" if cells else ""
 
 
 def _breaking_cell(point: AxisBreakingPoint) -> str:

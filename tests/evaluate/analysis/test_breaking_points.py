@@ -1,11 +1,13 @@
 """Breaking points of cells: which cells are levels of an axis, in which order."""
 
+import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from evaluate.analysis.breaking_points import breaking_points
+from evaluate.analysis.breaking_points import AxisBreakingPoint, breaking_point_text, breaking_points
 from evaluate.analysis.results import analyse
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.statistics.breaking_point import breaking_point
@@ -86,3 +88,26 @@ def test_success_breaks_where_half_no_longer_succeed(cells, made_up_cell) -> Non
     assert (of["success"].found, of["success"].ci) == ("crossed", (35.0, 50.0))
     fallen = {(point.policy, point.of): point for point in breaking_points(cells)}
     assert fallen["trot", "success"].severity50 == fallen["trot", "falls"].severity50  # who falls does not succeed
+
+
+def point(**changes: Any) -> AxisBreakingPoint:
+    """Trot's on pushes of 20 to 100 N·s."""
+    known = {"axis": "push", "policy": "trot", "unit": "N·s", "severity50": 48.123, "ci": (45.3, 51.0)}
+    return AxisBreakingPoint(
+        **(known | {"found": "crossed", "lowest": 20.0, "highest": 100.0, "hardest": 100.0} | changes)
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"ci": (45.3, math.inf)}, "48.1 N·s [45.3, > 100]"),
+        ({"ci": (-math.inf, 51.0), "unit": "°"}, "48.1° [< 20, 51]"),
+        ({"found": "never"}, "none up to 100 N·s"),
+        ({"found": "always"}, "already at 20 N·s"),
+        ({"found": "never", "hardest": 20.0}, "none down to 20 N·s"),
+        ({"found": "always", "hardest": 20.0}, "already at 100 N·s"),
+    ],
+)
+def test_a_breaking_point_in_words(changes, text) -> None:
+    assert breaking_point_text(point(**changes)).replace("\u00a0", " ") == text

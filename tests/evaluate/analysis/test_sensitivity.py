@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from evaluate.analysis.sensitivity import FAILS_WITHOUT, UNCHANGED, effect_text, sensitivities
+from evaluate.analysis.sensitivity import sensitivities
 from evaluate.rollouts.battery import resolve
 from quad_env import AXES, CommandRanges
 
@@ -34,8 +34,6 @@ def test_it_is_the_difference_to_the_undisturbed_episodes(run) -> None:
     assert found.success_p_value == pytest.approx(2 * 0.5**10)  # ten of ten discordant pairs, the only two tests
     assert found.success_ci[1] < 0.0
     assert found.felt
-    assert (found.less_success, found.more_error) == (True, True)
-    assert effect_text(found).replace("\u00a0", " ") == "−25 points, +0.25 m/s"
 
 
 def test_other_commands_are_no_disturbance(run) -> None:
@@ -47,26 +45,8 @@ def test_other_commands_are_no_disturbance(run) -> None:
 def test_what_changes_no_bit_is_not_felt(run) -> None:
     (found,) = sensitivities(run(flat=(2, 0.0), noise=(2, 0.0)))
     assert not found.felt
-    assert effect_text(found) == UNCHANGED
     (hardly,) = sensitivities(run(flat=(2, 0.0), noise=(2, 1e-15)))
     assert hardly.felt
-
-
-def test_what_helps_or_is_chance_does_not_matter(run) -> None:
-    better, chance = sensitivities(run(flat=(20, 0.0), push=(0, -0.05), rough=(21, 0.0)))
-    assert better.success_p_value < 0.001
-    assert not any(each.less_success or each.more_error for each in (better, chance))
-    assert effect_text(chance).replace("\u00a0", " ") == "(−2 points), (+0.00 m/s)"
-    (both,) = sensitivities(run(flat=(0, 0.0), push=(2, 0.1)))
-    assert effect_text(both).replace("\u00a0", " ") == "(−5 points), +0.10 m/s"
-    assert (both.less_success, both.more_error) == (False, True)
-    (slower,) = sensitivities(run(flat=(0, 0.0), slippery=(0, 0.1)))
-    assert effect_text(slower).replace("\u00a0", " ") == "+0.10 m/s"
-
-
-def test_a_policy_that_falls_anyway_says_nothing_about_disturbances(run) -> None:
-    (found,) = sensitivities(run(flat=(COUNT, 0.0), noise=(COUNT, 0.0)))
-    assert effect_text(found) == FAILS_WITHOUT
 
 
 def test_the_hardest_level_counts_also_where_less_is_harder(run) -> None:

@@ -85,7 +85,7 @@ def replayed(made: Called) -> list[tuple[str, str, int]]:
 
 TRUSTED = Effect("--trust", called("resolve", "trust"), [True])
 FAILS = Effect("--gate GATE", lambda made: made.code, 1)
-SHORT = "--policies stand --scenarios flat --episodes 5 --threads 1 --no-film --out FOLDER/new"
+SHORT = "--policies stand --scenarios flat --episodes 5 --threads 1 --out FOLDER/new"
 EFFECTS: dict[str, dict[str, Effect]] = {
     "": {
         "policies": Effect("--policies crouch stand", called("resolve", "name_or_path"), ["crouch", "stand"]),
@@ -102,7 +102,6 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "out": Effect("--out FOLDER/new", written("new/results.json"), True),
         "gate": FAILS,
         "baseline": Effect("--baseline crouch", baselines("new/results.json"), {"crouch"}),
-        "film": Effect("--no-film", called("report", "film"), [False]),
         "trace": Effect("--trace full", traced, (True, {False})),
         "threads": Effect("--threads 1", THREADS, [1]),
         "at_once": Effect("--at-once 2", COUNT, [2, 1], given=SHORT),
@@ -117,8 +116,6 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "folder": Effect("FOLDER/a", written("a/results.json"), True),
         "gate": FAILS,
         "baseline": Effect("--baseline crouch", baselines("a/results.json"), {"crouch"}),
-        "film": Effect("--no-film", called("report", "film"), [False]),
-        "trust": Effect("--trust", called("report", "trust"), [True]),
     },
     "replay": {
         "results": Effect("FOLDER/a", replayed, [("crouch", "push", 2)]),
@@ -185,7 +182,7 @@ def _brief_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
 def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of two policies on two scenarios."""
     folder = tmp_path_factory.mktemp("evaluated")
-    words = "--policies stand crouch --scenarios flat push --episodes 3 --no-film --threads 1 --out"
+    words = "--policies stand crouch --scenarios flat push --episodes 3 --threads 1 --out"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("evaluate.rollouts.rollout.STEPS", BRIEF)
         assert main([*words.split(), str(folder)]) == 0

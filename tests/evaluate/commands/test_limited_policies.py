@@ -15,7 +15,7 @@ from evaluate.rollouts.battery import BATTERIES, resolve
 from evaluate.rollouts.hardware import IDEAL
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-RUN = ["--policies", "document@flat", "trot", "stand", "--scenarios", "push", "flat", "--episodes", "2", "--no-film"]
+RUN = ["--policies", "document@flat", "trot", "stand", "--scenarios", "push", "flat", "--episodes", "2"]
 CELLS = {"trot": ["push", "flat"], "stand": ["push", "flat"], "document": ["flat"]}
 
 
@@ -48,7 +48,7 @@ def test_it_runs_on_its_scenarios_alone_and_the_run_is_complete(whole) -> None:
 
 def test_its_report_comparison_and_episodes_are_made_again(whole, tmp_path, capsys) -> None:
     shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
-    assert main(["report", str(tmp_path), "--no-film", "--gate", "document falls >= 0.5"]) == 0
+    assert main(["report", str(tmp_path), "--gate", "document falls >= 0.5"]) == 0
     assert "gate passed" in capsys.readouterr().out
     assert cells(tmp_path) == CELLS
     assert main(["compare", str(whole), str(tmp_path)]) == 0

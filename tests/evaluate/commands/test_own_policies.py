@@ -48,7 +48,7 @@ def rows(folder: Path) -> dict[str, list[dict]]:
 def test_it_is_judged_beside_ours_and_loses_its_own_episodes_alone(capsys, tmp_path, file, monkeypatch) -> None:
     monkeypatch.setattr(foreign, "DEADLINE", 1.0)
     walk, stops = f"{file}:Walk", f"{file}:Stops"
-    run = ["--policies", walk, stops, "trot", "--scenarios", "flat", "--episodes", "2", "--no-film"]
+    run = ["--policies", walk, stops, "trot", "--scenarios", "flat", "--episodes", "2"]
     assert main([*run, "--out", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
     assert f"{stops} failed in 2 of 2 episodes; in the first it gave no answer within 1 s" in printed
@@ -78,7 +78,7 @@ class Loud:
 
 def test_what_it_prints_stays_out_of_the_table_and_is_cut(capfd, tmp_path) -> None:
     (tmp_path / "loud.py").write_text(LOUD)
-    run = ["--policies", f"{tmp_path / 'loud.py'}:Loud", "--scenarios", "flat", "--episodes", "1", "--no-film"]
+    run = ["--policies", f"{tmp_path / 'loud.py'}:Loud", "--scenarios", "flat", "--episodes", "1"]
     assert main([*run, "--threads", "1", "--out", str(tmp_path / "out")]) == 0
     printed = capfd.readouterr()
     assert "walk walk" not in printed.out

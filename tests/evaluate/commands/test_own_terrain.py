@@ -20,7 +20,7 @@ def test_results_hold_what_the_terrain_was_and_refuse_another(tmp_path, capsys, 
         height_file.read.cache_clear()  # as in a process of its own
         return main(list(map(str, words))), "".join(capsys.readouterr())
 
-    run = ("--policies", "stand", "trot@hill", "--scenarios", toml, "--episodes", "2", "--no-film", "--out", out)
+    run = ("--policies", "stand", "trot@hill", "--scenarios", toml, "--episodes", "2", "--out", out)
     assert said(*run)[0] == said(*run, "--resume")[0] == 0
     (terrain,) = [each["terrain"] for each in json.loads((out / "manifest.json").read_bytes())["scenarios"]]
     assert terrain["sha256"] == height_file.sha256_of(str(heights))

@@ -59,7 +59,7 @@ def test_an_episode_is_run_again_with_its_hardware(tmp_path, capsys, monkeypatch
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
     figures = []
     for name in (usual, other):
-        words = f"--policies residual --scenarios flat --episodes 2 --no-film --{option} {name} --out {tmp_path / name}"
+        words = f"--policies residual --scenarios flat --episodes 2 --{option} {name} --out {tmp_path / name}"
         assert main(words.split()) == 0
         assert replay(capsys, tmp_path / name, 1)[0] == 0
         figures.append(pq.read_table(tmp_path / name / "episodes.parquet").column(column)[1].as_py())

@@ -61,8 +61,8 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def commands_on(folder: Path) -> Iterator[tuple[object, ...]]:
     """Every command that reads a run's folder."""
-    yield "report", folder, "--no-film"
-    yield "report", folder, "--no-film", "--gate", "trot falls <= 1"
+    yield "report", folder
+    yield "report", folder, "--gate", "trot falls <= 1"
     yield "compare", folder, OLD
     yield "compare", OLD, folder
     yield "replay", folder, 0
@@ -103,11 +103,11 @@ def test_changed_rows_are_refused(folder, change) -> None:
 
 def test_rows_of_a_version_without_hashes_are_checked_as_far_as_they_can_be(tmp_path) -> None:
     shutil.copytree(OLD, tmp_path, dirs_exist_ok=True)
-    code, said = command("report", tmp_path, "--no-film")
+    code, said = command("report", tmp_path)
     assert (code, said.count("\n")) == (0, 1)
     assert "whether its rows have been changed is not known" in said
     rewritten(tmp_path, lambda rows: rows.slice(1))
-    code, said = command("report", tmp_path, "--no-film")
+    code, said = command("report", tmp_path)
     assert (code, said.count("\n"), "episodes are missing" in said) == (2, 1, True)
 
 
@@ -183,10 +183,10 @@ def test_a_process_that_dies_between_the_first_part_and_the_manifest_leaves_the_
     monkeypatch.setattr(rollout, "STEPS", 110)
     with monkeypatch.context() as patch:
         patch.setattr(manifests.Manifest, "write", fails)
-        code, _ = command("stand", "--scenarios", "flat", "--episodes", "2", "--no-film", "--out", folder)
+        code, _ = command("stand", "--scenarios", "flat", "--episodes", "2", "--out", folder)
     assert (code, len(list(folder.glob("parts/*.parquet")))) == (2, 1)
     assert read_run(folder).complete
-    assert command("report", folder, "--no-film")[0] == 0
+    assert command("report", folder)[0] == 0
     assert not (folder / "parts").exists()
 
 
@@ -201,5 +201,5 @@ def test_a_lost_part_does_not_cost_the_rows_that_the_table_has(folder) -> None:
     for cell in run.cells[:2]:
         store.save(Chunk(np.arange(cell.episodes), cell))
     rows = (folder / EPISODES).read_bytes()
-    assert command("report", folder, "--no-film")[0] == 0
+    assert command("report", folder)[0] == 0
     assert (folder / EPISODES).read_bytes() == rows

@@ -40,7 +40,7 @@ def test_they_are_read_with_their_scenarios() -> None:
 
 
 def test_their_report_has_the_figures_that_it_had_by_the_rule_of_success_that_they_ran_under(folder, capsys) -> None:
-    assert main(["report", str(folder), "--no-film"]) == 0
+    assert main(["report", str(folder)]) == 0
     said, printed = "Success is by the older rule success/1, under which these episodes ran", capsys.readouterr().out
     assert "slope:6" in printed
     assert said in " ".join(printed.split())
@@ -75,7 +75,7 @@ def test_outcomes_of_another_rule_are_compared_by_todays(run, tmp_path, capsys, 
     assert main(["replay", str(old), str(row)]) == 0
     assert "identical to the bit" in capsys.readouterr().out
     replace(manifest.read(old), versions=versions | {"success_rule": "success/9"}).begun().write(old)
-    said = refused(main, "report", old, "--no-film")
+    said = refused(main, "report", old)
     assert "its success rule is success/9; this version knows success/2 and success/1" in said
 
 

@@ -240,7 +240,7 @@ def full(*_arguments, **_options):
 
 def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
     """A worker writes a trace before its part is kept; another number of processes cuts the cells differently."""
-    traced = (*RUN, "--trace", "compact", "--no-film", "--out", tmp_path)
+    traced = (*RUN, "--trace", "compact", "--out", tmp_path)
     assert evaluate(*traced)[0] == 0
     names = {path.name for path in (tmp_path / "traces").iterdir()}
     run = store.read_run(tmp_path)

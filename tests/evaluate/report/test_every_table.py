@@ -20,7 +20,6 @@ ERRORS = {
 }
 """Heading -> key of results.json."""
 SHARES = {"success": "success_rate", "falls": "fall_rate"}
-SPEEDS = {"forward": "forward", "lateral": "lateral", "yaw rate": "yaw_rate"}
 Row = dict[str, tuple[str, ...]]
 """Heading -> texts of the cell: its figure and the lines below it."""
 Said = list[float] | str
@@ -100,10 +99,6 @@ class Report:
         if table.section == "training-seeds":
             found = self.found["training_seeds"][table.heading]["scenarios"][name][(SHARES | ERRORS)[head]]
             return scaled(head, found["mean"], *found["ci"], found["lowest"], found["highest"])
-        if table.section.startswith("speed-response"):
-            speed, what = head.split(", ")[:2]
-            zone = self.of(name, "flat")["response"][SPEEDS[speed]]["gain" if what == "slope" else "dead_zone"]
-            return [zone] if zone == zone else "all" if row[head][0] == "all" else "–"  # no end is null there
         if table.section == "success":
             found = self.one("scores", policy=name)
             if head == "score, %":
@@ -114,9 +109,6 @@ class Report:
             return [*(100 * each for each in (found["difference"], *found["difference_ci"])), shown_p(found["p_value"])]
         if table.section == "breaking-points":
             return self.breaking(name, head, "falls" if table.heading.endswith("fall at") else "success")
-        if table.section == "what-each-disturbance-does":
-            found = self.one("sensitivities", axis=name, policy=head)
-            return [100 * found["success"], found["velocity_error"]][0 if found["success"] else 1 :]
         if first == "difference":
             (a, b), (place, _, severity) = name.split(" − "), row[first][1].partition(" at ")
             scenario = self.scenario(place, float(severity.split()[0])) if severity else place
@@ -205,7 +197,7 @@ def report(four) -> Report:
 
 def test_every_cell_of_the_page_is_the_figure_that_its_heading_names(report) -> None:
     assert {table.section for table in report.tables} == {
-        "success", "breaking-points", "what-each-disturbance-does", "axis-flat", "axis-push", "axis-rough",
-        "speed-response-on-flat", "training-seeds", "worst-episodes", "how-it-was-measured",
+        "success", "breaking-points", "axis-flat", "axis-push", "axis-rough",
+        "training-seeds", "worst-episodes", "how-it-was-measured",
     }  # fmt: skip
     assert [line for table in report.tables for line in wrong(report, table)] == []

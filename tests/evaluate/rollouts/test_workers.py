@@ -81,7 +81,7 @@ def test_workers_give_the_same_bits_as_one_process_and_tell_how_far_they_are() -
 
 def test_a_lost_worker_is_one_line(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", STEPS)
-    run = ["--policies", "stand", "trot", "--scenarios", "flat", "push", "--episodes", "4", "--no-film"]
+    run = ["--policies", "stand", "trot", "--scenarios", "flat", "push", "--episodes", "4"]
     resolve = policies.resolve
     monkeypatch.setattr("policies.resolve", lambda name, **how: Deadly() if name == "trot" else resolve(name, **how))
     assert main([*run, "--threads", "2", "--out", str(tmp_path)]) == 2

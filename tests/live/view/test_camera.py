@@ -1,4 +1,4 @@
-"""What the picture shows is where things are: the ghost, the camera's targets, the robots of now; and at which pace."""
+"""What the picture shows is where things are: the camera's targets, the robots of now; and at which pace."""
 
 import io
 import queue
@@ -16,7 +16,6 @@ from live.session import Session
 from live.view.camera import DISTANCES, STEEPEST, Orbit, ViewCamera
 from live.view.painter import QUALITIES, Painter
 from quad_env.cli.pace import Pace
-from quad_env.physics.marks import Ghost
 
 
 @pytest.fixture
@@ -38,20 +37,6 @@ def test_dragging_right_turns_the_scene_right_and_dragging_down_lifts_the_camera
     robot, shaken = np.array([3.0, -2.0, 0.5]), np.array([3.0, -2.0, 0.6])
     assert Orbit(target=(0.0, 0.0, 0.5)).at(robot).target == (3.0, -2.0, 0.5)
     assert 0.5 < Orbit(target=(3.0, -2.0, 0.5)).at(shaken).target[2] < 0.52
-
-
-def test_the_ghost_starts_where_the_robot_is_when_its_command_changes(camera: ViewCamera) -> None:
-    with closing(walking(camera, "trot")) as session:
-        for _ in range(100):
-            session.step()
-        (gone,) = (mark for mark in camera.picture(session).marks if isinstance(mark, Ghost))
-        assert np.hypot(*(np.array(gone.position) - session.latest.infos["position"][0])[:2]) > 0.05
-        session.steer((0.0, 0.3, 0.0))
-        session.step()
-        (begun,) = (mark for mark in camera.picture(session).marks if isinstance(mark, Ghost))
-        np.testing.assert_allclose(begun.position[:2], session.latest.infos["position"][0][:2], atol=1e-9)
-        camera.ghost = False
-        assert not any(isinstance(mark, Ghost) for mark in camera.picture(session).marks)
 
 
 def test_each_picture_looks_at_its_own_robot_while_it_follows(camera: ViewCamera) -> None:

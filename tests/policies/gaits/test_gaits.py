@@ -5,12 +5,12 @@ import pytest
 
 import policies
 from evaluate.rollouts import rollout
-from evaluate.rollouts.strides import Strides, walked
 from policies.gaits.change import CHANGE_TIME
 from policies.gaits.parameters import GAITS, OFFSETS, GaitParameters, froude, row, slowed, stepping
-from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
+from policies.gaits.policy import Gaits
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
+from research.studies.strides import TARGET_RATE_LIMIT, Strides, walked
 from tests.policies.readings import feet, reading
 
 LEGS = ("fl", "fr", "hl", "hr")

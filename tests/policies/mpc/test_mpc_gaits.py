@@ -10,11 +10,11 @@ from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import roll_out
 from policies.gait_cycle import TURN, leg_phases
 from policies.gaits.parameters import OFFSETS
-from policies.legs.contacts import duty_factors, landing_offsets, landings, wrapped
 from policies.mpc.contact import contact_states
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from quad_env.seeding import episode_seeds
+from research.studies.strides import duty_factors, landing_offsets, landings, wrapped
 
 ROBOTS, STEPS, FROM = 2, 300, 100
 SPEED = 0.5

@@ -53,7 +53,7 @@ def test_what_is_none(error: BaseException) -> None:
 def test_an_evaluation_without_memory_ends_in_one_line_and_leaves_nothing(megabytes: int, tmp_path: Path) -> None:
     """While modules are loaded, where a library ends the process, waits for ever or fails to be mapped."""
     begin = "from evaluate.__main__ import main\nraise SystemExit(launcher.launch(lambda: main({!r})))"
-    words = ["trot", "--scenarios", "flat", "--episodes", "2", "--no-film", "--out", str(tmp_path / "out")]
+    words = ["trot", "--scenarios", "flat", "--episodes", "2", "--out", str(tmp_path / "out")]
     code = LITTLE.format(megabytes * 10**6, begin.format(words))
     environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
     ended = subprocess.run(

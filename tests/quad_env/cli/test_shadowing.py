@@ -56,7 +56,7 @@ def test_python_p_evaluates_next_to_a_users_programs(tmp_path: Path) -> None:
     """Also in the processes that the command starts."""
     for name in ("train.py", "policies.py", "evaluate.py", "live.py"):
         (tmp_path / name).write_text(THEIRS, encoding="utf-8")
-    done = run("evaluate stand --scenarios flat --episodes 2 --threads 2 --no-film --out out", tmp_path, "-P")
+    done = run("evaluate stand --scenarios flat --episodes 2 --threads 2 --out out", tmp_path, "-P")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "report.html").is_file()
     assert not (tmp_path / "ran").exists()

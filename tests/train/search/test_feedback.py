@@ -112,12 +112,12 @@ def told(text, kind):
 def test_the_parameters_in_force_are_those_that_the_account_says(name):
     """Those of a policy that has not been searched are the defaults."""
     subject, kind = POLICIES[name], kind_of(name)
-    account = subject.file.with_name(subject.account)
+    account = subject.file.path.with_name(subject.account)
     said = kind()
     if account.exists():
         before, after = told(text := account.read_text(encoding="utf-8"), kind)
         said = after if ADOPTED in text else before
-    assert subject.read(subject.file) == said == policies.make(name).parameters
+    assert subject.file.in_force() == said == policies.make(name).parameters
 
 
 def searched(folder, name):

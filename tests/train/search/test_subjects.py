@@ -12,16 +12,13 @@ import numpy as np
 import pytest
 
 import policies
-from policies.behaviour.recovery import searched_parameters
-from policies.gaits import parameters as gaits
-from policies.safety import fall_prediction as predictor
+from policies.trot.feedback_parameters import searched_parameters
 from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike
 from train.__main__ import main
-from train.search import command, fall_prediction, feedback
+from train.search import command, feedback
 from train.search.command import SUBJECTS, effort_of
-from train.search.recovery import bounds, decoded, encoded
 from train.search.subject import Options
 
 FULL = 1000
@@ -48,7 +45,7 @@ class Run:
 def searched(subject: str, words: str, folder: Path) -> Run:
     """The outcome of the search with these words; every option of the subject must be among them."""
     given = f"{words} --seed 3 --threads 1 --out FOLDER/found.json".replace("FOLDER", str(folder)).split()
-    names = {name for name, value in asdict(SUBJECTS[subject].usual).items() if value} | set(SUBJECTS[subject].options)
+    names = {*asdict(SUBJECTS[subject].usual), *SUBJECTS[subject].options}
     assert {word[2:].replace("-", "_") for word in given if word.startswith("--")} == names | {"seed", "threads", "out"}
     with begun() as batches:
         assert main(["search", subject, *given]) == 0
@@ -100,49 +97,12 @@ def test_search_of_a_policy_with_feedback(tmp_path: Path) -> None:
     assert np.abs(tried).max() < 4 * 0.02
 
 
-def test_search_of_a_gait(tmp_path: Path) -> None:
-    words = "--gait walk --generations 2 --candidates 5 --episodes 9 --steps 260 --spread 0.02 --check-episodes 8"
-    run = searched("gait", words, tmp_path)
-    assert run.shapes == [("flat", 5 * 9, 260)] * 2 + [("flat", 8, 520)] * 3
-    assert run.seeds(0, 2) == drawn(3, 18)
-    assert run.seeds(2, 1) == drawn(1_000_003, 8)
-    found, shipped = json.loads((tmp_path / "found.json").read_text()), gaits.searched_parameters()
-    assert {name for name in shipped if found[name] != asdict(shipped[name])} == {"walk"}
-
-
-def test_search_of_the_recovery(tmp_path: Path) -> None:
-    run = searched("recovery", "--generations 2 --candidates 5 --episodes 3 --spread 0.03", tmp_path)
-    assert [len(each.seeds) for each in run.batches] == [5 * 3] * 2
-    assert [run.seeds(number, 1) for number in (0, 1)] == [drawn(40_000 + number, 3) for number in (0, 1)]
-
-
-def test_a_point_of_the_recoverys_search_and_its_parameters_are_the_same() -> None:
-    found, (low, high) = searched_parameters(), bounds()
-    assert decoded(encoded(found)) == found
-    assert len(low) == len(high) == len(encoded(found))
-    assert (np.array(low) < np.array(high)).all()
-
-
-def test_the_safety_layer_reads_the_threshold_that_was_fitted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = searched("fall-prediction", "--episodes 2", tmp_path)
-    assert run.shapes == [("flat", 2, FULL)]
-    assert run.seeds(0, 1) == drawn(350, 2)
-    found = json.loads((tmp_path / "found.json").read_text())["velocity_deviation"]
-    assert found > fall_prediction.MARGIN
-    monkeypatch.setattr(predictor, "THRESHOLD_FILE", tmp_path / "found.json")
-    predictor.fitted_threshold.cache_clear()
-    try:
-        assert predictor.fitted_threshold() == found
-    finally:
-        predictor.fitted_threshold.cache_clear()
-
-
 @pytest.mark.parametrize("subject", SUBJECTS)
 def test_the_usual_numbers_can_be_searched_with(subject: Any) -> None:
     usual = effort_of(Options(subject))
     assert usual == SUBJECTS[subject].usual
     (row,) = [line.split()[1:] for line in command.__doc__.splitlines() if line.split()[:1] == [subject]]
-    assert [0.0 if each == "-" else float(each) for each in row] == list(asdict(usual).values())
+    assert list(map(float, row)) == list(asdict(usual).values())
 
 
 BAD = {
@@ -151,13 +111,12 @@ BAD = {
         "--out TROT.md": "must be a file",
         "--out no-such-folder/trot.json": "no folder",
         "--robot go9": "unknown robot",
-        "--gait walk": "search trot has no --gait",
+        "--policy mpc_wbc": "search trot has no --policy",
     },
     "feedback": {
         "--exercises gallop": "--exercises: unknown scenario 'gallop'",
         "--start no-such.json": "no-such.json",
     },
-    "gait": {"": "--gait must be one of", "--gait walk --episodes 7": "--episodes must be"},
     "jump": {"": "jump"},
 }
 
@@ -170,7 +129,7 @@ def test_bad_input_is_one_line(subject: str, words: str, capsys: pytest.CaptureF
 
 
 class Kept:
-    """A search of the recovery whose generations are given, in a folder."""
+    """A search of a policy with feedback whose generations are given and whose outcome is better, in a folder."""
 
     def __init__(self, folder: Path, patch: pytest.MonkeyPatch, *generations: Any) -> None:
         def evolve(*_: Any) -> Any:
@@ -180,11 +139,12 @@ class Kept:
                 yield each, []
 
         patch.setattr(command, "evolve", evolve)
-        self.code = main(["search", "recovery", "--out", str(folder / "found.json")])
+        patch.setattr(feedback, "compared", lambda *_: ([], -np.ones(8)))
+        self.code = main(["search", "feedback", "--out", str(folder / "found.json")])
         self.files = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
 
 
-BETTER = replace(searched_parameters(), lost=0.125)
+BETTER = replace(searched_parameters(), frequency=3.125)
 
 
 def test_ctrl_c_keeps_what_was_found_so_far(
@@ -192,7 +152,7 @@ def test_ctrl_c_keeps_what_was_found_so_far(
 ) -> None:
     kept = Kept(tmp_path, monkeypatch, BETTER, KeyboardInterrupt())
     assert kept.code == 130
-    assert json.loads(kept.files["found.unjudged.json"])["lost"] == 0.125
+    assert json.loads(kept.files["found.unjudged.json"])["frequency"] == 3.125
     assert kept.files.keys() == {"found.unjudged.json", "found.trials.jsonl"}
     assert "kept what was found after 1 generations" in capsys.readouterr().err
 
@@ -213,4 +173,4 @@ def test_an_outcome_that_cannot_be_written_is_printed(
     assert Kept(tmp_path, monkeypatch, BETTER).code == 2
     printed = capsys.readouterr()
     assert "No space left" in printed.err
-    assert json.JSONDecoder().raw_decode(printed.out)[0]["lost"] == 0.125
+    assert json.JSONDecoder().raw_decode(printed.out)[0]["frequency"] == 3.125

@@ -10,10 +10,18 @@ from evaluate.measures.metrics import Measures
 from policies.trot.open_loop import SEARCH_RANGES, Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds
-from train.search.command_map import WEAKNESS_WEIGHT, undone
 from train.search.panel import Panel
 from train.search.subject import decode, encode
-from train.search.trot import ERROR_SCALES, candidate_costs, cost, interval_response, mapped, unless_weak
+from train.search.trot import (
+    ERROR_SCALES,
+    WEAKNESS_WEIGHT,
+    candidate_costs,
+    cost,
+    interval_response,
+    mapped,
+    undone,
+    unless_weak,
+)
 
 COMMANDS = np.random.default_rng(0).uniform(-1, 1, (6, 2, 3))
 RESPONSE = np.array([[0.8, 0.0, 0.1], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [-0.1, 0.0, 0.0]])

@@ -11,7 +11,10 @@ from evaluate.rollouts.rollout import roll_out
 from policies.base import CONTROL_PERIOD, Floats
 from policies.gait_cycle import TURN
 from policies.gaits.policy import Gaits
-from policies.legs.contacts import Contacts, duty_factors, landing_offsets, landings, wrapped
+
+TARGET_RATE_LIMIT = 25.0
+"""No joint target moves faster, in a gait or between two, rad/s."""
+Contacts = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -32,10 +35,6 @@ class Strides:
     """Phase offsets in force, rad, (steps, n, 4)."""
     heading_velocity: Floats
     """Forward and lateral m/s, yaw rate rad/s, (steps, n, 3)."""
-    tilt: Floats
-    """Tilt of the trunk, rad, (steps, n)."""
-    overspeed: Floats
-    """Share of the joints that turned faster than their rated speed, (steps, n)."""
     targets: Floats
     """Joint targets, rad, (steps, n, 12)."""
     fell: NDArray[np.bool_]
@@ -96,8 +95,6 @@ class _StrideRecorder:
             "clock_rate": policy.clock_rate,
             "offsets": policy.offsets,
             "heading_velocity": step.infos["heading_velocity"],
-            "tilt": step.infos["tilt"],
-            "overspeed": step.infos["overspeed"],
             "targets": step.action.astype(np.float64),
         }
         self._record.append(entries)
@@ -106,3 +103,41 @@ class _StrideRecorder:
         """The finished record."""
         arrays: dict[str, Any] = {name: np.array([each[name] for each in self._record]) for name in self._record[0]}
         return Strides(**arrays, fell=self._falls.fell)
+
+
+def duty_factors(contacts: Contacts) -> Floats:
+    """Share of the time that each foot is on the ground, (..., 4), for contacts (steps, ..., 4)."""
+    shares: Floats = contacts.mean(axis=0)
+    return shares
+
+
+def landings(contacts: Contacts, cycles: Floats, duty: Floats) -> Contacts:
+    """Control steps at which feet land, (steps, ..., 4), of contacts of that shape.
+
+    A landing is the first contact after a foot was in the air in the second half of its swing, so that a bounce within
+    the stance is none. `cycles` is each leg's place in its cycle, from 0 at the start of its swing up to 1,
+    (steps, ..., 4); `duty` the duty factor, (steps, ...).
+    """
+    swing_share = 1.0 - duty[..., None]
+    late = (cycles >= 0.5 * swing_share) & (cycles < swing_share)
+    flying = np.zeros(contacts.shape[1:], np.bool_)
+    landed = np.zeros_like(contacts)
+    for step, contact in enumerate(contacts):
+        landed[step] = flying & contact
+        flying = (flying | late[step]) & ~contact
+    return landed
+
+
+def landing_offsets(landed: Contacts, phase: Floats) -> Floats:
+    """Phase of each leg ahead of the first one's by its mean landing, cycles from -1/2 to 1/2, (..., 4).
+
+    From landings (steps, ..., 4) and the clock (steps, ...), rad; nan for a foot that never landed.
+    """
+    mean = (landed * np.exp(1j * phase)[..., None]).sum(axis=0)
+    angle = np.where(mean == 0.0, np.nan, np.angle(mean))
+    return wrapped((angle[..., :1] - angle) / TURN)
+
+
+def wrapped(cycles: Floats) -> Floats:
+    """The same share of a cycle, from -1/2 up to 1/2."""
+    return (cycles + 0.5) % 1.0 - 0.5
