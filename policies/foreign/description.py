@@ -34,7 +34,8 @@ TERMS: dict[str, int | None] = {
 
 LONGEST_HISTORY = 1000
 """Control steps that a term may show."""
-_NEEDS = {"gait_clock": "clock", "height_scan": "grid", "constant": "values"}
+_OWNERS = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
+_POSITIVE = "control_rate", "stiffness", "damping", "frequency", "observation_clip"
 _CHOICES = {
     "frame": ("body", "heading", "world"),
     "history_layout": ("term", "time"),
@@ -58,8 +59,7 @@ class HeightGrid:
     """A point's number is the trunk's height minus that of the ground minus this, m."""
 
     def __post_init__(self) -> None:
-        for name, values in (("x", self.x), ("y", self.y), ("offset", (self.offset,))):
-            _numbers(name, values)
+        _check(self, x=(), y=(), offset=(1,))
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,7 @@ class Clock:
     """Whether the clock stays at 0 while the command is zero."""
 
     def __post_init__(self) -> None:
-        _numbers("frequency", (self.frequency,), above=0)
-        _numbers("phases", self.phases)
+        _check(self, frequency=(1,), phases=())
         if not self.parts or not set(self.parts) <= {"sin", "cos"}:
             raise PolicyError(f"`parts` of a clock must be of sin, cos, not {shortened(self.parts)}")
 
@@ -106,21 +105,17 @@ class Term:
     """Of a `height_scan`."""
 
     def __post_init__(self) -> None:
-        if self.name not in TERMS:
+        if self.name not in (*TERMS,):
             raise PolicyError(f"{shortened(self.name)} is no observation term", f"the terms are {', '.join(TERMS)}")
-        for name in _NEEDS.values():
-            if bool(getattr(self, name)) != (name == _NEEDS.get(self.name)):
-                raise PolicyError(f"`{name}` belongs to the term {_of(name)} and to no other, not to {self.name}")
+        for setting, owner in _OWNERS.items():
+            if bool(getattr(self, setting)) != (owner == self.name):
+                raise PolicyError(f"`{setting}` belongs to the term {owner} and to no other, not to {self.name}")
         if type(self.history) is not int or not 1 <= self.history <= LONGEST_HISTORY:
-            raise PolicyError(
-                f"`history` of {self.name} must be a whole number from 1 to {LONGEST_HISTORY}, not "
-                f"{shortened(self.history)}"
-            )
+            raise PolicyError(f"`history` must be a whole number from 1 to {LONGEST_HISTORY}, not {self.history!r:.80}")
         if self.values:
-            _numbers("values", self.values)
-        _numbers(f"scale of {self.name}", self.scale, 1, self.width)
-        _range(f"clip of {self.name}", self.clip)
-        _choices(self)
+            _check(self, values=())
+        _check(self, scale=(1, self.width))
+        _check_range("clip", self.clip)
 
     @property
     def width(self) -> int:
@@ -173,30 +168,21 @@ class PolicyDescription:
     """Whether the previous action is what the network gave, clipped, or the target minus its offset, rad."""
 
     def __post_init__(self) -> None:
-        for name in ("joints", "observed_joints"):
-            _names(name, getattr(self, name))
-        if self.observed_joints is not None and set(self.observed_joints) != set(self.joints):
-            raise PolicyError("`observed_joints` must be the names of `joints` in another order")
-        _numbers("control_rate", (self.control_rate,), above=0)
-        for name in ("default_position", "action_scale", "damping"):
-            _numbers(name, getattr(self, name), 12)
-        _numbers("stiffness", self.stiffness, 12, above=0)
-        if min(self.damping) < 0:
-            raise PolicyError(f"`damping` must be zero or more, not {min(self.damping)}")
-        if self.action_offset is not None:
-            _numbers("action_offset", self.action_offset, 12)
+        if not _are_names(self.joints):
+            raise PolicyError(f"`joints` must be the names of 12 different joints, not {shortened(self.joints)}")
+        if (observed := self.observed_joints) and (not _are_names(observed) or {*observed} != {*self.joints}):
+            raise PolicyError("`observed_joints` must be the names of `joints`, in another order")
+        _check(self, control_rate=(1,), default_position=(12,), action_scale=(12,), stiffness=(12,), damping=(12,))
+        _check(self, action_offset=(12,), observation_clip=(1,))
+        _check_range("action_clip", self.action_clip)
         if self.target_clip is not None and len(self.target_clip) != 12:
             raise PolicyError(f"`target_clip` must be 12 ranges, not {len(self.target_clip)}")
         for each in self.target_clip or ():
-            _range("target_clip", each)
-        _range("action_clip", self.action_clip)
-        if self.observation_clip is not None:
-            _numbers("observation_clip", (self.observation_clip,), above=0)
-        if not self.terms:
-            raise PolicyError("`terms` must name at least one observation term", f"the terms are {', '.join(TERMS)}")
+            _check_range("target_clip", each)
+        if not self.terms or not all(isinstance(term, Term) for term in self.terms):
+            raise PolicyError("`terms` must be one term or more", f"the terms are {', '.join(TERMS)}")
         if self.history_layout == "time" and len({term.history for term in self.terms}) > 1:
             raise PolicyError("with the history_layout `time`, all terms must have the same history")
-        _choices(self)
 
     @property
     def width(self) -> int:
@@ -204,36 +190,34 @@ class PolicyDescription:
         return sum(term.width * term.history for term in self.terms)
 
 
-def _of(setting: str) -> str:
-    """The term that a setting belongs to."""
-    return next(name for name, needed in _NEEDS.items() if needed == setting)
-
-
-def _numbers(name: str, values: object, *counts: int, above: float | None = None) -> None:
-    """Raise PolicyError unless they are finite numbers, as many as one of the counts says, and above a number."""
-    numbers = values if isinstance(values, tuple) else ()
-    good = all(isinstance(each, int | float) and not isinstance(each, bool) and isfinite(each) for each in numbers)
-    if not numbers or not good or (counts and len(numbers) not in counts):
-        count = f"{' or '.join(map(str, dict.fromkeys(counts)))} " if counts else ""
-        raise PolicyError(f"`{name}` must be {count}finite numbers, not {shortened(values)}")
-    if above is not None and min(numbers) <= above:
-        raise PolicyError(f"`{name}` must be above {above}, not {min(numbers)}")
-
-
-def _range(name: str, limits: Range | None) -> None:
-    if limits is not None:
-        _numbers(name, limits, 2)
-        if limits[0] >= limits[1]:
-            raise PolicyError(f"`{name}` must be the least and the largest value, not {shortened(limits)}")
-
-
-def _names(name: str, joints: tuple[str, ...] | None) -> None:
-    given = joints if isinstance(joints, tuple) and all(isinstance(each, str) for each in joints) else ()
-    if joints is not None and not len(given) == len(set(given)) == 12:
-        raise PolicyError(f"`{name}` must be the names of 12 different joints, not {shortened(joints)}")
-
-
-def _choices(value: object) -> None:
+def _check(described: object, **counts: tuple[int, ...]) -> None:
+    """Raise PolicyError unless fields are finite numbers, as many as one of their counts says, () for any."""
+    for name, allowed in counts.items():
+        if (value := getattr(described, name)) is None:
+            continue
+        values = (value,) if allowed == (1,) else value
+        many = isinstance(values, tuple) and len(values) in (allowed or (len(values) or 1,))
+        if not many or not all(map(_is_number, values)):
+            count = " or ".join(map(str, dict.fromkeys(allowed))) or "some"
+            raise PolicyError(f"`{name}` must be {count} finite numbers, not {shortened(value)}")
+        if name in _POSITIVE and (min(values) < 0 or (0 in values and name != "damping")):
+            raise PolicyError(f"`{name}` must be positive, not {min(values)}")
     for name, choices in _CHOICES.items():
-        if getattr(value, name, choices[0]) not in choices:
-            raise PolicyError(f"`{name}` must be {' or '.join(choices)}, not {shortened(getattr(value, name))}")
+        if getattr(described, name, choices[0]) not in choices:
+            raise PolicyError(f"`{name}` must be {' or '.join(choices)}, not {getattr(described, name)!r:.80}")
+
+
+def _check_range(name: str, value: object) -> None:
+    two = isinstance(value, tuple) and len(value) == 2 and all(map(_is_number, value))
+    if value is not None and not (two and value[0] < value[1]):  # type: ignore[index]
+        raise PolicyError(f"`{name}` must be a least and a largest value, not {shortened(value)}")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+
+
+def _are_names(value: object) -> bool:
+    return (
+        isinstance(value, tuple) and all(isinstance(each, str) for each in value) and len(value) == len({*value}) == 12
+    )

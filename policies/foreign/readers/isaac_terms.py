@@ -5,11 +5,13 @@ Sources: `isaaclab/managers/observation_manager.py`, `isaaclab/envs/mdp/observat
 begin with the first observation (`CircularBuffer`).
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 from policies.base import PolicyError
 from policies.foreign.description import TERMS, Clock, HeightGrid, Term
+from policies.foreign.readers.joint_orders import Joints
 from policies.foreign.readers.settings import BY_HAND, Settings
 
 FUNCTIONS = {
@@ -29,21 +31,21 @@ FUNCTIONS = {
     "gait_phase": "gait_clock",
     "phase": "gait_clock",
 }
-OF_JOINTS = {"absolute_joint_position", "joint_position", "joint_velocity", "joint_torque"}
-"""Terms that have an order of joints."""
+_OF_JOINTS = {"absolute_joint_position", "joint_position", "joint_velocity", "joint_torque"}
 _PERIODS = {"gait_phase": "period", "phase": "cycle_time"}
 
 
-def term(function: str, settings: Settings, history: int, grid: HeightGrid | None = None) -> Term:
-    """A term by the name of its function, with its `params`, `clip` and `scale`. Raises PolicyError."""
-    if (name := FUNCTIONS.get(function)) is None or (name == "height_scan" and grid is None):
-        raise unknown(function, settings)
+def term(function: str, settings: Settings, grid: HeightGrid | None = None) -> Term:
+    """A term by the name of its function, with its `params`, `clip`, `scale`, `history_length`. Raises PolicyError."""
+    name = FUNCTIONS.get(function)
+    if name is None or (name == "height_scan" and grid is None):
+        raise unknown(function)
     if settings.find("modifiers"):
-        raise PolicyError(f"`{settings.above}modifiers` in {settings.file.name} change the term: they are not read")
+        raise unknown(f"{function} with modifiers")
     more: dict[str, Any] = {"grid": grid} if name == "height_scan" else {}
     if name == "gait_clock":
         more["clock"] = Clock(1 / settings.inside("params").number(_PERIODS[function]))
-    return scaled(Term(name, clip=settings.range("clip"), history=history, **more), settings)
+    return scaled(Term(name, clip=settings.range("clip"), history=history_of(settings), **more), settings)
 
 
 def scaled(term: Term, settings: Settings, key: str = "scale") -> Term:
@@ -54,14 +56,19 @@ def scaled(term: Term, settings: Settings, key: str = "scale") -> Term:
     return replace(found, scale=found.scale[:1]) if len(set(found.scale)) == 1 else found
 
 
-def unknown(function: str, settings: Settings) -> PolicyError:
-    """The error for a term that is not known."""
-    return PolicyError(
-        f"the observation term {function} (`{settings.above[:-1]}` in {settings.file.name}) is not known",
-        f"{BY_HAND} with terms of {', '.join(TERMS)}",
-    )
-
-
 def history_of(settings: Settings) -> int:
     """The `history_length`, where 0 stands for the present step alone."""
     return max(1, int(settings.number("history_length", 1)))
+
+
+def observed_joints(terms: dict[str, Term], order: Callable[[str], Joints]) -> Joints | None:
+    """The one order in which terms, by key, observe the joints; None where they observe none. Raises PolicyError."""
+    orders = {order(key) for key, each in terms.items() if each.name in _OF_JOINTS}
+    if len(orders) > 1:
+        raise PolicyError("the joints are observed in several orders (`params.asset_cfg`): one is read", BY_HAND)
+    return next(iter(orders), None)
+
+
+def unknown(term: str) -> PolicyError:
+    """The error for a term that is not known."""
+    return PolicyError(f"the observation term {term} is not known", f"{BY_HAND} with terms of {', '.join(TERMS)}")

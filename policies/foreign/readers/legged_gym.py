@@ -4,14 +4,13 @@ Sources: leggedrobotics/legged_gym `envs/base/legged_robot.py` (`compute_observa
 OpenRobotLab/HIMLoco, the same file: `env.num_one_step_observations`, newest step first, zeros at the start.
 """
 
+from dataclasses import replace
+
 from policies.base import PolicyError
 from policies.foreign.description import HeightGrid, PolicyDescription, Term
-from policies.foreign.readers.joint_orders import Joints, isaac_gym
+from policies.foreign.readers.joint_orders import isaac_gym
 from policies.foreign.readers.networks import exported
 from policies.foreign.readers.settings import BY_HAND, Settings
-
-HEIGHTS = (-1.0, 1.0)
-"""Clip of the height scan, whose numbers are the trunk's height over the ground minus 0.5 m."""
 
 
 def describe(settings: Settings) -> PolicyDescription:
@@ -22,18 +21,18 @@ def describe(settings: Settings) -> PolicyDescription:
     angles = settings.inside("init_state", "default_joint_angles")
     if (joints := isaac_gym(str(key) for key in angles.values)) is None:
         raise PolicyError(f"the order of the joints {', '.join(map(str, angles.values))} cannot be known", BY_HAND)
-    clip = normalization.number("clip_actions")
-    one_step = settings.inside("env").find("num_one_step_observations")
+    scale, clip = control.number("action_scale"), normalization.number("clip_actions")
+    hip = scale * control.number("hip_reduction", 1.0) * control.number("hip_scale_reduction", 1.0)
     return PolicyDescription(
         network=exported(settings.file),
         control_rate=1 / (control.number("decimation") * settings.inside("sim").number("dt")),
         joints=joints,
         default_position=tuple(angles.number(joint) for joint in joints),
-        action_scale=_action_scale(control, joints),
+        action_scale=(hip, scale, scale) * 4,
         action_clip=(-clip, clip),
-        stiffness=tuple(_gain(control, "stiffness", joint) for joint in joints),
-        damping=tuple(_gain(control, "damping", joint) for joint in joints),
-        terms=_terms(settings, normalization.inside("obs_scales"), one_step is not None),
+        stiffness=tuple(_gain(control.inside("stiffness"), joint) for joint in joints),
+        damping=tuple(_gain(control.inside("damping"), joint) for joint in joints),
+        terms=_terms(settings, normalization.inside("obs_scales")),
         observation_clip=normalization.number("clip_observations"),
         history_layout="time",
         history_newest="first",
@@ -41,58 +40,45 @@ def describe(settings: Settings) -> PolicyDescription:
     )
 
 
-def _gain(control: Settings, key: str, joint: str) -> float:
+def _gain(gains: Settings, joint: str) -> float:
     """Of the first key that is part of the joint's name."""
-    gains = control.inside(key)
     for part in gains.values:
         if str(part) in joint:
             return gains.number(part)
-    raise PolicyError(f"`{gains.above[:-1]}` in {control.file.name} has nothing for {joint}")
+    raise PolicyError(f"`{gains.above[:-1]}` in {gains.file.name} has nothing for {joint}")
 
 
-def _action_scale(control: Settings, joints: Joints) -> tuple[float, ...]:
-    """Smaller for the first joint of each leg in HIMLoco and walk-these-ways."""
-    scale = control.number("action_scale")
-    hips = control.number("hip_reduction", 1.0) * control.number("hip_scale_reduction", 1.0)
-    return tuple(scale * (hips if index % 3 == 0 else 1) for index in range(len(joints)))
-
-
-def _terms(settings: Settings, scales: Settings, him: bool) -> tuple[Term, ...]:
+def _terms(settings: Settings, scales: Settings) -> tuple[Term, ...]:
     env = settings.inside("env")
-    turn = Term("angular_velocity", (scales.number("ang_vel"),))
-    speed = scales.number("lin_vel")
-    command = Term("command", (speed, speed, turn.scale[0]))
-    gravity = Term("projected_gravity")
-    joints = [Term("joint_position", (scales.number("dof_pos"),)), Term("joint_velocity", (scales.number("dof_vel"),))]
-    action = Term("previous_action")
-    if him:
-        terms = [command, turn, gravity, *joints, action]
-        steps = env.number("num_observations") / (width := env.number("num_one_step_observations"))
+    total = env.number("num_observations")
+    speed, turn = scales.number("lin_vel"), scales.number("ang_vel")
+    first = [Term("angular_velocity", (turn,)), Term("projected_gravity")]
+    command = Term("command", (speed, speed, turn))
+    last = [
+        Term("joint_position", (scales.number("dof_pos"),)),
+        Term("joint_velocity", (scales.number("dof_vel"),)),
+        Term("previous_action"),
+    ]
+    if env.find("num_one_step_observations") is not None:
+        terms, one_step = [command, *first, *last], env.number("num_one_step_observations")
     else:
-        terms = [
-            Term("linear_velocity", (speed,)),
-            turn,
-            gravity,
-            command,
-            *joints,
-            action,
-            *_heights(settings, scales),
-        ]
-        steps, width = 1, env.number("num_observations")
-    known = sum(term.width for term in terms)
-    if width != known or steps != int(steps):
+        terms, one_step = (
+            [Term("linear_velocity", (speed,)), *first, command, *last, *_heights(settings, scales)],
+            total,
+        )
+    if one_step != (width := sum(term.width for term in terms)) or total % one_step:
         raise PolicyError(
-            f"`env.num_observations` in {env.file.name} is {env.number('num_observations'):g}, and legged_gym's terms "
-            f"are {known} numbers: which terms these are is not in the file",
+            f"the observation is {total:g} numbers, and legged_gym's terms are {width}: which terms they are is not "
+            f"in {env.file.name}",
             BY_HAND,
         )
-    return tuple(Term(each.name, each.scale, each.clip, int(steps), grid=each.grid) for each in terms)
+    return tuple(replace(each, history=int(total / one_step)) for each in terms)
 
 
 def _heights(settings: Settings, scales: Settings) -> list[Term]:
     terrain = settings.inside("terrain")
     if terrain.find("measure_heights") is not True:
         return []
-    x, y = (terrain.numbers(key, None) for key in ("measured_points_x", "measured_points_y"))
-    scale = scales.number("height_measurements")
-    return [Term("height_scan", (scale,), HEIGHTS, grid=HeightGrid(x, y, x_first=False, offset=0.5))]
+    x, y = terrain.numbers("measured_points_x", None), terrain.numbers("measured_points_y", None)
+    grid = HeightGrid(x, y, x_first=False, offset=0.5)
+    return [Term("height_scan", (scales.number("height_measurements"),), (-1.0, 1.0), grid=grid)]

@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from policies.base import PolicyError
-from policies.foreign.description import PolicyDescription, Range, Term
-from policies.foreign.readers.isaac_terms import history_of, scaled
+from policies.foreign.description import PolicyDescription, Term
+from policies.foreign.readers.isaac_terms import history_of, scaled, unknown
 from policies.foreign.readers.settings import BY_HAND, Settings
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.text import described
 
 CONTROL_RATE = 50.0
-_LISTS = "scale", "clip", "history_length"
 _TERMS = {
     "base_lin_vel": "linear_velocity",
     "base_ang_vel": "angular_velocity",
@@ -30,6 +29,7 @@ _TERMS = {
     "joint_vel": "joint_velocity",
     "actions": "previous_action",
 }
+_LISTS = "scale", "clip", "history_length"
 
 
 def describe(file: Path) -> PolicyDescription | None:
@@ -37,8 +37,9 @@ def describe(file: Path) -> PolicyDescription | None:
     metadata = _metadata(file)
     if not {"joint_names", "observation_names"} <= metadata.keys():
         return None
-    values = {key: _values(value) for key, value in metadata.items() if not key.endswith("_names")}
-    found = Settings(values | {key: metadata[key].split(",") for key in metadata if key.endswith("_names")}, file)
+    found = Settings(
+        {key: text.split(",") if key.endswith("_names") else _values(text) for key, text in metadata.items()}, file
+    )
     if len(commands := found.texts("command_names")) != 1:
         raise PolicyError(f"the commands are {', '.join(commands)}: one of velocities is read", BY_HAND)
     return PolicyDescription(
@@ -57,20 +58,16 @@ def _terms(found: Settings) -> tuple[Term, ...]:
     names = found.texts("observation_names")
     lists = [found.find(f"observation_terms_{key}") or [None] * len(names) for key in _LISTS]
     if any(not isinstance(each, list) or len(each) != len(names) for each in lists):
-        raise PolicyError(f"the metadata of {found.file.name} have other numbers of terms than `observation_names`")
+        raise PolicyError(f"`observation_terms_…` and `observation_names` in {found.file.name} differ in length")
     terms = []
     for name, *values in zip(names, *lists, strict=True):
         if name not in _TERMS:
-            raise PolicyError(f"of the observation term {name} the metadata say too little", BY_HAND)
+            raise unknown(name)
         each = Settings(dict(zip(_LISTS, values, strict=True)), found.file, f"{name}.")
-        term = Term(_TERMS[name], clip=_clip(each), history=history_of(each))
+        unbounded = isinstance(clip := each.find("clip"), list) and all(map(isinf, clip))
+        term = Term(_TERMS[name], clip=None if unbounded else each.range("clip"), history=history_of(each))
         terms.append(scaled(term, each))
     return tuple(terms)
-
-
-def _clip(each: Settings) -> Range | None:
-    clip = each.find("clip")
-    return None if isinstance(clip, list) and all(isinf(limit) for limit in clip) else each.range("clip")
 
 
 def _values(text: str) -> Any:
@@ -79,25 +76,19 @@ def _values(text: str) -> Any:
         found = json.loads(f"[{text.replace('inf', 'Infinity')}]")
     except (ValueError, RecursionError):
         return text
-    return found[0] if len(found) == 1 else found
+    return found[0] if len(found) == 1 and not isinstance(found[0], list) else found
 
 
 def _metadata(file: Path) -> dict[str, str]:
     """Metadata of a file that holds all of its network. Raises PolicyError where weights lie in another file."""
     try:
-        onnx = import_module("onnx")
+        model = import_module("onnx").load_model_from_string(read_bytes(file, LARGEST))
     except ModuleNotFoundError:
         raise PolicyError('ONNX files need onnx, which is not here: pip install -e ".[onnx]"') from None
-    try:
-        model = onnx.load_model_from_string(read_bytes(file, LARGEST))
-    except OSError as error:
-        raise PolicyError(f"cannot read {file.name} ({error.strerror})") from None
     except Exception as error:
-        raise PolicyError(f"{file.name} cannot be read as ONNX: {described(error)}") from None
+        raise PolicyError(f"it cannot be read as ONNX: {described(error)}") from None
     if _outside(model):
-        raise PolicyError(
-            f"the weights of {file.name} lie in another file", "write them into it: onnx.save(onnx.load(file), file)"
-        )
+        raise PolicyError("its weights lie in another file", "write them into it: onnx.save(onnx.load(file), file)")
     return {entry.key: entry.value for entry in model.metadata_props}
 
 
@@ -106,6 +97,6 @@ def _outside(message: Any) -> bool:
     for field, value in message.ListFields():
         if field.name == "external_data" or (field.name == "data_location" and value == 1):
             return True
-        if field.message_type is not None and any(map(_outside, value if field.is_repeated else [value])):
+        if field.message_type is not None and any(map(_outside, [value] if hasattr(value, "ListFields") else value)):
             return True
     return False

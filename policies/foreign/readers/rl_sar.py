@@ -7,8 +7,8 @@ Sources: fan-ziqi/rl_sar `library/core/rl_sdk/rl_sdk.cpp` and `observation_buffe
 from typing import Any, Literal
 
 from policies.base import PolicyError
-from policies.foreign.description import TERMS, PolicyDescription, Range, Term
-from policies.foreign.readers.isaac_terms import scaled
+from policies.foreign.description import PolicyDescription, Range, Term
+from policies.foreign.readers.isaac_terms import scaled, unknown
 from policies.foreign.readers.joint_orders import Joints
 from policies.foreign.readers.networks import named
 from policies.foreign.readers.settings import BY_HAND, Settings, load
@@ -16,26 +16,32 @@ from policies.foreign.readers.settings import BY_HAND, Settings, load
 _TERMS = {
     "lin_vel": ("linear_velocity", "lin_vel_scale"),
     "ang_vel": ("angular_velocity", "ang_vel_scale"),
-    "gravity_vec": ("projected_gravity", None),
+    "gravity_vec": ("projected_gravity", ""),
     "commands": ("command", "commands_scale"),
     "dof_pos": ("joint_position", "dof_pos_scale"),
     "dof_vel": ("joint_velocity", "dof_vel_scale"),
-    "actions": ("previous_action", None),
+    "actions": ("previous_action", ""),
 }
 
 
 def describe(settings: Settings) -> PolicyDescription:
     """The policy of a `config.yaml`, whose settings lie under the name of its folder. Raises PolicyError."""
-    found = _with_base(settings)
+    ((_, own),) = settings.groups()
+    file = settings.file.parent.parent / "base.yaml"
+    base = next((each for _, each in load(file).groups()), None) if file.is_file() else None
+    found = Settings((base.values if base else {}) | own.values, settings.file, own.above)
+    for key in ("dt", "decimation", "num_of_dofs"):
+        if base and base.find(key) not in (None, found.find(key)):
+            raise _disagreement(settings, key)
     if (count := found.number("num_of_dofs", 12)) != 12:
-        raise PolicyError(f"`num_of_dofs` in {settings.file.name} is {count:g}: policies of 12 joints are read")
+        raise PolicyError(f"`num_of_dofs` is {count:g}: policies of 12 joints are read")
     if found.find("hip_scale_reduction") is not None:
         raise found.wrong("hip_scale_reduction", "in `action_scale`, joint by joint")
     steps, newest = _history(found)
     return PolicyDescription(
         network=named(settings.file.parent, str(found.get("model_name"))),
         control_rate=1 / (found.number("dt") * found.number("decimation")),
-        joints=_joints(settings, found),
+        joints=_joints(own, base, found),
         default_position=found.numbers("default_dof_pos"),
         action_scale=found.numbers("action_scale"),
         action_clip=_action_clip(found),
@@ -49,58 +55,38 @@ def describe(settings: Settings) -> PolicyDescription:
     )
 
 
-def _with_base(settings: Settings) -> Settings:
-    """The settings, and those of the base that they do not give."""
-    ((_, own),) = settings.groups()
-    base = _base(settings)
-    for key in ("dt", "decimation", "num_of_dofs"):
-        if None not in (own.find(key), base.find(key)) and own.find(key) != base.find(key):
-            raise _disagree(settings, key)
-    return Settings(base.values | own.values, settings.file, own.above)
-
-
-def _base(settings: Settings) -> Settings:
-    file = settings.file.parent.parent / "base.yaml"
-    return next((each for _, each in load(file).groups()), Settings({}, file)) if file.is_file() else Settings({}, file)
-
-
-def _disagree(settings: Settings, key: str) -> PolicyError:
+def _disagreement(settings: Settings, key: str) -> PolicyError:
     return PolicyError(f"`{key}` in {settings.file.name} and in ../base.yaml disagree", "make them one")
 
 
-def _joints(settings: Settings, found: Settings) -> Joints:
+def _joints(own: Settings, base: Settings | None, found: Settings) -> Joints:
     """Names in the policy's order: those in the file itself, or the base's by `joint_mapping`."""
-    ((_, own),) = settings.groups()
-    listed = [_names(each) for each in (own, _base(settings))]
-    if listed[1] and (listed[0] is None or own.find("joint_mapping") is not None):
-        if len(listed[1]) != 12:
-            raise PolicyError(f"base.yaml names {len(listed[1])} joints: policies of 12 are read")
-        listed[1] = tuple(listed[1][each] for each in found.order("joint_mapping"))
-        if listed[0] not in (None, listed[1]):
-            raise _disagree(settings, "joint_names")
-    if (names := listed[0] or listed[1]) is None:
-        raise PolicyError(f"neither {settings.file.name} nor ../base.yaml has `joint_names`", f"add it, or {BY_HAND}")
+    names, motors = _names(own), _names(base) if base else None
+    if motors and (names is None or own.find("joint_mapping") is not None):
+        mapped = tuple(motors[each] for each in found.order("joint_mapping")) if len(motors) == 12 else motors
+        if names not in (None, mapped):
+            raise _disagreement(own, "joint_names")
+        return mapped
+    if names is None:
+        raise PolicyError(f"neither {own.file.name} nor ../base.yaml has `joint_names`", f"add it, or {BY_HAND}")
     return names
 
 
 def _names(settings: Settings) -> Joints | None:
-    for key, end in (("joint_names", ""), ("joint_controller_names", "_controller")):
-        if settings.find(key) is not None:
-            return tuple(f"{name.removesuffix(end)}_joint" if end else name for name in settings.texts(key))
-    return None
+    if settings.find("joint_names") is not None:
+        return settings.texts("joint_names")
+    if settings.find("joint_controller_names") is None:
+        return None
+    return tuple(name.replace("_controller", "_joint") for name in settings.texts("joint_controller_names"))
 
 
 def _terms(found: Settings, steps: int) -> tuple[Term, ...]:
     terms = []
     for name in found.texts("observations"):
         if name not in _TERMS:
-            raise PolicyError(
-                f"the observation term {name} is not known", f"{BY_HAND} with terms of {', '.join(TERMS)}"
-            )
+            raise unknown(name)
         term, key = _TERMS[name]
-        if key is not None:
-            found.get(key)
-        terms.append(scaled(Term(term, history=steps), found, key or ""))
+        terms.append(scaled(Term(term, history=steps), found, key and found.get(key) and key))
     if (width := sum(term.width for term in terms)) != found.number("num_observations", width):
         raise found.wrong("num_observations", f"{width}, the numbers of `observations`")
     return tuple(terms)

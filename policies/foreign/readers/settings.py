@@ -16,7 +16,6 @@ from quad_env.files.text import described
 
 LARGEST, LINES = 2**20, 20_000
 """Most bytes and lines of a file; deployment files have a few thousand lines at most."""
-JOINTS = 12
 BY_HAND = "write a TOML (docs/deployment-files.md)"
 """What to do about what a file does not say."""
 _TAG = "tag:yaml.org,2002:python/"
@@ -43,12 +42,12 @@ class Settings:
 
     def inside(self, *keys: str) -> "Settings":
         """The settings that keys hold, one in the other."""
-        if not keys:
-            return self
-        found = Settings({}, self.file, f"{self.above}{keys[0]}.")
-        if not isinstance(value := self.get(keys[0]), dict):
-            raise self.wrong(keys[0], "settings by key")
-        return Settings(value, found.file, found.above).inside(*keys[1:])
+        found = self
+        for key in keys:
+            if not isinstance(value := found.get(key), dict):
+                raise found.wrong(key, "settings by key")
+            found = Settings(value, self.file, f"{found.above}{key}.")
+        return found
 
     def groups(self) -> Iterator[tuple[str, "Settings"]]:
         """Keys that hold settings, with these, in order."""
@@ -56,12 +55,13 @@ class Settings:
 
     def number(self, key: str, otherwise: float | None = None) -> float:
         """A finite number."""
-        value = self.get(key) if otherwise is None or self.find(key) is not None else otherwise
-        if (found := _number(value)) is None:
+        if otherwise is not None and self.find(key) is None:
+            return otherwise
+        if (found := _number(self.get(key))) is None:
             raise self.wrong(key, "a number")
         return found
 
-    def numbers(self, key: str, count: int | None = JOINTS) -> Numbers:
+    def numbers(self, key: str, count: int | None = 12) -> Numbers:
         """So many finite numbers, where one can stand for all; None: as many as there are."""
         value = self.get(key)
         found = [_number(each) for each in (value if isinstance(value, list) else [value] * (count or 1))]
@@ -78,18 +78,16 @@ class Settings:
 
     def texts(self, key: str) -> tuple[str, ...]:
         """A list of texts; one is a list of its own."""
-        value = self.get(key)
-        values = [value] if isinstance(value, str) else value
+        values = [value] if isinstance(value := self.get(key), str) else value
         if not isinstance(values, list) or not all(isinstance(each, str) for each in values):
             raise self.wrong(key, "a list of names")
         return tuple(values)
 
     def order(self, key: str) -> tuple[int, ...]:
         """The numbers from 0 to 11, in some order."""
-        found = self.numbers(key)
-        if sorted(found) != list(range(JOINTS)):
+        if sorted(found := self.numbers(key)) != list(range(12)):
             raise self.wrong(key, "the numbers from 0 to 11 in some order")
-        return tuple(int(each) for each in found)
+        return tuple(map(int, found))
 
     def by_pattern(self, key: str, joints: tuple[str, ...], otherwise: float | None = None) -> Numbers:
         """A number for each joint: one for all, or one for each regular expression over whole names, as in Isaac Lab.
@@ -129,19 +127,14 @@ def load(file: Path) -> Settings:
         content = read_bytes(file, LARGEST)
         if (lines := content.count(b"\n")) > LINES:
             raise PolicyError(f"{file.name} has {lines} lines: no deployment file has over {LINES}")
-        text = content.decode()
-        found = parse_json(text) if file.suffix.lower() == ".json" else _yaml(text)
+        found = parse_json(content) if file.suffix.lower() == ".json" else _yaml(content.decode())
     except OSError as error:
         raise PolicyError(f"cannot read {file.name} ({error.strerror})") from None
     except (ValueError, RecursionError) as error:
-        raise error if isinstance(error, PolicyError) else _unreadable(file, error) from None
+        raise error if isinstance(error, PolicyError) else PolicyError(f"no settings: {described(error)}") from None
     if not isinstance(found, dict):
         raise PolicyError(f"{file.name} holds no settings by key")
     return Settings(found, file)
-
-
-def _unreadable(file: Path, error: Exception) -> PolicyError:
-    return PolicyError(f"{file.name} cannot be read: {described(error)}")
 
 
 def _yaml(text: str) -> Any:
@@ -149,10 +142,8 @@ def _yaml(text: str) -> Any:
         yaml = import_module("yaml")
     except ModuleNotFoundError:
         raise PolicyError('YAML files need pyyaml, which is not here: pip install -e ".[onnx]"') from None
-    base = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    loader = type("Loader", (base,), {})
-    loader.add_multi_constructor(_TAG, _python)  # type: ignore[attr-defined]
-    loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)  # type: ignore[attr-defined]
+    loader: Any = type("Loader", (getattr(yaml, "CSafeLoader", yaml.SafeLoader),), {})
+    loader.add_multi_constructor(_TAG, _python)
     try:
         return yaml.load(text, loader)
     except yaml.YAMLError as error:
@@ -165,17 +156,8 @@ def _python(loader: Any, kind: str, node: Any) -> Any:
         return loader.construct_sequence(node, deep=True)
     if kind == "object/apply:builtins.slice":
         return None
-    raise PolicyError(
-        f"line {node.start_mark.line + 1} has the tag !!python/{kind}: no Python objects are made from a file",
-        "write the value itself",
-    )
-
-
-def _mapping(loader: Any, node: Any) -> Any:
-    keys = [key.value for key, _ in node.value if isinstance(key.value, str)]
-    if twice := [key for key in keys if key != "<<" and keys.count(key) > 1]:
-        raise PolicyError(f"the key {twice[0]} is given twice on line {node.start_mark.line + 1} or after")
-    return loader.construct_mapping(node, deep=True)
+    line = node.start_mark.line + 1
+    raise PolicyError(f"line {line} has the tag !!python/{kind}, which is not followed", "write the value itself")
 
 
 def _number(value: object) -> float | None:

@@ -5,17 +5,19 @@ import os
 import tomllib
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
+from reprlib import repr as shortened
 from typing import Any, TextIO, TypeVar
 
 from policies.base import PolicyError
 from policies.foreign.description import Clock, HeightGrid, PolicyDescription, Term
 from policies.foreign.readers.joint_orders import by_leg
+from policies.foreign.readers.networks import named
 from quad_env.files.reading import read_bytes
 
 LARGEST = 2**20
-Made = TypeVar("Made", PolicyDescription, Term, Clock, HeightGrid)
 OF_JOINTS = ("default_position", "action_scale", "stiffness", "damping", "action_offset", "target_clip")
 """Fields of twelve values: one stands for all, and a table gives one for each part of a name, such as `hip`."""
+Made = TypeVar("Made", PolicyDescription, Term, Clock, HeightGrid)
 
 
 def describe(file: Path) -> PolicyDescription:
@@ -23,67 +25,67 @@ def describe(file: Path) -> PolicyDescription:
     try:
         found = tomllib.loads(read_bytes(file, LARGEST).decode())
     except OSError as error:
-        raise PolicyError(f"cannot read {file.name} ({error.strerror})") from None
+        raise PolicyError(f"it cannot be read ({error.strerror})") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise PolicyError(f"it is no TOML: {error}") from None
-    network = file.parent / str(found.get("network", ""))
-    if "network" in found and not network.is_file():
-        raise PolicyError(f"there is no network {network}")
+    if "network" in found:
+        found["network"] = Path(os.path.abspath(named(file.parent, str(found["network"]))))
     for name in ("joints", "observed_joints"):
-        if isinstance(given := found.get(name), list) and len(given) == 4:
-            found[name] = by_leg(" ".join(map(str, given)))
-    joints = [str(joint) for joint in found.get("joints", ())]
-    found |= {name: _of_joints(name, found[name], joints) for name in OF_JOINTS if name in found}
+        if isinstance(legs := found.get(name), list) and len(legs) == 4:
+            found[name] = by_leg(" ".join(map(str, legs)))
+    found |= {name: _of_joints(name, found[name], found.get("joints")) for name in OF_JOINTS if name in found}
     if isinstance(terms := found.get("terms"), list):
         found["terms"] = tuple(_term(each) for each in terms)
-    return _made(PolicyDescription, found | {"network": Path(os.path.abspath(network))})
+    return _made(PolicyDescription, found)
 
 
 def write_toml(description: PolicyDescription, target: Path | TextIO) -> None:
     """Write a TOML of which `describe` gives the same value; in a file, the network is relative to its folder."""
     folder = target.absolute().parent if isinstance(target, Path) else None
-    lines = [f"{name} = {value}" for name, value in _lines(description, folder)]
-    text = "# What a policy reads and commands: docs/deployment-files.md\n" + "\n".join(lines) + "\n"
+    lines = [f"{name} = {value}\n" for name, value in _fields(description, folder)]
+    text = "".join(["# What a policy reads and commands: docs/deployment-files.md\n", *lines])
     if isinstance(target, Path):
         target.write_text(text, encoding="utf-8")
     else:
         target.write(text)
 
 
-def _of_joints(name: str, value: Any, joints: list[str]) -> Any:
+def _of_joints(name: str, value: Any, joints: Any) -> Any:
     """Twelve values of what stands for them."""
-    if isinstance(value, dict):
-        keys = [[key for key in value if key in joint] for joint in joints]
-        if wrong := [joint for joint, found in zip(joints, keys, strict=True) if len(found) != 1]:
+    if isinstance(value, dict) and isinstance(joints, list | tuple):
+        parts = [[part for part in value if part in str(joint)] for joint in joints]
+        if wrong := [joint for joint, found in zip(joints, parts, strict=True) if len(found) != 1]:
             raise PolicyError(f"`{name}` must have one of {', '.join(value)} in the name of {wrong[0]}")
-        return [value[key] for (key,) in keys]
-    one = isinstance(value, list) and len(value) == 2 and not isinstance(value[0], list)
-    return value if isinstance(value, list) and not one else [value] * 12
+        return [value[part] for (part,) in parts]
+    twelve = isinstance(value, list) and (len(value) != 2 or isinstance(value[0], list))
+    return value if twelve else [value] * 12
 
 
 def _term(given: Any) -> Term:
     """A term by name, or by its fields."""
     if not isinstance(given, dict):
         return _made(Term, {"name": given})
-    given = dict(given)
+    made: dict[str, Any] = {}
     if "clock" in given:
-        given["clock"] = _made(Clock, given["clock"])
+        made["clock"] = _made(Clock, given["clock"])
     if "grid" in given:
-        given["grid"] = _made(HeightGrid, given["grid"])
-    if not isinstance(scale := given.get("scale", []), list):
-        given["scale"] = [scale]
-    return _made(Term, given)
+        made["grid"] = _made(HeightGrid, given["grid"])
+    if _is_number(given.get("scale")):
+        made["scale"] = (given["scale"],)
+    return _made(Term, given | made)
 
 
 def _made(kind: type[Made], given: Any) -> Made:
-    """A dataclass of given fields. Raises PolicyError for unknown and for missing ones."""
-    if not isinstance(given, dict):
-        raise PolicyError(f"{given!r:.80} must be a table of {', '.join(each.name for each in fields(kind))}")
-    names = {each.name: each.default is MISSING for each in fields(kind)}
-    if unknown := [name for name in given if name not in names]:
-        raise PolicyError(f"there is no `{unknown[0]}`", f"the names are {', '.join(names)}")
-    if missing := [name for name, needed in names.items() if needed and name not in given]:
-        raise PolicyError(f"`{missing[0]}` is missing")
+    """A dataclass of given fields. Raises PolicyError for unknown and missing ones, and for what they cannot be."""
+    names = {each.name: each.default for each in fields(kind)}
+    if not isinstance(given, dict) or not given.keys() <= names.keys():
+        wrong = next((name for name in given if name not in names), "") if isinstance(given, dict) else shortened(given)
+        raise PolicyError(f"`{wrong}` is not known", f"the names are {', '.join(names)}")
+    for name, default in names.items():
+        if default is MISSING and name not in given:
+            raise PolicyError(f"`{name}` is missing")
+        if isinstance(default, bool) and not isinstance(given.get(name, default), bool):
+            raise PolicyError(f"`{name}` must be true or false, not {shortened(given[name])}")
     return kind(**{name: _tuples(value) for name, value in given.items()})
 
 
@@ -91,12 +93,14 @@ def _tuples(value: Any) -> Any:
     return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
 
 
-def _lines(value: Any, folder: Path | None = None) -> list[tuple[str, str]]:
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float)
+
+
+def _fields(value: Any, folder: Path | None = None) -> list[tuple[str, str]]:
     """Fields other than their defaults, as TOML."""
-    given = [
-        (each.name, getattr(value, each.name)) for each in fields(value) if getattr(value, each.name) != each.default
-    ]
-    return [(name, _text(_brief(name, each, folder))) for name, each in given]
+    given = [(each.name, getattr(value, each.name), each.default) for each in fields(value)]
+    return [(name, _text(_brief(name, each, folder))) for name, each, default in given if each != default]
 
 
 def _brief(name: str, value: Any, folder: Path | None) -> Any:
@@ -112,7 +116,7 @@ def _text(value: Any) -> str:
     if isinstance(value, bool | str):
         return json.dumps(value, ensure_ascii=False)
     if is_dataclass(value):
-        return "{ " + ", ".join(f"{name} = {text}" for name, text in _lines(value)) + " }"
+        return "{ " + ", ".join(f"{name} = {text}" for name, text in _fields(value)) + " }"
     if not isinstance(value, tuple):
         return repr(value)
     parts = [_text(each) for each in value]
