@@ -2,6 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,7 +37,8 @@ class Policy(ABC):
     One row's actions depend on that row's observations and resets alone: the same bits in any batch.
 
     Args:
-        robot: whose joints it moves; a `quad_env.Robot`, or what `policies.make` takes for one, such as "go1".
+        robot: whose joints it moves; a `quad_env.Robot`, or what `policies.make` takes for one, such as "go1". The
+            policy's `robot` has the servo gains that the policy commands: its environment is to be made with it.
         control_period: time between two calls of `act`, s: an environment's `dt`.
     """
 
@@ -47,10 +49,14 @@ class Policy(ABC):
     height_scan: HeightScan | None = None
     """The scan that its environment is to have; None: it is shown none."""
 
+    stiff_servos: ClassVar[bool] = False
+    """Whether it commands the robot's `stiff_servo`, since softer servos would yield too far under its targets."""
+
     def __init__(self, *, robot: str | Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         if not 0.0 < control_period < math.inf:
             raise ValueError(f"control_period must be a time above 0 s, not {control_period}")
-        self.robot = robot_of(robot)
+        found = robot_of(robot)
+        self.robot = found.stiffer if self.stiff_servos else found
         self.control_period = control_period
         self.num_envs = 1
 
@@ -59,12 +65,18 @@ class Policy(ABC):
         return self.robot == robot and math.isclose(self.control_period, control_period)
 
     def check_fits(self, robot: Robot, control_period: float) -> None:
-        """Raise ValueError, which names the remedy, unless it was made for that robot and that control period, s."""
+        """Raise ValueError, which names the remedy, unless it was made for that robot, its servo gains and that control
+        period, s."""
         if not self.fits(robot, control_period):
             raise ValueError(
                 f"{self.name} was made for {self.robot.name} with a control period of {self.control_period:g} s, not "
                 f"for {robot.name} with one of {control_period:g} s: make it for its environment, "
                 f'policies.make("{self.name}", robot=env.unwrapped.robot, control_period=env.unwrapped.dt)'
+            )
+        if self.robot.servo != robot.servo:
+            raise ValueError(
+                f"{self.name} commands servos of {self.robot.servo}, but the environment's have {robot.servo}: make it "
+                "with robot=policy.robot"
             )
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
@@ -121,6 +133,7 @@ class GaitedPolicy(Policy):
 
     frequency: float
     """Gait cycles a second, Hz."""
+    stiff_servos = True
     leg_offsets: tuple[float, ...]
     """Phase of each leg ahead of the clock in the gait that it starts with, rad."""
 

@@ -50,6 +50,7 @@ _LATER_FIELDS: dict[str, Any] = {
     "inputs": {},
     "hold": 1,
     "foothold_authority": NO_SHIFT.tolist(),
+    "servo": None,
 }
 """Fields that older bundles lack, and what these were made for."""
 _REMOVED_FIELDS = {
@@ -87,6 +88,7 @@ def description_of(
         "foothold_authority": policy.shift_authority.tolist(),
         "inputs": asdict(policy.features.inputs),
         "hold": policy.hold,
+        "servo": [policy.robot.servo_stiffness.tolist(), policy.robot.servo_damping.tolist()],
         "training": dict(training),
         "git_revision": git_revision,
         "weights_sha256": weights_sha256,
@@ -155,8 +157,9 @@ def _check_environment(folder: Path, description: dict[str, Any], robot: Robot) 
 def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) -> tuple[Robot, float]:
     """The robot, if it is the one that is given, and the control period, s."""
     name, control_period = description["robot"], description["control_period"]
+    robot = None if robot is None else _commanded(folder, description, robot)
     if robot is None or (name != robot.name and not _is_of(description, robot)):
-        robot = _named(folder, name)
+        robot = _commanded(folder, description, _named(folder, name))
     if description["joints"] != list(robot.joint_names):
         fail(folder, f"it was trained on other joints than those of {robot.name}, or in another order")
     if description["model_sha256"] is not None and description["model_sha256"] != robot.sha256:
@@ -164,6 +167,15 @@ def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) ->
     if not is_number(control_period) or not 0.0 < control_period <= _LONGEST_PERIOD:
         fail(folder, f"control_period must be a time above 0 s, at most {_LONGEST_PERIOD:g} s")
     return robot, float(control_period)
+
+
+def _commanded(folder: Path, description: dict[str, Any], robot: Robot) -> Robot:
+    """The robot with the servo gains that the policy was trained with; bundles of before 0.3 have stiff ones."""
+    try:
+        stiffness, damping = robot.stiff_servo if description["servo"] is None else description["servo"]
+        return robot.with_servo(stiffness, damping)
+    except (TypeError, ValueError):
+        fail(folder, f"servo must be stiffness and damping of {robot.num_joints} joints, above 0")
 
 
 def _is_of(description: dict[str, Any], robot: Robot) -> bool:

@@ -16,6 +16,7 @@ class Stand(Policy):
     """Home pose, always."""
 
     name = "stand"
+    stiff_servos = True
 
     @cached_property
     def pose(self) -> Floats:

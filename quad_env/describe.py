@@ -72,10 +72,7 @@ def text(robot: Robot) -> Iterator[str]:
     centre = "" if np.allclose(robot.trunk_centre, 0.0, atol=5e-3) else f" about {_place(robot.trunk_centre)} m"
     size = " × ".join(f"{size:.2f}" for size in robot.trunk_size)
     yield f"trunk        {size} m{centre}, {robot.home_height:.3f} m high"
-    yield (
-        f"servos       {robot.servo_stiffness:.0f} N·m/rad, {robot.servo_damping:.1f} N·m·s/rad, "
-        f"at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s"
-    )
+    yield (f"servos       {robot.servo}, at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s")
     if robot.held:
         yield f"joints       held at their reference: {', '.join(robot.held)}"
     if robot.imported:
@@ -102,7 +99,9 @@ def standing(robot: Robot, picture: Path | None = None) -> str:
     from quad_env.config import TaskConfig
     from quad_env.envs.env import SimpleQuadEnv
 
-    env = SimpleQuadEnv(robot=robot, render_mode=None if picture is None else "rgb_array", terminate_on_fall=False)
+    env = SimpleQuadEnv(
+        robot=robot.stiffer, render_mode=None if picture is None else "rgb_array", terminate_on_fall=False
+    )
     env.reset(seed=0, options={"command": np.zeros(3)})
     steps = round(STAND_TIME * TaskConfig().control_rate)
     for _ in range(steps):

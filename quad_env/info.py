@@ -39,7 +39,7 @@ def _head(robot: Robot) -> Iterator[str]:
     )
     yield (
         f"joints       at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:g} rad/s, servos "
-        f"{robot.servo_stiffness:g} N·m/rad and {robot.servo_damping:g} N·m·s/rad"
+        f"{robot.servo}"
     )
     yield f"time         control at {task.control_rate:g} Hz, episodes of {steps / task.control_rate:g} s"
 

@@ -22,7 +22,7 @@ def main(options: Options) -> int:
     if not shows_windows():
         raise UsageError("view opens a window and needs a display")
     robot = robot_named(options.robot)
-    env = SimpleQuadEnv(robot=robot, terminate_on_fall=False)
+    env = SimpleQuadEnv(robot=robot.stiffer, terminate_on_fall=False)
     env.reset(seed=0)
     window = Window(env.model)
     try:

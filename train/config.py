@@ -152,6 +152,9 @@ class TrainConfig:
     """Length of a training episode, control steps."""
     robot: str = "simple_quad"
     """Robot that is trained: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
+    servo: str = ""
+    """Stiffness/damping of the servos in training and validation, N·m/rad and N·m·s/rad, such as 35/0.5; by default
+    those of the base policy."""
     actuator: str = "ideal"
     """Motors in training and validation, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"
@@ -185,7 +188,7 @@ class TrainConfig:
     @property
     def hardware(self) -> Hardware:
         """Hardware of the robots."""
-        return Hardware(self.actuator, self.sensors, self.estimator, self.robot)
+        return Hardware(self.actuator, self.sensors, self.estimator, self.robot, self.servo)
 
     @property
     def complete_validation(self) -> ValidationConfig:

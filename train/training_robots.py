@@ -253,7 +253,7 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
         autoreset_mode=AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps,
         config=TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards, reward_terms=load(config.reward_terms)),
-        **dataclasses.asdict(config.hardware),
+        **config.hardware.environment(robot.stiffer),
     )
 
 

@@ -40,6 +40,9 @@ class Options:
     """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
     robot: str = "simple_quad"
     """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
+    servo: str = ""
+    """Stiffness/damping of the servos for every controller of ours, N·m/rad and N·m·s/rad, such as 35/0.5. By default
+    each policy commands its own; policies from outside always do."""
     actuator: str = "ideal"
     """Motors of the joints, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"
@@ -69,7 +72,7 @@ class Options:
     @property
     def hardware(self) -> Hardware:
         """Hardware of the robots."""
-        return Hardware(self.actuator, self.sensors, self.estimator, self.robot)
+        return Hardware(self.actuator, self.sensors, self.estimator, self.robot, self.servo)
 
     @property
     def battery(self) -> tuple[str, ...]:

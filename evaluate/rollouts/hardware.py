@@ -3,7 +3,7 @@
 import sys
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from quad_env.cli.command_line import UsageError
 
@@ -21,17 +21,33 @@ class Hardware:
     estimator: str = "complementary"
     robot: str = "simple_quad"
     """Or the path of its MJCF, URDF or TOML."""
+    servo: str = ""
+    """Stiffness and damping of the servos for every controller of ours, N·m/rad and N·m·s/rad, such as 35/0.5; without,
+    each policy commands its own."""
 
     @property
     def quadruped(self) -> "Robot":
-        """The robot of that name. Raises as `quad_env.robots.named.robot_of`."""
+        """The robot of that name, with those servos. Raises as `quad_env.robots.named.robot_of`."""
         from quad_env.robots.named import robot_of
 
-        return robot_of(self.robot)
+        robot = robot_of(self.robot)
+        if not self.servo:
+            return robot
+        try:
+            stiffness, damping = map(float, self.servo.split("/"))
+            return robot.with_servo(stiffness, damping)
+        except ValueError:
+            gains = "stiffness and damping above 0, such as 35/0.5"
+            raise ValueError(f"servo is {gains} (N·m/rad, N·m·s/rad), not {self.servo!r}") from None
+
+    def environment(self, robot: "Robot") -> dict[str, Any]:
+        """Keyword arguments of an environment of the robot, with the servo gains of one that a policy is made for."""
+        own = self.quadruped.with_servo(robot.servo_stiffness, robot.servo_damping)
+        return {"actuator": self.actuator, "sensors": self.sensors, "estimator": self.estimator, "robot": own}
 
     def as_json(self) -> dict[str, str]:
-        """The names; estimator and robot only where they are not the usual ones, as before there were others."""
-        names, later = asdict(self), ("estimator", "robot")
+        """The names; later ones only where they are not the usual ones, as before there were others."""
+        names, later = asdict(self), ("estimator", "robot", "servo")
         return {name: value for name, value in names.items() if name not in later or value != getattr(IDEAL, name)}
 
     def policy(self, name_or_path: str, trust: bool = False) -> "Policy":
@@ -49,7 +65,8 @@ IDEAL = Hardware()
 def words(hardware: Hardware) -> str:
     """` Robot: go1. Motors: motor; sensors: typical.`, an unusual estimator named too; nothing of what is usual."""
     robot = "" if hardware.robot == IDEAL.robot else f" Robot: {hardware.robot}."
-    if replace(hardware, robot=IDEAL.robot) == IDEAL:
+    robot += f" Servos: {hardware.servo}." if hardware.servo else ""
+    if replace(hardware, robot=IDEAL.robot, servo="") == IDEAL:
         return robot
     estimator = "" if hardware.estimator == IDEAL.estimator else f"; estimator: {hardware.estimator}"
     return f"{robot} Motors: {hardware.actuator}; sensors: {hardware.sensors}{estimator}."

@@ -5,7 +5,6 @@ One episode an environment, so that short ones are never over-counted.
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -151,7 +150,7 @@ def batch_of(
         terminate_on_fall=terminate_on_fall,
         readings=True,
         height_scan=policy.height_scan,
-        **asdict(hardware),
+        **hardware.environment(policy.robot),
     )
 
 

@@ -25,6 +25,7 @@ class Driven(Policy):
     """A policy that is driven from outside: stands until `follow`; every robot of it follows the same targets."""
 
     name = "driven"
+    stiff_servos = True
 
     def __init__(self, *, robot: Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         super().__init__(robot=robot, control_period=control_period)

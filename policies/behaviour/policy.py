@@ -10,7 +10,6 @@ from policies.behaviour.recovery import Recovery, RecoveryParameters
 from policies.behaviour.transitions import State
 from policies.trot.open_loop import Trot
 from quad_env import OBSERVATION
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -37,6 +36,7 @@ class Behaviour(Policy):
     """
 
     name = "behaviour"
+    stiff_servos = True
 
     def __init__(
         self,
@@ -48,8 +48,8 @@ class Behaviour(Policy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        robot = robot_of(robot)
         super().__init__(robot=robot, control_period=control_period)
+        robot = self.robot
         self._gait = gait if gait is not None else Trot(robot=robot, control_period=control_period)
         self._gait.check_fits(robot, control_period)
         self._follow = follow

@@ -79,7 +79,11 @@ class Clock:
 
     def __post_init__(self) -> None:
         _check(self, frequency=(1,), phases=())
-        if not self.parts or not set(self.parts) <= {"sin", "cos"}:
+        if (
+            not self.parts
+            or not isinstance(self.parts, tuple)
+            or any(part not in ("sin", "cos") for part in self.parts)
+        ):
             raise PolicyError(f"`parts` of a clock must be of sin, cos, not {shortened(self.parts)}")
 
 
@@ -179,7 +183,8 @@ class PolicyDescription:
             raise PolicyError(f"`target_clip` must be 12 ranges, not {len(self.target_clip)}")
         for each in self.target_clip or ():
             _check_range("target_clip", each)
-        if not self.terms or not all(isinstance(term, Term) for term in self.terms):
+        terms = self.terms if isinstance(self.terms, tuple) else ()
+        if not terms or not all(isinstance(term, Term) for term in terms):
             raise PolicyError("`terms` must be one term or more", f"the terms are {', '.join(TERMS)}")
         if self.history_layout == "time" and len({term.history for term in self.terms}) > 1:
             raise PolicyError("with the history_layout `time`, all terms must have the same history")

@@ -7,12 +7,15 @@ from pathlib import Path
 from policies.base import PolicyError
 from policies.foreign import readers
 from policies.foreign.description import PolicyDescription
+from policies.foreign.readers.settings import BY_HAND
 from quad_env.files.reading import check_file
 
 DESCRIBED = ".onnx", ".pt", ".toml", ".yaml", ".yml", ".json"
 """Ends of the names of files that may describe a policy, or that one next to them describes."""
 KINDS = ".py", ".zip", *DESCRIBED
 """How the names of files end that are read."""
+BESIDE = ".toml", ".yaml", ".json"
+"""Of files that describe the .pt of their name."""
 UNSUPPORTED = ".pth", ".jit", ".ckpt", ".h5", ".pkl"
 """Files of networks that are not read."""
 _NEEDS = {
@@ -42,12 +45,10 @@ class Reference:
     @property
     def content(self) -> bytes:
         """All that is read of it."""
-        files, said = [self.file, *([self.normaliser] if self.normaliser else [])], b""
-        if self.description is not None:
-            network = self.description.network
-            files.append(network)
-            said = repr(replace(self.description, network=Path(network.name))).encode()
-        return b"".join(file.read_bytes() for file in files) + said
+        network = None if self.description is None else self.description.network
+        files = [file for file in dict.fromkeys((self.file, self.normaliser, network)) if file is not None]
+        said = "" if self.description is None else repr(replace(self.description, network=Path(self.file.name)))
+        return b"".join(file.read_bytes() for file in files) + said.encode()
 
     def __str__(self) -> str:
         return f"{self.name} in {self.file}" if self.name else str(self.file)
@@ -110,15 +111,19 @@ def _check_file(file: Path) -> None:
 
 
 def _description(file: Path) -> PolicyDescription | None:
-    """What the files say of the policy; None of an ONNX of which they say nothing. Raises PolicyError."""
-    if (found := readers.read(file)) is not None:
-        return replace(found, network=found.network.absolute())
-    if file.suffix.lower() == ".onnx":
-        return None
-    raise PolicyError(
-        f"{file} does not say how its policy is run",
-        f"describe it in {file.with_suffix('.toml').name} next to it: docs/your-policy.md",
-    )
+    """What a file says of the policy, or of a .pt the file of its name next to it; None of an ONNX that says nothing.
+
+    Raises PolicyError.
+    """
+    if file.suffix.lower() == ".pt":
+        beside = [place for end in BESIDE if (place := file.with_suffix(end)).is_file()]
+        found = readers.read(beside[0]) if beside else None
+        if found is None:
+            name = file.with_suffix(BESIDE[0]).name
+            raise PolicyError(f"{file} does not say how its network is run", f"{BY_HAND} next to it as {name}")
+        return replace(found, network=file.absolute())
+    found = readers.read(file)
+    return None if found is None else replace(found, network=found.network.absolute())
 
 
 def _normaliser(model: Path) -> Path | None:

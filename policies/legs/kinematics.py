@@ -63,16 +63,20 @@ def joint_targets(robot: Robot, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Flo
 
 
 def held_up(
-    robot: Robot, hip: Floats, thigh: Floats, calf: Floats, x: Floats, y: Floats, force: Floats
+    robot: Robot, hip: Floats, thigh: Floats, calf: Floats, x: Floats, y: Floats, force: Floats, leg_axis: int = -1
 ) -> tuple[Floats, Floats, Floats]:
     """Targets whose joints rest at the given angles under an upward force, N, on a foot at x, y in its hip frame.
 
+    Arrays are (n, 4), or (4, n) with `leg_axis` 0.
     A servo of stiffness k holds its target up to torque/k, and the torque is the force times ∂z/∂(joint), which is
     y for the hip, -x cos(hip) for the thigh and L2 sin(thigh + calf) cos(hip) for the calf.
     """
-    give = force / robot.servo_stiffness
-    give_in_plane = give * np.cos(hip)
-    return hip - give * y, thigh + give_in_plane * x, calf - give_in_plane * robot.calf_length * np.sin(thigh + calf)
+    stiffnesses = robot.servo_stiffness.reshape(-1, 3).T
+    if leg_axis == 0:
+        stiffnesses = stiffnesses[..., None]
+    hips, thighs, calves = (force / stiffness for stiffness in stiffnesses)
+    thighs, calves = thighs * np.cos(hip), calves * np.cos(hip)
+    return hip - hips * y, thigh + thighs * x, calf - calves * robot.calf_length * np.sin(thigh + calf)
 
 
 def leg_height(robot: Robot, gravity: Floats, joints: Floats) -> Floats:

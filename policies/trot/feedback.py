@@ -311,4 +311,4 @@ def _joints(robot: Robot, feet: Vector, force: Floats) -> Floats:
     hip_x, hip_y = hips(robot)
     x, y = feet[0] - hip_x, feet[1] - hip_y
     hip, thigh, calf = leg_angles(robot, x, y, np.minimum(feet[2], -SHORTEST_DROP), legs_first=True)
-    return np.stack(held_up(robot, hip, thigh, calf, x, y, force), axis=1).reshape(robot.num_joints, -1).T
+    return np.stack(held_up(robot, hip, thigh, calf, x, y, force, leg_axis=0), axis=1).reshape(robot.num_joints, -1).T

@@ -39,8 +39,8 @@ class Subject:
 
     @cached_property
     def robot(self) -> "Robot":
-        """The robot. Raises what reading it does."""
-        return robot_of(self.given)
+        """The robot, with servos as our controllers command them. Raises what reading it does."""
+        return robot_of(self.given).stiffer
 
     @cached_property
     def env(self) -> Any:

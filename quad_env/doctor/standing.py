@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from quad_env.describe import LARGEST_SINK, LARGEST_TILT, STAND_TIME
 from quad_env.doctor.check import Finding, Subject, ok, problem
-from quad_env.robots.similarity import servo_gains
+from quad_env.robots.similarity import ratio
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 LARGEST_LAG = 0.1
 """Of a joint from its target under the robot's weight, rad."""
@@ -76,18 +77,19 @@ def _states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
 def servos(subject: Subject) -> Finding:
     """Whether the joints hold their targets under the robot's weight, and come to rest."""
     robot, seen = subject.robot, stand(subject.env)
-    stiffness, damping = servo_gains(robot)
+    stiffness, damping = ratio(robot, "N·m") * SIMPLE_QUAD.stiff_servo[:, 0] * (1.0, ratio(robot, "s"))
     held = f"standing, {seen.joint} is {seen.lag:.3f} rad off its target"
     if seen.load > FULL_LOAD:
         held = f"standing takes all of the joints' {robot.rated_torque:g} N·m, for {robot.mass:.3g} kg"
         cause = "masses are too large (grams for kilograms?), or the largest torque is too small"
         return problem(held, cause, f"mass of the bodies in {robot.mjcf}, or rated_torque in {subject.figures}")
     if seen.lag > LARGEST_LAG:
-        cause = f"a stiffness of {robot.servo_stiffness:g} N·m/rad is too little for {robot.mass:.3g} kg"
+        cause = f"a stiffness of {robot.servo_stiffness.min():g} N·m/rad is too little for {robot.mass:.3g} kg"
         return problem(held, cause, f"servo_stiffness = {stiffness:.0f} or so in {subject.figures}")
     if seen.ringing > RINGING:
         seen_moving = f"half a second after a step of their targets the joints still move at {seen.ringing:.1f} rad/s"
-        cause = f"a damping of {robot.servo_damping:g} N·m·s/rad is too little for {robot.servo_stiffness:g} N·m/rad"
+        gains = f"{robot.servo_damping.min():g} N·m·s/rad is too little for {robot.servo_stiffness.max():g} N·m/rad"
+        cause = f"a damping of {gains}"
         remedy = f"servo_stiffness = {stiffness:.0f} and servo_damping = {damping:.1f} or so in {subject.figures}"
         return problem(seen_moving, cause, remedy)
     return ok(f"{held}, with {100.0 * seen.load:.0f} % of the largest torque")

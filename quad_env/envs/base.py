@@ -13,6 +13,7 @@ from quad_env.actuation.models import actuator as find_actuator
 from quad_env.actuation.runtime import action_delay_of
 from quad_env.columns import Column, Rows, Vector
 from quad_env.config import TaskConfig
+from quad_env.envs.arguments import servo_gains
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
 from quad_env.robots.named import robot_of
@@ -61,6 +62,7 @@ class QuadEnvBase:
         estimator: str,
         robot: str | Robot,
         height_scan: HeightScan | None,
+        servo: Any,
         readings: bool = False,
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
         """Make the parts of n robots; the spaces of observations and of actions of one.
@@ -71,8 +73,11 @@ class QuadEnvBase:
         if config is not None and not isinstance(config, TaskConfig):
             raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
         self.config = config or TaskConfig()
-        self.robot = robot = robot_of(robot)
-        """Names, geometry and limits of the robot; everything that the environment knows of it."""
+        robot = robot_of(robot)
+        gains = None if servo is None else servo_gains(servo, num_envs, robot.num_joints)
+        self.robot = robot = robot.with_servo(*(each.mean(axis=0) for each in gains or ()))
+        """Names, geometry, limits and servo gains of the robot; everything that the environment knows of it. Where the
+        gains of robots differ, their mean."""
         self.scenario = find_scenario(_setting(scenario), robot)
         """What the robot has to cope with."""
         rate = self.config.control_rate
@@ -85,7 +90,7 @@ class QuadEnvBase:
         self._weights = step_weights(self.config.reward_weights, self.dt, self.config.reward_terms)
         feet = look_at_feet(self._weights, self.config.reward_terms)
         self.simulation = Simulation(
-            *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet), self.config.timestep
+            *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet), self.config.timestep, gains
         )
         self._action_delay = action_delay_of(robot, self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, estimator, self.simulation, self.scenario, num_envs, rate)

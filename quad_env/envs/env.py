@@ -53,6 +53,8 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         robot: the `quad_env.Robot` that is simulated, or its name among `quad_env.ROBOTS`.
         estimator: what makes gravity and velocity of the sensors' readings: a name of `quad_env.ESTIMATORS`.
         height_scan: the `quad_env.HeightScan` that is the observation's last term, `height_scan`; None: there is none.
+        servo: stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos, each a number or (12,) in the joints'
+            order, in a batch also (n, 12); None: those of the robot.
 
     Version history: every change that moved figures since `-v0` was registered, the latest first. On flat ground and
     under pushes SimpleQuad's episodes have the same bits since 2026-11-21.
@@ -90,11 +92,12 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         robot: str | Robot = SIMPLE_QUAD,
         estimator: str = COMPLEMENTARY,
         height_scan: HeightScan | None = None,
+        servo: Any = None,
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         check_frame(width, height)
-        spaces = self._assemble(1, 1, scenario, config, actuator, sensors, estimator, robot, height_scan)
+        spaces = self._assemble(1, 1, scenario, config, actuator, sensors, estimator, robot, height_scan, servo)
         self.observation_space, self.action_space = spaces
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall

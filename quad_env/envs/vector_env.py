@@ -73,6 +73,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         robot: str | Robot = SIMPLE_QUAD,
         estimator: str = COMPLEMENTARY,
         height_scan: HeightScan | None = None,
+        servo: Any = None,
     ) -> None:
         if num_envs < 1 or nthread < 1:
             raise ValueError(f"num_envs and nthread must be at least 1, got {num_envs} and {nthread}")
@@ -85,7 +86,8 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self.render_mode = render_mode
         self.autoreset_mode = arguments.find_autoreset_mode(autoreset_mode)
         spaces = self._assemble(
-            *(num_envs, nthread, scenario, config, actuator, sensors, estimator, robot, height_scan), readings=readings
+            *(num_envs, nthread, scenario, config, actuator, sensors, estimator, robot, height_scan, servo),
+            readings=readings,
         )
         self.single_observation_space, self.single_action_space = spaces
         self.metadata = {

@@ -2,13 +2,14 @@
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator, Line, weaker
+from quad_env.columns import Array
 from quad_env.config import GRAVITY
 from quad_env.robots.arena import spec_of
 from quad_env.robots.collisions import GROUND_BIT, foot_geoms, of_name
@@ -196,6 +197,15 @@ def _put_on_voltage(spec: mujoco.MjSpec, line: Line, robot: Robot) -> None:
             controller=(kp, 0.0, kv, 0.0, 0.0, 1.0),
             ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
         )
+
+
+def give_servo_gains(model: mujoco.MjModel, expand: Callable[[str], Array], stiffness: Array, damping: Array) -> None:
+    """Give n robots of that model servo gains of their own, (n, 12) each; `expand` gives a field's values of each."""
+    gain, bias = expand("actuator_gainprm"), expand("actuator_biasprm")
+    if model.actuator_gaintype[0] == mujoco.mjtGain.mjGAIN_DCMOTOR:
+        gain[:, :, 4], gain[:, :, 6] = stiffness, damping  # of its controller
+    else:
+        gain[:, :, 0], bias[:, :, 1], bias[:, :, 2] = stiffness, -stiffness, -damping
 
 
 def _delay(spec: mujoco.MjSpec, delay: float) -> None:

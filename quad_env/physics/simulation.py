@@ -18,6 +18,7 @@ from quad_env.physics.model import (
     Mounting,
     compile_model,
     contact_sensors,
+    give_servo_gains,
     history_of,
     mount_imu,
     slope_quaternion,
@@ -45,7 +46,8 @@ class Simulation:
     """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads.
 
     With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`; with an `imu`, mounted
-    there, there is a `probe`; with `feet` they are part of the state.
+    there, there is a `probe`; with `feet` they are part of the state. Servos have the gains of the
+    robot, or each robot's `servo` its own, stiffness and damping, (n, 12) each.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class Simulation:
         imu: Mounting | None = None,
         feet: bool = False,
         timestep: float | None = None,
+        servo: tuple[Array, Array] | None = None,
     ) -> None:
         self.robot, self.terrain = robot, scenario.terrain
         self.model = compile_model(robot, scenario, actuator, timestep)
@@ -102,6 +105,9 @@ class Simulation:
         self._clear = _HIGH * robot.leg_length if robot.imported and bumpy else 0.0
         if isinstance(self.terrain, HeightField):  # which may be anywhere, and of many small cells
             self._clear += self.terrain.heights.lowest + self.terrain.heights.span
+        self._differ = servo is not None and any(np.ptp(gains, axis=0).any() for gains in servo)
+        if servo is not None and self._differ:
+            give_servo_gains(self.model, self.batch.expand, *servo)
         self._sites, self._bodies = self.batch.bind("site_xpos"), self.batch.bind("xpos")
         self._filtered = self.batch.bind("act") if self.model.na else None
         load = None if scenario.payload is None else self.model.body(PAYLOAD).id
@@ -275,7 +281,7 @@ class Simulation:
 
     def show_load(self, robot: int) -> None:
         """Make `model` that of this robot, whose payload and hot motors are its own."""
-        if self._load is not None or self.winding_temperature is not None:
+        if self._load is not None or self.winding_temperature is not None or self._differ:
             stages, start = self.model.sensor_needstage.copy(), self.model.qpos0.copy()
             flags = self.model.opt.disableflags
             self.batch.get_model(robot, self.model)

@@ -39,7 +39,10 @@ def spec_of(robot: Figures) -> Any:
     import mujoco  # here, since it takes long
 
     if not robot.imported:
-        return mujoco.MjSpec.from_file(str(robot.mjcf))
+        spec = mujoco.MjSpec.from_file(str(robot.mjcf))
+        for servo, stiffness, damping in zip(spec.actuators, robot.servo_stiffness, robot.servo_damping, strict=True):
+            servo.gainprm[0], servo.biasprm[1], servo.biasprm[2] = stiffness, -stiffness, -damping
+        return spec
     own, model, found = read(robot.mjcf)
     stage = mujoco.MjSpec.from_file(str(REFERENCE.mjcf))
     parts = Parts(*({part.id: part for part in kind} for kind in (own.bodies, own.joints, own.geoms)))
@@ -179,9 +182,10 @@ def _drive(stage: Any, robot: Figures) -> None:
     """Joint servos, in the order of the joints."""
     import mujoco
 
-    for joint in robot.joint_names:
+    gains = zip(robot.servo_stiffness, robot.servo_damping, strict=True)
+    for joint, (stiffness, damping) in zip(robot.joint_names, gains, strict=True):
         servo = stage.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        servo.set_to_position(kp=robot.servo_stiffness, kv=robot.servo_damping)
+        servo.set_to_position(kp=stiffness, kv=damping)
         turning = stage.joint(joint)
         servo.ctrllimited, servo.ctrlrange = 1, np.array(turning.range) / _unit(turning)
         servo.forcelimited, servo.forcerange = 1, (-robot.rated_torque, robot.rated_torque)

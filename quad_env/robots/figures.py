@@ -46,10 +46,10 @@ class Figures:
     """From an end of a thigh to the farthest point of its shape there, rounded up, m."""
     trunk_size: Floats
     """Full lengths of the trunk's box along x, y, z, shape (3,), m."""
-    servo_stiffness: float
-    """Gain of the joint servos on the angle, N·m/rad."""
-    servo_damping: float
-    """Gain of the joint servos on the speed, N·m·s/rad."""
+    servo_stiffness: Floats
+    """Gain of the joint servos on the angle, shape (12,), N·m/rad; given as one number where all are alike."""
+    servo_damping: Floats
+    """Gain of the joint servos on the speed, shape (12,), N·m·s/rad; given as one number where all are alike."""
     rated_torque: float
     """Largest joint torque, N·m."""
     rated_speed: float
@@ -61,6 +61,11 @@ class Figures:
     foot_points: Floats = field(default_factory=lambda: np.zeros((4, 0, 3)))
     """Points of the hull of each foot that is no ball, from its centre, base frame with the legs straight down, shape
     (4, k, 3), m."""
+    stiff_servo: Floats = field(default_factory=lambda: np.array((300.0, 10.0)))
+    """Stiffness and damping, shape (2, 12), N·m/rad and N·m·s/rad, for controllers that need stiff servos: SimpleQuad's
+    scaled by mass and leg length, or those of a user's TOML; given as two numbers where all joints are alike."""
+    servo_fixed: bool = False
+    """Whether every controller has to use `servo_stiffness` and `servo_damping`, see `Robot.with_servo`."""
     held: tuple[str, ...] = ()
     """Joints of the model that belong to no leg and are held at their reference, see `held`."""
     imported: bool = False
@@ -71,8 +76,12 @@ class Figures:
     def __post_init__(self) -> None:
         for name in ("home_pose", "hip_positions", "trunk_size", "trunk_centre", "foot_points"):
             object.__setattr__(self, name, constant(getattr(self, name)))
-        knees = np.broadcast_to(self.knee_direction, len(self.leg_names))
-        object.__setattr__(self, "knee_direction", constant(knees))
+        spread = {"knee_direction": len(self.leg_names)}
+        spread |= dict.fromkeys(("servo_stiffness", "servo_damping"), len(self.joint_names))
+        for name, count in spread.items():
+            object.__setattr__(self, name, constant(np.broadcast_to(getattr(self, name), count)))
+        stiff = np.reshape(self.stiff_servo, (2, -1))
+        object.__setattr__(self, "stiff_servo", constant(np.broadcast_to(stiff, (2, len(self.joint_names)))))
 
     @property
     def by_name(self) -> dict[str, Any]:
@@ -83,6 +92,15 @@ class Figures:
     def num_joints(self) -> int:
         """Number of joints."""
         return len(self.joint_names)
+
+    @property
+    def servo(self) -> str:
+        """Gains of the servos, as text."""
+        stiffness, damping = (
+            " to ".join(f"{gain:.3g}" for gain in sorted({float(gains.min()), float(gains.max())}))
+            for gains in (self.servo_stiffness, self.servo_damping)
+        )
+        return f"{stiffness} N·m/rad and {damping} N·m·s/rad"
 
     @cached_property
     def side(self) -> Floats:
@@ -153,8 +171,8 @@ REFERENCE = Figures(
     foot_radius=0.02,
     thigh_radius=0.03,
     trunk_size=np.array((0.6, 0.3, 0.1)),
-    servo_stiffness=300.0,
-    servo_damping=10.0,
+    servo_stiffness=np.array(300.0),
+    servo_damping=np.array(10.0),
     rated_torque=100.0,
     rated_speed=10.0,
 )

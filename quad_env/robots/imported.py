@@ -43,17 +43,20 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
         raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
     leg = found.legs[0]
     longer = (leg.thigh_length + leg.calf_length) / REFERENCE.leg_length
-    stiffness = REFERENCE.servo_stiffness * longer * float(model.body_subtreemass[found.root]) / REFERENCE_MASS
+    stiffness, damping = REFERENCE.stiff_servo[:, 0].tolist()
+    damping /= stiffness
+    stiffness *= longer * float(model.body_subtreemass[found.root]) / REFERENCE_MASS
     stiffness, slower = figures.get("servo_stiffness", stiffness), float(np.sqrt(longer))
     chosen = {
         "home_pose": np.zeros(len(found.joints)),
         "rated_speed": REFERENCE.rated_speed / slower,
-        "servo_damping": stiffness * (REFERENCE.servo_damping / REFERENCE.servo_stiffness * slower),
+        "servo_damping": stiffness * (damping * slower),
         "servo_stiffness": stiffness,
     } | figures
     for figure, infer in {"knee_direction": _knee_direction, "rated_torque": _rated_torque}.items():
         if figure not in figures:
             chosen[figure] = infer(model, found)
+    stiff_servo = [np.broadcast_to(chosen[gain], len(found.joints)) for gain in ("servo_stiffness", "servo_damping")]
     trunk_centre, trunk_size = found.trunk_box(model)
     robot = Figures(
         name=name,
@@ -72,6 +75,7 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
         thigh_radius=_thigh_radius(model, found, leg),
         trunk_size=trunk_size,
         trunk_centre=trunk_centre,
+        stiff_servo=np.stack(stiff_servo),
         **chosen,
     )
     if "home_pose" not in figures:
@@ -115,9 +119,14 @@ def _figure(name: str, value: Any) -> Any:
         if numbers.shape not in ((), (LEGS,)) or not (np.abs(numbers) == 1.0).all():
             raise ModelError(f"knee_direction is -1 or 1, or one of these a leg, got {value!r}")
         return numbers
-    if numbers.shape != () or not np.isfinite(numbers) or numbers <= 0.0:
+    if name.startswith("servo_") and numbers.shape in ((JOINTS_PER_LEG,), (LEGS * JOINTS_PER_LEG,)):
+        numbers = np.resize(numbers, LEGS * JOINTS_PER_LEG)
+    elif numbers.shape != ():
+        counts = ", or three, the same of every leg, or twelve" if name.startswith("servo_") else ""
+        raise ModelError(f"{name} is a number above 0{counts}, got {value!r}")
+    if not np.isfinite(numbers).all() or (numbers <= 0.0).any():
         raise ModelError(f"{name} is a number above 0, got {value!r}")
-    return float(numbers)
+    return numbers if numbers.ndim else float(numbers)
 
 
 def _knee_direction(model: Any, found: Anatomy) -> Floats:

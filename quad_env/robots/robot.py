@@ -1,19 +1,24 @@
 """A robot as a value: its figures, and what its compiled MJCF gives besides: joint limits, mass, SHA-256."""
 
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS
 from quad_env.robots.arena import spec_of
 from quad_env.robots.figures import Figures, Floats, constant
 from quad_env.robots.imported import figures_of
 from quad_env.robots.model_file import digest
 
+JOINTS = LEGS * JOINTS_PER_LEG
+
 
 class Robot(Figures):
-    """A robot with four legs; two are equal when all their figures are."""
+    """A robot with four legs; two are equal when all their figures but the gains of the servos are."""
 
     @classmethod
     def from_mjcf(cls, path: str | Path, name: str | None = None, **figures: Any) -> "Robot":
@@ -37,6 +42,29 @@ class Robot(Figures):
         """
         return cls(**figures_of(Path(path), name, **figures).by_name)
 
+    def with_servo(self, stiffness: ArrayLike | None = None, damping: ArrayLike | None = None) -> "Robot":
+        """The robot with these gains of its servos, a number or (12,), N·m/rad and N·m·s/rad, for every controller.
+
+        None keeps the robot's own. Raises ValueError for what is no gain.
+        """
+        given = {"servo_stiffness": stiffness, "servo_damping": damping}
+        gains = {name: _gains(name, getattr(self, name) if gain is None else gain) for name, gain in given.items()}
+        return self._with(**gains, servo_fixed=not np.array_equal(list(gains.values()), self.stiff_servo))
+
+    @cached_property
+    def stiffer(self) -> "Robot":
+        """The robot as controllers have it that need stiff servos: with `stiff_servo`, unless its gains are fixed."""
+        stiffness, damping = self.stiff_servo
+        return self if self.servo_fixed else self._with(servo_stiffness=stiffness, servo_damping=damping)
+
+    def _with(self, **figures: Any) -> "Robot":
+        """A copy with other figures that change neither limits nor mass; the robot itself where nothing differs."""
+        if all(np.array_equal(getattr(self, name), value) for name, value in figures.items()):
+            return self
+        copy = replace(self, **figures)
+        vars(copy)["_compiled"] = self._compiled
+        return copy
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Robot) and self._key == other._key
 
@@ -49,7 +77,8 @@ class Robot(Figures):
     @cached_property
     def _key(self) -> tuple[object, ...]:
         """What robots are compared by, at every step where tables are looked up by robot."""
-        return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in self.by_name.values())
+        compared = [value for name, value in self.by_name.items() if "servo" not in name]
+        return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in compared)
 
     @property
     def joint_lower(self) -> Floats:
@@ -81,3 +110,13 @@ class Robot(Figures):
     def model(self) -> Any:
         """The compiled `mujoco.MjModel` on flat ground; not to be written to."""
         return spec_of(self).compile()
+
+
+def _gains(name: str, values: ArrayLike) -> Floats:
+    try:
+        gains = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        gains = np.full(0, np.nan)
+    if gains.shape not in ((), (JOINTS,)) or not np.isfinite(gains).all() or (gains <= 0.0).any():
+        raise ValueError(f"{name} is a number above 0 or one for each of {JOINTS} joints, got {values!r:.80}")
+    return constant(np.broadcast_to(gains, JOINTS))

@@ -40,12 +40,6 @@ def ratio(robot: Robot, unit: str) -> float:
     return float(longer**of_length * heavier**of_mass)
 
 
-def servo_gains(robot: Robot) -> tuple[float, float]:
-    """Stiffness, N·m/rad, and damping, N·m·s/rad, of servos that are for the robot what SimpleQuad's are for it."""
-    stiffer = ratio(robot, "N·m")
-    return stiffer * SIMPLE_QUAD.servo_stiffness, stiffer * ratio(robot, "s") * SIMPLE_QUAD.servo_damping
-
-
 def scaled(robot: Robot, value: float, unit: str) -> float:
     """A figure of SimpleQuad's, in that unit, for the robot."""
     if robot == SIMPLE_QUAD:

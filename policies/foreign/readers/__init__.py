@@ -23,14 +23,23 @@ def read(path: Path) -> PolicyDescription | None:
             case ".onnx":
                 return mjlab_onnx.describe(path)
             case ".toml":
-                return toml_file.describe(path)
+                return _whole(toml_file.describe(path), corrected=True)
             case ".yaml" | ".yml" | ".json":
-                return _settings(load(path))
+                return _whole(_settings(load(path)))
     except PolicyError as error:
         raise PolicyError(f"{path}: {error}") from None
     except ZeroDivisionError:
         raise PolicyError(f"{path}: a time step, a period or a scale is zero") from None
     return None
+
+
+def _whole(found: PolicyDescription, corrected: bool = False) -> PolicyDescription:
+    """The description, if its network is in one file and names no other joints. Raises PolicyError."""
+    if found.network.suffix == ".onnx":
+        names = mjlab_onnx.metadata_of(found.network).get("joint_names")
+        if names is not None and not corrected and names != ",".join(found.joints):
+            raise PolicyError(f"`joint_names` in {found.network.name} disagree, {names}", BY_HAND)
+    return found
 
 
 def _settings(found: Settings) -> PolicyDescription:

@@ -5,6 +5,7 @@ Sources: `isaaclab/envs/mdp/actions/joint_actions.py` (target = raw action * sca
 `isaaclab/utils/string.py` (regular expressions over whole joint names).
 """
 
+import re
 from dataclasses import replace
 
 from policies.base import PolicyError
@@ -13,6 +14,8 @@ from policies.foreign.readers.isaac_terms import history_of, observed_joints, te
 from policies.foreign.readers.joint_orders import FAMILIES, Joints, by_kind
 from policies.foreign.readers.networks import exported
 from policies.foreign.readers.settings import BY_HAND, Settings, load, matches
+
+_NAMES = "joint_names_expr"
 
 
 def describe(settings: Settings) -> PolicyDescription:
@@ -50,18 +53,14 @@ def _action(settings: Settings) -> Settings:
 
 
 def _asset(robot: Settings) -> Joints | None:
-    """Names and order of the robot's joints, by the expressions that must match them and the path of its model."""
+    """The joints of a known robot: its family's names match all expressions, and its model's path names it; or None."""
     path = str(robot.inside("spawn").values).lower()
     patterns = [str(key) for key in robot.inside("init_state", "joint_pos").values]
     patterns += [each for _, actuator in robot.inside("actuators").groups() for each in actuator.texts(_NAMES)]
     orders = {words: by_kind(*family) for words, family in FAMILIES.items()}
     fit = [words for words, names in orders.items() if all(any(matches(p, n) for n in names) for p in patterns)]
-    named = [words for words in fit if any(f"/{word}" in path for word in words.split())]
-    (found,) = fit if len(fit) == 1 else named if len(named) == 1 else [""]
-    return orders.get(found)
-
-
-_NAMES = "joint_names_expr"
+    named = [words for words in fit if re.search(rf"(?<![a-z0-9])({words.replace(' ', '|')})", path)]
+    return orders[named[0]] if named else None
 
 
 def _chosen(settings: Settings, asset: Joints | None) -> Joints:

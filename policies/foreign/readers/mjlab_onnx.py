@@ -7,34 +7,31 @@ velocity tasks it is 50 Hz (`velocity_env_cfg.py`, decimation 4 at 0.005 s).
 
 import json
 from importlib import import_module
-from math import isinf
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from policies.base import PolicyError
 from policies.foreign.description import PolicyDescription, Term
-from policies.foreign.readers.isaac_terms import history_of, scaled, unknown
+from policies.foreign.readers.isaac_terms import term
 from policies.foreign.readers.settings import BY_HAND, Settings
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.text import described
 
 CONTROL_RATE = 50.0
-_TERMS = {
-    "base_lin_vel": "linear_velocity",
-    "base_ang_vel": "angular_velocity",
-    "projected_gravity": "projected_gravity",
-    "command": "command",
-    "velocity_commands": "command",
-    "joint_pos": "joint_position",
-    "joint_vel": "joint_velocity",
-    "actions": "previous_action",
+_FUNCTIONS = {
+    "command": "generated_commands",
+    "joint_pos": "joint_pos_rel",
+    "joint_vel": "joint_vel_rel",
+    "actions": "last_action",
 }
+"""Terms whose function has another name."""
 _LISTS = "scale", "clip", "history_length"
 
 
 def describe(file: Path) -> PolicyDescription | None:
     """The policy of a file with such metadata; None for one without. Raises PolicyError."""
-    metadata = _metadata(file)
+    metadata = metadata_of(file)
     if not {"joint_names", "observation_names"} <= metadata.keys():
         return None
     found = Settings(
@@ -61,12 +58,10 @@ def _terms(found: Settings) -> tuple[Term, ...]:
         raise PolicyError(f"`observation_terms_…` and `observation_names` in {found.file.name} differ in length")
     terms = []
     for name, *values in zip(names, *lists, strict=True):
-        if name not in _TERMS:
-            raise unknown(name)
         each = Settings(dict(zip(_LISTS, values, strict=True)), found.file, f"{name}.")
-        unbounded = isinstance(clip := each.find("clip"), list) and all(map(isinf, clip))
-        term = Term(_TERMS[name], clip=None if unbounded else each.range("clip"), history=history_of(each))
-        terms.append(scaled(term, each))
+        if each.find("clip") == [-inf, inf]:
+            del each.values["clip"]
+        terms.append(term(_FUNCTIONS.get(name, name), each))
     return tuple(terms)
 
 
@@ -79,16 +74,17 @@ def _values(text: str) -> Any:
     return found[0] if len(found) == 1 and not isinstance(found[0], list) else found
 
 
-def _metadata(file: Path) -> dict[str, str]:
+def metadata_of(file: Path) -> dict[str, str]:
     """Metadata of a file that holds all of its network. Raises PolicyError where weights lie in another file."""
     try:
         model = import_module("onnx").load_model_from_string(read_bytes(file, LARGEST))
     except ModuleNotFoundError:
         raise PolicyError('ONNX files need onnx, which is not here: pip install -e ".[onnx]"') from None
     except Exception as error:
-        raise PolicyError(f"it cannot be read as ONNX: {described(error)}") from None
+        raise PolicyError(f"{file.name} cannot be read as ONNX: {described(error)}") from None
     if _outside(model):
-        raise PolicyError("its weights lie in another file", "write them into it: onnx.save(onnx.load(file), file)")
+        remedy = "write them into it: onnx.save(onnx.load(file), file)"
+        raise PolicyError(f"the weights of {file.name} lie in another file", remedy)
     return {entry.key: entry.value for entry in model.metadata_props}
 
 

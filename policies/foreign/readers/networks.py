@@ -1,6 +1,7 @@
 """Network of a run, in the usual places of its exporters."""
 
 from pathlib import Path
+from reprlib import repr as shortened
 
 from policies.base import PolicyError
 
@@ -28,6 +29,9 @@ def exported(settings: Path) -> Path:
 
 def named(folder: Path, name: str) -> Path:
     """The network of that name in a folder. Raises PolicyError where it is none."""
-    if (file := folder / name).is_file():
-        return file.absolute()
-    raise PolicyError(f"there is no network {file}")
+    try:
+        if (file := folder / name).is_file():
+            return file.absolute()
+    except (OSError, ValueError):
+        pass
+    raise PolicyError(f"there is no network {shortened(name)} in {folder}")

@@ -86,7 +86,9 @@ def _terms(found: Settings, steps: int) -> tuple[Term, ...]:
         if name not in _TERMS:
             raise unknown(name)
         term, key = _TERMS[name]
-        terms.append(scaled(Term(term, history=steps), found, key and found.get(key) and key))
+        if key:
+            found.get(key)
+        terms.append(scaled(Term(term, history=steps), found, key))
     if (width := sum(term.width for term in terms)) != found.number("num_observations", width):
         raise found.wrong("num_observations", f"{width}, the numbers of `observations`")
     return tuple(terms)

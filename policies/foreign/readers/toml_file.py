@@ -109,7 +109,7 @@ def _brief(name: str, value: Any, folder: Path | None) -> Any:
         return value.as_posix() if folder is None else Path(os.path.relpath(value, folder)).as_posix()
     if (name in OF_JOINTS and len(set(value)) == 1) or (name == "scale" and len(value) == 1):
         return value[0]
-    return tuple(each.name if each == Term(each.name) else each for each in value) if name == "terms" else value
+    return tuple(each.name if len(_fields(each)) == 1 else each for each in value) if name == "terms" else value
 
 
 def _text(value: Any) -> str:
@@ -122,5 +122,5 @@ def _text(value: Any) -> str:
     parts = [_text(each) for each in value]
     if len(line := f"[{', '.join(parts)}]") <= 100:
         return line
-    step = 3 if len(parts) == 12 else 1
+    step = 3 if len(parts) == 12 else 8 if _is_number(value[0]) else 1
     return "[\n" + "".join(f"    {', '.join(parts[i : i + step])},\n" for i in range(0, len(parts), step)) + "]"

@@ -130,15 +130,19 @@ def test_servo_lead_runs_ahead_along_the_tangent():
 def test_targets_of_a_loaded_leg_differ_by_the_work_of_the_force():
     # Virtual work: torque on joint i = F ∂z/∂q_i, here by central differences of the forward kinematics.
     joints, force, h = np.array([[0.1, 0.7, -1.3], [-0.2, 0.4, -0.9], [0.3, 0.2, -0.8], [0.0, 0.9, -1.6]]), 70.0, 1e-6
-    foot = foot_positions(SIMPLE_QUAD, joints)
-    targets = np.stack(held_up(SIMPLE_QUAD, *joints.T, foot[:, 0], foot[:, 1], np.full(4, force)), axis=-1)
+    stiffness = np.arange(100.0, 220.0, 10.0).reshape(4, 3)
+    robot, foot = SIMPLE_QUAD.with_servo(stiffness.ravel(), 10.0), foot_positions(SIMPLE_QUAD, joints)
+    arguments = *joints.T, foot[:, 0], foot[:, 1], np.full(4, force)
+    targets = np.stack(held_up(robot, *arguments), axis=-1)
+    legs_first = held_up(robot, *(each[:, None] for each in arguments), leg_axis=0)
+    np.testing.assert_array_equal(np.stack(legs_first, axis=-1)[:, 0], targets)
     for joint in range(3):
         step = h * np.eye(3)[joint]
         slope = (
             foot_positions(SIMPLE_QUAD, joints + step)[:, 2] - foot_positions(SIMPLE_QUAD, joints - step)[:, 2]
         ) / (2 * h)
         np.testing.assert_allclose(
-            targets[:, joint] - joints[:, joint], -force * slope / SIMPLE_QUAD.servo_stiffness, atol=1e-8
+            targets[:, joint] - joints[:, joint], -force * slope / stiffness[:, joint], atol=1e-8
         )
 
 

@@ -226,6 +226,17 @@ def servo_targets(robot: Robot) -> np.ndarray:
     return np.array((now.actuator_force + 10 * now.qvel[6:]) / 300 + now.qpos[7:] - HOME)
 
 
+def servo_gains(robot: Robot) -> np.ndarray:
+    """Stiffness and damping of each servo, by the torques of two targets and two speeds."""
+    model, now = robot.model, robot.now
+    torques = []
+    for target, speed in ((0.0, 0.0), (0.1, 0.0), (0.0, 0.1)):
+        now.ctrl[:], now.qvel[6:] = now.qpos[7:] + target, speed
+        mujoco.mj_forward(model, now)
+        torques.append(now.actuator_force.copy())
+    return 10.0 * np.stack((torques[1] - torques[0], torques[0] - torques[2]), axis=1)
+
+
 def lagging(bandwidth: float) -> Effect:
     """A tenth of a radian is asked for."""
     share = 1 - math.exp(-DT * 2 * math.pi * bandwidth)
@@ -435,6 +446,7 @@ ARGUMENTS = {
     "actuator": Effect(quad_env.Actuator(gear=quad_env.Gear(20.0)), armature, np.full(12, 0.08)),
     "sensors": Effect("ideal", lambda robot: robot.infos.get("sensor_joint_position"), HOME, scene()),
     "robot": Effect(alike, lambda robot: robot.model.body_mass.sum(), 0.1 * SIMPLE_QUAD.mass),
+    "servo": Effect((60.0, 2.0), after(servo_gains, FAR), np.tile((60.0, 2.0), (12, 1))),
     "estimator": Effect("kalman", after(made_out, steps=20), True, {"sensors": "typical"}),
     "height_scan": Effect(SCAN, lambda robot: scan(robot) + robot.now.qpos[2], np.zeros(6)),
     "max_episode_steps": Effect(

@@ -121,7 +121,7 @@ def test_simple_quad_read_from_its_own_file_is_simple_quad() -> None:
         np.testing.assert_allclose(getattr(found, figure), getattr(SIMPLE_QUAD, figure), atol=1e-9, err_msg=figure)
     for figure in ("hip_offset", "thigh_length", "calf_length", "foot_radius", "mass", "rated_torque", "rated_speed"):
         assert getattr(found, figure) == pytest.approx(getattr(SIMPLE_QUAD, figure)), figure
-    assert (found.servo_stiffness, found.servo_damping) == pytest.approx((300.0, 10.0))
+    assert found.servo == "300 N·m/rad and 10 N·m·s/rad"
     ratios = damping_ratios(found)
     assert ratios.shape == (12,)
     assert ((ratios > 0.5) & (ratios < 1.6)).all()

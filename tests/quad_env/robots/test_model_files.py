@@ -141,7 +141,7 @@ SCENE = """<body name="crate" pos="3 0 1"><geom type="box" size="1 1 1" mass="60
 def test_what_is_not_the_robot_is_left_out_and_named(tmp_path: Path) -> None:
     plain = robot_of_text(tmp_path, PLAIN, "plain.xml")
     robot = robot_of_text(tmp_path, Made(obstacle=SCENE).xml())
-    assert (robot.mass, robot.servo_stiffness) == (plain.mass, plain.servo_stiffness)
+    assert (robot.mass, robot.servo) == (plain.mass, plain.servo)
     assert robot.model.nbody == plain.model.nbody
     (said,) = (line for line in text(robot) if line.startswith("left out"))
     assert all(f"body {thing}" in said for thing in ("crate", "ball", "door", "target"))

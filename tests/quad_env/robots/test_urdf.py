@@ -86,7 +86,8 @@ def test_joints_have_the_same_axes_and_limits_and_the_rated_torque_and_speed(
         np.testing.assert_array_equal(urdf.jnt_actfrcrange[ours.id], torques)
         servo = mjcf.actuator(name)
         np.testing.assert_array_equal(servo.forcerange, torques)
-        assert (servo.gainprm[0], -servo.biasprm[2]) == (SIMPLE_QUAD.servo_stiffness, SIMPLE_QUAD.servo_damping)
+        gains = SIMPLE_QUAD.servo_stiffness[0], SIMPLE_QUAD.servo_damping[0]
+        assert (servo.gainprm[0], -servo.biasprm[2]) == gains
     limits = ElementTree.parse(SIMPLE_QUAD.urdf).getroot().findall("joint/limit")  # speeds, which MuJoCo does not read
     assert [float(limit.attrib["velocity"]) for limit in limits] == [SIMPLE_QUAD.rated_speed] * 12
 

@@ -1,0 +1,218 @@
+"""What the files of other projects mean: joints in any order, scales and clips of terms, both layouts of a history."""
+
+from pathlib import Path
+
+import pytest
+
+from policies.foreign.description import Clock, HeightGrid, PolicyDescription, Term
+from policies.foreign.readers import read, write_toml
+
+pytest.importorskip("yaml")
+pytest.importorskip("onnx")
+
+from tests.policies.foreign.readers import files
+from tests.policies.foreign.readers.files import ISAAC, MOTORS, OF, network, of, permuted, written
+
+
+def described(file: Path) -> PolicyDescription:
+    """What a file says, which its TOML says too."""
+    found = read(file)
+    assert found is not None
+    write_toml(found, file.with_name("again.toml"))
+    assert read(file.with_name("again.toml")) == found
+    assert found.joints != found.observed_joints
+    return found
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_unitree_gains_are_by_motor_and_all_else_by_joint(tmp_path: Path, seed: int) -> None:
+    found = files.deploy(ids := permuted(seed))
+    found["observations"]["joint_vel_rel"] |= {"scale": of(MOTORS), "clip": [-10.0, 10.0], "history_length": 3}
+    found["actions"]["JointPositionAction"] |= {"offset": None, "clip": [[-each, each] for each in of(MOTORS)]}
+    policy = described(written(tmp_path / "params/deploy.yaml", found)) if network(tmp_path) else None
+    joints = tuple(MOTORS[each] for each in ids)
+    assert policy is not None
+    assert policy.network == tmp_path / "exported/policy.onnx"
+    assert policy.joints == joints
+    assert policy.stiffness == tuple(of(joints, 20.0))
+    assert policy.damping == tuple(of(joints, 0.5))
+    assert policy.default_position == tuple(of(joints))
+    assert policy.action_scale == tuple(of(joints, 0.25))
+    assert policy.action_offset == (0.0,) * 12
+    assert policy.target_clip == tuple((-each, each) for each in of(MOTORS))
+    assert policy.control_rate == pytest.approx(50)
+    names = [term.name for term in policy.terms]
+    assert names[:3] == ["angular_velocity", "projected_gravity", "command"]
+    assert names[3:] == ["joint_position", "joint_velocity", "previous_action"]
+    assert policy.terms[4] == Term("joint_velocity", tuple(of(MOTORS)), (-10.0, 10.0), 3)
+    assert (policy.history_layout, policy.history_newest, policy.history_start) == ("term", "last", "first")
+
+
+def test_unitree_actions_and_observations_may_have_other_orders(tmp_path: Path) -> None:
+    found = files.deploy(list(range(12)))
+    found["actions"]["JointPositionAction"]["joint_ids"] = order = permuted(1)
+    for name in ("joint_pos_rel", "joint_vel_rel"):
+        found["observations"][name]["params"] = {"asset_cfg": {"joint_ids": permuted(2)}}
+    network(tmp_path, "policy.onnx")
+    policy = described(written(tmp_path / "deploy.yaml", found))
+    assert policy.joints == tuple(MOTORS[each] for each in order)
+    assert policy.stiffness == tuple(of(policy.joints, 20.0))
+    assert policy.default_position == tuple(of(policy.joints))
+    assert policy.observed_joints == tuple(MOTORS[each] for each in permuted(2))
+
+
+def test_unitree_history_by_time_scales_before_clips_and_a_gait_clock(tmp_path: Path) -> None:
+    found = files.deploy(permuted(0))
+    for term in found["observations"].values():
+        term["history_length"] = 4
+    found["observations"]["base_ang_vel"] |= {"scale": [0.25] * 3, "clip": [-1.0, 1.0]}
+    found["observations"]["gait_phase"] = {"params": {"period": 0.8}, "clip": None, "scale": None, "history_length": 4}
+    found["observations"] |= {"use_gym_history": True, "scale_first": True}
+    network(tmp_path)
+    policy = described(
+        written(tmp_path / "params/deploy.yaml", {**found, "observations": {"obs": found["observations"]}})
+    )
+    assert policy.history_layout == "time"
+    assert policy.terms[0] == Term("angular_velocity", (0.25,), (-4.0, 4.0), 4)
+    assert policy.terms[-1] == Term("gait_clock", history=4, clock=Clock(1.25))
+
+
+def test_isaac_lab_joints_are_by_kind_and_gains_by_expression(tmp_path: Path) -> None:
+    network(tmp_path)
+    policy = described(written(tmp_path / "params/env.yaml", files.env()))
+    assert policy.joints == ISAAC
+    assert policy.stiffness == (20.0,) * 4 + (30.0,) * 4 + (40.0,) * 4
+    assert policy.damping == (0.5,) * 4 + (1.0,) * 8
+    assert policy.default_position == (0.1, 0.0, 0.1, 0.0, 0.8, 0.8, 0.0, 0.0) + (-1.5,) * 4
+    assert policy.action_scale == (0.125,) * 4 + (0.25,) * 8
+    assert (policy.action_offset, policy.action_clip, policy.observed_joints) == (None, None, None)
+    assert [term.name for term in policy.terms][2:4] == ["command", "joint_position"]
+
+
+def test_isaac_lab_keeps_an_order_that_names_give(tmp_path: Path) -> None:
+    found = files.env()
+    found["actions"]["joint_pos"] |= {"joint_names": list(MOTORS), "preserve_order": True, "clip": {".*": [-9.0, 9.0]}}
+    found["actions"]["joint_pos"] |= {"use_default_offset": False, "offset": {".*_hip_joint": 0.5}}
+    found["observations"]["policy"]["history_length"] = 5
+    network(tmp_path, "exported/policy.pt")
+    written(tmp_path / "params/agent.yaml", {"clip_actions": 6.0})
+    policy = described(written(tmp_path / "params/env.yaml", found))
+    assert (policy.joints, policy.observed_joints) == (MOTORS, ISAAC)
+    assert policy.target_clip == ((-9.0, 9.0),) * 12
+    assert policy.action_clip == (-6.0, 6.0)
+    assert policy.action_offset == (0.5, 0.0, 0.0) * 4
+    assert policy.stiffness == (20.0, 30.0, 40.0) * 4
+    assert {term.history for term in policy.terms} == {5}
+
+
+def test_isaac_lab_height_scan_has_the_grid_of_its_sensor(tmp_path: Path) -> None:
+    found = files.env()
+    scan = {"func": "isaaclab.envs.mdp.observations:height_scan", "params": {"sensor_cfg": {"name": "scanner"}}}
+    found["observations"]["policy"]["height_scan"] = scan | {"clip": [-1.0, 1.0], "scale": 5.0}
+    pattern = {"resolution": 0.1, "size": [0.2, 0.4], "ordering": "xy"}
+    found["scene"]["scanner"] = {"ray_alignment": "yaw", "pattern_cfg": pattern, "offset": {"pos": [0.5, 0.0, 20.0]}}
+    network(tmp_path)
+    (*_, term) = described(written(tmp_path / "params/env.yaml", found)).terms
+    assert term.grid == HeightGrid((0.4, 0.5, 0.6), (-0.2, -0.1, 0.0, 0.1, 0.2), x_first=True, offset=0.5)
+    assert (term.scale, term.clip, term.width) == ((5.0,), (-1.0, 1.0), 15)
+
+
+def test_tuples_and_slices_of_python_are_read_as_data(tmp_path: Path) -> None:
+    network(tmp_path)
+    file = written(tmp_path / "params/env.yaml", files.env())
+    plain = read(file)
+    text = file.read_text()
+    text = text.replace(
+        "      params: {}",
+        "      params: {asset_cfg: {joint_ids: !!python/object/apply:builtins.slice [null, null, null]}}",
+    )
+    file.write_text(f"{text}\nviewer:\n  eye: !!python/tuple\n  - 7.5\n")
+    assert read(file) == plain
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rl_sar_joints_are_the_bases_motors_by_the_mapping(tmp_path: Path, seed: int) -> None:
+    config, base = files.rl_sar(permuted(seed))
+    written(tmp_path / "go2/base.yaml", base)
+    network(tmp_path, "go2/robot_lab/policy.pt")
+    policy = described(written(tmp_path / "go2/robot_lab/config.yaml", config))
+    joints = tuple(MOTORS[each] for each in permuted(seed))
+    assert policy.joints == joints
+    assert policy.stiffness == tuple(of(joints, 20.0))
+    assert policy.default_position == tuple(of(joints))
+    assert policy.control_rate == pytest.approx(50)
+    assert policy.terms[0] == Term("command", (2.0, 2.0, 0.25), history=3)
+    assert (policy.action_clip, policy.observation_clip) == ((-50.0, 50.0), 100.0)
+    assert (policy.history_layout, policy.history_newest, policy.history_start) == ("time", "first", "zero")
+
+
+def test_an_rl_sar_file_without_base_names_the_joints_in_the_policys_order(tmp_path: Path) -> None:
+    config, _ = files.rl_sar(list(range(12)))
+    own = config["go2/robot_lab"]
+    del own["joint_mapping"]
+    own |= {"joint_controller_names": [name.replace("_joint", "_controller") for name in ISAAC], "dt": 0.005}
+    own |= {"decimation": 4, "observations_history": [2, 1, 0], "observations_history_priority": "term"}
+    network(tmp_path, "policy.pt")
+    policy = described(written(tmp_path / "config.yaml", config))
+    assert policy.joints == ISAAC
+    assert (policy.history_layout, policy.history_newest) == ("term", "last")
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".json"])
+def test_legged_gym_joints_are_in_isaac_gyms_order(tmp_path: Path, suffix: str) -> None:
+    network(tmp_path, "exported/policies/policy_1.pt")
+    found = files.legged_gym()
+    found["terrain"]["measure_heights"], found["env"]["num_observations"] = True, 48 + 6
+    policy = described(written(tmp_path / f"settings{suffix}", found))
+    assert policy.joints == tuple(f"{leg}_{kind}" for leg in ("FL", "FR", "RL", "RR") for kind in files.KINDS)
+    assert policy.default_position == tuple(OF[name] for name in policy.joints)
+    assert policy.stiffness == (20.0, 30.0, 40.0) * 4
+    assert policy.terms[0] == Term("linear_velocity", (2.0,))
+    assert policy.terms[3] == Term("command", (2.0, 2.0, 0.25))
+    grid = HeightGrid((-0.1, 0.0, 0.1), (0.0, 0.2), x_first=False, offset=0.5)
+    assert policy.terms[-1] == Term("height_scan", (5.0,), (-1.0, 1.0), grid=grid)
+    assert (policy.width, policy.action_clip) == (54, (-50.0, 50.0))
+
+
+def test_himloco_shows_six_steps_the_newest_first_and_scales_hips_less(tmp_path: Path) -> None:
+    found = files.legged_gym()
+    found["env"] = {"num_observations": 270, "num_one_step_observations": 45}
+    found["control"]["hip_reduction"] = 0.5
+    network(tmp_path, "policy.pt")
+    policy = described(written(tmp_path / "settings.yaml", found))
+    assert policy.terms[0] == Term("command", (2.0, 2.0, 0.25), history=6)
+    assert (policy.history_layout, policy.history_newest, policy.history_start) == ("time", "first", "zero")
+    assert policy.action_scale == (0.125, 0.25, 0.25) * 4
+    assert policy.width == 270
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_mjlab_metadata_is_in_the_order_of_its_joints(tmp_path: Path, seed: int) -> None:
+    names = tuple(MOTORS[each] for each in permuted(seed))
+    policy = described(files.onnx_file(tmp_path / "policy.onnx", files.mjlab(names)))
+    assert policy.joints == names
+    assert policy.stiffness == tuple(of(names, 20.0))
+    assert policy.action_scale == tuple(of(names, 2.0))
+    assert policy.terms[3] == Term("joint_position")
+    assert (policy.control_rate, policy.width) == (50.0, 48)
+
+
+def test_mjlab_terms_may_have_scales_clips_and_histories(tmp_path: Path) -> None:
+    metadata = files.mjlab(MOTORS) | {
+        "observation_names": "base_ang_vel,joint_pos",
+        "observation_terms_scale": "0.250,[1.0, 2.0, 3.0, 1.0, 2.0, 3.0, 1.0, 2.0, 3.0, 1.0, 2.0, 3.0]",
+        "observation_terms_clip": "[-inf, inf],[-1.0, 1.0]",
+        "observation_terms_history_length": "0.000,3.000",
+        "action_scale": "0.5",
+    }
+    policy = described(files.onnx_file(tmp_path / "policy.onnx", metadata))
+    assert policy.terms == (
+        Term("angular_velocity", (0.25,)),
+        Term("joint_position", (1.0, 2.0, 3.0) * 4, (-1.0, 1.0), 3),
+    )
+    assert policy.action_scale == (0.5,) * 12
+
+
+def test_an_onnx_file_without_metadata_describes_nothing(tmp_path: Path) -> None:
+    assert read(files.onnx_file(tmp_path / "policy.onnx", {"joint_names": "a,b"})) is None
+    assert read(tmp_path / "mine.py") is None

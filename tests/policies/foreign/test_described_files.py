@@ -1,0 +1,111 @@
+"""Policies named by files that describe them: what is read, what is trusted, what is refused, and what their digest
+covers."""
+
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import policies
+from policies.base import CONTROL_PERIOD, PolicyError
+from policies.foreign import Foreign, is_reference
+from policies.foreign.described import DescribedPolicy
+from policies.foreign.description import HeightGrid, PolicyDescription, Term
+from policies.foreign.readers import write_toml
+from policies.foreign.reference import checked
+from policies.foreign.served import serve
+from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD, HeightScan
+from tests.policies.foreign.made import Numbers, described
+
+pytest.importorskip("onnx")
+pytest.importorskip("onnxruntime")
+
+TERMS = (Term("joint_velocity", scale=(0.05,)), Term("command"))
+WIDTH = 15
+
+
+@pytest.fixture
+def description(tmp_path: Path) -> PolicyDescription:
+    """That of an ONNX, written as policy.toml next to it."""
+    made = described(Numbers(WIDTH).onnx(tmp_path / "policy.onnx"), TERMS)
+    write_toml(made, tmp_path / "policy.toml")
+    return made
+
+
+def test_endings_of_files_that_describe_policies_are_references() -> None:
+    assert all(is_reference(f"folder/policy{end}") for end in (".toml", ".yaml", ".yml", ".json", ".pt", ".onnx"))
+    assert not is_reference("policy.pth")
+
+
+def test_the_file_that_describes_a_policy_names_it(description: PolicyDescription, tmp_path: Path) -> None:
+    observations = np.random.default_rng(0).normal(0.0, 0.3, (3, OBSERVATION_SIZE)).astype(np.float32)
+    here = DescribedPolicy(description)
+    here.reset(3)
+    with closing(policies.resolve(str(tmp_path / "policy.toml"))) as policy:
+        assert isinstance(policy, Foreign)
+        assert policy.description == description
+        assert policy.robot == here.robot != SIMPLE_QUAD
+        policy.reset(3)
+        for _ in range(3):
+            np.testing.assert_array_equal(policy.act(observations), here.act(observations))
+        policy.reset_where(np.array([True, False, False]))
+        assert policy.failure.tolist() == [None] * 3
+        guarded = policies.resolve(f"safe:{tmp_path / 'policy.toml'}")
+        assert guarded.robot == policy.robot
+
+
+def test_a_height_scan_is_asked_of_the_environment(tmp_path: Path) -> None:
+    terms = (Term("joint_velocity"), Term("height_scan", grid=HeightGrid((-0.1, 0.0, 0.1), (0.0,))))
+    file = Numbers(WIDTH).onnx(tmp_path / "policy.onnx")
+    with closing(Foreign(file, description=described(file, terms))) as policy:
+        assert policy.height_scan == HeightScan(ahead=1, behind=1, aside=0, spacing=0.1)
+        policy.reset(1)
+        policy.act(np.zeros((1, OBSERVATION_SIZE + 3), np.float32))
+        assert policy.failure.tolist() == [None]
+
+
+def test_torchscript_wants_trust_and_a_description_next_to_it(description: PolicyDescription, tmp_path: Path) -> None:
+    file = tmp_path / "policy.pt"
+    file.write_bytes(b"nothing that is loaded")
+    with pytest.raises(PolicyError, match=r"loading policy\.pt can run code .* --trust"):
+        checked(file, trust=False)
+    found = checked(file, trust=True)
+    assert found.description == replace(description, network=file)
+    write_toml(found.description, tmp_path / "other.toml")
+    with pytest.raises(PolicyError, match=r"loading policy\.pt can run code"):
+        checked(tmp_path / "other.toml", trust=False)
+    (tmp_path / "policy.toml").unlink()
+    with pytest.raises(PolicyError, match=r"does not say how its network is run; write a TOML .* as policy\.toml"):
+        checked(file, trust=True)
+
+
+def test_another_description_stands_for_that_of_the_file(description: PolicyDescription, tmp_path: Path) -> None:
+    other = replace(description, action_scale=(0.1,) * 12)
+    file = tmp_path / "policy.toml"
+    assert checked(file, trust=False, description=other).description == other
+    digests = {checked(file, False, each).content for each in (None, other, replace(other, control_rate=25.0))}
+    (tmp_path / "policy.onnx").write_bytes(b"another network")
+    digests.add(checked(file, trust=False).content)
+    assert len(digests) == 4
+
+
+def test_what_is_no_description_of_a_policy_is_refused_in_words(tmp_path: Path) -> None:
+    robot = tmp_path / "my_robot.toml"
+    robot.write_text('mjcf = "my_robot.xml"\n', encoding="utf-8")
+    with pytest.raises(PolicyError, match=r"my_robot\.toml: .*`mjcf`"):
+        policies.resolve(str(robot))
+    with pytest.raises(PolicyError, match="there is no file"):
+        policies.resolve(str(tmp_path / "gone.yaml"))
+
+
+def test_an_onnx_that_says_nothing_acts_on_our_observation(tmp_path: Path) -> None:
+    file = Numbers(OBSERVATION_SIZE).onnx(tmp_path / "policy.onnx")
+    assert checked(file, trust=False).description is None
+    of = serve(checked(file, trust=False), "", SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
+    of.reset(1, 0)
+    observation = np.ones((1, OBSERVATION_SIZE), np.float32)
+    np.testing.assert_allclose(
+        of.step(observation).actions[0], Numbers(OBSERVATION_SIZE).fresh()(observation[0]), atol=1e-5
+    )

@@ -1,0 +1,149 @@
+"""Terms of described policies' observations, each against numbers worked out by hand or against the simulation."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import roll_out
+from policies.base import Floats, PolicyError
+from policies.foreign.description import Clock, HeightGrid, Term
+from policies.foreign.terms import Terms, scan_of
+from quad_env import OBSERVATION, SIMPLE_QUAD, HeightScan
+from quad_env.sensing.height_scan import table_with
+from tests.policies.foreign.made import described
+
+HOME, PERIOD = SIMPLE_QUAD.home_pose, 0.01
+NETWORK = Path("policy.onnx")
+
+
+def terms(*wanted: Term, **fields: Any) -> Terms:
+    return Terms(described(NETWORK, wanted, **fields), SIMPLE_QUAD, PERIOD)
+
+
+def standing(size: int = 48, **readings: Any) -> Floats:
+    """The observation of a robot that stands, but for those readings, (1, k)."""
+    row = np.zeros((1, size))
+    for name, value in ({"projected_gravity": (0.0, 0.0, -1.0)} | readings).items():
+        row[0, OBSERVATION[name]] = value
+    return row
+
+
+def seen(of: Terms, *rows: Floats) -> Floats:
+    """What the policy is shown after those control steps of a robot, (k,)."""
+    for row in rows:
+        of.track(row)
+        shown = of.observe(row, np.array([0]))
+    return shown[0].astype(np.float64)
+
+
+def test_angles_speeds_and_torques_are_in_the_order_of_the_observed_joints() -> None:
+    numbers = np.arange(12.0)
+    row = standing(joint_position=0.01 * numbers, joint_velocity=0.1 * numbers, previous_action=0.02 * numbers)
+    names = ("absolute_joint_position", "joint_velocity", "joint_torque", "constant")
+    of = terms(*map(Term, names[:3]), Term(names[3], scale=(2.0,), values=(1.0, -3.0)))
+    angles, speeds, torques, constant = np.split(seen(of, row), [12, 24, 36])
+    order = [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
+    np.testing.assert_allclose(angles, (HOME + 0.01 * numbers)[order], atol=1e-6)
+    np.testing.assert_allclose(speeds, 0.1 * numbers[order], atol=1e-6)
+    given = SIMPLE_QUAD.servo_stiffness * 0.01 * numbers - SIMPLE_QUAD.servo_damping * 0.1 * numbers
+    np.testing.assert_allclose(torques, given[order], atol=1e-4)
+    np.testing.assert_allclose(constant, (2.0, -6.0))
+
+
+def test_torques_are_limited_to_what_the_servos_can_give() -> None:
+    torques = seen(terms(Term("joint_torque")), standing(previous_action=np.full(12, -2.0)))
+    np.testing.assert_allclose(torques, -SIMPLE_QUAD.rated_torque)
+
+
+def test_the_heading_frame_is_that_of_the_simulation() -> None:
+    of = terms(Term("linear_velocity", frame="heading"))
+
+    def compare(step: Step) -> None:
+        shown = seen(of, step.observation.astype(np.float64))
+        np.testing.assert_allclose(shown[:2], step.infos["heading_velocity"][0, :2], atol=1e-3)
+
+    roll_out(policies.make("trot"), "rough", np.array([0]), compare, steps=60)
+
+
+def test_the_world_frame_is_the_heading_at_the_start_of_each_episode() -> None:
+    of, up = terms(Term("linear_velocity", frame="world")), np.array((0.2, -0.3, np.sqrt(0.87)))
+    spinning = standing(projected_gravity=-up, linear_velocity=2.0 * up, angular_velocity=0.5 * up)
+    ahead = standing(linear_velocity=(1.0, 0.0, 0.2), angular_velocity=(0.0, 0.0, 0.5))
+    np.testing.assert_allclose(seen(of, *[spinning] * 101), (0.0, 0.0, 2.0), atol=1e-6)
+    np.testing.assert_allclose(seen(of, ahead), (np.cos(0.505), np.sin(0.505), 0.2), atol=1e-6)
+    of.restart(np.array([True]))
+    np.testing.assert_allclose(seen(of, ahead), (1.0, 0.0, 0.2), atol=1e-6)
+
+
+def test_contacts_are_those_of_the_simulation_in_nine_steps_of_ten() -> None:
+    of = Terms(described(NETWORK, (Term("foot_contact"),)), SIMPLE_QUAD, PERIOD)
+    of.allocate(2)
+    agreed: list[Floats] = []
+
+    def compare(step: Step) -> None:
+        row = step.observation.astype(np.float64)
+        of.track(row)
+        shown = of.observe(row, np.arange(2))
+        true = step.infos["foot_contact"] > 0
+        agreed.append(shown == true[:, [2, 1, 3, 0]])  # as `JOINTS` has the legs
+
+    roll_out(policies.make("mpc_wbc"), "flat", np.array([0, 1]), compare, steps=100)
+    assert np.mean(agreed[30:]) > 0.9
+
+
+@pytest.mark.parametrize(
+    ("clock", "expected"),
+    [
+        (Clock(2.0), (np.sin(0.48 * np.pi), np.cos(0.48 * np.pi))),
+        (Clock(2.0, (0.0, 0.5), ("cos",)), (np.cos(0.48 * np.pi), -np.cos(0.48 * np.pi))),
+        (
+            Clock(2.0, (0.0, 0.5), by_part=True),
+            np.array([1.0, -1.0, 1.0, -1.0]) * np.repeat((np.sin(0.48 * np.pi), np.cos(0.48 * np.pi)), 2),
+        ),
+    ],
+)
+def test_a_clock_is_at_zero_at_the_first_step(clock: Clock, expected: tuple[float, ...]) -> None:
+    # The seventh step of 50 Hz is 6 * 20 ms after the first, and 2 Hz are 0.24 cycles then.
+    shown = seen(terms(Term("gait_clock", clock=clock)), *[standing(command=(0.5, 0.0, 0.0))] * 7)
+    np.testing.assert_allclose(shown, expected, atol=1e-6)
+
+
+def test_a_clock_that_stands_starts_when_the_robot_is_commanded() -> None:
+    of = terms(Term("gait_clock", clock=Clock(2.0, parts=("sin",), stands=True)))
+    still, going = standing(), standing(command=(0.0, 0.0, 0.3))
+    assert seen(of, *[still] * 5) == 0.0
+    np.testing.assert_allclose(seen(of, going), np.sin(0.08 * np.pi), atol=1e-6)
+    assert seen(of, still) == 0.0
+
+
+@pytest.mark.parametrize("x_first", [True, False])
+def test_points_of_a_height_scan_are_found_in_the_environments(x_first: bool) -> None:
+    grid = HeightGrid((-0.2, 0.0, 0.4), (-0.1, 0.1), x_first, offset=0.5)
+    term = Term("height_scan", grid=grid)
+    scan = scan_of(described(NETWORK, (term,)))
+    assert scan == HeightScan(ahead=4, behind=2, aside=1, spacing=0.1)
+    x, y = scan.points.T
+    row = standing(table_with(SIMPLE_QUAD, scan).size)
+    row[0, 48:] = -(0.3 + x + 10.0 * y)
+    xs, ys = (np.tile(grid.x, 2), np.repeat(grid.y, 3)) if x_first else (np.repeat(grid.x, 2), np.tile(grid.y, 3))
+    np.testing.assert_allclose(seen(terms(term), row), 0.3 + xs + 10.0 * ys - 0.5, atol=1e-6)
+
+
+@pytest.mark.parametrize("x", [(0.0, 0.1, 0.2503), tuple(np.arange(-2000, 2001) / 1000)], ids=["irregular", "too many"])
+def test_a_grid_that_the_environment_cannot_have_is_refused(x: tuple[float, ...]) -> None:
+    with pytest.raises(PolicyError, match=r"height_scan of .*policy\.onnx cannot be shown"):
+        scan_of(
+            described(
+                NETWORK,
+                (
+                    Term(
+                        "height_scan",
+                        grid=HeightGrid(x, (0.0, 0.7)),
+                    ),
+                ),
+            )
+        )

@@ -1,0 +1,92 @@
+"""Servo gains belong to the policy that commands them, and its episodes run with them."""
+
+import json
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import policies
+import quad_env
+from evaluate.rollouts import rollout
+from evaluate.rollouts.hardware import Hardware
+from policies.poses import Stand
+from quad_env import SIMPLE_QUAD
+from quad_env.robots.named import EXTRA, ROBOTS, SERVOS, WHEEL
+
+GAINS = "35 N·m/rad and 0.5 N·m·s/rad"
+
+
+class Soft(Stand):
+    """The home pose on servos as soft as the robot's own."""
+
+    stiff_servos = False
+
+
+@pytest.fixture(scope="module")
+def soft(tmp_path_factory: pytest.TempPathFactory) -> quad_env.Robot:
+    """SimpleQuad's model with servos of its own that are softer than those which our controllers command."""
+    robot = quad_env.Robot.from_mjcf(SIMPLE_QUAD.mjcf, home_pose=SIMPLE_QUAD.home_pose)
+    return robot._with(servo_stiffness=np.full(12, 35.0), servo_damping=np.full(12, 0.5))
+
+
+def test_a_controller_that_needs_stiff_servos_commands_them_unless_the_gains_are_given(soft: quad_env.Robot) -> None:
+    assert Soft(robot=soft).robot.servo == soft.servo == GAINS
+    for name in ("stand", "trot", "trot_feedback", "mpc_wbc", "behaviour", "safe:trot"):
+        assert policies.make(name, robot=soft).robot.servo == SIMPLE_QUAD.servo, name
+        assert policies.make(name, robot=soft.with_servo(35.0, 0.5)).robot.servo == GAINS, name
+
+
+def test_episodes_run_with_the_gains_of_the_policy(soft: quad_env.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Hardware, "quadruped", property(lambda _: soft))
+    for policy, stiffness in ((Soft(robot=soft), 35.0), (Stand(robot=soft), 300.0)):
+        steps = []
+        rollout.roll_out(policy, "flat", np.array([3]), steps.append, steps=2)
+        np.testing.assert_array_equal(steps[0].env.simulation.model.actuator_gainprm[:, 0], stiffness)
+        assert steps[0].env.robot.servo == policy.robot.servo
+
+
+def test_an_environment_with_other_gains_is_refused_in_a_line(soft: quad_env.Robot) -> None:
+    with pytest.raises(ValueError, match="commands servos of 300 N·m/rad and 10 N·m·s/rad, but"):
+        Stand(robot=soft).check_fits(soft, 0.01)
+
+
+def test_a_bundle_has_the_gains_that_it_was_trained_with(soft: quad_env.Robot, tmp_path: Path) -> None:
+    residual = policies.load(Path("models/residual"))
+    assert residual.robot.servo == SIMPLE_QUAD.servo  # of before there were others
+    trot, inputs = policies.Trot(robot=SIMPLE_QUAD.with_servo(250.0, np.arange(1.0, 13.0))), residual.features.inputs
+    mine = policies.ResidualPolicy(trot, residual.network, residual.authority, "mine", inputs)
+    policies.bundle.save(tmp_path, mine, {}, "revision")
+    found = policies.load(tmp_path, robot=SIMPLE_QUAD)
+    np.testing.assert_array_equal(found.robot.servo_stiffness, np.full(12, 250.0))
+    np.testing.assert_array_equal(found.base.robot.servo_damping, np.arange(1.0, 13.0))
+    file = tmp_path / "policy.json"
+    description = json.loads(file.read_text(encoding="utf-8"))
+    for wrong in ([250.0], [250.0, -1.0], [[250.0] * 11, 1.0], "stiff"):
+        file.write_text(json.dumps(description | {"servo": wrong}), encoding="utf-8")
+        with pytest.raises(policies.PolicyError, match="servo must be stiffness and damping of 12 joints"):
+            policies.load(tmp_path)
+
+
+def test_the_option_servo_is_for_every_controller_of_ours() -> None:
+    hardware = Hardware(servo="35/0.5")
+    assert hardware.policy("trot").robot.servo == GAINS
+    assert hardware.as_json()["servo"] == "35/0.5"
+    assert "servo" not in Hardware().as_json()
+    with pytest.raises(ValueError, match=r"such as 35/0\.5"):
+        _ = Hardware(servo="35").quadruped
+
+
+@pytest.mark.skipif(find_spec(WHEEL) is None, reason=EXTRA)
+def test_named_robots_have_the_gains_of_their_makers_and_our_controllers_stiffer_ones() -> None:
+    for name, stiffness, damping in (("go1", 35.0, 0.5), ("go2", 25.0, 0.5), ("spot", 286.0, 2.04)):
+        robot = ROBOTS[name]
+        assert (robot.servo_stiffness[2], robot.servo_damping[2]) == (stiffness, damping), name
+        assert policies.make("trot", robot=name).robot.servo_stiffness[2] > 3.0 * stiffness, name
+        model = robot.model
+        np.testing.assert_array_equal(model.actuator_gainprm[:, 0], robot.servo_stiffness)
+        np.testing.assert_array_equal(model.actuator_biasprm[:, 2], -robot.servo_damping)
+    residual = policies.make("residual", robot="go1")
+    assert residual.robot.servo == ROBOTS["go1"].stiffer.servo
+    assert set(SERVOS) | {"simple_quad"} == set(ROBOTS)
