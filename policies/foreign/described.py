@@ -1,7 +1,5 @@
 """A policy from another project by its description: its network between its observation and its joint targets."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -78,11 +76,13 @@ class DescribedPolicy(Policy):
 
 
 def with_gains(robot: Robot, description: PolicyDescription) -> Robot:
-    """The robot with the servo gains of a description. Raises PolicyError for joints that it does not have."""
+    """The robot with the servo gains of a description. Raises PolicyError for joints or gains that it cannot have."""
     joints = joints_of(description.joints, robot)
     gains = (joints.in_place(np.array(each, float)) for each in (description.stiffness, description.damping))
-    stiffness, damping = (float(each.mean()) for each in gains)
-    return replace(robot, servo_stiffness=stiffness, servo_damping=damping)
+    try:
+        return robot.with_servo(*gains)
+    except ValueError as error:
+        raise PolicyError(f"the servos of {description.network} cannot be had: {error}") from None
 
 
 def steps_held(description: PolicyDescription, control_period: float) -> int:

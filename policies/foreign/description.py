@@ -75,7 +75,7 @@ class Clock:
     by_part: bool = False
     """All sines before all cosines, instead of phase by phase."""
     stands: bool = False
-    """Whether the clock stays at 0 while the command is zero."""
+    """Whether zeros are given while the command is nearly zero; the clock runs on."""
 
     def __post_init__(self) -> None:
         _check(self, frequency=(1,), phases=())

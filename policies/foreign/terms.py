@@ -28,6 +28,9 @@ from quad_env.sensing.height_scan import HeightScan, table_with
 CONTACT_SHARE = 0.05
 """Share of the robot's weight from which the estimated force of a foot is a contact: right in 86 to 96 % of the control
 steps of SimpleQuad and Go1 with `trot` and `mpc_wbc`, on flat and rough ground and when pushed."""
+STANDING = 0.1
+"""Length of the command, m/s and rad/s, below which a gait clock that knows standing shows zeros; as in Unitree's
+`unitree_rl_mjlab`."""
 _FINEST = 1e-3
 """Unit in which the points of a height scan are told apart, m."""
 
@@ -39,9 +42,7 @@ class _Shown(NamedTuple):
     """Our observation by term, and `angles`, of the robot's joints, rad."""
     yaw: Floats
     steps: NDArray[np.int64]
-    """Control steps of the policy since the reset, (m,), 0 at the first..."""
-    moving: NDArray[np.int64]
-    """... and since the command was last zero."""
+    """Control steps of the policy since the reset, (m,), 0 at the first."""
     action: Floats
     """The previous action, (m, 12)."""
     contact: Mask
@@ -76,7 +77,7 @@ class Terms:
         """Fresh state for so many robots."""
         d = self._description
         self._yaw, self._turning = np.zeros(num_envs), np.zeros(num_envs, np.bool_)
-        self._steps, self._moving = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64)
+        self._steps = np.zeros(num_envs, np.int64)
         self.action = np.zeros((num_envs, len(d.joints)))
         """The previous action of each robot as the policy is shown it, (n, 12); to be renewed after each action."""
         length, width = max(term.history for term in d.terms), sum(term.width for term in d.terms)
@@ -87,7 +88,7 @@ class Terms:
 
     def restart(self, mask: Mask) -> None:
         """Fresh state for those robots."""
-        for state in (self._yaw, self._turning, self._steps, self._moving, self.action, self._history):
+        for state in (self._yaw, self._turning, self._steps, self.action, self._history):
             state[mask] = 0
         if self._contacts is not None:
             self._contacts.restart(mask)
@@ -110,9 +111,8 @@ class Terms:
         """The policy's observations, (m, width), of those robots, whose of the environment are given, (m, k)."""
         seen = {name: observation[:, part] for name, part in self._slices.items()}
         seen["angles"] = seen["joint_position"] + self._robot.home_pose
-        self._moving[who] = np.where(seen["command"].any(axis=1), self._moving[who], 0)
         steps = self._steps[who]
-        shown = _Shown(seen, self._yaw[who], steps, self._moving[who], self.action[who], self._contact[who])
+        shown = _Shown(seen, self._yaw[who], steps, self.action[who], self._contact[who])
         now = np.concatenate([_limited(_READERS[term.name](self, shown, term), term) for term in self._terms], axis=1)
         if (bound := self._description.observation_clip) is not None:
             now = np.clip(now, -bound, bound)
@@ -121,7 +121,6 @@ class Terms:
             before = np.where((steps == 0)[:, None, None], now[:, None], before)
         history = self._history[who] = np.concatenate((before, now[:, None]), axis=1)
         self._steps[who] += 1
-        self._moving[who] += 1
         return history.reshape(len(who), -1)[:, self._order].astype(np.float32)
 
     @property
@@ -162,11 +161,11 @@ class Terms:
 
     def _clock(self, shown: _Shown, term: Term) -> Floats:
         clock = term.clock or Clock(0.0)
-        steps = shown.moving if clock.stands else shown.steps
-        cycles = clock.frequency / self._description.control_rate * steps[:, None] + np.array(clock.phases)
-        angles = 2.0 * np.pi * cycles
-        parts = [np.sin(angles) if part == "sin" else np.cos(angles) for part in clock.parts]
-        return np.stack(parts, axis=1 if clock.by_part else 2).reshape(len(steps), -1)
+        cycles = clock.frequency / self._description.control_rate * shown.steps[:, None] + np.array(clock.phases)
+        parts = [getattr(np, part)(2.0 * np.pi * cycles) for part in clock.parts]
+        numbers = np.stack(parts, axis=1 if clock.by_part else 2).reshape(len(cycles), -1)
+        stands = clock.stands and np.linalg.norm(shown.seen["command"], axis=1, keepdims=True) < STANDING
+        return np.where(stands, 0.0, numbers)
 
 
 _Reader = Callable[[Terms, _Shown, Term], Floats]

@@ -46,14 +46,14 @@ def test_the_file_that_describes_a_policy_names_it(description: PolicyDescriptio
     with closing(policies.resolve(str(tmp_path / "policy.toml"))) as policy:
         assert isinstance(policy, Foreign)
         assert policy.description == description
-        assert policy.robot == here.robot != SIMPLE_QUAD
+        assert policy.robot.servo == here.robot.servo != SIMPLE_QUAD.servo
         policy.reset(3)
         for _ in range(3):
             np.testing.assert_array_equal(policy.act(observations), here.act(observations))
         policy.reset_where(np.array([True, False, False]))
         assert policy.failure.tolist() == [None] * 3
         guarded = policies.resolve(f"safe:{tmp_path / 'policy.toml'}")
-        assert guarded.robot == policy.robot
+        assert guarded.robot.servo == policy.robot.servo
 
 
 def test_a_height_scan_is_asked_of_the_environment(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from policies.base import PolicyError
-from policies.foreign import networks
 from policies.foreign.description import Term
 from policies.foreign.networks import Networks, load
 from tests.policies.foreign.made import Numbers, described
@@ -19,7 +18,6 @@ pytest.importorskip("onnxruntime")
 
 TERMS = (Term("joint_velocity"), Term("command"))
 WIDTH = 15
-EVERYONE = np.arange(20)
 
 
 def of(file: Path) -> Networks:
@@ -39,24 +37,18 @@ def altered(file: Path, change: Callable[[Any], None]) -> Path:
     return file
 
 
-def test_a_row_has_the_same_bits_wherever_it_stands_and_blocks_are_shown_at_once(tmp_path: Path, rows) -> None:
-    batched, single = (of(Numbers(WIDTH).onnx(tmp_path / f"{batch}.onnx", batch)) for batch in ("n", 1))
-    found = batched.actions(rows, EVERYONE)
-    for robot in (0, 7, 19):
-        np.testing.assert_array_equal(batched.actions(rows[robot : robot + 1], EVERYONE[:1])[0], found[robot])
-    np.testing.assert_allclose(single.actions(rows, EVERYONE), found, atol=1e-6)
-    assert (batched._block, single._block) == (networks.BLOCK, 1)
-
-
-def test_a_network_whose_rows_hang_on_each_other_is_asked_row_by_row(tmp_path: Path, rows) -> None:
+@pytest.mark.parametrize("batch", ["n", 1])
+def test_a_row_has_the_same_bits_whatever_is_next_to_it(batch: int | str, tmp_path: Path, rows) -> None:
     def mix(graph: Any) -> None:
         mean = onnx.helper.make_node("ReduceMean", ["last_one"], ["mean"], axes=[0], keepdims=1)
         graph.node[-1].output[0] = "last_one"
         graph.node.extend([mean, onnx.helper.make_node("Add", ["last_one", "mean"], ["actions"])])
 
-    mixed = of(altered(Numbers(WIDTH).onnx(tmp_path / "p.onnx"), mix))
-    found, act = mixed.actions(rows, EVERYONE), Numbers(WIDTH).fresh()
+    mixed = of(altered(Numbers(WIDTH).onnx(tmp_path / "p.onnx", batch), mix))
+    mixed.allocate(20)
+    found, act = mixed.actions(rows, np.arange(20)), Numbers(WIDTH).fresh()
     np.testing.assert_allclose(found, [2.0 * act(row) for row in rows], atol=1e-5)
+    np.testing.assert_array_equal(mixed.actions(rows[7:8], np.array([0])), found[7:8])
 
 
 @pytest.mark.parametrize("kind", ["onnx", "torchscript"])

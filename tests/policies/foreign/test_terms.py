@@ -112,12 +112,11 @@ def test_a_clock_is_at_zero_at_the_first_step(clock: Clock, expected: tuple[floa
     np.testing.assert_allclose(shown, expected, atol=1e-6)
 
 
-def test_a_clock_that_stands_starts_when_the_robot_is_commanded() -> None:
-    of = terms(Term("gait_clock", clock=Clock(2.0, parts=("sin",), stands=True)))
-    still, going = standing(), standing(command=(0.0, 0.0, 0.3))
-    assert seen(of, *[still] * 5) == 0.0
-    np.testing.assert_allclose(seen(of, going), np.sin(0.08 * np.pi), atol=1e-6)
-    assert seen(of, still) == 0.0
+def test_a_clock_that_knows_standing_shows_zeros_then_and_runs_on() -> None:
+    of = terms(Term("gait_clock", clock=Clock(2.0, stands=True)))
+    slow, going = (standing(command=(0.0, 0.0, yaw_rate)) for yaw_rate in (0.09, 0.11))
+    np.testing.assert_array_equal(seen(of, *[slow] * 5), (0.0, 0.0))
+    np.testing.assert_allclose(seen(of, going), (np.sin(0.4 * np.pi), np.cos(0.4 * np.pi)), atol=1e-6)
 
 
 @pytest.mark.parametrize("x_first", [True, False])
