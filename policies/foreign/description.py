@@ -32,8 +32,8 @@ TERMS: dict[str, int | None] = {
 }
 """Names of observation terms, and how many numbers each has; None where the term's own settings say it."""
 
-LONGEST_HISTORY = 1000
-"""Control steps that a term may show."""
+LONGEST_HISTORY, MOST_POINTS = 1000, 10_000
+"""Control steps that a term may show, and points of a height scan."""
 _OWNERS = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
 _POSITIVE = "control_rate", "stiffness", "damping", "frequency", "observation_clip"
 _CHOICES = {
@@ -60,6 +60,8 @@ class HeightGrid:
 
     def __post_init__(self) -> None:
         _check(self, x=(), y=(), offset=(1,))
+        if len(self.x) * len(self.y) > MOST_POINTS:
+            raise PolicyError(f"a height scan has at most {MOST_POINTS} points, not {len(self.x)} x {len(self.y)}")
 
 
 @dataclass(frozen=True)
@@ -174,7 +176,8 @@ class PolicyDescription:
     def __post_init__(self) -> None:
         if not _are_names(self.joints):
             raise PolicyError(f"`joints` must be the names of 12 different joints, not {shortened(self.joints)}")
-        if (observed := self.observed_joints) and (not _are_names(observed) or {*observed} != {*self.joints}):
+        observed = self.joints if self.observed_joints is None else self.observed_joints
+        if not _are_names(observed) or {*observed} != {*self.joints}:
             raise PolicyError("`observed_joints` must be the names of `joints`, in another order")
         _check(self, control_rate=(1,), default_position=(12,), action_scale=(12,), stiffness=(12,), damping=(12,))
         _check(self, action_offset=(12,), observation_clip=(1,))

@@ -21,7 +21,7 @@ _NAMES = "joint_names_expr"
 def describe(settings: Settings) -> PolicyDescription:
     """The policy of an `env.yaml`. Raises PolicyError."""
     robot, action = settings.inside("scene", "robot"), _action(settings)
-    asset = _asset(robot)
+    asset = _asset(robot) if settings.inside("sim").find("newton_cfg") is None else None
     joints = _chosen(action, asset)
     group = settings.inside("observations", "policy")
     terms = {name: _term(settings, group, each) for name, each in group.groups()}
@@ -48,7 +48,8 @@ def _action(settings: Settings) -> Settings:
     actions = dict(settings.inside("actions").groups())
     kinds = {str(action.get("class_type")).rpartition(":")[2] for action in actions.values()}
     if len(actions) != 1 or kinds != {"JointPositionAction"}:
-        raise PolicyError(f"the actions are {', '.join(kinds) or 'none'}: one JointPositionAction is read", BY_HAND)
+        given = ", ".join(f"{name} ({action.find('class_type')})" for name, action in actions.items())
+        raise PolicyError(f"the actions are {given or 'none'}: one JointPositionAction is read", BY_HAND)
     return next(iter(actions.values()))
 
 
@@ -73,7 +74,7 @@ def _chosen(settings: Settings, asset: Joints | None) -> Joints:
         return patterns
     if asset is None:
         known = ", ".join(word for words in FAMILIES for word in words.split())
-        raise PolicyError(f"the order of the joints cannot be known: the robot is none of {known}", BY_HAND)
+        raise PolicyError(f"the order of the joints is not known: it is that of {known} in PhysX alone", BY_HAND)
     if kept:
         return tuple(dict.fromkeys(name for each in patterns for name in asset if matches(each, name)))
     return tuple(name for name in asset if any(matches(each, name) for each in patterns))

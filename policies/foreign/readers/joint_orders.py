@@ -1,7 +1,7 @@
 """Orders of the twelve joints in the makers' own names, where a file gives no names or no order.
 
 Isaac Gym and Isaac Sim import links by name: legs are in alphabetical order. Isaac Gym's joints then go leg by leg
-(`gym.get_asset_dof_names`), Isaac Lab's breadth first, so kind by kind (`Articulation.joint_names`).
+(`gym.get_asset_dof_names`), Isaac Lab's, with PhysX, breadth first, so kind by kind (`Articulation.joint_names`).
 """
 
 from collections.abc import Iterable

@@ -14,6 +14,7 @@ from typing import Any
 from policies.base import PolicyError
 from policies.foreign.description import PolicyDescription, Term
 from policies.foreign.readers.isaac_terms import term
+from policies.foreign.readers.networks import named
 from policies.foreign.readers.settings import BY_HAND, Settings
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.text import described
@@ -40,7 +41,7 @@ def describe(file: Path) -> PolicyDescription | None:
     if len(commands := found.texts("command_names")) != 1:
         raise PolicyError(f"the commands are {', '.join(commands)}: one of velocities is read", BY_HAND)
     return PolicyDescription(
-        network=file.absolute(),
+        network=named(file.parent, file.name),
         control_rate=CONTROL_RATE,
         joints=found.texts("joint_names"),
         default_position=found.numbers("default_joint_pos"),

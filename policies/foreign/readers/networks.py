@@ -1,5 +1,6 @@
 """Network of a run, in the usual places of its exporters."""
 
+import os
 from pathlib import Path
 from reprlib import repr as shortened
 
@@ -20,7 +21,7 @@ def exported(settings: Path) -> Path:
     others = [file for folder in folders for file in sorted(folder.glob("*.onnx"))]
     found = named[:1] or list(dict.fromkeys(others))
     if len(found) == 1:
-        return found[0].absolute()
+        return Path(os.path.abspath(found[0]))
     several = f"{', '.join(file.name for file in found)} lie there" if found else "none is there"
     raise PolicyError(
         f"which network belongs to {settings.name}? {several}", f"put it at {run / 'exported/policy.onnx'}"
@@ -31,7 +32,7 @@ def named(folder: Path, name: str) -> Path:
     """The network of that name in a folder. Raises PolicyError where it is none."""
     try:
         if (file := folder / name).is_file():
-            return file.absolute()
+            return Path(os.path.abspath(file))
     except (OSError, ValueError):
         pass
     raise PolicyError(f"there is no network {shortened(name)} in {folder}")

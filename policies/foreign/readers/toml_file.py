@@ -29,7 +29,7 @@ def describe(file: Path) -> PolicyDescription:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise PolicyError(f"it is no TOML: {error}") from None
     if "network" in found:
-        found["network"] = Path(os.path.abspath(named(file.parent, str(found["network"]))))
+        found["network"] = named(file.parent, str(found["network"]))
     for name in ("joints", "observed_joints"):
         if isinstance(legs := found.get(name), list) and len(legs) == 4:
             found[name] = by_leg(" ".join(map(str, legs)))

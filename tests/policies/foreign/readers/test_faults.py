@@ -2,9 +2,12 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from policies.base import PolicyError
@@ -62,14 +65,21 @@ ENV = [
     (path("scene/robot/init_state/joint_pos/.*_hip_joint", 0.2), "has .*L_hip_joint and .*_hip_joint for FL_hip_joint"),
     (
         path("scene/robot/init_state/joint_pos/knee", 0.2),
-        "the order of the joints cannot be known: the robot is none of",
+        "the order of the joints is not known: it is that of go1",
     ),
     (
         path("scene/robot/spawn/usd_path", "mine/robot.usd"),
-        "the order of the joints cannot be known: the robot is none",
+        "the order of the joints is not known: it is that",
+    ),
+    (
+        path("sim/newton_cfg", {"num_substeps": 1}),
+        "go1, go2, a1, b1, b2, aliengo, unitree, anymal, spot, lite3, deeprobotics",
     ),
     (path("scene/robot/actuators/hips/joint_names_expr", ["("]), "'(' is no regular expression"),
-    (path("actions/joint_pos/class_type", "x:JointVelocityAction"), "the actions are JointVelocityAction"),
+    (
+        path("actions/joint_pos/class_type", "x:JointVelocityAction"),
+        "the actions are joint_pos (x:JointVelocityAction): one Joint",
+    ),
     (
         path("commands/base_velocity/class_type", "x:UniformPoseCommand"),
         "the command base_velocity is a UniformPoseComm",
@@ -219,3 +229,27 @@ def test_json_and_folders(tmp_path: Path) -> None:
     assert "cannot read folder.yaml" in refusal(tmp_path / "folder.yaml")
     assert "cannot read none.yaml" in refusal(tmp_path / "none.yaml")
     assert "it cannot be read" in refusal(tmp_path / "none.toml")
+
+
+def places(settings: dict[str, Any], above: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """Keys of all values, however deep."""
+    deeper = [
+        place for key, value in settings.items() if isinstance(value, dict) for place in places(value, (*above, key))
+    ]
+    return [(*above, key) for key in settings] + deeper
+
+
+ODD = [None, "x", [], {}, -1, 0, 1e300, [[]], True, {"a": {}}, [None] * 12, ["x"] * 12, 10**400, ["("], [2, 1]]
+
+
+@pytest.mark.parametrize(("file", "settings"), [("d.yaml", files.deploy(files.permuted(0))), ("e.yaml", files.env())])
+def test_any_value_of_any_key_is_understood_or_refused(tmp_path: Path, file: str, settings: dict[str, Any]) -> None:
+    network(tmp_path)
+    rng, keys = np.random.default_rng(0), places(settings)
+    for number in rng.integers(len(keys), size=100):
+        changed = inner = deepcopy(settings)
+        for key in keys[number][:-1]:
+            inner = inner[key]
+        inner[keys[number][-1]] = ODD[rng.integers(len(ODD))]
+        with suppress(PolicyError):
+            read(written(tmp_path / file, changed))

@@ -94,6 +94,7 @@ def test_isaac_lab_keeps_an_order_that_names_give(tmp_path: Path) -> None:
     found["actions"]["joint_pos"] |= {"joint_names": list(MOTORS), "preserve_order": True, "clip": {".*": [-9.0, 9.0]}}
     found["actions"]["joint_pos"] |= {"use_default_offset": False, "offset": {".*_hip_joint": 0.5}}
     found["observations"]["policy"]["history_length"] = 5
+    network(tmp_path)
     network(tmp_path, "exported/policy.pt")
     written(tmp_path / "params/agent.yaml", {"clip_actions": 6.0})
     policy = described(written(tmp_path / "params/env.yaml", found))
@@ -103,6 +104,9 @@ def test_isaac_lab_keeps_an_order_that_names_give(tmp_path: Path) -> None:
     assert policy.action_offset == (0.5, 0.0, 0.0) * 4
     assert policy.stiffness == (20.0, 30.0, 40.0) * 4
     assert {term.history for term in policy.terms} == {5}
+    assert policy.network.name == "policy.onnx"
+    found["actions"]["joint_pos"]["preserve_order"] = False
+    assert described(written(tmp_path / "params/env.yaml", found)).joints == ISAAC
 
 
 def test_isaac_lab_height_scan_has_the_grid_of_its_sensor(tmp_path: Path) -> None:
@@ -192,6 +196,7 @@ def test_mjlab_metadata_is_in_the_order_of_its_joints(tmp_path: Path, seed: int)
     policy = described(files.onnx_file(tmp_path / "policy.onnx", files.mjlab(names)))
     assert policy.joints == names
     assert policy.stiffness == tuple(of(names, 20.0))
+    assert policy.damping == policy.default_position == tuple(of(names))
     assert policy.action_scale == tuple(of(names, 2.0))
     assert policy.terms[3] == Term("joint_position")
     assert (policy.control_rate, policy.width) == (50.0, 48)

@@ -56,9 +56,17 @@ def test_every_field_is_read_as_it_was_written(tmp_path: Path, plain: PolicyDesc
         assert read(tmp_path / "elsewhere.toml") == each
 
 
-def test_a_file_moves_with_its_network(tmp_path: Path, plain: PolicyDescription) -> None:
+def test_a_file_moves_with_its_network(
+    tmp_path: Path, plain: PolicyDescription, monkeypatch: pytest.MonkeyPatch
+) -> None:
     write_toml(plain, tmp_path / "policy.toml")
     assert 'network = "net.onnx"' in (tmp_path / "policy.toml").read_text()
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    found = read(Path("folder/../policy.toml"))
+    assert found == plain
+    write_toml(found, Path("folder/policy.toml"))
+    assert read(Path("folder/policy.toml")) == plain
 
 
 SHORT = """network = "net.onnx"
