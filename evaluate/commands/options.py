@@ -26,10 +26,11 @@ class Options:
 
     policies: tuple[str, ...] = DEFAULT_POLICIES
     """Names of policies, or folders of trained ones such as models/residual; document@flat runs on that scenario alone.
-    Or one of yours: my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3 (with --trust).
+    Or one of yours: my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3 (with --trust), or a deployment
+    file of another project, such as deploy.yaml.
     Folders seed-<number> of one parent count as training seeds of one run, with their spread reported separately."""
     trust: Flag = False
-    """Load policies from files that can hide code, the .zip files of Stable-Baselines3."""
+    """Load policies from files that can hide code: a .zip of Stable-Baselines3, TorchScript .pt."""
     scenarios: tuple[str, ...] = DEFAULT_BATTERY
     """Names of scenarios such as push, levels of severity such as push:3 or push:all, severities in their axes' units
     such as push=42 or, together, payload=15+slope=10, a battery (quick, default, full, all), a terrain of yours,

@@ -45,7 +45,7 @@ def _lines(robot: Robot) -> Iterator[str]:
     if not folders:
         yield f"  none: python -m train --robot {robot.source or robot.name} makes one"
     yield "\nsafe: before a name is that policy within the safety layer. Instead of a name there may be the folder of a"
-    yield "trained policy, or a file of yours: my_file.py:MyPolicy, my.onnx, my.zip of Stable-Baselines3."
+    yield "trained policy, or a file of yours: my_file.py:MyPolicy, my.onnx, my.zip of Stable-Baselines3, deploy.yaml."
 
 
 def _trained(folder: Path) -> Iterator[str]:

@@ -73,7 +73,7 @@ def _failure(description: PolicyDescription, error: Exception) -> PolicyError:
     """What an error of a network says; where it is of matrices that do not fit, the width that it reads."""
     if found := re.search(r"and (\d+)x\d+\)|Expected (\d+), got|mat \(\d+x(\d+)\)", str(error)):
         return _other_width(description, int(next(filter(None, found.groups()))))
-    *_, reason = described(error).rpartition("RuntimeError: ")
+    reason = described(error).rpartition("RuntimeError: ")[2]
     return PolicyError(f"{description.network} fails: {reason[:LONGEST_REASON]}")
 
 

@@ -4,10 +4,6 @@ What the environment does not show is worked out from what it does: the world fr
 at the reset, contacts and torques from the servos.
 """
 
-import math
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,18 +31,9 @@ _FINEST = 1e-3
 """Unit in which the points of a height scan are told apart, m."""
 
 
-class _Shown(NamedTuple):
-    """What terms are made of, of m robots."""
-
-    seen: dict[str, Floats]
-    """Our observation by term, and `angles`, of the robot's joints, rad."""
-    yaw: Floats
-    steps: NDArray[np.int64]
-    """Control steps of the policy since the reset, (m,), 0 at the first."""
-    action: Floats
-    """The previous action, (m, 12)."""
-    contact: Mask
-    """Of the robot's feet, (m, 4)."""
+Seen = dict[str, Floats]
+"""Of m robots: our observation by term; `angles` of the robot's joints; `yaw`; control `steps` of the policy since the
+reset, 0 at the first; `action`, the previous one; `contact` of the robot's feet."""
 
 
 class Terms:
@@ -80,8 +67,7 @@ class Terms:
         self._steps = np.zeros(num_envs, np.int64)
         self.action = np.zeros((num_envs, len(d.joints)))
         """The previous action of each robot as the policy is shown it, (n, 12); to be renewed after each action."""
-        length, width = max(term.history for term in d.terms), sum(term.width for term in d.terms)
-        self._history = np.zeros((num_envs, length, width))
+        self._history = np.zeros((num_envs, *_shape(d)))
         self._contact = np.zeros((num_envs, len(self._robot.leg_names)), np.bool_)
         if self._contacts is not None:
             self._contacts.allocate(num_envs)
@@ -110,80 +96,74 @@ class Terms:
     def observe(self, observation: Floats, who: Rows) -> NDArray[np.float32]:
         """The policy's observations, (m, width), of those robots, whose of the environment are given, (m, k)."""
         seen = {name: observation[:, part] for name, part in self._slices.items()}
+        kept = {"yaw": self._yaw, "steps": self._steps, "action": self.action, "contact": self._contact}
+        seen |= {name: values[who] for name, values in kept.items()}
         seen["angles"] = seen["joint_position"] + self._robot.home_pose
-        steps = self._steps[who]
-        shown = _Shown(seen, self._yaw[who], steps, self.action[who], self._contact[who])
-        now = np.concatenate([_limited(_READERS[term.name](self, shown, term), term) for term in self._terms], axis=1)
+        now = np.concatenate([_limited(self._numbers(term, seen), term) for term in self._description.terms], axis=1)
         if (bound := self._description.observation_clip) is not None:
             now = np.clip(now, -bound, bound)
         before = self._history[who, 1:]
         if self._description.history_start == "first":
-            before = np.where((steps == 0)[:, None, None], now[:, None], before)
+            before = np.where((seen["steps"] == 0)[:, None, None], now[:, None], before)
         history = self._history[who] = np.concatenate((before, now[:, None]), axis=1)
         self._steps[who] += 1
         return history.reshape(len(who), -1)[:, self._order].astype(np.float32)
 
-    @property
-    def _terms(self) -> tuple[Term, ...]:
-        return self._description.terms
-
-    def _turned(self, name: str, shown: _Shown, term: Term) -> Floats:
-        """A vector of the body in the term's frame, (m, 3)."""
-        body = shown.seen[name]
-        if term.frame == "body":
-            return body
-        x, y, z = level_frame(shown.seen["projected_gravity"].T).to_level(vector(body.T))
-        if term.frame == "world":
-            cosine, sine = np.cos(shown.yaw), np.sin(shown.yaw)
-            x, y = cosine * x - sine * y, sine * x + cosine * y
-        return np.stack((x, y, z), axis=1)
-
-    def _angles(self, shown: _Shown, _: Term) -> Floats:
-        return self._observed.angles(shown.seen["angles"])
-
-    def _torque(self, shown: _Shown, _: Term) -> Floats:
-        """What the servos give by the gains in force on the target in force, the joints where they are now, limited to
-        the robot's rated torque, (m, 12), N·m."""
-        robot, seen = self._robot, shown.seen
-        apart = seen["previous_action"] - seen["joint_position"]
-        torque = robot.servo_stiffness * apart - robot.servo_damping * seen["joint_velocity"]
-        return self._observed.rates(np.clip(torque, -robot.rated_torque, robot.rated_torque))
-
-    def _feet(self, shown: _Shown, _: Term) -> Floats:
-        order = list(dict.fromkeys(self._joints.places // JOINTS_PER_LEG))
-        return shown.contact[:, order].astype(np.float64)
-
-    def _heights(self, shown: _Shown, term: Term) -> Floats:
-        assert self.height_scan is not None and term.grid is not None  # noqa: PT018
-        apart = self.height_scan.points[None] - _points(term.grid)[:, None]
-        places = np.abs(apart).max(axis=-1).argmin(axis=1)
-        return -shown.seen["height_scan"][:, places] - term.grid.offset
-
-    def _clock(self, shown: _Shown, term: Term) -> Floats:
-        clock = term.clock or Clock(0.0)
-        cycles = clock.frequency / self._description.control_rate * shown.steps[:, None] + np.array(clock.phases)
-        parts = [getattr(np, part)(2.0 * np.pi * cycles) for part in clock.parts]
-        numbers = np.stack(parts, axis=1 if clock.by_part else 2).reshape(len(cycles), -1)
-        stands = clock.stands and np.linalg.norm(shown.seen["command"], axis=1, keepdims=True) < STANDING
-        return np.where(stands, 0.0, numbers)
+    def _numbers(self, term: Term, seen: Seen) -> Floats:
+        """A term's numbers of this control step, (m, width), neither clipped nor scaled."""
+        match term.name:
+            case "joint_position":
+                return self._observed.angles(seen["angles"]) - self._default
+            case "absolute_joint_position":
+                return self._observed.angles(seen["angles"])
+            case "joint_velocity":
+                return self._observed.rates(seen["joint_velocity"])
+            case "joint_torque":
+                return self._observed.rates(_torque(self._robot, seen))
+            case "previous_action":
+                return seen["action"]
+            case "command":
+                return seen["command"]
+            case "foot_contact":
+                return seen["contact"][:, list(dict.fromkeys(self._joints.places // JOINTS_PER_LEG))]
+            case "gait_clock":
+                return _clock(term.clock or Clock(0.0), seen, self._description.control_rate)
+            case "constant":
+                return np.tile(term.values, (len(seen["steps"]), 1))
+            case "height_scan":
+                assert self.height_scan is not None and term.grid is not None  # noqa: PT018
+                apart = self.height_scan.points[None] - _points(term.grid)[:, None]
+                places = np.abs(apart).max(axis=-1).argmin(axis=1)
+                return -seen["height_scan"][:, places] - term.grid.offset
+        return _turned(seen[term.name], term.frame, seen)
 
 
-_Reader = Callable[[Terms, _Shown, Term], Floats]
-_READERS: dict[str, _Reader] = {
-    "projected_gravity": lambda of, shown, term: of._turned("projected_gravity", shown, term),
-    "angular_velocity": lambda of, shown, term: of._turned("angular_velocity", shown, term),
-    "linear_velocity": lambda of, shown, term: of._turned("linear_velocity", shown, term),
-    "joint_position": lambda of, shown, term: of._angles(shown, term) - of._default,
-    "absolute_joint_position": Terms._angles,
-    "joint_velocity": lambda of, shown, _: of._observed.rates(shown.seen["joint_velocity"]),
-    "joint_torque": Terms._torque,
-    "previous_action": lambda of, shown, _: shown.action,
-    "command": lambda of, shown, _: shown.seen["command"],
-    "foot_contact": Terms._feet,
-    "height_scan": Terms._heights,
-    "gait_clock": Terms._clock,
-    "constant": lambda of, shown, term: np.tile(term.values, (len(shown.steps), 1)),
-}
+def _turned(body: Floats, frame: str, seen: Seen) -> Floats:
+    """Vectors of the body in a frame, (m, 3)."""
+    if frame == "body":
+        return body
+    x, y, z = level_frame(seen["projected_gravity"].T).to_level(vector(body.T))
+    if frame == "world":
+        cosine, sine = np.cos(seen["yaw"]), np.sin(seen["yaw"])
+        x, y = cosine * x - sine * y, sine * x + cosine * y
+    return np.stack((x, y, z), axis=1)
+
+
+def _torque(robot: Robot, seen: Seen) -> Floats:
+    """What the servos give by the gains in force on the target in force, the joints where they are now, limited to the
+    robot's rated torque, (m, 12), N·m."""
+    apart = seen["previous_action"] - seen["joint_position"]
+    torque = robot.servo_stiffness * apart - robot.servo_damping * seen["joint_velocity"]
+    return np.clip(torque, -robot.rated_torque, robot.rated_torque)
+
+
+def _clock(clock: Clock, seen: Seen, control_rate: float) -> Floats:
+    """Sines and cosines of a clock, (m, k)."""
+    angles = 2.0 * np.pi * (clock.frequency / control_rate * seen["steps"][:, None] + np.array(clock.phases))
+    parts = [np.sin(angles) if part == "sin" else np.cos(angles) for part in clock.parts]
+    numbers = np.stack(parts, axis=1 if clock.by_part else 2).reshape(len(angles), -1)
+    stands = clock.stands and np.linalg.norm(seen["command"], axis=1, keepdims=True) < STANDING
+    return np.where(stands, 0.0, numbers)
 
 
 def _limited(values: Floats, term: Term) -> Floats:
@@ -191,21 +171,21 @@ def _limited(values: Floats, term: Term) -> Floats:
     return (values if term.clip is None else np.clip(values, *term.clip)) * np.array(term.scale)
 
 
+def _shape(description: PolicyDescription) -> tuple[int, int]:
+    """Control steps of the longest history, and numbers of all terms in one of them."""
+    return max(term.history for term in description.terms), sum(term.width for term in description.terms)
+
+
 def _layout(description: PolicyDescription) -> NDArray[np.intp]:
     """Places of the policy's observation in the flattened history of steps, the oldest first, each of all terms."""
-    d = description
-    length, width = max(term.history for term in d.terms), sum(term.width for term in d.terms)
-    ages = range(length) if d.history_newest == "first" else range(length - 1, -1, -1)
-    starts = np.cumsum([0, *(term.width for term in d.terms)])
-    blocks = {
-        (number, age): (length - 1 - age) * width + starts[number] + np.arange(term.width)
-        for number, term in enumerate(d.terms)
-        for age in range(term.history)
-    }
-    numbers = range(len(d.terms))
-    by_term = [(number, age) for number in numbers for age in ages]
-    order = by_term if d.history_layout == "term" else [(number, age) for age in ages for number in numbers]
-    return np.concatenate([blocks[each] for each in order if each in blocks])
+    shape, first = _shape(description), description.history_newest == "first"
+    steps = np.arange(np.prod(shape)).reshape(shape)[:: -1 if first else 1]
+    if description.history_layout == "time":
+        return steps.ravel()
+    ends = np.cumsum([term.width for term in description.terms])
+    each = [steps[:, end - term.width : end] for term, end in zip(description.terms, ends, strict=True)]
+    kept = [slice(term.history) if first else slice(-term.history, None) for term in description.terms]
+    return np.concatenate([numbers[shown].ravel() for numbers, shown in zip(each, kept, strict=True)])
 
 
 def _points(grid: HeightGrid) -> Floats:
@@ -220,17 +200,13 @@ def scan_of(description: PolicyDescription) -> HeightScan | None:
     if not grids:
         return None
     points = np.concatenate(grids)
-    units = np.round(points / _FINEST)
-    spacing = int(np.gcd.reduce(np.abs(units).astype(int), axis=None)) or 100
-    (ahead, left), (behind, right) = units.max(axis=0) / spacing, -units.min(axis=0) / spacing
+    units = np.round(points / _FINEST).astype(int)
+    spacing = int(np.gcd.reduce(np.abs(units), axis=None)) or 100
+    (ahead, left), (behind, right) = np.maximum(units.max(axis=0), 0), np.maximum(-units.min(axis=0), 0)
+    ahead, behind, aside = (int(far) // spacing for far in (ahead, behind, max(left, right)))
     try:
         if np.abs(points / _FINEST - units).max() > 1e-3:
             raise ValueError(f"its points do not lie on a grid of {_FINEST:g} m through the trunk's centre")
-        return HeightScan(
-            ahead=max(0, round(ahead)),
-            behind=max(0, round(behind)),
-            aside=max(0, math.ceil(max(left, right))),
-            spacing=_FINEST * spacing,
-        )
+        return HeightScan(ahead=ahead, behind=behind, aside=aside, spacing=_FINEST * spacing)
     except ValueError as error:
         raise PolicyError(f"the height_scan of {description.network} cannot be shown: {error}") from None
