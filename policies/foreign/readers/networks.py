@@ -8,6 +8,8 @@ from policies.base import PolicyError
 
 NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/policy_lstm_1.pt", "policy_1.pt")
 """Of Isaac Lab, mjlab and Unitree (`exported/policy.*`) and of legged_gym (`exported/policies/policy_1.pt`)."""
+PAIR = "_env", "_policy.pt"
+"""Ends of Isaac Sim's samples, such as `spot_env.yaml` and `spot_policy.pt`."""
 
 
 def exported(settings: Path) -> Path:
@@ -17,7 +19,8 @@ def exported(settings: Path) -> Path:
     """
     run = settings.parent.parent if settings.parent.name == "params" else settings.parent
     folders = [run / "exported", run, settings.parent]
-    named = [folder / name for folder in folders for name in NAMES if (folder / name).is_file()]
+    names = [*NAMES, settings.stem.removesuffix(PAIR[0]) + PAIR[1]]
+    named = [folder / name for folder in folders for name in names if (folder / name).is_file()]
     others = [file for folder in folders for file in sorted(folder.glob("*.onnx"))]
     found = named[:1] or list(dict.fromkeys(others))
     if len(found) == 1:

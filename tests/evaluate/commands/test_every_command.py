@@ -93,6 +93,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "scenarios": Effect("--scenarios push=42 flat", SCENARIOS, ["push=42", "flat"]),
         "episodes": Effect("--episodes 3", COUNT, [3]),
         "robot": Effect("--robot FOLDER/mine.xml", once(lambda each: each.env.robot.name), ["mine"]),
+        "servo": Effect("--servo 40/1.5", once(lambda each: each.env.robot.servo), ["40 N·m/rad and 1.5 N·m·s/rad"]),
         "actuator": Effect("--actuator motor", once(lambda each: each.warms), [True]),
         "sensors": Effect("--sensors typical", once(lambda each: each.sensed), [True]),
         "estimator": Effect(
