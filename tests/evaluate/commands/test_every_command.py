@@ -143,7 +143,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "episodes": Effect("--episodes 2", COUNT, [2]),
         "seed": Effect("--seed 5", SEEDS, drawn(5, 2)),
         "robot": Effect("--robot FOLDER/mine.xml", once(lambda each: each.env.robot.name), ["mine"]),
-        "out": Effect("--out FOLDER/new", written("new/fall_rates.svg"), True),
+        "out": Effect("--out FOLDER/new", written("new/results.json"), True),
         "threads": Effect("--threads 1", THREADS, [1]),
     },
 }
