@@ -17,14 +17,14 @@ from evaluate.commands import options as evaluation
 from evaluate.commands.execution import execute
 from evaluate.commands.options import Flag
 from evaluate.commands.plan import Plan, check
-from evaluate.records import manifest, policy_list
-from evaluate.records.policy_list import PolicyList
+from evaluate.records import manifest
 from evaluate.records.store import Run, read_run
-from evaluate.report import leaderboard
 from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.files.writing import write_atomically
+from research.pages import leaderboard_page, policy_list
 from research.pages.csv_text import csv_text, flat
+from research.pages.policy_list import PolicyList
 
 SCENARIOS = "flat", "push", "rough", "noise:3", "latency:3"
 
@@ -68,7 +68,7 @@ def main(options: Options) -> int:
     plans = {name: _plan(name, policy, listed, options) for name, policy in references.items()}
     results = _results({name: _run(plan) for name, plan in plans.items()}, listed.ours, options.reference)
     robots = {name: plan.policies[0].policy.robot for name, plan in plans.items()}
-    write_atomically(out, leaderboard.page(results, listed, robots, _made_by(options, results)).encode())
+    write_atomically(out, leaderboard_page.page(results, listed, robots, _made_by(options, results)).encode())
     rows = [{"scenario": s, "policy": p, **flat(without_nan(asdict(of)))} for (s, p), of in results.summaries.items()]
     write_atomically(data, csv_text(rows))
     differences = [flat(without_nan(asdict(of))) for of in results.against_baseline]
@@ -112,6 +112,6 @@ def _results(runs: Mapping[str, Run], ours: Sequence[str], reference: str | None
     cells = [replace(cell, policy=name) for name, run in runs.items() for cell in run.cells]
     compared = partial(analyse, cells, seed=made.seed, episodes=made.episodes, complete=True)
     if reference is None:
-        best = leaderboard.mean_success(compared(provenance=made.provenance()))
+        best = leaderboard_page.mean_success(compared(provenance=made.provenance()))
         reference = next((name for name in best if name in ours), next(iter(best)))
     return compared(provenance=made.provenance(), baseline=reference)

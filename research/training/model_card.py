@@ -8,7 +8,6 @@ from statistics import median
 from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SIGNIFICANT, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
-from evaluate.report.headings import TITLES, UNITS
 from evaluate.rollouts import hardware
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.format import number, p_value, percent, points, share
@@ -100,12 +99,8 @@ def table(called: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results:
     heads = {"scenario": "scenario", "before": f"success, `{base}`", "after": f"success, {name}"}
     heads |= {"seeds": f"seeds {rest}", "median": "median"} if others else {}
     heads[SUCCESS_RATE] = f"{name} minus `{base}`, points"
-    heads |= {metric: f"{_title(metric)}, `{base}` / {name}" for metric in BOTH}
+    heads |= {metric: f"{markdown.IN_A_LINE[metric]}, `{base}` / {name}" for metric in BOTH}
     return markdown.table(heads, (_row(scenario, base, (first, *others), results) for scenario in results.scenarios))
-
-
-def _title(metric: str) -> str:
-    return f"{TITLES[metric]}, {UNITS[metric]}".removesuffix(", ")
 
 
 def scores(called: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:

@@ -13,12 +13,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from evaluate.records import policy_list
 from evaluate.records.store import read_run
-from evaluate.report.leaderboard import gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from research.__main__ import main
 from research.pages import leaderboard as command
+from research.pages import policy_list
+from research.pages.leaderboard_page import gains
 
 REVISION, PATH, CONTENT = "d5e6b475", "onnx/go1 policy.onnx", b"a network"
 PUBLISHED = f"""

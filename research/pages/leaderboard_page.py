@@ -8,14 +8,14 @@ from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import summarise
 from evaluate.measures.outcomes import ISAAC_LAB, RULES
-from evaluate.records.policy_list import PolicyList
-from evaluate.report.headings import FIRST, IN_A_LINE
-from evaluate.report.markdown import table
+from evaluate.report.headings import FIRST
 from evaluate.report.page import warnings
 from evaluate.report.table import summary_figures
 from evaluate.rollouts.experiment import rescored
 from quad_env.cli.format import ABSENT, counted, interval, number, p_value, points, points_interval, share
 from quad_env.robots.robot import Robot
+from research.pages.markdown import IN_A_LINE, table
+from research.pages.policy_list import PolicyList
 
 COMPARED = SUCCESS_RATE, "velocity_error"
 """Metrics whose differences from the reference are shown."""
