@@ -67,7 +67,7 @@ def _finding(subject: Subject, ways: tuple[str, ...]) -> Finding:
     found = [walk for walk in _walks(subject) if walk.way in ways]
     if not (seen := diagnosis.faults(found)):
         return ok("; ".join({walk.way: walk.words for walk in found}.values()))
-    if any(walk.failure for walk in found):
+    if diagnosis.failed(found):
         return problem("; ".join(seen.values()), "the network itself", "export it again")
     return problem("; ".join(seen.values()), diagnosis.cause(_loaded(subject), subject.name), f"correct that {CORRECT}")
 

@@ -51,6 +51,11 @@ def faults(found: Sequence[Walk]) -> dict[str, str]:
     return {way: worst[way].words for way in COMMANDS if way in worst and worst[way].deviation > 1.0}
 
 
+def failed(found: Sequence[Walk]) -> bool:
+    """Whether the policy itself failed; a network may overflow from a mistake in its description."""
+    return any(walk.failure and "not finite" not in walk.failure for walk in found)
+
+
 def cause(policy: Foreign, robot: str) -> str:
     """What explains that it fails, in words: the correction with which it walks best, tried in this process.
 
@@ -88,5 +93,4 @@ def warning(policy: Policy, robot: str) -> str | None:
     inner.close()
     if not (seen := faults(found)):
         return None
-    failed = any(walk.failure for walk in found)
-    return f"{next(iter(seen.values()))}{'' if failed else f'; {cause(inner, robot)}'}"
+    return f"{next(iter(seen.values()))}{'' if failed(found) else f'; {cause(inner, robot)}'}"

@@ -37,7 +37,7 @@ class Walk:
     failure: str | None
     """Why the policy failed it; None where it did not."""
     errors: Floats
-    """Of the velocity, per what the success rule allows, (3,)."""
+    """Of the velocity, per what the success rule allows, (3,); of turning at command zero none."""
 
     @property
     def deviation(self) -> float:
@@ -88,6 +88,7 @@ def walks(
     allowed = rule.linear * scale + rule.share * np.hstack((planar, planar, np.abs(asked[:, 2:])))
     means = np.mean(velocities, axis=0) if velocities else np.zeros_like(asked)
     errors = np.abs(means - asked) / allowed
+    errors[:, 2] *= asked.any(axis=1)  # many turn a little where they are to stand
     ways = np.tile(np.repeat(list(commands), count), times).tolist()
     falls = [FALL_REASONS[code] if code else "" for code in fall]
     failures = getattr(policy, "failure", None)

@@ -141,8 +141,7 @@ class FeedbackParameters(Parameters):
 
 
 SEARCH_RANGES = search_ranges_of(FeedbackParameters)
-FILE = ParameterFile(Path(__file__).with_name("trot_feedback.json"), FeedbackParameters, "feedback")
-"""TROT_FEEDBACK.md is the account of the last search."""
+FILE = ParameterFile(Path(__file__).with_name("trot_feedback.json"), FeedbackParameters, "feedback")  # TROT_FEEDBACK.md
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> FeedbackParameters:

@@ -55,8 +55,7 @@ SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
 """Wider where the trot's parameters lie at the edge of its own; and those of the command map, which its search fits."""
 FILE = ParameterFile(
     Path(__file__).with_name("trot_integral.json"), IntegralParameters, "feedback --policy trot_integral"
-)
-"""TROT_INTEGRAL.md says where they come from."""
+)  # TROT_INTEGRAL.md says where they come from
 
 
 def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:

@@ -90,8 +90,10 @@ def _plan(name: str, policy: str, listed: PolicyList, options: Options) -> Plan:
     """The evaluation of one policy, checked; one that was begun is carried on. Raises UsageError."""
     out = options.runs / options.list.stem / re.sub(r"[^\w.-]+", "_", name)
     same = {each: getattr(options, each) for each in ("trust", "scenarios", "episodes", "threads")}
-    begun = (out / manifest.NAME).is_file()
-    asked = evaluation.Options((policy,), robot=listed.robot, out=out, resume=begun, **same)
+    begun, servo = (out / manifest.NAME).is_file(), ""
+    if name in listed.ours:
+        policy, _, servo = policy.partition(" at ")
+    asked = evaluation.Options((policy,), robot=listed.robot, servo=servo, out=out, resume=begun, **same)
     try:
         return check(asked)
     except UsageError as error:

@@ -59,7 +59,7 @@ class PolicyList:
     robot: str
     """As `--robot` takes it."""
     ours: Sequence[str]
-    """As `--policies` takes them."""
+    """As `--policies` takes them, also with servo gains of `--servo`, such as "trot at 35/0.5"."""
     published: tuple[Published, ...] = ()
 
     @property
