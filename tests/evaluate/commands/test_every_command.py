@@ -21,7 +21,7 @@ from evaluate.commands import options as default
 from evaluate.rollouts.experiment import evaluation_seeds
 from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
-from tests.evaluate.commands import test_axes
+from tests.evaluate.commands import test_axes, test_command
 from tests.evaluate.records import test_resume
 from tests.quad_env.robots.made import Made
 
@@ -152,6 +152,9 @@ EFFECTS: dict[str, dict[str, Effect]] = {
 ELSEWHERE = {
     "": {
         "resume": test_resume.test_a_killed_run_goes_on_to_the_same_files,
+    },
+    "report": {
+        "success": test_command.test_a_report_by_another_rule_of_success_is_printed_and_leaves_the_files_alone,
     },
     "axes": {
         "resume": test_axes.test_it_goes_on_with_what_was_done,
