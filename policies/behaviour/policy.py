@@ -31,7 +31,6 @@ class Behaviour(Policy):
     Args:
         start: state after a reset.
         follow: ask for stand, walk and run by the commanded velocity; for others, requests alone count.
-        gait: walks and runs; made for the same robot and control period.
     """
 
     name = "behaviour"
@@ -41,15 +40,13 @@ class Behaviour(Policy):
         self,
         start: State = State.STAND,
         follow: bool = True,
-        gait: Policy | None = None,
         *,
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
         super().__init__(robot=robot, control_period=control_period)
         robot = self.robot
-        self._gait = gait if gait is not None else Trot(robot=robot, control_period=control_period)
-        self._gait.check_fits(robot, control_period)
+        self._gait = Trot(robot=robot, control_period=control_period)
         self._follow = follow
         self.machine = BehaviourMachine(start=start, robot=robot, control_period=control_period)
         self._motions: tuple[tuple[tuple[State, ...], Motion], ...] = (
