@@ -1,16 +1,17 @@
 """The images of a film: one episode of one policy or of several, side by side, with captions and marks."""
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from evaluate.film import captions, files
-from evaluate.film.frames import Filming
 from evaluate.film.scene import COMMAND, VELOCITY, Scene
 from evaluate.measures import metrics
 from evaluate.measures.outcomes import DIVERGED, FELL, SUCCEEDED, SUCCESS_RULE
@@ -20,6 +21,9 @@ from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import Recorder, watch
 from policies.base import CONTROL_PERIOD
+from quad_env.cli.command_line import UsageError
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics.arrows import Arrow
 from quad_env.scenarios.scenario import Scenario
 
 AFTERMATH = 1.0
@@ -28,6 +32,8 @@ STRIP_RATE = 5.0
 """Frames of a second from which those of a strip are chosen."""
 ALARM, GOOD, BAD = (200, 30, 30), (0, 130, 90), (190, 110, 0)
 Progress = Callable[[float], None]
+Frame = NDArray[np.uint8]
+"""(height, width, 3)"""
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,38 @@ class Look:
     def letters(self) -> int:
         """Size of the captions' letters, pixels."""
         return max(captions.SMALLEST, min(self.size) // 30)
+
+
+class Filming:
+    """Draws frames of the first of n robots, all of one size (width, height), pixels; close it in the end."""
+
+    def __init__(self, size: tuple[int, int], camera: str = "track") -> None:
+        self._view = *size, camera
+        self._camera: Any = None
+
+    def draw(self, env: SimpleQuadVectorEnv, arrows: Sequence[Arrow] = ()) -> Frame:
+        """The first robot as it is now, with these arrows.
+
+        Raises:
+            ValueError: there is no such camera; names those that there are.
+            UsageError: nothing can be drawn here.
+        """
+        from quad_env.physics.rendering import Camera
+
+        try:
+            if self._camera is None:
+                self._camera = Camera(env.simulation.model, *self._view)
+            frame: Frame = self._camera.draw(env.simulation.snapshot(0), arrows=arrows)
+        except ValueError:
+            raise
+        except Exception as error:  # whatever the graphics driver fails with
+            raise UsageError(f"nothing can be drawn here ({type(error).__name__}: {error})") from error
+        return frame
+
+    def close(self) -> None:
+        """Free the renderer."""
+        if self._camera is not None:
+            self._camera.close()
 
 
 def film(take: Take, look: Look, path: Path, progress: Progress) -> None:

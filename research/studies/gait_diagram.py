@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evaluate.measures.averages import Bools
 from evaluate.rollouts.observers import Step
 from policies.gaits.parameters import GAITS
 from policies.gaits.policy import Gaits
@@ -36,13 +36,6 @@ class Options:
     """Time that the diagram shows, s."""
     seed: int = 0
     """Which episode (whole number from 0)."""
-
-
-def stances(contact: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First step and length of every stretch on the ground, of (steps,)."""
-    change = np.diff(np.concatenate(([False], contact, [False])).astype(np.int8))
-    first, end = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
-    return list(zip(first.tolist(), (end - first).tolist(), strict=True))
 
 
 def draw(policy: Gaits, strides: Strides, title: str, out: Path) -> None:
@@ -91,3 +84,10 @@ def _check(options: Options) -> None:
         raise UsageError(f"--start must be at least 0 s, --length at least 0.05 s, both together at most {LONGEST:g} s")
     check_numbers(options, {"command": (-10.0, 10.0), "seed": (0, 2**31)})
     make_room_for_picture(options.out, "--out")
+
+
+def stances(contact: Bools) -> list[tuple[int, int]]:
+    """First step and length of every stretch on the ground, of (steps,)."""
+    change = np.diff(np.concatenate(([False], contact, [False])).astype(np.int8))
+    first, end = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+    return list(zip(first.tolist(), (end - first).tolist(), strict=True))

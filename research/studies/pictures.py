@@ -4,17 +4,17 @@ Look at the robot before believing a figure. With `--scenarios flat rough --out 
 side by side; with `--robots simple_quad go1 go2 --policies residual` too, the robots do, as in the README.
 """
 
-from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
+from numpy.typing import ArrayLike
 from PIL import Image
 
 import quad_env
 from evaluate.film.captions import Text
 from evaluate.film.files import moving_picture, tiled
-from evaluate.film.frames import Filming, Frame
+from evaluate.film.shooting import Filming, Frame
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from evaluate.rollouts.rollout import watch
 from policies.base import CONTROL_PERIOD, Policy
@@ -147,7 +147,7 @@ def frames_of(
     every: int,
     count: int,
     size: tuple[int, int],
-    command: Sequence[float],
+    command: ArrayLike,
     hardware: Hardware,
 ) -> list[Frame]:
     """`count` frames of an episode, one every so many control steps from the step `first` on.

@@ -30,18 +30,6 @@ TIME_ALLOWED, WATCHED = 5.0, 6.0
 
 
 @dataclass(frozen=True)
-class Options:
-    """Measure the recovery from falls."""
-
-    robots: int = 1000
-    """Robots (count), each with a random start of its own."""
-    seed: int = 0
-    """Which set of starts (whole number from 0)."""
-    seeds: Literal["search", "validation", "evaluation"] = "evaluation"
-    """Family of seeds; the keyframes were searched on "search"."""
-
-
-@dataclass(frozen=True)
 class Outcome:
     """What became of n robots."""
 
@@ -54,6 +42,18 @@ class Outcome:
     diverged: int
 
 
+@dataclass(frozen=True)
+class Options:
+    """Measure the recovery from falls."""
+
+    robots: int = 1000
+    """Robots (count), each with a random start of its own."""
+    seed: int = 0
+    """Which set of starts (whole number from 0)."""
+    seeds: Literal["search", "validation", "evaluation"] = "evaluation"
+    """Family of seeds; the keyframes were searched on "search"."""
+
+
 def main(options: Options) -> int:
     """Measure and print; the exit code."""
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
@@ -62,7 +62,7 @@ def main(options: Options) -> int:
 
 
 def recover(seeds: NDArray[np.int64]) -> Outcome:
-    """One robot for each seed; the policy recovers from the first step on."""
+    """One robot for each seed, all side by side; the policy recovers from the first step on."""
     tilt, since, peak, diverged = np.zeros(0), np.full(len(seeds), np.inf), 0.0, np.zeros(len(seeds), np.bool_)
 
     def watch(step: Step) -> None:
@@ -75,9 +75,8 @@ def recover(seeds: NDArray[np.int64]) -> Outcome:
         stands = standing(step.observation, step.infos)
         since = np.where(stands, np.minimum(since, step.number * CONTROL_PERIOD), np.inf)
 
-    policy = Behaviour(start=State.RECOVER, follow=False)
     steps = round(WATCHED / CONTROL_PERIOD)
-    still = np.zeros(3)
+    policy, still = Behaviour(start=State.RECOVER, follow=False), np.zeros(3)
     roll_out(policy, LYING, seeds, watch, steps=steps, command=still, terminate_on_fall=False)
     return Outcome(tilt, since, peak, int(diverged.sum()))
 
