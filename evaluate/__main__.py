@@ -30,7 +30,7 @@ COMMANDS = {
     "report": Command("evaluate.commands.report", "table and files of a results folder again, nothing simulated"),
     "replay": Command("evaluate.commands.replay", "one episode of a results folder again, to the bit, or as a film"),
     "compare": Command("evaluate.commands.compare", "two results folders, such as those of two commits"),
-    "axes": Command("evaluate.commands.axes", "falls of policies along the axes of disturbance, as curves"),
+    "axes": Command("evaluate.commands.axes", "success and falls along the axes of disturbance"),
 }
 _RESEARCH = "calibration estimation gait-diagram gaits ground jump pictures prediction readme recovery rescore safety"
 MOVED = {name: f"now `python -m research {name}`" for name in (*_RESEARCH.split(), "straight-walking")}

@@ -1,27 +1,18 @@
 """Checks of `python -m quad_env doctor` that need policies: does the robot follow commands, does a policy work."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 import policies
-from evaluate.measures.outcomes import RULES, SUCCESS_RULE
 from evaluate.rollouts.hardware import Hardware
-from evaluate.rollouts.observers import Step
-from evaluate.rollouts.rollout import roll_out
+from evaluate.rollouts.walking_test import walks as walks_of
 from policies import PolicyError
 from policies.base import CONTROL_PERIOD, Policy
-from quad_env.config import FALL_REASONS
 from quad_env.doctor.check import Finding, Subject, ok, problem
-from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import ratio
 
 WALKER = "trot_feedback"
 """It walks on every robot that has a name here, without a search."""
 COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
 """Of SimpleQuad: m/s and rad/s; scaled to the size of other robots."""
-UNITS, AXES = ("m/s", "m/s", "rad/s"), ("forward", "to the left", "of yaw rate")
-SECONDS, SETTLING = 4.0, 2.0
-"""Duration of a walk, and of its part that does not count."""
 NAME_ANOTHER = "name an existing policy: python -m quad_env policies"
 SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
@@ -44,7 +35,9 @@ def policy(subject: Subject) -> Finding:
     """Whether the named policy loads, is for this robot and control period, and follows commands."""
     assert subject.policy is not None
     try:
-        chosen = policies.resolve(subject.policy, robot=subject.robot, control_period=CONTROL_PERIOD)
+        chosen = policies.resolve(
+            subject.policy, robot=subject.robot, control_period=CONTROL_PERIOD, trust=subject.trust
+        )
     except PolicyError as error:
         if policies.is_reference(subject.policy):
             return _failing(str(error))
@@ -66,52 +59,9 @@ def policy(subject: Subject) -> Finding:
 
 def walk(policy: Policy, subject: Subject) -> tuple[list[str], list[str]]:
     """Words about each of COMMANDS that it follows, such as `forward 0.49 of 0.50 m/s`, and about each other one."""
-    robot = subject.robot
-    commands, fall = _scale(robot) * np.array(list(COMMANDS.values())), np.zeros(len(COMMANDS), int)
-    velocities: list[NDArray[np.float64]] = []
-
-    def observe(step: Step) -> None:
-        fall[:] = np.where(fall > 0, fall, step.infos["fall"])
-        if step.number * step.env.dt > SETTLING:
-            velocities.append(step.infos["heading_velocity"])
-
-    roll_out(
-        policy,
-        "flat",
-        np.arange(len(commands)),
-        observe,
-        steps=round(SECONDS / CONTROL_PERIOD),
-        command=commands,
-        terminate_on_fall=False,
-        hardware=Hardware(robot=subject.name),
-    )
-    planar = np.linalg.norm(commands[:, :2], axis=1, keepdims=True)
-    rule = RULES[SUCCESS_RULE]
-    tolerances = rule.linear * _scale(robot) + rule.share * np.hstack((planar, planar, np.abs(commands[:, 2:])))
-    means = np.mean(velocities, axis=0)
-    errors = np.abs(means - commands) / tolerances
-    good, bad = [], []
-    for way, command, mean, error, code in zip(COMMANDS, commands, means, errors, fall, strict=True):
-        axis, worst = int(np.abs(command).argmax()), int(error.argmax())
-        words = f"{way} {_rounded(mean[axis])} of {command[axis]:.2f} {UNITS[axis]}"
-        if code:
-            bad.append(f"commanded {way} it falls ({FALL_REASONS[code].replace('_', ' ')})")
-        elif error[worst] <= 1.0:
-            good.append(words)
-        elif worst == axis:
-            bad.append(words)
-        else:
-            bad.append(f"{words}, with {_rounded(mean[worst])} {UNITS[worst]} {AXES[worst]}")
+    found = walks_of(policy, Hardware(robot=subject.name), COMMANDS, np.arange(1))
+    good, bad = ([each.words for each in found if (each.deviation <= 1.0) is followed] for followed in (True, False))
     return good, bad
-
-
-def _scale(robot: Robot) -> NDArray[np.float64]:
-    """Speeds of this robot that correspond to 1 m/s and 1 rad/s of SimpleQuad, (3,)."""
-    return np.array([ratio(robot, unit) for unit in UNITS])
-
-
-def _rounded(value: float) -> str:
-    return f"{round(float(value), 2) + 0.0:.2f}"  # no −0
 
 
 def _failing(seen: str) -> Finding:

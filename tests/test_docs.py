@@ -142,7 +142,7 @@ def test_every_axis_has_its_row_with_its_levels_and_its_nominal_one_bold() -> No
 def test_checks_named_for_a_symptom_exist() -> None:
     rows = table("| symptom | possible cause | checks of `doctor` |", "docs/doctor.md")
     named = {name.strip(" `") for row in rows for name in row[2].split(",")}
-    assert named <= {check.name for check in (*CHECKS, *doctor.CHECKS)}
+    assert named <= {check.name for check in (*CHECKS, *doctor.CHECKS, *doctor.OF_DESCRIPTION)}
 
 
 @EVERY_PAGE

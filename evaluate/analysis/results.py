@@ -12,9 +12,8 @@ import numpy as np
 from evaluate.analysis.breaking_points import AxisBreakingPoint, breaking_points
 from evaluate.analysis.comparison import Comparison, compare, usual_baseline
 from evaluate.analysis.score import Score, scores
-from evaluate.analysis.sensitivity import Sensitivity, sensitivities
 from evaluate.analysis.summary import Summary, summarise
-from evaluate.analysis.training_seeds import spreads_as_json
+from evaluate.analysis.training_seeds import seed_spreads
 from evaluate.measures.outcomes import RULES, SUCCESS_1
 from evaluate.records.provenance import versions
 from evaluate.rollouts.experiment import Cell, failure_reasons
@@ -52,7 +51,6 @@ class Results:
     """By (scenario, policy), in the order of the run."""
     comparisons: tuple[Comparison, ...]
     breaking_points: tuple[AxisBreakingPoint, ...]
-    sensitivities: tuple[Sensitivity, ...]
     scores: tuple[Score, ...]
     """The highest first; none of a run of a single axis."""
     versions: Mapping[str, str | None]
@@ -120,7 +118,6 @@ def analyse(
         summaries={(cell.scenario.name, cell.policy): summarise(cell, robot, names) for cell in cells},
         comparisons=tuple(compare(cells, against)),
         breaking_points=tuple(breaking_points(cells)),
-        sensitivities=tuple(sensitivities(cells, robot)),
         scores=tuple(scores(cells, against)),
         versions=made_by,
         provenance=made_with,
@@ -147,10 +144,9 @@ def as_json(results: Results) -> dict[str, Any]:
         "policy_errors": [asdict(each) for each in results.policy_errors],
         "scores": [asdict(each) for each in results.scores],
         "policies": policies,
-        "training_seeds": spreads_as_json(results.cells),
+        "training_seeds": {run: asdict(seeds) for run, seeds in seed_spreads(results.cells).items()},
         "comparisons": [asdict(comparison) for comparison in results.comparisons],
         "breaking_points": [asdict(point) for point in results.breaking_points],
-        "sensitivities": [asdict(each) for each in results.sensitivities],
     }
     plain: dict[str, Any] = without_nan(contents)
     return plain

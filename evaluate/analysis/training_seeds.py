@@ -5,9 +5,8 @@ A trained seed is one value a scenario and metric, its mean over the episodes. I
 
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Any
 
 import numpy as np
 
@@ -33,8 +32,13 @@ class SeedSpread:
     """95 %, Student's t with seeds − 1 degrees of freedom; of rates see `mean_share_interval`."""
 
 
-Spreads = dict[str, dict[str, dict[str, SeedSpread]]]
-"""Run's folder -> scenario -> metric -> spread."""
+@dataclass(frozen=True)
+class SeededRun:
+    """The training seeds of one run. The fields are the keys of results.json."""
+
+    policies: tuple[str, ...]
+    scenarios: dict[str, dict[str, SeedSpread]]
+    """Scenario -> metric -> spread."""
 
 
 def training_runs(policies: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -48,31 +52,14 @@ def training_runs(policies: Sequence[str]) -> dict[str, tuple[str, ...]]:
     return {run: seeds for run, seeds in runs.items() if len(seeds) > 1}
 
 
-def seed_spreads(cells: Sequence[Cell]) -> Spreads:
-    """Every run's spread on every scenario in every metric; ValueError if its seeds ran different episodes."""
-    spreads: Spreads = {}
+def seed_spreads(cells: Sequence[Cell]) -> dict[str, SeededRun]:
+    """Every run by its folder; ValueError if its seeds ran different episodes."""
+    runs = {}
     for run, seeds in training_runs([cell.policy for cell in cells]).items():
         of_run = [cell for cell in cells if cell.policy in seeds]
-        spreads[run] = {
-            name: _spreads([cell for cell in of_run if cell.scenario.name == name])
-            for name in dict.fromkeys(cell.scenario.name for cell in of_run)
-        }
-    return spreads
-
-
-def spreads_as_json(cells: Sequence[Cell]) -> dict[str, Any]:
-    """`training_seeds` of results.json: run -> its policies, and scenario -> metric -> figures; NaN for none."""
-    runs = training_runs([cell.policy for cell in cells])
-    return {
-        run: {
-            "policies": list(runs[run]),
-            "scenarios": {
-                name: {metric: asdict(spread) for metric, spread in metrics.items()}
-                for name, metrics in scenarios.items()
-            },
-        }
-        for run, scenarios in seed_spreads(cells).items()
-    }
+        names = dict.fromkeys(cell.scenario.name for cell in of_run)
+        runs[run] = SeededRun(seeds, {name: _spreads([c for c in of_run if c.scenario.name == name]) for name in names})
+    return runs
 
 
 def deviation_and_interval(values: Floats, bounds: Interval) -> tuple[float, Interval]:

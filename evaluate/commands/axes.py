@@ -1,4 +1,4 @@
-"""`python -m evaluate axes`: fall rates along the axes of disturbance, as a table and a picture."""
+"""`python -m evaluate axes`: success and falls along the axes of disturbance, with breaking points."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +10,6 @@ from evaluate.commands.options import WALKING_POLICIES, Flag
 from evaluate.commands.options import Options as Comparison
 from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError
-
-PICTURE = "fall_rates.svg"
 
 
 @dataclass(frozen=True)
@@ -31,7 +29,7 @@ class Options:
     robot: str = Comparison.robot
     """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     out: Path = Path("results/axes")
-    """Folder for fall_rates.svg and the files of an evaluation."""
+    """Folder for the files of an evaluation."""
     resume: Flag = False
     """Continue the interrupted run in the folder --out; give the same options again."""
     threads: int = available_cores()
@@ -51,20 +49,4 @@ def main(options: Options) -> int:
     from evaluate.commands.execution import execute
     from evaluate.report.table import print_levels
 
-    execute(plan, show=print_levels)
-    _draw(options.out)
-    return 0
-
-
-def _draw(folder: Path) -> None:
-    """The picture, in the folder of the finished run."""
-    from evaluate.commands.outputs import analysed
-    from evaluate.records.store import read_run
-    from evaluate.report.plots.curves import write_falls
-
-    picture = folder / PICTURE
-    try:
-        write_falls(analysed(read_run(folder)), picture)
-    except OSError as error:
-        raise UsageError(f"cannot write {picture} ({error.strerror or error})") from error
-    print(picture)
+    return execute(plan, show=print_levels)

@@ -12,6 +12,7 @@ from evaluate.commands.plan import Plan
 from evaluate.records import trace
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
+from evaluate.rollouts import diagnosis
 from evaluate.rollouts.experiment import Cell, NotKept, Settings, TraceWriter, evaluation_seeds, run_cells
 from evaluate.rollouts.workers import WorkerLost, process_pool
 from quad_env.cli import launcher
@@ -41,6 +42,8 @@ def _execute(plan: Plan, show: Show) -> int:
         return code
     if not plan.options.resume and is_unfinished(out):
         print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
+    if not plan.options.resume:  # else it was done as the run began
+        _check_descriptions(plan)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
     done, interrupted = _simulate(plan, store)
     try:
@@ -55,6 +58,13 @@ def _execute(plan: Plan, show: Show) -> int:
     total = len(manifest.cells)
     kept = f"wrote the {len(done)} finished parts of {total}" if done else "kept what was done"
     raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
+
+
+def _check_descriptions(plan: Plan) -> None:
+    """Print, on stderr, a line for each policy that does not stand or walk as its description says."""
+    for each in plan.policies:
+        if words := diagnosis.warning(each.policy, plan.manifest.hardware.robot):
+            print(f"warning: {each.label}: {words}", file=sys.stderr)
 
 
 def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:

@@ -1,13 +1,16 @@
 """`python -m evaluate report FOLDER`: table and files of a results folder again, without simulating anything."""
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from quad_env.cli.command_line import UsageError
+
+if TYPE_CHECKING:
+    from evaluate.records.store import Run
 
 
 @dataclass(frozen=True)
@@ -16,6 +19,8 @@ class Options:
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation")
     """Folder of an evaluation, finished or not."""
+    success: Literal["success/2", "success/1", "success-half", "success-double", "survival", "isaac-lab"] | None = None
+    """Print the table by another rule of success, such as Isaac Lab's thresholds; no file changes."""
     gate: tuple[str, ...] = ()
     """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
@@ -37,6 +42,9 @@ def main(options: Options) -> int:
         raise UsageError(f"--gate: {options.folder} holds an unfinished run; carry it on with --resume")
     gates = check_gates(options.gate, list(run.manifest.policies), run.manifest.scenarios)
     check_baseline(options.baseline, list(run.manifest.policies))
+    if options.success is not None:
+        _print_by(options.success, run, options)
+        return 0
     ending = Ending(gates=gates, baseline=options.baseline)
     try:
         with sole_use(options.folder):
@@ -48,3 +56,17 @@ def main(options: Options) -> int:
         print_results(analysed(run, options.baseline), Terminal())
         print(f"{options.folder} belongs to a run that is going on, which writes the files itself", file=sys.stderr)
         return 0
+
+
+def _print_by(name: str, run: "Run", options: Options) -> None:
+    """Print the table by that rule of success. Raises UsageError."""
+    from evaluate.commands.outputs import Terminal, analysed
+    from evaluate.measures.outcomes import RULES
+    from evaluate.report.table import print_results
+    from evaluate.rollouts.experiment import rescored
+
+    if options.gate:
+        raise UsageError("--gate is by the run's own rule of success: leave out --success or --gate")
+    rule, cells = RULES[name], tuple(rescored(cell, RULES[name]) for cell in run.cells)
+    print_results(analysed(replace(run, cells=cells), options.baseline), Terminal())
+    print(f"success by {rule.name}: {rule.words}; the files stay by {run.manifest.success_rule}")

@@ -1,25 +1,16 @@
-"""How a robot comes to rest: standing on its legs, or in a controlled stop.
+"""How a robot comes to rest: in a controlled stop.
 
 An episode ends in a controlled stop if in its last second the trunk leant less than 30° and never sank faster than
 0.3 m/s, and at its end it was low and either at rest or on the ground. A fall that ends like that is no fall.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.averages import Bools, Floats
+from evaluate.measures.averages import Floats
 from evaluate.measures.episodes import Episodes
-from quad_env import OBSERVATION
-
-STANDING_TILT = np.deg2rad(10.0)
-"""Largest tilt of a robot that stands."""
-STANDING_HEIGHT = 0.45
-"""Least height of the trunk's centre above the terrain, m."""
-STANDING_SPEED = 0.3
-"""Speed of the trunk along, m/s, and about, rad/s, each of its axes."""
 
 LOOK_BACK = 1.0
 """Time that counts as the end of an episode, s."""
@@ -72,16 +63,3 @@ def controlled_stops(motion: Motion, fall_step: NDArray[np.int64], dt: float) ->
     resting = (~(ending & (time > end - round(REST / dt))) | (motion.joint_speed < AT_REST)).all(axis=0)
     low = motion.height[end, np.arange(count)] < LOW
     return np.asarray(gentle & low & (fell | resting))
-
-
-def standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> Bools:
-    """Which robots stand, (n,), after a jump as after getting up: upright, high and still.
-
-    One that has diverged is parked in its home pose and does not.
-
-    `observation`, (n, k), is the true one; `infos` hold the environment's readings.
-    """
-    upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2] > np.cos(STANDING_TILT)
-    motion = np.abs(observation[:, OBSERVATION["angular_velocity"].start : OBSERVATION["linear_velocity"].stop])
-    still = motion.max(axis=1) < STANDING_SPEED
-    return np.asarray(upright & still & (infos["height"] > STANDING_HEIGHT) & ~infos["diverged"])

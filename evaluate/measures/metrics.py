@@ -120,6 +120,7 @@ def outcome(
         failed=episodes.failed,
         commands=following["commands"],
         velocities=following["mean_velocities"],
+        errors=np.stack([following["velocity_error"], following["yaw_rate_error"]], axis=-1),
         durations=np.array([window.stop - window.start for window in episodes.intervals.settled], np.float64),
         rule=rule,
     )

@@ -36,6 +36,8 @@ class SuccessRule:
     """Of the commanded planar velocity, or of the commanded yaw rate, on top of that."""
     stalls: bool = True
     """Whether a stalled interval is no success, though it is within tolerance."""
+    of_steps: bool = False
+    """Whether the tolerances are of the mean error of the episode's steps, and not of each interval's mean velocity."""
     outcomes: tuple[str, ...] = OUTCOMES
     """Every outcome by this rule."""
 
@@ -44,6 +46,11 @@ class SuccessRule:
         """The rule in words."""
         if np.isinf(self.linear):
             return "upright to the end, whatever it was asked to do"
+        if self.of_steps:
+            return (
+                f"upright to the end, and mean velocity error of the steps below {self.linear:g} m/s, mean yaw-rate "
+                f"error below {self.angular:g} rad/s, after the first second"
+            )
         share = f"{100.0 * self.share:g} % of the command"
         moved = (
             f"; and at least {100.0 * LEAST_SHARE:g} % of the commanded distance, along the command, in every interval "
@@ -72,14 +79,26 @@ class SuccessRule:
         along = quotient((commands[..., :2] * velocities[..., :2]).sum(axis=-1), speed)
         return np.asarray(self.stalls & (speed > MOVING) & (along < LEAST_SHARE * speed))
 
-    def on_command(self, commands: Floats, velocities: Floats) -> Bools:
-        """Which episodes followed their command in every interval, (n,); both (n, k, 3), see `Measures`."""
+    def on_command(self, commands: Floats, velocities: Floats, errors: Floats | None = None) -> Bools:
+        """Which episodes followed their command, (n,); commands and velocities (n, k, 3), see `Measures`.
+
+        `errors` are mean velocity error, m/s, and mean yaw-rate error, rad/s, of each episode's steps, (n, 2); None
+        where they are not known, which a rule of steps lets nothing pass with.
+        """
+        if self.of_steps:
+            return np.asarray((np.asarray(errors, np.float64) < (self.linear, self.angular)).all(axis=-1))
         within = self.deviations(commands, velocities) <= 1.0
         return np.asarray((within & ~self.stalled(commands, velocities)).all(axis=1))
 
 
 SUCCESS_RULE, SUCCESS_1 = "success/2", "success/1"
 """The rule that an evaluation runs under, and the one of results that name none."""
+ISAAC_LAB = "isaac-lab"
+"""Thresholds of Isaac Lab's `Metrics/success_rate` for quadrupeds: `vel_xy_success_threshold` and
+`vel_yaw_success_threshold` of `UniformVelocityCommandCfg`, isaac-sim/IsaacLab#5415.
+
+There the errors are of the steps up to the end of the episode, in the body frame, so that a robot that falls can
+succeed; here a fall is a failure, velocities are in the heading frame, and the first second does not count."""
 RULES = {
     rule.name: rule
     for rule in (
@@ -88,6 +107,7 @@ RULES = {
         SuccessRule("success-half", linear=0.075, angular=0.075, share=0.1),
         SuccessRule("success-double", linear=0.3, angular=0.3, share=0.4),
         SuccessRule("survival", linear=np.inf, angular=np.inf, share=0.0, stalls=False),
+        SuccessRule(ISAAC_LAB, linear=0.5, angular=0.4, share=0.0, stalls=False, of_steps=True),
     )
 }
 
@@ -100,6 +120,7 @@ def outcomes(
     failed: Bools | None = None,
     commands: Floats,
     velocities: Floats,
+    errors: Floats | None = None,
     durations: Floats | None = None,
     rule: SuccessRule = RULES[SUCCESS_RULE],
 ) -> NDArray[np.object_]:
@@ -112,6 +133,7 @@ def outcomes(
         failed: which the policy failed before any fall, (n,), such as by an exception; none by default.
         commands: of each command interval, (n, k, 3), forward m/s, lateral m/s, yaw rate rad/s.
         velocities: mean velocities of each interval after its first second, (n, k, 3), heading frame.
+        errors: see `SuccessRule.on_command`.
         durations: of the intervals, (k,); equal by default.
         rule: what counts as success.
     """
@@ -119,7 +141,7 @@ def outcomes(
     stalled |= share_of_way(commands, velocities, durations) < LEAST_SHARE
     out = np.full(len(fell), OFF_COMMAND, dtype=object)
     out[stalled | stopped] = STALLED
-    out[rule.on_command(commands, velocities)] = SUCCEEDED
+    out[rule.on_command(commands, velocities, errors)] = SUCCEEDED
     out[fell & ~stopped] = FELL
     out[fell & stopped] = STALLED
     if failed is not None:

@@ -1,6 +1,6 @@
 """Headings of tables: a table's headings and the cells of its rows are kept by the same names of columns."""
 
-from evaluate.analysis.comparison import ERRORS, FALL_RATE, METRICS, RATES, SUCCESS_RATE
+from evaluate.analysis.comparison import ERRORS, FALL_RATE, RATES, SUCCESS_RATE
 from evaluate.analysis.summary import Summary
 from evaluate.measures.catalogue import BY_NAME
 from quad_env.cli.format import NO_BREAK, number
@@ -19,7 +19,6 @@ NARROW = TITLES | {
 """On a terminal of 80 columns."""
 NARROW_DIFFERENCES = NARROW | {rate: f"{TITLES[rate]}\n% points" for rate in RATES}
 """Of differences."""
-IN_A_LINE = {metric: f"{TITLES[metric]}, {UNITS[metric]}".removesuffix(", ") for metric in METRICS}
 
 
 def shares(summary: Summary) -> str:

@@ -127,7 +127,7 @@ def warnings(results: Results) -> list[str]:
     if results.success_rule != SUCCESS_RULE:
         lines.append(
             f"Success is by the older rule {results.success_rule}, under which these episodes ran: standing still can "
-            f"succeed at slow commands. python -m research rescore applies {SUCCESS_RULE} to an evaluation with traces"
+            f"succeed at slow commands. python -m evaluate report FOLDER --success {SUCCESS_RULE} prints today's"
         )
     return lines
 

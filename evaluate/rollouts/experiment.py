@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
+from evaluate.measures.outcomes import OFF_COMMAND, SUCCEEDED, SuccessRule
 from evaluate.rollouts import rollout
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from policies.base import Policy
@@ -268,6 +269,17 @@ def join(chunks: Sequence[Chunk]) -> Cell:
 def failure_reasons(cell: Cell) -> NDArray[np.object_]:
     """Why the policy failed in each episode of a cell, (n,); None where it did not."""
     return np.full(cell.episodes, None, dtype=object) if cell.failure is None else cell.failure
+
+
+def rescored(cell: Cell, rule: SuccessRule) -> Cell:
+    """The same episodes by another rule of success: exactly those that succeed by it; what no longer does is off its
+    command."""
+    had, failed = cell.measures, np.array([reason is not None for reason in failure_reasons(cell)], np.bool_)
+    errors = np.stack([had.velocity_error, had.yaw_rate_error], axis=-1)
+    succeeds = rule.on_command(had.commands, had.mean_velocities, errors) & ~had.fell & ~failed
+    found = np.where(had.succeeded, OFF_COMMAND, had.outcome)
+    found[succeeds] = SUCCEEDED
+    return dataclasses.replace(cell, measures=dataclasses.replace(had, outcome=found))
 
 
 def evaluation_seeds(seed: int, count: int) -> NDArray[np.int64]:

@@ -2,21 +2,49 @@
 
 from pathlib import Path
 
-from quad_env.cli.command_line import UsageError
+from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.doctor.check import Check
 from quad_env.doctor.command import Options, run
 
-__all__ = ["CHECKS", "Options", "main"]
+__all__ = ["CHECKS", "OF_DESCRIPTION", "Options", "main"]
 
-CHECKS = (Check("walks", "live.walking:walks", ("stands",)), Check("policy", "live.walking:policy", ("walks",)))
+CHECKS = (
+    Check("walks", "live.walking:walks", ("stands",)),
+    Check("policy", "live.walking:policy", ("walks", "walking")),
+)
 """They follow those of `quad_env.doctor`; the second is for runs with a policy."""
+OF_DESCRIPTION = (
+    Check("description", "live.described:description", ("stands",)),
+    Check("standing", "live.described:standing", ("description",)),
+    Check("walking", "live.described:walking", ("standing",)),
+)
+"""Between them, for a policy from another project."""
 
 
 def main(options: Options) -> int:
-    """Run all checks, of walking and of the policy too; the exit code. Raises UsageError."""
-    if options.policy is not None:
-        check_exists(options.policy)
-    return run(options, CHECKS if options.policy is not None else CHECKS[:1])
+    """Run all checks, of walking and of the policy too; the exit code. Raises UsageError and PolicyError."""
+    if options.policy is None:
+        if options.write is not None:
+            raise UsageError("--write needs --policy with the file of another project's policy")
+        return run(options, CHECKS[:1])
+    check_exists(options.policy)
+    file = Path(options.policy.removeprefix("safe:"))
+    if options.write is not None:
+        _write(file, options.trust, options.write)
+    described = OF_DESCRIPTION if file.is_file() and file.suffix != ".zip" else ()
+    return run(options, (CHECKS[0], *described, CHECKS[1]))
+
+
+def _write(policy: Path, trust: bool, file: Path) -> None:
+    """Write the policy's description as TOML. Raises UsageError where there is none, and PolicyError."""
+    from policies.foreign.readers import write_toml
+    from policies.foreign.reference import checked
+
+    make_folder_of(file, "--write")
+    found = checked(policy, trust).description if policy.is_file() else None
+    if found is None:
+        raise UsageError(f"--write: {policy} has no description: write one by hand, docs/deployment-files.md")
+    write_toml(found, file)
 
 
 def check_exists(name_or_path: str) -> None:

@@ -1,7 +1,7 @@
 """Behaviours of the robot as explicit states with explicit transitions, and the motions that they run."""
 
-from policies.behaviour.machine import BehaviourMachine, RequestRefused
+from policies.behaviour.machine import BehaviourMachine
 from policies.behaviour.policy import Behaviour
 from policies.behaviour.transitions import REQUESTS, TRANSITIONS, State
 
-__all__ = ["REQUESTS", "TRANSITIONS", "Behaviour", "BehaviourMachine", "RequestRefused", "State"]
+__all__ = ["REQUESTS", "TRANSITIONS", "Behaviour", "BehaviourMachine", "State"]

@@ -2,13 +2,12 @@
 
 from collections import deque
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Mask, chosen
-from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, Transition, conditions, valid_requests
+from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, conditions
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -19,13 +18,7 @@ LOG_CAPACITY = 4096
 _SOURCE = np.zeros((len(TRANSITIONS), len(State)), np.bool_)
 for _number, _row in enumerate(TRANSITIONS):
     _SOURCE[_number, list(_row.sources)] = True
-_BY_REQUEST: dict[str, list[tuple[int, Transition]]] = {
-    name: [(number, row) for number, row in enumerate(TRANSITIONS) if row.request == name] for name in ("", *REQUESTS)
-}
-
-
-class RequestRefused(ValueError):
-    """A request that the table does not allow now; the message names the state and what may be asked."""
+_TARGET = np.array([row.target for row in TRANSITIONS], np.int8)
 
 
 @dataclass(frozen=True)
@@ -47,7 +40,6 @@ class BehaviourMachine:
         self,
         num_envs: int = 1,
         start: State = State.PASSIVE,
-        capacity: int = LOG_CAPACITY,
         *,
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
@@ -55,7 +47,7 @@ class BehaviourMachine:
         robot = robot_of(robot)
         self._robot, self._period = robot, control_period
         self._start = start
-        self._capacity = capacity
+        self._capacity = LOG_CAPACITY
         self.reset(num_envs)
 
     def reset(self, num_envs: int) -> None:
@@ -88,21 +80,15 @@ class BehaviourMachine:
         return changed
 
     def request(self, name: str, mask: ArrayLike | None = None) -> Mask:
-        """Ask the robots of `mask`, (n,) bool, for a behaviour; the mask of those that refused.
-
-        Without a mask all are asked, and RequestRefused is raised if one refuses: then none has changed. Conditions
-        are those of the latest observation. ValueError for a name or mask that does not exist.
+        """Ask the robots of `mask`, (n,) bool, or all, for a behaviour; the mask of those to which the table does not
+        allow it under the conditions of the latest observation. ValueError for a name or mask that does not exist.
         """
         if name not in REQUESTS:
             raise ValueError(f"unknown request {name!r}; valid: {', '.join(REQUESTS)}")
         asked = chosen(mask, len(self._state))
         rows = self._rows(name, asked)
-        refused: Mask = asked & (rows < 0)
-        if mask is None and refused.any():
-            first = int(np.flatnonzero(refused)[0])
-            raise RequestRefused(f"robot {first}: {refusal_reason(State(self._state[first]), name)}")
         self._apply(rows)
-        return refused
+        return np.asarray(asked & (rows < 0))
 
     def observe(self, observation: NDArray[np.float32]) -> None:
         """One control step: look at the observations (n, k) and let happen what happens by itself."""
@@ -118,9 +104,9 @@ class BehaviourMachine:
     def _rows(self, request: str, asked: Mask) -> NDArray[np.int64]:
         """Number of the row that each robot asked takes, (n,); -1 for none."""
         taken = np.full(len(self._state), -1, np.int64)
-        if not asked.any():
-            return taken
-        for number, row in reversed(_BY_REQUEST[request]):
+        for number, row in reversed([*enumerate(TRANSITIONS)]):
+            if row.request != request:
+                continue
             applies = asked & _SOURCE[number][self._state]
             if row.guard:
                 applies &= self._conditions[row.guard]
@@ -140,15 +126,3 @@ class BehaviourMachine:
         self._state[mask] = targets
         self.ticks[mask] = 0
         self._changed[mask] = True
-
-
-_TARGET = np.array([row.target for row in TRANSITIONS], np.int8)
-
-
-@cache
-def refusal_reason(state: State, request: str) -> str:
-    """Why the request is refused in that state, with what may be asked instead."""
-    guards = [row.guard for row in TRANSITIONS if row.request == request and state in row.sources]
-    if guards:
-        return f"{request!r} in state {state.label} needs the robot to be {' or '.join(guards)}"
-    return f"{request!r} is not possible in state {state.label}; valid: {', '.join(valid_requests(state))}"

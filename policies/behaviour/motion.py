@@ -145,9 +145,9 @@ def keyframes_of(robot: Robot) -> tuple[Keyframe, ...]:
 class Jump(Motion):
     """Keyframes by the clock; the joint servos take the landing."""
 
-    def __init__(self, robot: Robot, control_period: float, keyframes: tuple[Keyframe, ...] | None = None) -> None:
+    def __init__(self, robot: Robot, control_period: float) -> None:
         super().__init__(robot, control_period)
-        keyframes = keyframes_of(robot) if keyframes is None else keyframes
+        keyframes = keyframes_of(robot)
         feet = [[(key.forward, side * robot.hip_offset, -key.height) for side in robot.side] for key in keyframes]
         self._poses = joint_angles(robot, feet).reshape(len(keyframes), -1)
         self._durations = np.array([key.duration for key in keyframes])

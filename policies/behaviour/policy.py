@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, to_actions
 from policies.behaviour.machine import BehaviourMachine
 from policies.behaviour.motion import Damp, Hold, Jump, Motion
-from policies.behaviour.recovery import Recovery, RecoveryParameters
+from policies.behaviour.recovery import Recovery
 from policies.behaviour.transitions import State
 from policies.trot.open_loop import Trot
 from quad_env import OBSERVATION
@@ -31,8 +31,6 @@ class Behaviour(Policy):
     Args:
         start: state after a reset.
         follow: ask for stand, walk and run by the commanded velocity; for others, requests alone count.
-        gait: walks and runs; made for the same robot and control period.
-        recovery: how it gets up; None for the searched parameters.
     """
 
     name = "behaviour"
@@ -42,22 +40,19 @@ class Behaviour(Policy):
         self,
         start: State = State.STAND,
         follow: bool = True,
-        gait: Policy | None = None,
-        recovery: RecoveryParameters | None = None,
         *,
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
         super().__init__(robot=robot, control_period=control_period)
         robot = self.robot
-        self._gait = gait if gait is not None else Trot(robot=robot, control_period=control_period)
-        self._gait.check_fits(robot, control_period)
+        self._gait = Trot(robot=robot, control_period=control_period)
         self._follow = follow
         self.machine = BehaviourMachine(start=start, robot=robot, control_period=control_period)
         self._motions: tuple[tuple[tuple[State, ...], Motion], ...] = (
             ((State.PASSIVE, State.FALL, State.EMERGENCY_STOP), Damp(robot, control_period)),
             ((State.STAND,), Hold(robot, control_period)),
-            ((State.STAND_UP, State.RECOVER), Recovery(robot, control_period, recovery)),
+            ((State.STAND_UP, State.RECOVER), Recovery(robot, control_period)),
             ((State.JUMP,), Jump(robot, control_period)),
         )
         self._allocate(1)

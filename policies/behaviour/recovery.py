@@ -3,15 +3,11 @@
 Lying, the robot gathers its legs and waits so until it lies on its back, since a kick from the side seldom succeeds; if
 it comes to rest on its side it rocks: it gathers the legs as if the other side were the lower. From its back it rolls
 over the lower side by swinging all legs at once, and lands on bent legs. Upright it tucks them under its hips and
-stands up. Whenever it is lost on the way it begins again, after a kick that failed over the other side. The poses,
-times and thresholds of the file are the outcome of a search.
+stands up. Whenever it is lost on the way it begins again, after a kick that failed over the other side.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import IntEnum
-from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +15,8 @@ from numpy.typing import NDArray
 from policies.base import Floats, Mask
 from policies.behaviour.motion import Motion, approach
 from policies.behaviour.transitions import POSE_TOLERANCE
-from policies.parameters import Parameters, read
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
-
-PARAMETERS_FILE = Path(__file__).with_name("recovery.json")
-"""The searched parameters."""
 
 
 class Phase(IntEnum):
@@ -46,53 +38,36 @@ Legs = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
-class RecoveryParameters(Parameters):
-    """What the search tunes; a leg is lower if it is on the side that gravity pulls to."""
+class RecoveryParameters:
+    """The outcome of a search; a leg is lower if it is on the side that gravity pulls to."""
 
-    gather_lower: Legs
-    gather_upper: Legs
-    kick_lower: Legs
-    kick_upper: Legs
-    land: Legs
-    tuck: Legs
-    gather_blend: float
+    gather_lower: Legs = (-0.4307, -0.9243, -1.5535, -0.161, -1.3987, -0.0802)
+    gather_upper: Legs = (-0.1346, -1.0368, -1.4206, 0.18, -0.6586, -2.0105)
+    kick_lower: Legs = (-0.4899, 0.9008, -1.7529, 0.4338, 0.2844, -1.7472)
+    kick_upper: Legs = (-0.4789, 1.0582, -0.883, -0.3417, 1.0035, -2.3897)
+    land: Legs = (0.3966, 0.728, -1.6909, 0.4828, 1.075, -1.9985)
+    tuck: Legs = (0.3108, 1.2458, -2.3518, 0.3277, 1.3659, -2.3119)
+    gather_blend: float = 0.204
     """Blend from the pose before, s; the other blends too."""
-    land_blend: float
-    tuck_blend: float
-    stand_blend: float
-    gather_time: float
+    land_blend: float = 0.1454
+    tuck_blend: float = 0.3537
+    stand_blend: float = 0.3717
+    gather_time: float = 0.3422
     """In the phase, s; the other times too."""
-    kick_time: float
+    kick_time: float = 0.75
     """Longest time in the phase, s."""
-    land_time: float
-    tuck_time: float
-    righted: float
+    land_time: float = 0.2227
+    tuck_time: float = 0.4128
+    righted: float = 0.4178
     """Cosine of the tilt at which a kick has succeeded."""
-    lost: float
+    lost: float = 0.2974
     """Cosine of the tilt at which landing, tucking or standing has failed."""
-    caught: float
+    caught: float = 7.0765
     """Turning speed below which a kicked robot is ready to land, rad/s."""
-    kick_minimum: float
+    kick_minimum: float = 0.0507
     """s of kicking before it may have succeeded."""
-    upright: float
+    upright: float = 0.5215
     """Cosine of the tilt up to which no kick is needed."""
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            if not np.isfinite(getattr(self, field.name)).all():
-                raise ValueError(f"{field.name} must be finite")
-
-
-@cache
-def searched_parameters() -> RecoveryParameters:
-    """The outcome of the search, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
-
-    def decoded(values: dict[str, Any]) -> RecoveryParameters:
-        for name, value in values.items():
-            values[name] = tuple(value) if isinstance(value, list) else value
-        return RecoveryParameters(**values)
-
-    return read(PARAMETERS_FILE, decoded)
 
 
 SETTLE_TIME, SETTLE_MINIMUM = 0.1, 0.05
@@ -116,10 +91,9 @@ LEVEL = 0.9
 class Recovery(Motion):
     """Getting up from any pose."""
 
-    def __init__(self, robot: Robot, control_period: float, parameters: RecoveryParameters | None = None) -> None:
+    def __init__(self, robot: Robot, control_period: float) -> None:
         super().__init__(robot, control_period)
-        self._p = parameters if parameters is not None else searched_parameters()
-        p = self._p
+        self._p = p = RecoveryParameters()
         self._poses = key_poses(robot, p)
         self._blends = np.array(
             [0.0, p.gather_blend, ROCK_BLEND, KICK_BLEND, p.land_blend, p.tuck_blend, p.stand_blend]

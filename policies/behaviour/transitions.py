@@ -31,11 +31,6 @@ class State(IntEnum):
     EMERGENCY_STOP = 8
     """Joints damped; left by request alone."""
 
-    @property
-    def label(self) -> str:
-        """Name of the state in messages and requests: `stand_up`."""
-        return self.name.lower()
-
 
 @dataclass(frozen=True)
 class Transition:
@@ -81,14 +76,6 @@ GUARDS = tuple(dict.fromkeys(row.guard for row in TRANSITIONS if row.guard))
 
 TIME_LIMIT: dict[State, float] = {State.STAND_UP: 6.0, State.JUMP: 3.0, State.FALL: 0.5, State.RECOVER: 8.0}
 """s in a state after which it is `late`; in the others it never is."""
-
-
-def valid_requests(state: State) -> tuple[str, ...]:
-    """What may be asked of a robot in that state, conditions aside."""
-    return tuple(
-        request for request in REQUESTS if any(state in row.sources for row in TRANSITIONS if row.request == request)
-    )
-
 
 UPRIGHT_TILT = np.deg2rad(35.0)
 TOPPLING_TILT = np.deg2rad(60.0)

@@ -105,7 +105,6 @@ OTHER_GAITS = {
 
 SEARCH_RANGES = search_ranges_of(MpcParameters)
 FILE = ParameterFile(Path(__file__).with_name("mpc_wbc.json"), MpcParameters)
-"""Those of the trot."""
 
 
 def parameters_of(gait: str, robot: Robot = SIMPLE_QUAD) -> MpcParameters:

@@ -4,8 +4,6 @@ Observation in, joint targets out, as every policy: the servos' PD law is invert
 period the joints have the torques that were found.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,19 +45,6 @@ PATIENCE = 0.1
 """For how long a robot goes on without solutions, s: half a step of the gait."""
 FASTEST_JOINT = 2000.0
 """Joint acceleration, rad/s², that the inverted PD law counts on at most."""
-
-
-class Forecast(NamedTuple):
-    """Where robots go by their latest plans, each in the level frame where it was when these were made."""
-
-    robots: Rows
-    """Whose plans they are, (g,)."""
-    body: Body
-    """Where they were."""
-    path: Reference
-    """Where they are after each step of the horizon."""
-    forces: Floats
-    """Of the feet in each step, (g, N, 4, 3), N."""
 
 
 class Mpc(ShiftableFootholds):
@@ -315,14 +300,6 @@ class Mpc(ShiftableFootholds):
         self.failures += failed
         self._planned = robots, body, places[robots]
         return failed
-
-    def forecast(self) -> Forecast:
-        """What the plans of the latest action that made some foresee. Raises ValueError before the first action."""
-        if self._planned is None:
-            raise ValueError("no plan was made yet: ask for an action first")
-        robots, body, places = self._planned
-        forces = self._plans.forces[robots]
-        return Forecast(robots, body, self._horizon.predicted(body, places, forces), forces)
 
     def _friction(self, now: Motion) -> Friction:
         """Bounds of the forces of the robots' feet, by what they weigh with their load."""

@@ -4,7 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from policies.parameters import ParameterFile, Parameters, number, search_ranges_of
+from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import LONG, WIDE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 _SHARE = (0.0, 2.0)
 _GAIN = (-10.0, 10.0)
@@ -139,6 +141,9 @@ class FeedbackParameters(Parameters):
 
 
 SEARCH_RANGES = search_ranges_of(FeedbackParameters)
-FILE = ParameterFile(Path(__file__).with_name("trot_feedback.json"), FeedbackParameters)
-"""TROT_FEEDBACK.md is the account of the last search."""
-searched_parameters = FILE.in_force
+FILE = ParameterFile(Path(__file__).with_name("trot_feedback.json"), FeedbackParameters)  # TROT_FEEDBACK.md
+
+
+def searched_parameters(robot: Robot = SIMPLE_QUAD) -> FeedbackParameters:
+    """The robot's parameters, see `ParameterFile.in_force`."""
+    return FILE.in_force(robot)

@@ -53,8 +53,7 @@ SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
     "yaw_per_lateral": (-0.8, 0.2),
 }
 """Wider where the trot's parameters lie at the edge of its own; and those of the command map, which its search fits."""
-FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralParameters)
-"""TROT_INTEGRAL.md says where they come from."""
+FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralParameters)  # TROT_INTEGRAL.md
 
 
 def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:

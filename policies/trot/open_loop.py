@@ -64,7 +64,11 @@ class TrotParameters(Parameters):
 
 SEARCH_RANGES = search_ranges_of(TrotParameters)
 FILE = ParameterFile(Path(__file__).with_name("trot.json"), TrotParameters, "trot")
-searched_parameters = FILE.in_force
+
+
+def searched_parameters(robot: Robot = SIMPLE_QUAD) -> TrotParameters:
+    """The robot's parameters, see `ParameterFile.in_force`."""
+    return FILE.in_force(robot)
 
 
 class Trot(GaitedPolicy):

@@ -22,6 +22,8 @@ class Subject:
     """Name of a robot, path of its MJCF, URDF or TOML, or the robot itself."""
     policy: str | None = None
     """Policy by name or path."""
+    trust: bool = False
+    """Whether it may be loaded from a file in which code can be hidden."""
 
     def __post_init__(self) -> None:
         """Raises ValueError, one line, for a robot that is neither a name nor a file."""
@@ -69,6 +71,8 @@ class Finding:
     """Likely cause; of warnings and problems."""
     remedy: str = ""
     """What to do; of warnings and problems."""
+    details: tuple[str, ...] = ()
+    """More of what was seen, a line each."""
 
 
 def ok(seen: str) -> Finding:

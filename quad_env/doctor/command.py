@@ -5,6 +5,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Annotated
 
 import tyro
@@ -38,14 +39,18 @@ class Options:
     """Robot: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
     policy: str | None = None
     """Policy to examine too: its name, folder or file."""
+    trust: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Load the policy from a file that can hide code, a .zip of Stable-Baselines3 or a TorchScript .pt."""
+    write: Path | None = None
+    """File for the description of the policy, as TOML, to see and correct what was understood."""
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Print JSON instead of lines."""
 
 
 def main(options: Options) -> int:
     """Run the checks of this package; the exit code. Raises UsageError."""
-    if options.policy is not None:
-        raise UsageError("policies come with a clone of the project, not with quad_env alone: no --policy here")
+    if options.policy is not None or options.write is not None:
+        raise UsageError("policies come with a clone of the project, not with quad_env alone: no --policy, no --write")
     return run(options, None)
 
 
@@ -55,7 +60,7 @@ def run(options: Options, of_policies: tuple[Check, ...] | None) -> int:
     `of_policies` are the checks that need policies, None where this package is installed alone.
     """
     try:
-        subject = Subject(options.robot, options.policy)
+        subject = Subject(options.robot, options.policy, options.trust)
     except ValueError as error:
         raise UsageError(str(error)) from error
     checks = []
@@ -76,7 +81,8 @@ def run(options: Options, of_policies: tuple[Check, ...] | None) -> int:
 
 def _lines(name: str, found: Finding) -> Iterator[str]:
     """The observation, and cause and remedy where there are any."""
-    yield f"{found.result:9} {name:9} {found.seen}"
+    yield f"{found.result:9} {name:11} {found.seen}"
+    yield from (f"{'':22}{line}" for line in found.details)
     if found.remedy:
-        yield f"{'':20}cause:  {found.cause}"
-        yield f"{'':20}remedy: {found.remedy}"
+        yield f"{'':22}cause:  {found.cause}"
+        yield f"{'':22}remedy: {found.remedy}"

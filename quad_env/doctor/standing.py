@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from quad_env.describe import LARGEST_SINK, LARGEST_TILT, STAND_TIME
 from quad_env.doctor.check import Finding, Subject, ok, problem
-from quad_env.robots.similarity import ratio
-from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.robots.similarity import servo_gains
 
 LARGEST_LAG = 0.1
 """Of a joint from its target under the robot's weight, rad."""
@@ -77,7 +76,7 @@ def _states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
 def servos(subject: Subject) -> Finding:
     """Whether the joints hold their targets under the robot's weight, and come to rest."""
     robot, seen = subject.robot, stand(subject.env)
-    stiffness, damping = ratio(robot, "N·m") * SIMPLE_QUAD.stiff_servo[:, 0] * (1.0, ratio(robot, "s"))
+    stiffness, damping = servo_gains(robot)
     held = f"standing, {seen.joint} is {seen.lag:.3f} rad off its target"
     if seen.load > FULL_LOAD:
         held = f"standing takes all of the joints' {robot.rated_torque:g} N·m, for {robot.mass:.3g} kg"

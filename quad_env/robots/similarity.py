@@ -40,6 +40,12 @@ def ratio(robot: Robot, unit: str) -> float:
     return float(longer**of_length * heavier**of_mass)
 
 
+def servo_gains(robot: Robot) -> tuple[float, float]:
+    """Stiffness, N·m/rad, and damping, N·m·s/rad, of servos that are for the robot what SimpleQuad's are for it."""
+    stiffness, damping = SIMPLE_QUAD.stiff_servo[:, 0].tolist()
+    return ratio(robot, "N·m") * stiffness, ratio(robot, "N·m") * ratio(robot, "s") * damping
+
+
 def scaled(robot: Robot, value: float, unit: str) -> float:
     """A figure of SimpleQuad's, in that unit, for the robot."""
     if robot == SIMPLE_QUAD:

@@ -10,7 +10,6 @@ from evaluate.analysis.score import WORDS, Score
 from evaluate.commands.options import command
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
 from evaluate.report.headings import FIRST
-from evaluate.report.markdown import table
 from evaluate.report.plots import drawing, success
 from evaluate.rollouts.battery import BATTERIES, resolve
 from evaluate.rollouts.hardware import Hardware, hardware_of
@@ -30,13 +29,14 @@ from quad_env.cli.format import (
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
 from quad_env.robots.robot import Robot
+from research.pages.markdown import table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
 """The figure's text for readers who do not see it."""
-_KEYS = "policies", "scores", "baseline", "breaking_points", "sensitivities", "versions", "episodes", "seed"
+_KEYS = "policies", "scores", "baseline", "breaking_points", "versions", "episodes", "seed"
 
 
 def read(path: Path) -> dict[str, Any]:

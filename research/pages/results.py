@@ -1,8 +1,8 @@
 """Results as data and figures: `python -m research results FOLDER…` writes docs/results from evaluations.
 
-A folder NAME of `python -m evaluate` gives NAME.csv, every figure of each policy on each scenario; NAME_scores.csv,
-NAME_breaking_points.csv and NAME_disturbances.csv; and NAME.png, success of each policy on each axis. A page with the
-lines `<!-- NAME -->` and `<!-- /NAME -->` gets the scores, the figure, links to the files, and the command.
+A folder NAME of `python -m evaluate` gives NAME.csv, every figure of each policy on each scenario; NAME_scores.csv and
+NAME_breaking_points.csv; and NAME.png, success of each policy on each axis. A page with the lines `<!-- NAME -->` and
+`<!-- /NAME -->` gets the scores, the figure, links to the files, and the command.
 """
 
 import os
@@ -24,7 +24,6 @@ TABLES = {
     "": "each policy on each scenario",
     "_scores": "scores",
     "_breaking_points": "severities at which half of the episodes fail",
-    "_disturbances": "what the hardest level of each axis costs",
 }
 """Ending of each file's name -> what the file holds."""
 
@@ -75,7 +74,6 @@ def tables(found: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
         ],
         "_scores": [{**flat(each), "baseline": found["baseline"]} for each in found["scores"]],
         "_breaking_points": [flat(each) for each in found["breaking_points"]],
-        "_disturbances": [flat(each) for each in found["sensitivities"]],
     }
 
 

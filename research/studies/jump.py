@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.at_rest import standing
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from policies.base import Floats
 from policies.behaviour import Behaviour
 from quad_env.cli.command_line import check_numbers
 from quad_env.seeding import episode_seeds
+from research.studies.standing import standing
 
 SETTLING, WATCHED = 0.8, 3.5
 """s before the jump is asked for, and of the whole episode."""
@@ -39,7 +39,7 @@ class Outcome:
     rise: Floats
     """m, (n,)."""
     stands: NDArray[np.bool_]
-    """Whether it stands at the end, by the rule of `evaluate.measures.at_rest`, (n,)."""
+    """Whether it stands at the end, by the rule of `research.studies.standing`, (n,)."""
     peak_torque: float
     """Largest joint torque at the end of any control step, N·m."""
     rated_torque: float

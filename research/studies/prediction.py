@@ -22,8 +22,10 @@ from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
 from policies.base import Floats
 from policies.mpc.policy import HORIZON, Mpc, MpcWbc
+from policies.mpc.rigid_body import Body, Reference
 from quad_env import SCENARIOS
 from quad_env.cli.command_line import check_numbers
+from quad_env.columns import Rows
 from quad_env.robots.collisions import foot_geoms
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
@@ -192,6 +194,27 @@ def tilt_of(rotation: Floats) -> Floats:
     return roll_pitch(-rotation[..., 2, :])
 
 
+class Forecast(NamedTuple):
+    """Where robots go by their latest plans, each in the level frame where it was when these were made."""
+
+    robots: Rows
+    """Whose plans they are, (g,)."""
+    body: Body
+    """Where they were."""
+    path: Reference
+    """Where they are after each step of the horizon."""
+    forces: Floats
+    """Of the feet in each step, (g, N, 4, 3), N."""
+
+
+def forecast(policy: Mpc) -> Forecast:
+    """What the plans of the latest action that made some foresee."""
+    assert policy._planned is not None
+    robots, body, places = policy._planned
+    forces = policy._plans.forces[robots]
+    return Forecast(robots, body, policy._horizon.predicted(body, places, forces), forces)
+
+
 class _Watch:
     """Observer that records what becomes a `Walk`."""
 
@@ -208,17 +231,17 @@ class _Watch:
         if not step.number:
             return
         # The action of the step that is done was chosen before it: by what was measured one step ago.
-        forecast = self._policy.forecast()
-        start, path = forecast.body, forecast.path
+        found = forecast(self._policy)
+        start, path = found.body, found.path
         predicted = (
             path.position[..., 2] - start.position[:, None, 2],
             path.velocity,
             path.angles[..., :2] - start.angles[:, None, :2],
-            forecast.forces,
+            found.forces,
         )
         row = [np.full((count, *each.shape[1:]), np.nan) for each in predicted]
         for whole, part in zip(row, predicted, strict=True):
-            whole[forecast.robots] = part
+            whole[found.robots] = part
         self._predicted.append((*row, self._policy.phase.copy()))
 
     def walk(self, fall_step: NDArray[np.int64]) -> Walk:

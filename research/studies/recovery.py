@@ -2,7 +2,7 @@
 
 A start is any orientation, any joint angles within the limits, and random velocities, the lowest point on flat ground
 (`quad_env.AnyPose`). The time to stand is the start of the last stretch in which the robot meets the rule of
-`evaluate.measures.at_rest` until the end.
+`research.studies.standing` until the end.
 """
 
 import itertools
@@ -12,7 +12,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.at_rest import standing
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from evaluate.statistics.intervals import wilson_interval
@@ -21,6 +20,7 @@ from policies.behaviour import Behaviour, State
 from quad_env import OBSERVATION, SCENARIOS, AnyPose
 from quad_env.cli.command_line import check_numbers
 from quad_env.seeding import episode_seeds
+from research.studies.standing import standing
 
 TILTS = (0, 45, 90, 135, 180)
 """Edges of the classes of starts, degrees."""

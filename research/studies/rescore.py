@@ -1,11 +1,11 @@
-"""`python -m research rescore`: falls and successes of a traced evaluation under other rules."""
+"""`python -m research rescore`: falls of a traced evaluation under other rules. Those of success: `evaluate report`."""
 
 import json
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 import tyro
@@ -14,9 +14,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from evaluate.measures import outcomes
-from evaluate.measures.metrics import outcome
-from evaluate.measures.outcomes import SuccessRule
 from evaluate.records import trace
 from evaluate.records.store import Run, read_run
 from evaluate.report.headings import FIRST
@@ -30,7 +27,7 @@ from research.studies import fall_rules
 from research.studies.fall_rules import FallCriterion
 
 FILE = "rescored.json"
-Rule = TypeVar("Rule")
+Rule = Literal["simple-quad/1", "height-only", "tilt-70", "tilt-90", "trunk-contact", "non-foot-contact"]
 Key = tuple[str, str, str]
 """Scenario, policy and rule."""
 Figures = dict[str, Any]
@@ -44,67 +41,47 @@ class Options:
 
     results: Annotated[Path, tyro.conf.Positional]
     """Folder of the results."""
-    rules: tuple[str, ...] = ("all",)
-    """Names of fall rules: simple-quad/1, height-only, tilt-70, tilt-90, trunk-contact, non-foot-contact; or all."""
-    success: tuple[str, ...] = ("all",)
-    """Names of rules of success: success/2, success/1, success-half, success-double, survival; or all."""
+    rules: tuple[Rule, ...] = get_args(Rule)
+    """Names of fall rules."""
 
 
 def main(options: Options) -> int:
     """Apply the rules, print and write; the exit code."""
-    rules = _chosen(fall_rules.RULES, options.rules, "--rules")
-    of_success = _chosen(outcomes.RULES, options.success, "--success")
-    falls, successes = rescore(options.results, rules, of_success)
-    console = Console(file=sys.stdout)
-    console.print(table("success", "success_rate", successes))
-    console.print(table("falls", "fall_rate", falls))
+    rules = tuple(map(fall_rules.RULES.__getitem__, options.rules))
+    falls = rescore(options.results, rules)
+    Console(file=sys.stdout).print(table(falls))
+    by_policy: dict[str, dict[str, dict[str, dict[str, Figures]]]] = {}
+    for (scenario, policy, rule), figures in falls.items():
+        by_policy.setdefault(policy, {"scenarios": {}})["scenarios"].setdefault(scenario, {})[rule] = figures
     contents = {
         "schema": 1,
-        "rules": {rule.name: {"words": rule.words, "source": rule.source} for rule in rules},
-        "policies": _by_policy(falls),
-        "success": {
-            "rules": {rule.name: {"words": rule.words} for rule in of_success},
-            "policies": _by_policy(successes),
-        },
+        "rules": {each.name: {"words": each.words, "source": each.source} for each in rules},
+        "policies": by_policy,
     }
     write_atomically(options.results / FILE, (json.dumps(contents, indent=2, allow_nan=False) + "\n").encode())
     return 0
 
 
-def _chosen(rules: Mapping[str, Rule], names: tuple[str, ...], option: str) -> tuple[Rule, ...]:
-    """The rules of those names, every one for `all`; UsageError lists the valid names."""
-    if unknown := [name for name in names if name not in rules and names != ("all",)]:
-        raise UsageError(f"{option}: unknown rule {unknown[0]!r}; valid: {', '.join(rules)}, or all")
-    return tuple(rules[name] for name in (rules if names == ("all",) else names))
-
-
-def rescore(
-    results: Path, rules: tuple[FallCriterion, ...], of_success: tuple[SuccessRule, ...]
-) -> tuple[Scores, Scores]:
-    """Falls and successes of every traced cell under every rule; UsageError where there is no trace."""
+def rescore(results: Path, rules: tuple[FallCriterion, ...]) -> Scores:
+    """Falls of every traced cell under every rule; UsageError where there is no trace."""
     run = read_run(results)
     paths = sorted((results / trace.FOLDER).glob("*.parquet"))
     if not paths:
         raise UsageError(f"no traces in {results / trace.FOLDER}; run the evaluation with --trace")
     own = fall_rules.RULES[FALL_RULE]
     times: dict[Key, list[NDArray[np.float64]]] = {}
-    found: dict[Key, list[NDArray[np.object_]]] = {}
     for path in paths:
         try:
             header, episodes = trace.read(path, "compact")
         except (KeyError, OSError, TypeError, ValueError) as error:
             raise UsageError(f"cannot read {path}: {error}") from error
-        of = header.scenario, header.policy
         for rule in dict.fromkeys((own, *rules)):
             step = fall_rules.fall_step(rule, episodes)
             time = np.where(step < episodes.steps, (step + 1) * episodes.dt, np.nan)
-            times.setdefault((*of, rule.name), []).append(time)
-        for rule_of_success in of_success:
-            found.setdefault((*of, rule_of_success.name), []).append(outcome(episodes, rule_of_success))
+            times.setdefault((header.scenario, header.policy, rule.name), []).append(time)
     falls = {key: _falls(np.concatenate(parts)) for key, parts in times.items()}
     _check_belong(falls, run, results / trace.FOLDER)
-    successes = {key: _successes(key[2], np.concatenate(parts)) for key, parts in found.items()}
-    return {key: figures for key, figures in falls.items() if own in rules or key[2] != own.name}, successes
+    return {key: figures for key, figures in falls.items() if own in rules or key[2] != own.name}
 
 
 def _check_belong(falls: Scores, run: Run, folder: Path) -> None:
@@ -112,45 +89,26 @@ def _check_belong(falls: Scores, run: Run, folder: Path) -> None:
     there = {(cell.scenario.name, cell.policy): (cell.episodes, int(cell.measures.fell.sum())) for cell in run.cells}
     for (scenario, policy, rule), figures in falls.items():
         if rule == FALL_RULE and there.get((scenario, policy)) != (figures["episodes"], figures["falls"]):
-            raise UsageError(
-                f"the trace of {policy} on {scenario} is not of these results: "
-                f"delete {folder} and run the evaluation again"
-            )
+            other = f"the trace of {policy} on {scenario} is not of these results"
+            raise UsageError(f"{other}: delete {folder} and run the evaluation again")
 
 
 def _falls(time: NDArray[np.float64]) -> Figures:
     """Figures of episodes (n,) by the time of their fall, s, NaN without one."""
     fell = ~np.isnan(time)
-    return _shares(fell, "falls", "fall_rate") | {"time_to_fall": float(time[fell].mean()) if fell.any() else None}
+    episodes, falls = len(fell), int(fell.sum())
+    figures = {"episodes": episodes, "falls": falls, "fall_rate": falls / episodes}
+    mean = float(time[fell].mean()) if falls else None
+    return figures | {"fall_rate_ci": wilson_interval(falls, episodes), "time_to_fall": mean}
 
 
-def _successes(rule: str, found: NDArray[np.object_]) -> Figures:
-    """Figures of episodes (n,) by their outcome."""
-    counts = {name: int((found == name).sum()) for name in outcomes.RULES[rule].outcomes}
-    return _shares(found == outcomes.SUCCEEDED, "successes", "success_rate") | {"outcomes": counts}
-
-
-def _shares(counted: NDArray[np.bool_], count: str, rate: str) -> Figures:
-    episodes, number = len(counted), int(counted.sum())
-    interval = wilson_interval(number, episodes)
-    return {"episodes": episodes, count: number, rate: number / episodes, f"{rate}_ci": interval}
-
-
-def table(what: str, rate: str, scores: Scores) -> Table:
+def table(scores: Scores) -> Table:
     """A row for each policy on each scenario, a column for each rule; 80 columns are enough."""
     found: dict[str, dict[str, dict[str, str]]] = {}
     for (scenario, policy, rule), figures in scores.items():
-        low, high = (100 * end for end in figures[f"{rate}_ci"])
+        low, high = (100 * end for end in figures["fall_rate_ci"])
         row = found.setdefault(scenario, {}).setdefault(policy, {FIRST: row_name(policy)})
-        row[rule] = f"{percent(figures[rate])}\n{escape(f'[{low:.0f}, {high:.0f}]')}"
+        row[rule] = f"{percent(figures['fall_rate'])}\n{escape(f'[{low:.0f}, {high:.0f}]')}"
     heads = {FIRST: "policy", **{rule: rule.replace("-", "-\n") for _, _, rule in scores}}
     groups = {scenario: by_policy.values() for scenario, by_policy in found.items()}
-    return console_table(f"{what}, with Wilson 95 % intervals", heads, groups)
-
-
-def _by_policy(scores: Scores) -> dict[str, Any]:
-    """Policy -> "scenarios" -> scenario -> rule -> figures."""
-    policies: dict[str, dict[str, dict[str, dict[str, Figures]]]] = {}
-    for (scenario, policy, rule), figures in scores.items():
-        policies.setdefault(policy, {"scenarios": {}})["scenarios"].setdefault(scenario, {})[rule] = figures
-    return policies
+    return console_table("falls, with Wilson 95 % intervals", heads, groups)

@@ -16,7 +16,6 @@ from rich.progress import track
 
 from evaluate.measures.metrics import Measures
 from evaluate.measures.tracking import VELOCITY_CAP
-from evaluate.report import markdown
 from evaluate.report.headings import FIRST
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
 from evaluate.rollouts.hardware import Hardware, hardware_of
@@ -30,6 +29,7 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import scaled
 from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import Scenario
+from research.pages import markdown
 from research.pages.csv_text import csv_text
 from research.pages.places import RESULTS, page_with, put
 

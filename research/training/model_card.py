@@ -8,11 +8,10 @@ from statistics import median
 from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SIGNIFICANT, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
-from evaluate.report import markdown
-from evaluate.report.headings import IN_A_LINE
 from evaluate.rollouts import hardware
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.format import number, p_value, percent, points, share
+from research.pages import markdown
 from research.pages.evaluations import score_table
 from train.config import ACTIVATION, TrainConfig
 from train.run_record import command
@@ -97,7 +96,7 @@ def table(called: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results:
     heads = {"scenario": "scenario", "before": f"success, `{base}`", "after": f"success, {name}"}
     heads |= {"seeds": f"seeds {rest}", "median": "median"} if others else {}
     heads[SUCCESS_RATE] = f"{name} minus `{base}`, points"
-    heads |= {metric: f"{IN_A_LINE[metric]}, `{base}` / {name}" for metric in BOTH}
+    heads |= {metric: f"{markdown.IN_A_LINE[metric]}, `{base}` / {name}" for metric in BOTH}
     return markdown.table(heads, (_row(scenario, base, (first, *others), results) for scenario in results.scenarios))
 
 

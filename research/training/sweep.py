@@ -13,11 +13,11 @@ from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evaluate.report import markdown
 from policies.parameters import limits_of, number
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.files.writing import make_writable_folder, sole_use, write_atomically
+from research.pages import markdown
 from research.training.trials import best_validation
 from train.config import DEFAULTS, PolicyKind, TrainConfig
 from train.config_file import load_config, to_dict

@@ -109,8 +109,6 @@ def test_a_policy_of_another_control_period_or_robot_is_refused_with_the_remedy(
 def test_policies_within_a_policy_are_of_its_control_period():
     slow = partial(policies.make, "trot", control_period=0.02)
     assert policies.Safe(slow()).control_period == 0.02
-    with pytest.raises(ValueError, match=r"0.02 s"):
-        policies.Behaviour(gait=slow())
     watched = Watched(slow)
     with pytest.raises(PolicyProcessError, match=r"0.02 s"):
         watched.reset()

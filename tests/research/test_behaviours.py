@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate.measures.at_rest import standing
 from policies.behaviour import Behaviour
 from policies.behaviour.motion import keyframes_of
 from policies.safety import Safe
@@ -14,6 +13,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
 from research.studies import jump, recovery, safety
+from research.studies.standing import standing
 
 
 def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch) -> None:

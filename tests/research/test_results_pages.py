@@ -28,7 +28,6 @@ FOUND = {
     "baseline": "trot",
     "scores": [SCORE, WORSE],
     "breaking_points": [POINT],
-    "sensitivities": [{"axis": "noise", "policy": "trot", "success": -0.25, "success_ci": [-0.4, -0.1]}],
     "episodes": 128,
     "seed": 0,
     "versions": {"mujoco": "4.0.0", "python": "3.11.7", "success_rule": "success/2"},
@@ -93,7 +92,7 @@ def test_a_page_has_scores_figure_files_and_command_at_its_place(folder) -> None
 def test_files_have_a_row_for_each_entry_and_intervals_by_their_ends(folder) -> None:
     page(folder)
     rows = {}
-    for ending in ("", "_scores", "_breaking_points", "_disturbances"):
+    for ending in ("", "_scores", "_breaking_points"):
         with (folder / f"docs/results/run{ending}.csv").open(encoding="utf-8", newline="") as file:
             rows[ending] = list(csv.DictReader(file))
     ends = {"success_rate_low": "0.41", "success_rate_high": "", "velocity_error_low": "0.11"}
@@ -102,7 +101,6 @@ def test_files_have_a_row_for_each_entry_and_intervals_by_their_ends(folder) -> 
     assert [each["policy"] for each in rows["_scores"]] == ["trot", "stand"]
     assert rows["_scores"][1]["difference_high"] == ""
     assert (rows["_breaking_points"][0]["low"], rows["_breaking_points"][0]["high"]) == ("45", "")
-    assert rows["_disturbances"][0]["success_high"] == "-0.1"
 
 
 def test_the_command_and_versions_that_made_the_results_are_named(folder) -> None:

@@ -1,18 +1,15 @@
 """Curves against severity, one line a policy."""
 
-import io
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evaluate.analysis.comparison import FALL_RATE, RATES
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
+from evaluate.analysis.severity_levels import SeverityAxis
 from evaluate.report.plots.drawing import figure, style, svg
 from evaluate.statistics.breaking_point import LEAST_LEVELS, monotone_curve
 from evaluate.statistics.intervals import Floats
-from quad_env.files.writing import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,8 +17,6 @@ if TYPE_CHECKING:
 HEIGHT = 2.7
 """in"""
 CURVE_POINTS = 60
-PANELS = 4
-"""Panels side by side."""
 
 
 def against_severity(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
@@ -37,31 +32,6 @@ def against_severity(results: Results, axis: SeverityAxis, metric: str, label: s
         _finish(axes, axis)
     axes.set(ylabel=label)
     return svg(drawn)
-
-
-def write_falls(results: Results, path: Path) -> None:
-    """Draw the same of every axis of a run, a panel each, as SVG or PNG by the file's name."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    found = severity_axes(results.cells)
-    rows, columns = -(-len(found) // PANELS), min(PANELS, len(found))
-    drawn = Figure(figsize=(3.2 * columns, 2.6 * rows + 0.4), layout="constrained")
-    FigureCanvasAgg(drawn)
-    panels = drawn.subplots(rows, columns, squeeze=False).ravel()
-    for panel, axis in zip(panels, found, strict=False):
-        _draw_rates(panel, results, axis, FALL_RATE)
-        panel.set_title(axis.name.replace("_", " "), fontsize=9, loc="left")
-        panel.tick_params(labelsize=7)
-        panel.xaxis.label.set_size(8)
-    for panel in panels[len(found) :]:
-        panel.set_visible(False)
-    drawn.supylabel("episodes with a fall, %", fontsize=9)
-    shown = {label: line for panel in panels for line, label in zip(*panel.get_legend_handles_labels(), strict=True)}
-    drawn.legend(shown.values(), shown.keys(), loc="outside upper left", ncols=4, fontsize=8)
-    buffer, kind = io.BytesIO(), path.suffix[1:]
-    drawn.savefig(buffer, format=kind, dpi=120, metadata={"Date": None} if kind == "svg" else None)
-    write_atomically(path, buffer.getvalue())
 
 
 def _draw_rates(axes: "Axes", results: Results, axis: SeverityAxis, metric: str) -> None:

@@ -7,7 +7,7 @@ from evaluate.analysis.comparison import ERRORS, FALL_RATE, METRICS, RATES, SUCC
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place
 from evaluate.analysis.summary import Summary
-from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
+from evaluate.analysis.training_seeds import SeededRun, SeedSpread, seed_spreads
 from evaluate.measures import catalogue
 from evaluate.measures.catalogue import BY_NAME, FIGURES, KEY, MEASURES
 from evaluate.measures.outcomes import RULES
@@ -138,17 +138,17 @@ def _four_digits(value: float) -> str:
 
 def training(results: Results) -> str:
     """A table for each training that was repeated; empty without one."""
-    runs = [_run_of_seeds(run, scenarios) for run, scenarios in seed_spreads(results.cells).items()]
+    runs = [_run_of_seeds(name, run) for name, run in seed_spreads(results.cells).items()]
     return section("Training seeds", note(SEEDS_LEAD), *runs) if runs else ""
 
 
-def _run_of_seeds(run: str, scenarios: dict[str, dict[str, SeedSpread]]) -> str:
+def _run_of_seeds(name: str, run: SeededRun) -> str:
     rows = [
-        {FIRST: escape(name), **{metric: _over_seeds(metrics[metric], metric) for metric in HEADINGS}}
-        for name, metrics in scenarios.items()
+        {FIRST: escape(scenario), **{metric: _over_seeds(metrics[metric], metric) for metric in HEADINGS}}
+        for scenario, metrics in run.scenarios.items()
     ]
-    seeds = next(iter(scenarios.values()))[SUCCESS_RATE].seeds
-    return f"<h3>{escape(run)} <small>{seeds} seeds</small></h3>" + table({FIRST: "scenario", **HEADINGS}, rows)
+    heading_of_run = f"<h3>{escape(name)} <small>{len(run.policies)} seeds</small></h3>"
+    return heading_of_run + table({FIRST: "scenario", **HEADINGS}, rows)
 
 
 def _over_seeds(spread: SeedSpread, metric: str) -> str:

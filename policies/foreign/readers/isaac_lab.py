@@ -12,7 +12,6 @@ from policies.base import PolicyError
 from policies.foreign.description import HeightGrid, PolicyDescription, Range, Term
 from policies.foreign.readers.isaac_terms import history_of, observed_joints, term
 from policies.foreign.readers.joint_orders import FAMILIES, Joints, by_kind
-from policies.foreign.readers.networks import exported
 from policies.foreign.readers.settings import BY_HAND, Settings, load, matches
 
 _NAMES = "joint_names_expr"
@@ -25,10 +24,10 @@ def describe(settings: Settings) -> PolicyDescription:
     joints = _chosen(action, asset)
     group = settings.inside("observations", "policy")
     terms = {name: _term(settings, group, each) for name, each in group.groups()}
-    observed = observed_joints(terms, lambda name: _observed(group.inside(name), asset))
+    observed = observed_joints(terms, lambda name: _chosen(group.inside(name).perhaps("params", "asset_cfg"), asset))
     at_default = action.find("use_default_offset") is True
     return PolicyDescription(
-        network=exported(settings.file),
+        network=settings.network(),
         control_rate=1 / (settings.number("decimation") * settings.inside("sim").number("dt")),
         joints=joints,
         default_position=robot.inside("init_state").by_pattern("joint_pos", joints, 0.0),
@@ -91,19 +90,17 @@ def _term(settings: Settings, group: Settings, each: Settings) -> Term:
     return found if group.find("history_length") is None else replace(found, history=history_of(group))
 
 
-def _observed(term: Settings, asset: Joints | None) -> Joints:
-    given = term.find("params") is not None and term.inside("params").find("asset_cfg") is not None
-    return _chosen(term.inside("params", "asset_cfg") if given else Settings({}, term.file), asset)
-
-
 def _grid(settings: Settings, params: Settings) -> HeightGrid:
     """Points of a height scan: a grid about the sensor, yawed with the trunk."""
     sensor = settings.inside("scene", str(params.inside("sensor_cfg").get("name")))
     if sensor.find("ray_alignment") != "yaw" and sensor.find("attach_yaw_only") is not True:
         raise sensor.wrong("ray_alignment", "yaw")
     grid = sensor.inside("pattern_cfg")
-    step, size = grid.number("resolution"), grid.numbers("size", 2)
-    shift = sensor.inside("offset").numbers("pos", 3) if sensor.find("offset") is not None else (0.0, 0.0, 0.0)
+    step, size, shift = (
+        grid.number("resolution"),
+        grid.numbers("size", 2),
+        sensor.perhaps("offset").numbers("pos", 3, 0.0),
+    )
     if not 0 < step <= min(size) or max(size) > 100 * step:
         raise grid.wrong("resolution", "a step that gives 2 to 100 points along each side")
     x, y = (

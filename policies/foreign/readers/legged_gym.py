@@ -9,7 +9,6 @@ from dataclasses import replace
 from policies.base import PolicyError
 from policies.foreign.description import HeightGrid, PolicyDescription, Term
 from policies.foreign.readers.joint_orders import isaac_gym
-from policies.foreign.readers.networks import exported
 from policies.foreign.readers.settings import BY_HAND, Settings
 
 
@@ -24,7 +23,7 @@ def describe(settings: Settings) -> PolicyDescription:
     scale, clip = control.number("action_scale"), normalization.number("clip_actions")
     hip = scale * control.number("hip_reduction", 1.0) * control.number("hip_scale_reduction", 1.0)
     return PolicyDescription(
-        network=exported(settings.file),
+        network=settings.network(),
         control_rate=1 / (control.number("decimation") * settings.inside("sim").number("dt")),
         joints=joints,
         default_position=tuple(angles.number(joint) for joint in joints),

@@ -14,8 +14,7 @@ from typing import Any
 from policies.base import PolicyError
 from policies.foreign.description import PolicyDescription, Term
 from policies.foreign.readers.isaac_terms import term
-from policies.foreign.readers.networks import named
-from policies.foreign.readers.settings import BY_HAND, Settings
+from policies.foreign.readers.settings import BY_HAND, Settings, named
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.text import described
 

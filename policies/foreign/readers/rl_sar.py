@@ -10,8 +10,7 @@ from policies.base import PolicyError
 from policies.foreign.description import PolicyDescription, Range, Term
 from policies.foreign.readers.isaac_terms import scaled, unknown
 from policies.foreign.readers.joint_orders import Joints
-from policies.foreign.readers.networks import named
-from policies.foreign.readers.settings import BY_HAND, Settings, load
+from policies.foreign.readers.settings import BY_HAND, Settings, load, named
 
 _TERMS = {
     "lin_vel": ("linear_velocity", "lin_vel_scale"),

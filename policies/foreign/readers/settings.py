@@ -1,5 +1,6 @@
 """Settings of a YAML or JSON file: loaded without running anything, read by key, each error with key and file."""
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,6 +20,10 @@ LARGEST, LINES = 2**20, 20_000
 BY_HAND = "write a TOML (docs/deployment-files.md)"
 """What to do about what a file does not say."""
 _TAG = "tag:yaml.org,2002:python/"
+NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/policy_lstm_1.pt", "policy_1.pt")
+"""Of Isaac Lab, mjlab and Unitree (`exported/policy.*`) and of legged_gym (`exported/policies/policy_1.pt`)."""
+PAIR = "_env", "_policy.pt"
+"""Ends of Isaac Sim's samples, such as `spot_env.yaml` and `spot_policy.pt`."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,15 @@ class Settings:
             found = Settings(value, self.file, f"{found.above}{key}.")
         return found
 
+    def perhaps(self, *keys: str) -> "Settings":
+        """The same; empty where a key is missing or null."""
+        found = self
+        for key in keys:
+            if found.find(key) is None:
+                return Settings({}, self.file)
+            found = found.inside(key)
+        return found
+
     def groups(self) -> Iterator[tuple[str, "Settings"]]:
         """Keys that hold settings, with these, in order."""
         return ((str(key), self.inside(key)) for key, value in self.values.items() if isinstance(value, dict))
@@ -61,9 +75,9 @@ class Settings:
             raise self.wrong(key, "a number")
         return found
 
-    def numbers(self, key: str, count: int | None = 12) -> Numbers:
+    def numbers(self, key: str, count: int | None = 12, otherwise: float | None = None) -> Numbers:
         """So many finite numbers, where one can stand for all; None: as many as there are."""
-        value = self.get(key)
+        value = self.get(key) if otherwise is None or self.find(key) is not None else otherwise
         found = [_number(each) for each in (value if isinstance(value, list) else [value] * (count or 1))]
         if len(found) != (count or len(found)) or None in found:
             raise self.wrong(key, f"{count or 'some'} numbers")
@@ -83,8 +97,10 @@ class Settings:
             raise self.wrong(key, "a list of names")
         return tuple(values)
 
-    def order(self, key: str) -> tuple[int, ...]:
-        """The numbers from 0 to 11, in some order."""
+    def order(self, key: str, optional: bool = False) -> tuple[int, ...]:
+        """The numbers from 0 to 11, in some order; rising without the key where it is optional."""
+        if optional and self.find(key) is None:
+            return tuple(range(12))
         if sorted(found := self.numbers(key)) != list(range(12)):
             raise self.wrong(key, "the numbers from 0 to 11 in some order")
         return tuple(map(int, found))
@@ -107,6 +123,25 @@ class Settings:
         several = " and ".join(found) or "nothing"
         raise PolicyError(f"`{self.above[:-1]}` in {self.file.name} has {several} for {joint}, not one expression")
 
+    def network(self) -> Path:
+        """The network of these settings: in `exported` of its run, next to the file, or the only .onnx there.
+
+        Raises PolicyError where there is none, or several.
+        """
+        settings = self.file
+        run = settings.parent.parent if settings.parent.name == "params" else settings.parent
+        folders = [run / "exported", run, settings.parent]
+        names = [*NAMES, settings.stem.removesuffix(PAIR[0]) + PAIR[1]]
+        named = [folder / name for folder in folders for name in names if (folder / name).is_file()]
+        others = [file for folder in folders for file in sorted(folder.glob("*.onnx"))]
+        found = named[:1] or list(dict.fromkeys(others))
+        if len(found) == 1:
+            return Path(os.path.abspath(found[0]))
+        several = f"{', '.join(file.name for file in found)} lie there" if found else "none is there"
+        raise PolicyError(
+            f"which network belongs to {settings.name}? {several}", f"put it at {run / 'exported/policy.onnx'}"
+        )
+
     def wrong(self, key: str, expected: str) -> PolicyError:
         """The error for a value of another kind."""
         value = shortened(self.find(key))
@@ -119,6 +154,16 @@ def matches(pattern: str, name: str) -> bool:
         return re.fullmatch(pattern, name) is not None
     except re.error:
         raise PolicyError(f"{shortened(pattern)} is no regular expression") from None
+
+
+def named(folder: Path, name: str) -> Path:
+    """The network of that name in a folder. Raises PolicyError where it is none."""
+    try:
+        if (file := folder / name).is_file():
+            return Path(os.path.abspath(file))
+    except (OSError, ValueError):
+        pass
+    raise PolicyError(f"there is no network {shortened(name)} in {folder}")
 
 
 def load(file: Path) -> Settings:

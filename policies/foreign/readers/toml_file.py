@@ -11,7 +11,7 @@ from typing import Any, TextIO, TypeVar
 from policies.base import PolicyError
 from policies.foreign.description import Clock, HeightGrid, PolicyDescription, Term
 from policies.foreign.readers.joint_orders import by_leg
-from policies.foreign.readers.networks import named
+from policies.foreign.readers.settings import named
 from quad_env.files.reading import read_bytes
 
 LARGEST = 2**20

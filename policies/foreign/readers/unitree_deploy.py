@@ -11,7 +11,6 @@ from policies.base import PolicyError
 from policies.foreign.description import PolicyDescription, Range, Term
 from policies.foreign.readers.isaac_terms import observed_joints, term
 from policies.foreign.readers.joint_orders import UNITREE_MOTORS, Joints
-from policies.foreign.readers.networks import exported
 from policies.foreign.readers.settings import Settings
 
 
@@ -21,21 +20,21 @@ def describe(settings: Settings) -> PolicyDescription:
     if list(actions.values) != ["JointPositionAction"]:
         raise settings.wrong("actions", "JointPositionAction alone")
     action = actions.inside("JointPositionAction")
-    order = action.order("joint_ids") if action.find("joint_ids") is not None else range(12)
+    order = action.order("joint_ids", optional=True)
     asset = tuple(UNITREE_MOTORS[motor] for motor in motors)
-    joints = tuple(asset[each] for each in order)
+    joints = _ordered(asset, action)
     stiffness, damping, default = (settings.numbers(key) for key in ("stiffness", "damping", "default_joint_pos"))
     default = tuple(default[each] for each in order)
-    offset = action.numbers("offset") if action.find("offset") is not None else (0.0,) * 12
+    offset = action.numbers("offset", otherwise=0.0)
     group = _group(settings)
     terms = {name: _term(name, each, bool(group.find("scale_first"))) for name, each in group.groups()}
-    observed = observed_joints(terms, lambda name: _observed(group.inside(name), asset))
+    observed = observed_joints(terms, lambda name: _ordered(asset, group.inside(name).perhaps("params", "asset_cfg")))
     return PolicyDescription(
-        network=exported(settings.file),
+        network=settings.network(),
         control_rate=1 / settings.number("step_dt"),
         joints=joints,
         default_position=default,
-        action_scale=action.numbers("scale") if action.find("scale") is not None else (1.0,) * 12,
+        action_scale=action.numbers("scale", otherwise=1.0),
         action_offset=offset if offset != default else None,
         target_clip=_clip(action),
         stiffness=tuple(stiffness[motors[each]] for each in order),
@@ -66,11 +65,8 @@ def _term(name: str, settings: Settings, scale_first: bool) -> Term:
     return replace(found, clip=(found.clip[0] / found.scale[0], found.clip[1] / found.scale[0]))
 
 
-def _observed(settings: Settings, asset: Joints) -> Joints:
-    chosen = settings.inside("params").find("asset_cfg")
-    if not isinstance(chosen, dict) or chosen.get("joint_ids") is None:
-        return asset
-    return tuple(asset[each] for each in settings.inside("params", "asset_cfg").order("joint_ids"))
+def _ordered(asset: Joints, settings: Settings) -> Joints:
+    return tuple(asset[each] for each in settings.order("joint_ids", optional=True))
 
 
 def _clip(action: Settings) -> tuple[Range, ...] | None:

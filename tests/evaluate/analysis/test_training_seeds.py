@@ -34,9 +34,9 @@ def cells(made_up_cell):
 
 
 def test_a_seed_is_one_value_however_many_episodes_it_ran(cells, made_up_cell) -> None:
-    ((run, scenarios),) = seed_spreads(cells).items()
-    spreads = scenarios["flat"]
-    assert (run, list(scenarios)) == ("models/run", ["flat"])
+    ((name, run),) = seed_spreads(cells).items()
+    spreads = run.scenarios["flat"]
+    assert (name, run.policies, list(run.scenarios)) == ("models/run", SEEDS, ["flat"])
     assert list(spreads) == ["success_rate", "fall_rate", "velocity_error", "yaw_rate_error", "mean_velocity_error"]
     error, (deviation, ci) = (
         spreads["velocity_error"],
@@ -49,12 +49,12 @@ def test_a_seed_is_one_value_however_many_episodes_it_ran(cells, made_up_cell) -
         made_up_cell(cell.policy, np.tile(cell.measures.fell, 2), np.tile(cell.measures.velocity_error, 2))
         for cell in cells
     ]
-    again = seed_spreads(twice)["models/run"]["flat"]["velocity_error"]
+    again = seed_spreads(twice)["models/run"].scenarios["flat"]["velocity_error"]
     assert again.ci == pytest.approx(error.ci)
 
 
 def test_rates_stay_rates(cells) -> None:
-    falls = seed_spreads(cells)["models/run"]["flat"]["fall_rate"]
+    falls = seed_spreads(cells)["models/run"].scenarios["flat"]["fall_rate"]
     assert (falls.mean, falls.lowest, falls.highest) == (pytest.approx(0.2), 0.0, 0.5)
     assert 0.0 < falls.ci[0] < falls.mean < falls.ci[1] < 1.0
     assert 0.2 < falls.ci[1] < 1.0

@@ -56,11 +56,11 @@ def test_it_goes_on_with_what_was_done(folder, tmp_path, monkeypatch) -> None:
     store = ChunkStore(tmp_path, run.manifest, resumed=True)
     for cell in run.cells:
         store.save(Chunk(np.arange(2), cell))
-    for name in ("results.json", "episodes.parquet", "fall_rates.svg"):
+    for name in ("results.json", "episodes.parquet"):
         (tmp_path / name).unlink()
     words = ["axes", "push", "--policies", "document", "stand", "--episodes", "2", "--resume", "--out", str(tmp_path)]
     assert main(words) == 0
-    assert (tmp_path / "fall_rates.svg").is_file()
+    assert (tmp_path / "results.json").is_file()
 
 
 def test_a_report_of_measures_that_are_no_more_is_refused(folder, tmp_path, refused) -> None:

@@ -194,3 +194,18 @@ def test_a_report_of_a_folder_that_is_written_to_prints_and_leaves_the_files_alo
     assert printed.err.count("\n") == 1
     assert "writes the files itself" in printed.err
     assert {path: path.stat().st_mtime_ns for path in run.folder.iterdir()} == before
+
+
+def test_a_report_by_another_rule_of_success_is_printed_and_leaves_the_files_alone(capsys, run, refused) -> None:
+    before = {path: path.stat().st_mtime_ns for path in run.folder.iterdir()}
+    assert main(["report", str(run.folder), "--success", "survival"]) == 0
+    said = capsys.readouterr().out
+    assert "success by survival: upright to the end" in said
+    fell = run.results["policies"]["stand"]["scenarios"]["flat"]["falls"]
+    assert (fell, run.results["policies"]["stand"]["scenarios"]["flat"]["successes"]) == (0, 0)
+    assert next(line for line in said.splitlines() if line.startswith(" stand")).split()[1:3] == ["100", "%"]
+    assert "'isaac-lab'" in refused(main, "report", run.folder, "--success", "luck")
+    assert "leave out --success or --gate" in refused(
+        main, "report", run.folder, "--success", "isaac-lab", "--gate", "stand falls <= 5 % on flat"
+    )
+    assert {path: path.stat().st_mtime_ns for path in run.folder.iterdir()} == before

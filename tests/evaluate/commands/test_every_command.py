@@ -21,7 +21,7 @@ from evaluate.commands import options as default
 from evaluate.rollouts.experiment import evaluation_seeds
 from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
-from tests.evaluate.commands import test_axes
+from tests.evaluate.commands import test_axes, test_command
 from tests.evaluate.records import test_resume
 from tests.quad_env.robots.made import Made
 
@@ -93,6 +93,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "scenarios": Effect("--scenarios push=42 flat", SCENARIOS, ["push=42", "flat"]),
         "episodes": Effect("--episodes 3", COUNT, [3]),
         "robot": Effect("--robot FOLDER/mine.xml", once(lambda each: each.env.robot.name), ["mine"]),
+        "servo": Effect("--servo 40/1.5", once(lambda each: each.env.robot.servo), ["40 N·m/rad and 1.5 N·m·s/rad"]),
         "actuator": Effect("--actuator motor", once(lambda each: each.warms), [True]),
         "sensors": Effect("--sensors typical", once(lambda each: each.sensed), [True]),
         "estimator": Effect(
@@ -142,7 +143,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "episodes": Effect("--episodes 2", COUNT, [2]),
         "seed": Effect("--seed 5", SEEDS, drawn(5, 2)),
         "robot": Effect("--robot FOLDER/mine.xml", once(lambda each: each.env.robot.name), ["mine"]),
-        "out": Effect("--out FOLDER/new", written("new/fall_rates.svg"), True),
+        "out": Effect("--out FOLDER/new", written("new/results.json"), True),
         "threads": Effect("--threads 1", THREADS, [1]),
     },
 }
@@ -151,6 +152,9 @@ EFFECTS: dict[str, dict[str, Effect]] = {
 ELSEWHERE = {
     "": {
         "resume": test_resume.test_a_killed_run_goes_on_to_the_same_files,
+    },
+    "report": {
+        "success": test_command.test_a_report_by_another_rule_of_success_is_printed_and_leaves_the_files_alone,
     },
     "axes": {
         "resume": test_axes.test_it_goes_on_with_what_was_done,

@@ -8,6 +8,7 @@ import pytest
 import policies
 from evaluate.measures.metrics import measure, outcome
 from evaluate.measures.outcomes import (
+    ISAAC_LAB,
     MOVING,
     OUTCOMES,
     OUTCOMES_1,
@@ -18,6 +19,7 @@ from evaluate.measures.outcomes import (
     outcomes,
     share_of_way,
 )
+from evaluate.rollouts.experiment import Cell, rescored
 from evaluate.rollouts.rollout import run
 from policies.safety import Safe
 from quad_env import SCENARIOS, CommandRanges
@@ -165,5 +167,35 @@ def test_a_robot_gets_the_outcome_of_its_episode(make, forward, expected):
 
 def test_rules_differ_in_how_far_off_is_off():
     commands, velocities = np.array([[(1.0, 0.0, 0.0)]]), np.array([[(0.7, 0.0, 0.0)]])
-    found = {name: rule.on_command(commands, velocities)[0] for name, rule in RULES.items()}
+    found = {name: rule.on_command(commands, velocities, np.array([[0.3, 0.0]]))[0] for name, rule in RULES.items()}
     assert [name for name, succeeds in found.items() if not succeeds] == ["success-half"]
+
+
+@pytest.mark.parametrize(
+    ("errors", "expected"),
+    [((0.49, 0.39), "succeeded"), ((0.5, 0.39), "off_command"), ((0.49, 0.4), "off_command"), (None, "off_command")],
+)
+def test_isaac_labs_thresholds_are_of_the_mean_errors_of_the_steps(errors, expected):
+    """By hand: below 0.5 m/s and 0.4 rad/s, whatever the mean velocities were; a fall fails."""
+    of_steps = {"errors": None if errors is None else np.array([errors]), "rule": RULES[ISAAC_LAB]}
+    half = ([(1.0, 0.0, 0.0)], [(0.5, 0.0, 0.0)])
+    assert judged(*half, **of_steps) == expected
+    assert judged(*half, fell=np.ones(1, np.bool_), **of_steps) == "fell"
+
+
+@pytest.mark.parametrize(
+    ("policy", "forward", "by_isaac_lab"),
+    [("trot", 0.4, True), ("stand", 0.4, True), ("stand", 0.6, False), ("document", 0.4, False)],
+)
+def test_kept_episodes_succeed_by_another_rule_as_their_record_does(policy, forward, by_isaac_lab):
+    """What `report --success` shows of a run without traces, against the rule on the steps themselves."""
+    episodes = run(policies.make(policy), asked(forward), SEED, steps=STEPS)
+    cell = Cell(policy, asked(forward), SEED, episodes.fall_reason, measure(episodes))
+    for rule in RULES.values():
+        succeeds = outcome(episodes, rule) == "succeeded"
+        np.testing.assert_array_equal(rescored(cell, rule).measures.succeeded, succeeds, err_msg=rule.name)
+    assert rescored(cell, RULES[ISAAC_LAB]).measures.succeeded == [by_isaac_lab]
+    failed = replace(cell, failure=np.array(["it raised"], object))
+    assert not rescored(failed, RULES["survival"]).measures.succeeded.any()
+    fell = replace(cell, measures=replace(cell.measures, fell=np.ones(1, np.bool_)))
+    assert not rescored(fell, RULES[ISAAC_LAB]).measures.succeeded.any()

@@ -104,8 +104,4 @@ def test_their_traces_are_scored_again(folder, capsys) -> None:
     scored = json.loads((folder / "rescored.json").read_text(encoding="utf-8"))["policies"]
     assert list(scored) == ["document_repaired"]
     assert scored["document_repaired"]["scenarios"]["push"]["simple-quad/1"]["episodes"] == 3
-    by_rule = json.loads((folder / "rescored.json").read_text())["success"]["policies"]["document_repaired"]
-    outcomes = {name: set(of["outcomes"]) for name, of in by_rule["scenarios"]["push"].items()}
-    assert outcomes["success/1"] - outcomes["success/2"] == {"refused"}
-    assert outcomes["success/2"] - outcomes["success/1"] == {"stalled", "policy_error"}
     assert "push" in capsys.readouterr().out

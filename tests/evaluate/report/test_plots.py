@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from evaluate.analysis.results import analyse
 from evaluate.analysis.score import Score
-from evaluate.report.plots import curves, drawing, success
+from evaluate.report.plots import drawing, success
 from tests.evaluate.report.conftest import watch_clipping
 
 LONG = "models/residual-with-a-long-name/seed-12"
@@ -23,11 +23,6 @@ def clipped(monkeypatch) -> list[str]:
 def test_no_label_of_a_page_is_clipped(four) -> None:
     assert len(four.clipped) == 1
     assert int(four.clipped[0]) >= 5
-
-
-def test_no_label_of_the_picture_of_all_axes_is_clipped(made, clipped, tmp_path) -> None:
-    curves.write_falls(made, tmp_path / "curves.svg")
-    assert clipped == ["1"]
 
 
 def test_no_name_is_clipped(made_up_cell, clipped) -> None:

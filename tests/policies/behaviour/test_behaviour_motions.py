@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from policies.base import CONTROL_PERIOD
-from policies.behaviour.recovery import Phase, Recovery, key_poses, searched_parameters
+from policies.behaviour.recovery import Phase, Recovery, RecoveryParameters, key_poses
 from quad_env import SCENARIOS, AnyPose
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -16,7 +16,7 @@ LYING = replace(SCENARIOS["flat"], start=AnyPose())
 
 
 def test_key_poses_of_a_robot_lying_on_its_other_side_are_mirrored():
-    poses = key_poses(SIMPLE_QUAD, searched_parameters()).reshape(len(Phase), 2, 4, 3)
+    poses = key_poses(SIMPLE_QUAD, RecoveryParameters()).reshape(len(Phase), 2, 4, 3)
     mirrored = poses[:, :, [1, 0, 3, 2]] * (-1.0, 1.0, 1.0)
     np.testing.assert_allclose(poses[1:, 1], mirrored[1:, 0])
     np.testing.assert_allclose(poses[Phase.STAND].reshape(2, 12), np.tile(SIMPLE_QUAD.home_pose, (2, 1)))
@@ -51,7 +51,7 @@ def test_a_kick_begins_on_the_back_only():
 def test_a_robot_at_rest_on_its_side_gathers_its_legs_the_other_way_round():
     path, targets = phases((lying(up=0.0, sideways=1.0), 65))
     assert path == [Phase.SETTLE, Phase.GATHER, Phase.ROCK]
-    poses = key_poses(SIMPLE_QUAD, searched_parameters())[Phase.GATHER]
+    poses = key_poses(SIMPLE_QUAD, RecoveryParameters())[Phase.GATHER]
     np.testing.assert_allclose(targets[36], poses[1])
     np.testing.assert_allclose(targets[-1], poses[0])
 
@@ -59,7 +59,7 @@ def test_a_robot_at_rest_on_its_side_gathers_its_legs_the_other_way_round():
 def test_a_failed_kick_is_repeated_over_the_other_side():
     back = lying(up=-1.0, sideways=0.1)
     _, targets = phases((back, 300))
-    poses = key_poses(SIMPLE_QUAD, searched_parameters())[Phase.KICK]
+    poses = key_poses(SIMPLE_QUAD, RecoveryParameters())[Phase.KICK]
     first, second = (np.flatnonzero(np.isclose(targets, pose).all(axis=1)) for pose in poses[[1, 0]])
     assert first[0] < second[0]
 

@@ -22,7 +22,7 @@ from policies.trot.open_loop import SEARCH_RANGES, TrotParameters, searched_para
 from quad_env import OBSERVATION, scenario
 from quad_env.robots import similarity
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import ratio
+from quad_env.robots.similarity import ratio, servo_gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scaled_name
 from tests.quad_env.robots.alike import alike
@@ -42,7 +42,8 @@ def test_servos_pose_and_speed_of_an_imported_robot_are_those_of_a_simple_quad_o
     assert small.mass == pytest.approx(HEAVIER * SIMPLE_QUAD.mass)
     for name, unit in (("servo_stiffness", "N·m"), ("rated_torque", "N·m"), ("rated_speed", "rad/s")):
         assert getattr(small, name) == pytest.approx(ratio(small, unit) * getattr(SIMPLE_QUAD, name)), name
-    assert small.servo_damping == pytest.approx(ratio(small, "N·m") * ratio(small, "s") * SIMPLE_QUAD.servo_damping)
+    assert small.servo_stiffness == pytest.approx(servo_gains(small)[0])
+    assert small.servo_damping == pytest.approx(servo_gains(small)[1])
     np.testing.assert_allclose(small.home_pose, SIMPLE_QUAD.home_pose, atol=1e-6)
 
 

@@ -109,6 +109,12 @@ def test_isaac_lab_keeps_an_order_that_names_give(tmp_path: Path) -> None:
     assert described(written(tmp_path / "params/env.yaml", found)).joints == ISAAC
 
 
+def test_isaac_sims_samples_have_their_network_next_to_them_by_name(tmp_path: Path) -> None:
+    found = network(tmp_path, "dog_policy.pt")
+    network(tmp_path, "cat_policy.pt")
+    assert described(written(tmp_path / "dog_env.yaml", files.env())).network == found
+
+
 def test_isaac_lab_height_scan_has_the_grid_of_its_sensor(tmp_path: Path) -> None:
     found = files.env()
     scan = {"func": "isaaclab.envs.mdp.observations:height_scan", "params": {"sensor_cfg": {"name": "scanner"}}}

@@ -1,0 +1,119 @@
+"""The leaderboard of a robot: `python -m research leaderboard LIST` evaluates the policies and writes their page.
+
+Each policy has an evaluation of its own, an ordinary one; one that is finished is not run again.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from evaluate.analysis.results import Results, analyse, without_nan
+from evaluate.commands import options as evaluation
+from evaluate.commands.execution import execute
+from evaluate.commands.options import Flag
+from evaluate.commands.plan import Plan, check
+from evaluate.records import manifest
+from evaluate.records.store import Run, read_run
+from quad_env.cli.child_process import available_cores
+from quad_env.cli.command_line import UsageError, make_folder_of
+from quad_env.files.writing import write_atomically
+from research.pages import leaderboard_page, policy_list
+from research.pages.csv_text import csv_text, flat
+from research.pages.policy_list import PolicyList
+
+SCENARIOS = "flat", "push", "rough", "noise:3", "latency:3"
+
+
+@dataclass(frozen=True)
+class Options:
+    """Policies to compare, and where their results go."""
+
+    list: Annotated[Path, tyro.conf.Positional]
+    """TOML file such as docs/leaderboard/go1.toml."""
+    files: Path = Path("results/policies")
+    """Folder of the published policies' files: clones of their repositories, or what --fetch puts there."""
+    fetch: Flag = False
+    """Download the files that are not there."""
+    trust: Flag = False
+    """Load policies from files that can hide code."""
+    reference: str | None = None
+    """Policy to compare the others with; by default that of ours with the highest mean success."""
+    scenarios: tuple[str, ...] = SCENARIOS
+    """Scenarios, as of `python -m evaluate`."""
+    episodes: int = 24
+    """Episodes of each policy on each scenario (count)."""
+    threads: int = available_cores()
+    """Simulating processes (count). No result depends on it."""
+    runs: Path = Path("results/leaderboard")
+    """Folder of the evaluations."""
+    out: Path | None = None
+    """Page, with CSV files in results/ next to it; by default docs/leaderboard_NAME.md for the list NAME.toml."""
+
+
+def main(options: Options) -> int:
+    """Evaluate and write; the exit code. Raises UsageError."""
+    listed = policy_list.read(options.list)
+    if options.reference not in (None, *listed.names):
+        raise UsageError(f"--reference: {options.reference} is not in the list: {', '.join(listed.names)}")
+    out = options.out or Path("docs") / f"leaderboard_{options.list.stem}.md"
+    data = out.parent / "results" / f"{out.stem}.csv"
+    make_folder_of(out, "--out")
+    make_folder_of(data, "--out")
+    references = policy_list.references(listed, options.list, options.files, fetch=options.fetch)
+    plans = {name: _plan(name, policy, listed, options) for name, policy in references.items()}
+    results = _results({name: _run(plan) for name, plan in plans.items()}, listed.ours, options.reference)
+    robots = {name: plan.policies[0].policy.robot for name, plan in plans.items()}
+    write_atomically(out, leaderboard_page.page(results, listed, robots, _made_by(options, results)).encode())
+    rows = [{"scenario": s, "policy": p, **flat(without_nan(asdict(of)))} for (s, p), of in results.summaries.items()]
+    write_atomically(data, csv_text(rows))
+    differences = [flat(without_nan(asdict(of))) for of in results.against_baseline]
+    write_atomically(data.with_stem(f"{out.stem}_differences"), csv_text(differences))
+    print(out)
+    return 0
+
+
+def _made_by(options: Options, results: Results) -> str:
+    """The command and the versions."""
+    words, usual = ["python -m research leaderboard", options.list.as_posix()], Options(options.list)
+    for name in ("reference", "scenarios", "episodes"):
+        if (value := getattr(options, name)) != getattr(usual, name):
+            words += [f"--{name}", *map(str, value if isinstance(value, tuple) else (value,))]
+    return f"`{' '.join(words)}`; MuJoCo {results.versions['mujoco']}, Python {results.versions['python']}."
+
+
+def _plan(name: str, policy: str, listed: PolicyList, options: Options) -> Plan:
+    """The evaluation of one policy, checked; one that was begun is carried on. Raises UsageError."""
+    out = options.runs / options.list.stem / re.sub(r"[^\w.-]+", "_", name)
+    same = {each: getattr(options, each) for each in ("trust", "scenarios", "episodes", "threads")}
+    begun, servo = (out / manifest.NAME).is_file(), ""
+    if name in listed.ours:
+        policy, _, servo = policy.partition(" at ")
+    asked = evaluation.Options((policy,), robot=listed.robot, servo=servo, out=out, resume=begun, **same)
+    try:
+        return check(asked)
+    except UsageError as error:
+        raise UsageError(f"{name}: {error}{f'; or delete {out}' * asked.resume}") from error
+
+
+def _run(plan: Plan) -> Run:
+    """The finished evaluation. Raises UsageError, and after Ctrl-C a KeyboardInterrupt."""
+    out = plan.options.out
+    if not plan.options.resume or not read_run(out).complete:
+        execute(plan, lambda *_: None)
+    return read_run(out)
+
+
+def _results(runs: Mapping[str, Run], ours: Sequence[str], reference: str | None) -> Results:
+    """All of them compared with the reference, by default with the best of ours."""
+    made = next(iter(runs.values())).manifest
+    cells = [replace(cell, policy=name) for name, run in runs.items() for cell in run.cells]
+    compared = partial(analyse, cells, seed=made.seed, episodes=made.episodes, complete=True)
+    if reference is None:
+        best = leaderboard_page.mean_success(compared(provenance=made.provenance()))
+        reference = next((name for name in best if name in ours), next(iter(best)))
+    return compared(provenance=made.provenance(), baseline=reference)

@@ -1,0 +1,112 @@
+"""A leaderboard as a page in Markdown: policies by their mean success, each scenario's figures, and the sources."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE, Comparison
+from evaluate.analysis.results import Results
+from evaluate.analysis.summary import summarise
+from evaluate.measures.outcomes import ISAAC_LAB, RULES
+from evaluate.report.headings import FIRST
+from evaluate.report.page import warnings
+from evaluate.report.table import summary_figures
+from evaluate.rollouts.experiment import rescored
+from quad_env.cli.format import ABSENT, counted, interval, number, p_value, points, points_interval, share
+from quad_env.robots.robot import Robot
+from research.pages.markdown import IN_A_LINE, table
+from research.pages.policy_list import PolicyList
+
+COMPARED = SUCCESS_RATE, "velocity_error"
+"""Metrics whose differences from the reference are shown."""
+COST = "cost_of_transport"
+
+
+def mean_success(results: Results) -> dict[str, float]:
+    """Policy -> mean success over the scenarios, the highest first."""
+    rates = {
+        policy: float(np.mean([s.success_rate for (_, of), s in results.summaries.items() if of == policy]))
+        for policy in results.policies
+    }
+    return dict(sorted(rates.items(), key=lambda each: -each[1]))
+
+
+def page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made_by: str) -> str:
+    """The page; `robots` are the policies' own, with the servo gains that they command."""
+    robot = next(iter(robots.values()))
+    order = list(mean_success(results))
+    lines = [
+        f"# Leaderboard of {robot.name}",
+        "",
+        f"Our controllers{' and published policies' * bool(listed.published)} on {robot.name} ({robot.mass:.1f} kg), "
+        f"each with its own servo gains: the same {counted(results.episodes, 'episode')} of each scenario for all. "
+        "Success, errors, intervals (95 %) and tests: [numbers.md](numbers.md). Differences are paired by episode, "
+        f"minus `{results.baseline}`; p is corrected for the number of comparisons (Holm).",
+        "",
+        *(f"{line}.\n" for line in warnings(results)),
+        made_by,
+        "",
+        *_overview(results, robots, order),
+        *(line for scenario in results.scenarios for line in _scenario(results, scenario, order)),
+        f"{ISAAC_LAB}: success by the thresholds of Isaac Lab, that is {RULES[ISAAC_LAB].words}.",
+        "",
+        *_sources(listed),
+    ]
+    return "\n".join(lines)
+
+
+def _overview(results: Results, robots: Mapping[str, Robot], order: Sequence[str]) -> Iterator[str]:
+    """Servo gains, success on every scenario, and the cost of transport on the first."""
+    scores = {score.policy: share(score.score, score.ci) for score in results.scores}
+    first, found = results.scenarios[0], results.summaries
+    heads = {FIRST: "policy", "gains": "servo: N·m/rad; N·m·s/rad", **{name: name for name in results.scenarios}}
+    rows = [
+        {FIRST: policy, "gains": gains(robots[policy]), "mean": scores.get(policy, ABSENT)}
+        | {name: f"{number(100.0 * found[name, policy].success_rate, 0)} %" for name in results.scenarios}
+        | {COST: number(found[first, policy].cost_of_transport, 2)}
+        for policy in order
+    ]
+    heads |= {"mean": "mean", COST: f"cost of transport, {first}"}
+    yield from ("## Success", "", table(heads, rows), "")
+
+
+def gains(robot: Robot) -> str:
+    """Stiffness and damping of a robot's servos, the distinct ones in the order of its joints: `20, 40; 1, 2`."""
+    each = (np.ravel(values) for values in (robot.servo_stiffness, robot.servo_damping))
+    return "; ".join(", ".join(dict.fromkeys(f"{value:.4g}" for value in values)) for values in each)
+
+
+def _scenario(results: Results, scenario: str, order: Sequence[str]) -> Iterator[str]:
+    """Figures and differences of every policy on a scenario."""
+    cells = {cell.policy: cell for cell in results.cells if cell.scenario.name == scenario}
+    differences = {(each.a, each.metric): each for each in results.against_baseline if each.scenario == scenario}
+    heads = {name: IN_A_LINE[name] for name in (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")}
+    heads |= {COST: "cost of transport", ISAAC_LAB: ISAAC_LAB}
+    heads |= {f"{name} minus": f"{IN_A_LINE[name].partition(',')[0]}: minus `{results.baseline}`" for name in COMPARED}
+    rows = []
+    for policy in order:
+        other = summarise(rescored(cells[policy], RULES[ISAAC_LAB]), results.hardware.quadruped)
+        figures = summary_figures(results.summaries[scenario, policy], " ")
+        figures[ISAAC_LAB] = share(other.success_rate, other.success_rate_ci)
+        figures |= {f"{name} minus": _difference(differences.get((policy, name))) for name in COMPARED}
+        rows.append({FIRST: policy} | figures)
+    yield from (f"## {scenario}", "", table({FIRST: "policy", **heads}, rows), "")
+
+
+def _difference(of: Comparison | None) -> str:
+    """A difference with its interval and its p-value; a dash for the reference itself."""
+    if of is None:
+        return ABSENT
+    value, ends = (points, points_interval) if of.metric == SUCCESS_RATE else (number, interval)
+    return f"{value(of.difference)} [{ends(of.ci)}], {p_value(of.p_value_holm)}"
+
+
+def _sources(listed: PolicyList) -> Iterator[str]:
+    """Where the files of the published policies are from."""
+    rows = [
+        {FIRST: each.name, "file": f"[{path}]({each.url(path)})", "sha256": f"`{sha256}`"}
+        for each in listed.published
+        for path, sha256 in each.files.items()
+    ]
+    if rows:
+        yield from ("## Sources", "", table({FIRST: "policy", "file": "file", "sha256": "SHA-256"}, rows), "")

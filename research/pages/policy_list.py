@@ -1,0 +1,150 @@
+"""A list of policies to compare, a TOML file such as docs/leaderboard/go1.toml: ours by name, others by their files.
+
+A file of another project is looked for as a clone of its repository has it: FOLDER/OWNER/REPOSITORY/PATH.
+"""
+
+import hashlib
+import http.client
+import re
+import sys
+import tomllib
+import urllib.parse
+import urllib.request
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.format import counted
+from quad_env.files.reading import TEXT, read_bytes
+from quad_env.files.text import described
+from quad_env.files.writing import write_atomically
+from quad_env.serialisation import check_types
+
+_SOURCE, _SHA256 = re.compile(r"https://[\w.-]+(/[\w-][\w.-]*){2}"), re.compile("[0-9a-f]{64}")
+_OUTSIDE = re.compile(r"[\\:]|^/|(^|/)\.\.(/|$)")
+"""In a path that may leave its folder."""
+_PATIENCE = 60.0
+"""For a server to answer, s."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """A policy of another project."""
+
+    name: str
+    source: str
+    """URL of its repository."""
+    revision: str
+    """Commit."""
+    policy: str
+    """The one of `files` that says what it is, or a description in the list's folder, to be put next to the first."""
+    files: Mapping[str, str]
+    """Path in the repository -> SHA-256."""
+
+    def url(self, path: str) -> str:
+        """Address of a file at the revision, on GitHub or on Hugging Face."""
+        raw = "resolve" if self.source.startswith("https://huggingface.co/") else "raw"
+        return f"{self.source}/{raw}/{self.revision}/{urllib.parse.quote(path)}"
+
+    def place(self, folder: Path, path: str) -> Path:
+        """Place of a file on this machine."""
+        return folder.joinpath(*PurePosixPath(self.source).parts[-2:], path)
+
+
+@dataclass(frozen=True)
+class PolicyList:
+    """Policies for one robot."""
+
+    robot: str
+    """As `--robot` takes it."""
+    ours: Sequence[str]
+    """As `--policies` takes them, also with servo gains of `--servo`, such as "trot at 35/0.5"."""
+    published: tuple[Published, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What the policies are called, ours first."""
+        return (*self.ours, *(each.name for each in self.published))
+
+
+def read(path: Path) -> PolicyList:
+    """The list in a file. Raises UsageError, one line."""
+    try:
+        found = tomllib.loads(read_bytes(path).decode())
+        published = tuple(Published(**each) for each in found.pop("published", ()))
+        listed = PolicyList(**{"ours": ()} | found, published=published)
+        for value in (listed, *published):
+            check_types(value)
+        _check(listed)
+    except (OSError, RecursionError, TypeError, ValueError) as error:
+        keys = "robot, ours, and tables [[published]] of name, source, revision, policy and files"
+        raise UsageError(f"{path} is no list of policies ({described(error)}); a list has {keys}") from error
+    return listed
+
+
+def _check(listed: PolicyList) -> None:
+    """ValueError for what could name no file, or two policies alike."""
+    if not listed.names or len(set(listed.names)) < len(listed.names):
+        raise ValueError("it names no policy, or one twice")
+    for each in listed.published:
+        if not each.files or any(map(_OUTSIDE.search, (each.policy, *each.files))):
+            raise ValueError(f"{each.name!r} has no files, or one that is not in its repository")
+        if not _SOURCE.fullmatch(each.source) or not all(map(_SHA256.fullmatch, each.files.values())):
+            raise ValueError(f"{each.name!r} wants a source https://HOST/OWNER/REPOSITORY, SHA-256 of 64 digits")
+
+
+def references(listed: PolicyList, file: Path, folder: Path, *, fetch: bool = False) -> dict[str, str]:
+    """Name -> what `--policies` takes, of the list in `file` and others' files in `folder`, whose hashes are checked.
+
+    Files that are not there are fetched, or named on stderr. Raises UsageError, one line.
+    """
+    missing = [line for each in listed.published for line in _missing(each, folder, fetch=fetch)]
+    for line in missing:
+        print(line, file=sys.stderr)
+    if missing:
+        raise UsageError(f"{counted(len(missing), 'file')} of {file} not in {folder}: get them, or give --fetch")
+    return {name: name for name in listed.ours} | {
+        each.name: str(_described(each, file.parent, folder)) for each in listed.published
+    }
+
+
+def _missing(published: Published, folder: Path, *, fetch: bool) -> Iterator[str]:
+    """A line for each file that is not there. Raises UsageError for one that is another."""
+    for path, sha256 in published.files.items():
+        place, url = published.place(folder, path), published.url(path)
+        there = place.exists()
+        if not there and not fetch:
+            yield f"{published.name}: download {url} to {place}"
+            continue
+        try:
+            content = read_bytes(place) if there else _fetched(url)
+            if (found := hashlib.sha256(content).hexdigest()) != sha256:
+                is_not = f"is not the file of {published.name}: its SHA-256 is {found}, not {sha256}"
+                raise UsageError(f"{place} {is_not}; download {url} to it" if there else f"{url} {is_not}")
+            if not there:
+                place.parent.mkdir(parents=True, exist_ok=True)
+                write_atomically(place, content)
+        except (OSError, http.client.HTTPException) as error:
+            raise UsageError(f"{published.name}: {error}; download {url} to {place}") from error
+
+
+def _fetched(url: str) -> bytes:
+    """What the address holds; OSError where that is too much."""
+    with urllib.request.urlopen(url, timeout=_PATIENCE) as reply:
+        content: bytes = reply.read(TEXT + 1)
+    if len(content) > TEXT:
+        raise OSError(f"{url} is larger than {TEXT // 2**20} MiB")
+    return content
+
+
+def _described(published: Published, lists: Path, folder: Path) -> Path:
+    """The file that says what the policy is."""
+    if published.policy in published.files:
+        return published.place(folder, published.policy)
+    place = published.place(folder, next(iter(published.files))).with_name(Path(published.policy).name)
+    try:
+        write_atomically(place, read_bytes(lists / published.policy))
+    except OSError as error:
+        raise UsageError(f"{published.name}: its description cannot be copied to {place} ({error})") from error
+    return place

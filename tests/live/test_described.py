@@ -1,0 +1,68 @@
+"""`python -m quad_env doctor` of a policy by its description: what was understood, and the mistake in it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from evaluate.rollouts import diagnosis, walking_test
+from live.commands.doctor import OF_DESCRIPTION
+from policies.foreign import mistakes
+from policies.foreign.description import PolicyDescription
+from policies.foreign.readers import write_toml
+from quad_env.__main__ import main
+from quad_env.doctor.check import Finding, Subject, examine
+from tests.policies.foreign import walking_network
+
+
+@pytest.fixture
+def policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PolicyDescription:
+    monkeypatch.setattr(diagnosis, "SEEDS", diagnosis.SEEDS[:1])
+    monkeypatch.setattr(walking_test, "SECONDS", 2.4)
+    monkeypatch.setattr(walking_test, "SETTLING", 1.2)
+    monkeypatch.setattr(mistakes, "FACTORS", (5.0,))
+    return walking_network.write(tmp_path / "trot.onnx")
+
+
+def found(policy: PolicyDescription) -> dict[str, Finding]:
+    """Of the checks of a description."""
+    file = policy.network.with_suffix(".toml")
+    write_toml(policy, file)
+    return {name: finding for name, finding, _ in examine(OF_DESCRIPTION, Subject(policy=str(file)))}
+
+
+def test_what_was_understood_is_shown(policy: PolicyDescription) -> None:
+    checks = found(policy)
+    assert {name: finding.result for name, finding in checks.items()} == dict.fromkeys(checks, "ok")
+    rate, joints, servos, terms = checks["description"].details
+    assert rate == "rate    50 Hz"
+    assert joints.startswith("joints  FR FL RR RL by kind: fr_hip_joint fl_hip_joint hr_hip_joint")
+    assert servos == "servos  300 N·m/rad and 10 N·m·s/rad; an action of 1 is 0.25 rad"
+    assert terms.startswith("reads   linear_velocity 3 × 2, angular_velocity 3 × 0.25, projected_gravity 3, command 3")
+
+
+def test_the_mistake_is_the_cause(policy: PolicyDescription) -> None:
+    turned = tuple(replace(term, scale=(-1.0,)) if term.name == "projected_gravity" else term for term in policy.terms)
+    checks = found(replace(policy, terms=turned))
+    problems = [finding for finding in checks.values() if finding.result == "problem"]
+    assert [problem.cause for problem in problems] == [
+        "it walks with projected_gravity the other way: check the sign of `scale` of projected_gravity"
+    ]
+
+
+def test_what_cannot_run_is_one_line(policy: PolicyDescription) -> None:
+    arms = tuple(f"arm_{number}" for number in range(12))
+    for changes, seen in (({"terms": policy.terms[1:]}, "50"), ({"joints": arms}, "arm_0")):
+        checks = found(replace(policy, **changes))
+        assert [finding.result for finding in checks.values()] == ["problem", "left out", "left out"]
+        assert seen in checks["description"].seen
+        assert checks["description"].remedy
+
+
+def test_the_description_is_written(policy: PolicyDescription, tmp_path: Path, monkeypatch, refused) -> None:
+    file, written = tmp_path / "trot.toml", tmp_path / "mine.toml"
+    write_toml(policy, file)
+    monkeypatch.setattr("live.commands.doctor.run", lambda *_: 0)
+    assert main(["doctor", "--policy", str(file), "--write", str(written)]) == 0
+    assert written.read_text(encoding="utf-8") == file.read_text(encoding="utf-8")
+    assert "has no description" in refused(main, "doctor", "--policy", "trot", "--write", written)
