@@ -1,41 +1,47 @@
 """Types of options that are written in a way of their own: whole numbers as 1e6, reward weights and reward terms."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from typing import Annotated, TypeVar
+from collections.abc import Sequence
+from typing import Annotated
 
 from tyro.constructors import PrimitiveConstructorSpec
 
 from quad_env.config import RewardWeights
 from train.reward_term import FileTerm
 
-T = TypeVar("T")
 REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, fall=-5.0)
 """The environment's, and a slope where the robot is so far off its command that the tracking rewards are flat. A second
 there costs about 1: less than a fall, or falling would earn more."""
 
 
-def _whole(word: str) -> int:
-    value = float(word)
+def _whole(words: list[str]) -> int:
+    value = float(words[0])
     if not value.is_integer():
-        raise ValueError(f"{word} is no whole number")
+        raise ValueError(f"{words[0]} is no whole number")
     return int(value)
 
 
-def _word(kind: type[T], metavar: str, parse: Callable[[str], T]) -> PrimitiveConstructorSpec[T]:
-    """How an option of one word is read, and shown."""
-    return PrimitiveConstructorSpec(
+Count = Annotated[
+    int,
+    PrimitiveConstructorSpec(
         nargs=1,
-        metavar=metavar,
-        instance_from_str=lambda words: parse(words[0]),
-        is_instance=lambda value: isinstance(value, kind),
+        metavar="INT",
+        instance_from_str=_whole,
+        is_instance=lambda value: isinstance(value, int),
         str_from_instance=lambda value: [str(value)],
-    )
-
-
-Count = Annotated[int, _word(int, "INT", _whole)]
+    ),
+]
 """A whole number that may be written as 1e6."""
-OwnTerm = Annotated[FileTerm, _word(FileTerm, "FILE.py:FUNCTION=WEIGHT", FileTerm.parse)]
+OwnTerm = Annotated[
+    FileTerm,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="FILE.py:FUNCTION=WEIGHT",
+        instance_from_str=lambda words: FileTerm.parse(words[0]),
+        is_instance=lambda value: isinstance(value, FileTerm),
+        str_from_instance=lambda value: [str(value)],
+    ),
+]
 """A reward term in a user's file."""
 
 

@@ -18,7 +18,7 @@ from train.run_folder import CHECKPOINTS, new_run, refuse_folder_in_use, writing
 from train.run_record import write_settings
 from train.sb3 import checkpoint
 from train.sb3.callbacks import CallbackState, Curriculum, RolloutFigures, Schedules, Segments, Session, ValidateAndSave
-from train.sb3.display import Display, note
+from train.sb3.display import Display
 from train.sb3.log import run_logger
 from train.sb3.ppo import REWARD_SCALE, build
 from train.sb3.vec_env import TrainingVecEnv
@@ -70,11 +70,15 @@ def _learn(
 ) -> None:
     """Learn to the last step, after the robots have repeated the actions of an unfinished segment."""
     done = model.num_timesteps
-    with run_logger(config.folder, done) as logger, Interrupt() as interrupt:
+    with (
+        run_logger(config.folder, done) as logger,
+        contextlib.closing(Display(config.steps, done)) as display,
+        Interrupt() as interrupt,
+    ):
         for notice in notices:
-            note(notice)
+            display.note(notice)
         model.set_logger(logger)
-        session = Session(config, env, Display(config.steps, done), interrupt, state)
+        session = Session(config, env, display, interrupt, state)
         segments = Segments(session, actions)
         callbacks: list[BaseCallback] = [RolloutFigures(session), Schedules(session), Curriculum(session, segments)]
         callbacks += [ValidateAndSave(session, segments), segments]

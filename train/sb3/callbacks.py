@@ -27,7 +27,7 @@ from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.run_record import write_validations
 from train.sb3 import checkpoint
-from train.sb3.display import Display, note
+from train.sb3.display import Display
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import TrainingRobots, make_batch, segment_steps, training_seeds
@@ -252,7 +252,7 @@ class ValidateAndSave(BetweenRollouts):
             state.best, state.best_steps = found, self.num_timesteps
             self._save(policy, BEST)
         write_validations(self._config.folder, state.best_steps, state.validations)
-        note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
+        self._session.display.note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
 
     def _log(self) -> None:
         """Write the figures of the rollout, its update and validation; SB3 would write the latter one rollout later."""
