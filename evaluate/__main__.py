@@ -56,13 +56,11 @@ def _plan(words: list[str]) -> "Plan":
 
 
 PROGRAM = Program(NAME, COMMANDS, compare, MOVED)
-FILM = {"--film", "--no-film"}
-"""Options up to version 0.2.0, whose report showed a film; scripts that give one go on working."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; its exit code."""
-    return PROGRAM.main([word for word in (sys.argv[1:] if arguments is None else arguments) if word not in FILM])
+    return PROGRAM.main(arguments)
 
 
 if __name__ == "__main__":

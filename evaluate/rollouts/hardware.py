@@ -22,8 +22,7 @@ class Hardware:
     robot: str = "simple_quad"
     """Or the path of its MJCF, URDF or TOML."""
     servo: str = ""
-    """Stiffness and damping of the servos for every controller of ours, N·m/rad and N·m·s/rad, such as 35/0.5; without,
-    each policy commands its own."""
+    """Stiffness/damping of the servos for all our controllers, N·m/rad and N·m·s/rad; by default each has its own."""
 
     @property
     def quadruped(self) -> "Robot":

@@ -8,7 +8,6 @@ import copy
 import re
 import warnings
 from collections.abc import Callable
-from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -130,25 +129,15 @@ def _torch(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
         raise PolicyError(fault, "export the network with torch.jit.save; a checkpoint holds weights alone") from None
     kind = next((each.dtype for each in module.parameters()), torch.float32)
 
-    def make(flat: bool = False) -> Act:
+    def make() -> Act:
         own = copy.deepcopy(module)
 
         def act(row: Weights) -> Any:
             # A copy, since bits hang on where a row lies in memory; unoptimised, since later calls would differ.
             with torch.inference_mode(), torch.jit.optimized_execution(False):
-                found = own(torch.from_numpy(row[0] if flat else row).to(kind, copy=True))
+                found = own(torch.from_numpy(row).to(kind, copy=True))
             return (found[0] if isinstance(found, tuple | list) else found).numpy()
 
         return act
 
-    one = np.zeros((1, description.width), np.float32)
-    flat = not _answers(make(), one) and _answers(make(True), one)
-    return partial(make, flat), hasattr(module, "reset")
-
-
-def _answers(act: Act, rows: Weights) -> bool:
-    try:
-        act(rows)
-    except Exception:
-        return False
-    return True
+    return make, hasattr(module, "reset")

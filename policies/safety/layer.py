@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from policies.base import Actions, Floats, Mask, Policy, chosen, to_actions
 from policies.behaviour.motion import Damp, Motion, Stop
 from policies.safety.brace import Brace
-from policies.safety.fall_prediction import ALARM_ABOVE, next_recent, next_reference, velocity_deviation
 from policies.safety.target_limits import SafetyLimits, limited
 from quad_env import OBSERVATION
 from quad_env.files.text import described
@@ -34,6 +33,13 @@ TOO_FAR_OVER = "too far over"
 TOO_FAR = np.deg2rad(65.0)
 """Tilt past which no fall is caught and no stop is under control any more: 5° before the fall rule, `FallRule.tilt`."""
 LOG_CAPACITY = 4096
+ALARM_ABOVE = 0.8866
+"""Velocity deviation, m/s, above which a fall is predicted: 0.2 m/s above the largest in an hour of the undisturbed
+trot."""
+RESPONSE_TIME = 0.25
+"""Lag of a walking robot behind its command, s."""
+RECENT_TIME = 0.1
+"""Time constant of the velocity of late, s: what a robot gains more slowly is no push."""
 
 
 @dataclass(frozen=True)
@@ -199,3 +205,29 @@ class Safe(Policy):
         self._entered |= mask
         for robot in np.flatnonzero(mask)[-LOG_CAPACITY:]:
             self._log.append(Event(self._step, int(robot), Mode(self._mode[robot]), reason))
+
+
+def next_reference(reference: Floats, observation: NDArray[np.float32], control_period: float) -> Floats:
+    """The planar velocity that a robot following its commands has about now, (n, 2), m/s: the command, lagged."""
+    command = observation[:, OBSERVATION["command"]][:, :2].astype(np.float64)
+    return reference + (command - reference) * (control_period / RESPONSE_TIME)
+
+
+def next_recent(recent: Floats, observation: NDArray[np.float32], control_period: float) -> Floats:
+    """The planar velocity of late, (n, 2), m/s, one control step later."""
+    return recent + (_planar_velocity(observation) - recent) * (control_period / RECENT_TIME)
+
+
+def velocity_deviation(observation: NDArray[np.float32], reference: Floats, recent: Floats) -> Floats:
+    """Planar speed off both the reference and the velocity of late, (n, 2) each: the lesser of the two, m/s, (n,).
+
+    The first alone would take a gait that does not reach its command for a push, the second alone a change of command.
+    """
+    velocity = _planar_velocity(observation)
+    off, jump = velocity - reference, velocity - recent
+    squared = np.minimum(off[:, 0] ** 2 + off[:, 1] ** 2, jump[:, 0] ** 2 + jump[:, 1] ** 2)
+    return np.sqrt(squared)
+
+
+def _planar_velocity(observation: NDArray[np.float32]) -> Floats:
+    return observation[:, OBSERVATION["linear_velocity"]][:, :2].astype(np.float64)

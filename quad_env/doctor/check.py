@@ -41,15 +41,15 @@ class Subject:
 
     @cached_property
     def robot(self) -> "Robot":
-        """The robot, with servos as our controllers command them. Raises what reading it does."""
-        return robot_of(self.given).stiffer
+        """The robot. Raises what reading it does."""
+        return robot_of(self.given)
 
     @cached_property
     def env(self) -> Any:
-        """A single environment with it, falls ignored. Raises ValueError where there is none."""
+        """A single environment with it, servos as our controllers command them, falls ignored. Raises ValueError."""
         from quad_env.envs.env import SimpleQuadEnv
 
-        return SimpleQuadEnv(robot=self.robot, terminate_on_fall=False)
+        return SimpleQuadEnv(robot=self.robot.stiffer, terminate_on_fall=False)
 
     @property
     def figures(self) -> str:

@@ -54,7 +54,7 @@ def _why(error: str, subject: Subject) -> tuple[str, str]:
 
 def plausible(subject: Subject) -> Finding:
     """Whether the robot's size, motors and servos are those of a real robot."""
-    if found := list(warnings_of(subject.robot)):
+    if found := list(warnings_of(subject.env.robot)):
         cause = "a placeholder that was never filled in, or a model in other units than metres, kilograms and radians"
         remedy = f"correct them in {subject.robot.mjcf}, or give them in {subject.figures}"
         return Finding("warning", "; ".join(found), cause, remedy)

@@ -75,7 +75,7 @@ def _states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
 
 def servos(subject: Subject) -> Finding:
     """Whether the joints hold their targets under the robot's weight, and come to rest."""
-    robot, seen = subject.robot, stand(subject.env)
+    robot, seen = subject.env.robot, stand(subject.env)
     stiffness, damping = servo_gains(robot)
     held = f"standing, {seen.joint} is {seen.lag:.3f} rad off its target"
     if seen.load > FULL_LOAD:

@@ -65,19 +65,6 @@ def rows(values: Any, shape: tuple[int, int], name: str) -> Array:
     return np.broadcast_to(array, shape).copy()
 
 
-def servo_gains(servo: Any, num_envs: int, joints: int) -> tuple[Array, Array]:
-    """Stiffness and damping of servos, each (num_envs, joints), of a pair of numbers or arrays that broadcast to it."""
-    try:
-        stiffness, damping = (np.asarray(gains, dtype=np.float64) for gains in servo)
-        stiffness, damping = (np.broadcast_to(gains, (num_envs, joints)) for gains in (stiffness, damping))
-    except (TypeError, ValueError):
-        shapes = f"a number, ({joints},) or ({num_envs}, {joints})"
-        raise ValueError(f"servo is a pair of stiffness and damping, each {shapes}, got {servo!r:.80}") from None
-    if not all((np.isfinite(gains) & (gains > 0.0)).all() for gains in (stiffness, damping)):
-        raise ValueError(f"servo gains are finite numbers above 0, N·m/rad and N·m·s/rad, got {servo!r:.80}")
-    return stiffness, damping
-
-
 def reset_mask(mask: Any, num_envs: int) -> Mask:
     """Which envs to reset, (num_envs,); all of them for None."""
     if mask is None:

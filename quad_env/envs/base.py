@@ -13,11 +13,10 @@ from quad_env.actuation.models import actuator as find_actuator
 from quad_env.actuation.runtime import action_delay_of
 from quad_env.columns import Column, Rows, Vector
 from quad_env.config import TaskConfig
-from quad_env.envs.arguments import servo_gains
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
 from quad_env.robots.named import robot_of
-from quad_env.robots.robot import Robot
+from quad_env.robots.robot import Robot, servo_gains
 from quad_env.scenarios.episode import Episode, at_reset
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
@@ -74,7 +73,7 @@ class QuadEnvBase:
             raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
         self.config = config or TaskConfig()
         robot = robot_of(robot)
-        gains = None if servo is None else servo_gains(servo, num_envs, robot.num_joints)
+        gains = None if servo is None else servo_gains(servo, num_envs)
         self.robot = robot = robot.with_servo(*(each.mean(axis=0) for each in gains or ()))
         """Names, geometry, limits and servo gains of the robot; everything that the environment knows of it. Where the
         gains of robots differ, their mean."""

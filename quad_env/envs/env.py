@@ -56,23 +56,15 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         servo: stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos, each a number or (12,) in the joints'
             order, in a batch also (n, 12); None: those of the robot.
 
-    Version history: every change that moved figures since `-v0` was registered, the latest first. On flat ground and
-    under pushes SimpleQuad's episodes have the same bits since 2026-11-21.
+    Version history, the changes that moved figures; CHANGELOG.md has the rest. On flat ground and under pushes
+    SimpleQuad's episodes have the same bits since 2026-11-21.
 
-    * v0 of 2026-11-25: a fall is the contact of any colliding geom of the trunk, or of a body welded to it, with the
-      ground. On SimpleQuad nothing changes; most trunk geoms of go1, go2, a2, b2 and pegasus were not watched before.
-      Users' robots have the masses, limits and feet of their compiled model.
-    * v0 of 2026-11-24: scenarios, commands and the fall rule of other robots than SimpleQuad are scaled to their size
-      and mass.
-    * v0 of 2026-11-23: the mass of `payload` and `surprise` is at its drawn cube, 0.15 m above the trunk's middle;
-      it was at 0.30 m. The estimator `kalman` allows for ground that yields under an impact.
-    * v0 of 2026-11-22: each episode on random ground (`rough`, `gravel`, `surprise`) has a surface drawn by its seed,
-      and starts anywhere on 32 m x 32 m (16 m x 16 m of gravel); it was one surface of 8 m x 8 m. `info["fall"]` is an
-      int8 code, and reward terms are `reward_<term>`: names, not figures.
-    * v0 of 2026-11-21, later the same day: the reward weighs `linear_velocity_tracking` 1.2 (was 1.0),
-      `yaw_rate_tracking` 0.8 (was 0.5) and `fall` -1 (was -5). The terrain's height, which the fall rule reads, is that
-      of the triangles with which MuJoCo collides.
-    * v0 of 2026-11-21: first registered.
+    * v0 of 2026-11-26: the servos of named robots have their makers' gains.
+    * v0 of 2026-11-25: a fall is the contact of any colliding geom of the trunk, or of a body welded to it.
+    * v0 of 2026-11-24: scenarios, commands and the fall rule are scaled to the size and mass of other robots.
+    * v0 of 2026-11-23: the mass of `payload` is at its drawn cube; `kalman` allows for ground that yields.
+    * v0 of 2026-11-22: each episode on random ground has a surface drawn by its seed.
+    * v0 of 2026-11-21: first registered; the reward weights of today came later that day.
     """
 
     _KEPT = ("spec", "_seed", "_next_episode")

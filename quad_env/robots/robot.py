@@ -47,9 +47,10 @@ class Robot(Figures):
 
         None keeps the robot's own. Raises ValueError for what is no gain.
         """
-        given = {"servo_stiffness": stiffness, "servo_damping": damping}
-        gains = {name: _gains(name, getattr(self, name) if gain is None else gain) for name, gain in given.items()}
-        return self._with(**gains, servo_fixed=not np.array_equal(list(gains.values()), self.stiff_servo))
+        pairs = (self.servo_stiffness, stiffness), (self.servo_damping, damping)
+        gains = np.concatenate(servo_gains([own if given is None else given for own, given in pairs], 1))
+        fixed = not np.array_equal(gains, self.stiff_servo)
+        return self._with(servo_stiffness=gains[0], servo_damping=gains[1], servo_fixed=fixed)
 
     @cached_property
     def stiffer(self) -> "Robot":
@@ -112,11 +113,15 @@ class Robot(Figures):
         return spec_of(self).compile()
 
 
-def _gains(name: str, values: ArrayLike) -> Floats:
+def servo_gains(servo: Any, num_robots: int) -> tuple[Floats, Floats]:
+    """Stiffness and damping of servos, (num_robots, 12) each, of a pair of numbers or arrays that broadcast to it.
+    Raises ValueError for what is none."""
     try:
-        gains = np.array(values, dtype=np.float64)
+        stiffness, damping = (np.array(gains, dtype=np.float64) for gains in servo)
+        stiffness, damping = (np.broadcast_to(gains, (num_robots, JOINTS)) for gains in (stiffness, damping))
     except (TypeError, ValueError):
-        gains = np.full(0, np.nan)
-    if gains.shape not in ((), (JOINTS,)) or not np.isfinite(gains).all() or (gains <= 0.0).any():
-        raise ValueError(f"{name} is a number above 0 or one for each of {JOINTS} joints, got {values!r:.80}")
-    return constant(np.broadcast_to(gains, JOINTS))
+        shapes = f"a number, ({JOINTS},)" + f" or ({num_robots}, {JOINTS})" * (num_robots > 1)
+        raise ValueError(f"servo is a pair of stiffness and damping, each {shapes}, got {servo!r:.80}") from None
+    if not all((np.isfinite(gains) & (gains > 0.0)).all() for gains in (stiffness, damping)):
+        raise ValueError(f"servo gains are finite numbers above 0, N·m/rad and N·m·s/rad, got {servo!r:.80}")
+    return stiffness, damping

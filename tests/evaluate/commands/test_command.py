@@ -54,7 +54,7 @@ def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_pa
     assert line.endswith(f"python -m evaluate report {tmp_path}")
     assert {path.name for path in tmp_path.iterdir()} == {*FILES, "parts"} - {failing}
     monkeypatch.undo()
-    assert main(["report", str(tmp_path), "--no-film"]) == 0  # an option of 0.2.0
+    assert main(["report", str(tmp_path)]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {*FILES}
     found = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["policies"]["document"]["scenarios"]
     assert (found["flat"]["velocity_error"], found["flat"]["velocity_error_ci"]) == (2.0, [None, None])

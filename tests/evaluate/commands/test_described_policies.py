@@ -8,7 +8,7 @@ import pytest
 from evaluate.__main__ import main
 from evaluate.rollouts import diagnosis
 
-RUN = ("--policies", "stand", "trot", "--scenarios", "flat", "--episodes", "1", "--no-film")
+RUN = ("--policies", "stand", "trot", "--scenarios", "flat", "--episodes", "1")
 
 
 @pytest.mark.usefixtures("no_page")

@@ -69,7 +69,7 @@ def test_a_restart_of_one_robot_leaves_the_memories_of_the_others(kind: str, tmp
         np.testing.assert_allclose(found.actions(rows[3 * step + who], who), expected, atol=1e-6)
 
 
-def test_a_torchscript_that_takes_one_observation_and_keeps_its_memory_to_itself(tmp_path: Path, rows) -> None:
+def test_a_torchscript_that_keeps_its_memory_to_itself(tmp_path: Path, rows) -> None:
     torch = pytest.importorskip("torch")
     from tests.policies.foreign import torch_modules
 

@@ -8,8 +8,7 @@ from policies.base import CONTROL_PERIOD, Policy
 from policies.behaviour.transitions import TOPPLING_TILT
 from policies.safety import Mode, Safe, SafetyLimits
 from policies.safety.brace import RELEASE_TIME, REST_TIME, braced
-from policies.safety.fall_prediction import RECENT_TIME, next_recent, next_reference, velocity_deviation
-from policies.safety.layer import TOO_FAR
+from policies.safety.layer import RECENT_TIME, TOO_FAR, next_recent, next_reference, velocity_deviation
 from quad_env import OBSERVATION
 from quad_env.config import FallRule
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
