@@ -157,7 +157,7 @@ def _check_environment(folder: Path, description: dict[str, Any], robot: Robot) 
 def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) -> tuple[Robot, float]:
     """The robot, if it is the one that is given, and the control period, s."""
     name, control_period = description["robot"], description["control_period"]
-    robot = None if robot is None else _commanded(folder, description, robot)
+    robot = robot and _commanded(folder, description, robot)
     if robot is None or (name != robot.name and not _is_of(description, robot)):
         robot = _commanded(folder, description, _named(folder, name))
     if description["joints"] != list(robot.joint_names):

@@ -136,4 +136,6 @@ def _seen_from(folder: Path, file: Path) -> str:
 def _figures(robot: Robot) -> Iterator[str]:
     yield f"name = {json.dumps(robot.name)}"
     for figure in FIGURES:
-        yield f"{figure} = {np.asarray(getattr(robot, figure)).tolist()}"  # to the last digit: the same robot
+        value = np.asarray(getattr(robot, figure))
+        alike = figure != "home_pose" and np.ptp(value) == 0.0
+        yield f"{figure} = {(value.flat[0] if alike else value).tolist()}"  # to the last digit: the same robot

@@ -56,8 +56,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         servo: stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos, each a number or (12,) in the joints'
             order, in a batch also (n, 12); None: those of the robot.
 
-    Version history, the changes that moved figures; CHANGELOG.md has the rest. On flat ground and under pushes
-    SimpleQuad's episodes have the same bits since 2026-11-21.
+    Version history of figures; SimpleQuad's on flat and pushed ground have the same bits since 2026-11-21.
 
     * v0 of 2026-11-26: the servos of named robots have their makers' gains.
     * v0 of 2026-11-25: a fall is the contact of any colliding geom of the trunk, or of a body welded to it.

@@ -33,8 +33,7 @@ SERVOS: dict[str, tuple[ArrayLike, ArrayLike] | None] = {
 """Names of the wheel's models of twelve joints, and the stiffness, N·m/rad, and damping, N·m·s/rad, of the servos that
 their makers, or else most users, command: of every joint, or of hip, thigh and calf. None where no source gives any:
 the robot has the servos that an imported one gets."""
-_KNEES = {"mini_cheetah": -1.0}
-"""Directions of knees that a model does not give."""
+_KNEES = {"mini_cheetah": -1.0}  # directions of knees that a model does not give
 
 
 class _Robots(Mapping[str, Robot]):
