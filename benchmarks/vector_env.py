@@ -124,10 +124,10 @@ class Walkers:
 
     def __init__(self, name: str, start: bare.Start, threads: int, robot: str = SIMPLE_QUAD.name) -> None:
         count = len(start.seeds)
-        self.env: gym.vector.VectorEnv[Any, Any, Any] = gym.make_vec(
-            ENV_ID, count, scenario=name, nthread=threads, robot=robot
-        )
         self._policy = policies.make("trot", robot=robot)
+        self.env: gym.vector.VectorEnv[Any, Any, Any] = gym.make_vec(
+            ENV_ID, count, scenario=name, nthread=threads, robot=self._policy.robot
+        )
         self._policy.reset(count)
         self.observation, _ = self.env.reset(seed=list(start.seeds))  # type: ignore[arg-type]
         """Latest, (n, k)."""

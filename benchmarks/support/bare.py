@@ -43,7 +43,7 @@ class Start:
 
 def start(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.name) -> Start:
     """What `reset` with seeds 0, 1, … starts from, n of them."""
-    env = gym.make(ENV_ID, scenario=scenario, robot=robot)
+    env = gym.make(ENV_ID, scenario=scenario, robot=policies.make("trot", robot=robot).robot)
     distinct = min(num_envs, MOST_STARTS)
     snapshots = []
     for seed in range(distinct):
@@ -66,7 +66,8 @@ def walk(
     steps: int, seed: int = 0, command: tuple[float, float, float] = COMMAND, robot: str = SIMPLE_QUAD.name
 ) -> Actions:
     """Actions of the trot in one episode on flat ground, (steps, 12) rad."""
-    env, policy = gym.make(ENV_ID, robot=robot), policies.make("trot", robot=robot)
+    policy = policies.make("trot", robot=robot)
+    env = gym.make(ENV_ID, robot=policy.robot)
     policy.reset()
     observation, _ = env.reset(seed=seed, options={"command": command})
     actions: list[Actions] = []

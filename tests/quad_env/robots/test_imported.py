@@ -64,7 +64,8 @@ def test_feet_are_where_mujoco_has_them_and_inverse_kinematics_undo_that(robot: 
 @pytest.mark.parametrize("robot", WALKING, indirect=True)
 def test_it_stands_marches_on_the_spot_and_walks_ahead(robot: Robot) -> None:
     """By a policy with feedback: the first of two robots is commanded to stay, the second to go ahead at 0.3 m/s."""
-    env, policy = SimpleQuadVectorEnv(2, robot=robot, nthread=1), policies.make("trot_feedback", robot=robot)
+    policy = policies.make("trot_feedback", robot=robot)
+    env = SimpleQuadVectorEnv(2, robot=policy.robot, nthread=1)
     env.reset(seed=0, options={"command": np.zeros((2, 3))})
     for _ in range(100):
         observation, _, terminated, _, _ = env.step(np.tile(robot.home_pose, (2, 1)).astype(np.float32))
