@@ -48,15 +48,13 @@ class Policy(ABC):
     before their actions are used again."""
     height_scan: HeightScan | None = None
     """The scan that its environment is to have; None: it is shown none."""
-
     stiff_servos: ClassVar[bool] = False
     """Whether it commands the robot's `stiff_servo`, since softer servos would yield too far under its targets."""
 
     def __init__(self, *, robot: str | Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         if not 0.0 < control_period < math.inf:
             raise ValueError(f"control_period must be a time above 0 s, not {control_period}")
-        found = robot_of(robot)
-        self.robot = found.stiffer if self.stiff_servos else found
+        self.robot = robot_of(robot).stiffer if self.stiff_servos else robot_of(robot)
         self.control_period = control_period
         self.num_envs = 1
 
@@ -73,7 +71,8 @@ class Policy(ABC):
                 f"for {robot.name} with one of {control_period:g} s: make it for its environment, "
                 f'policies.make("{self.name}", robot=env.unwrapped.robot, control_period=env.unwrapped.dt)'
             )
-        if self.robot.servo != robot.servo:
+        own, theirs = ((each.servo_stiffness, each.servo_damping) for each in (self.robot, robot))
+        if not np.array_equal(own, theirs):
             raise ValueError(
                 f"{self.name} commands servos of {self.robot.servo}, but the environment's have {robot.servo}: make it "
                 "with robot=policy.robot"

@@ -36,8 +36,7 @@ class Hardware:
             stiffness, damping = map(float, self.servo.split("/"))
             return robot.with_servo(stiffness, damping)
         except ValueError:
-            gains = "stiffness and damping above 0, such as 35/0.5"
-            raise ValueError(f"servo is {gains} (N·m/rad, N·m·s/rad), not {self.servo!r}") from None
+            raise ValueError(f"servo is stiffness/damping above 0, such as 35/0.5, not {self.servo!r}") from None
 
     def environment(self, robot: "Robot") -> dict[str, Any]:
         """Keyword arguments of an environment of the robot, with the servo gains of one that a policy is made for."""

@@ -158,7 +158,7 @@ class PolicyDescription:
     action_clip: Range | None = None
     """Least and largest raw action."""
     target_clip: tuple[Range, ...] | None = None
-    """Least and largest joint target, rad, in the order of `joints`, beside the robot's own limits."""
+    """Least and largest joint target, rad, in the order of `joints`, within the robot's own limits."""
     observed_joints: tuple[str, ...] | None = None
     """Names of the joints in the order of the observed angles, velocities, torques; None: that of `joints`. Previous
     actions keep the order of `joints`."""

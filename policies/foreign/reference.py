@@ -116,8 +116,8 @@ def _description(file: Path) -> PolicyDescription | None:
     Raises PolicyError.
     """
     if file.suffix.lower() == ".pt":
-        beside = [place for end in BESIDE if (place := file.with_suffix(end)).is_file()]
-        found = readers.read(beside[0]) if beside else None
+        found_at = [place for end in BESIDE if (place := file.with_suffix(end)).is_file()]
+        found = readers.read(found_at[0]) if found_at else None
         if found is None:
             name = file.with_suffix(BESIDE[0]).name
             raise PolicyError(f"{file} does not say how its network is run", f"{BY_HAND} next to it as {name}")

@@ -172,8 +172,7 @@ def _clock(clock: Clock, seen: Seen, control_rate: float) -> Floats:
 def _limited(values: Floats, term: Term) -> Floats:
     """Values of a term, clipped, then scaled."""
     clipped: Floats = values if term.clip is None else np.clip(values, *term.clip)
-    scaled: Floats = clipped * np.array(term.scale)
-    return scaled
+    return np.multiply(clipped, term.scale)
 
 
 def _shape(description: PolicyDescription) -> tuple[int, int]:

@@ -73,10 +73,11 @@ class QuadEnvBase:
             raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
         self.config = config or TaskConfig()
         robot = robot_of(robot)
-        gains = None if servo is None else servo_gains(servo, num_envs)
-        self.robot = robot = robot.with_servo(*(each.mean(axis=0) for each in gains or ()))
-        """Names, geometry, limits and servo gains of the robot; everything that the environment knows of it. Where the
-        gains of robots differ, their mean."""
+        own = robot.servo_stiffness, robot.servo_damping
+        gains = servo_gains(own if servo is None else servo, num_envs)
+        differ = bool(np.ptp(gains, axis=1).any())
+        self.robot = robot = robot.with_servo(*(gains.mean(axis=1) if differ else gains[:, 0]))
+        """All that the environment knows of the robot; the mean of the servo gains where robots differ."""
         self.scenario = find_scenario(_setting(scenario), robot)
         """What the robot has to cope with."""
         rate = self.config.control_rate
@@ -89,7 +90,8 @@ class QuadEnvBase:
         self._weights = step_weights(self.config.reward_weights, self.dt, self.config.reward_terms)
         feet = look_at_feet(self._weights, self.config.reward_terms)
         self.simulation = Simulation(
-            *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet), self.config.timestep, gains
+            *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet, self.config.timestep),
+            servo=gains if differ else None,
         )
         self._action_delay = action_delay_of(robot, self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, estimator, self.simulation, self.scenario, num_envs, rate)

@@ -199,8 +199,9 @@ def _put_on_voltage(spec: mujoco.MjSpec, line: Line, robot: Robot) -> None:
         )
 
 
-def give_servo_gains(model: mujoco.MjModel, expand: Callable[[str], Array], stiffness: Array, damping: Array) -> None:
-    """Give n robots of that model servo gains of their own, (n, 12) each; `expand` gives a field's values of each."""
+def give_servo_gains(model: mujoco.MjModel, expand: Callable[[str], Array], servo: Array) -> None:
+    """Give n robots of that model servo gains of their own, (2, n, 12); `expand` gives a field's values of each."""
+    stiffness, damping = servo
     gain, bias = expand("actuator_gainprm"), expand("actuator_biasprm")
     if model.actuator_gaintype[0] == mujoco.mjtGain.mjGAIN_DCMOTOR:
         gain[:, :, 4], gain[:, :, 6] = stiffness, damping  # of its controller

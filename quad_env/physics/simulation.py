@@ -47,7 +47,7 @@ class Simulation:
 
     With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`; with an `imu`, mounted
     there, there is a `probe`; with `feet` they are part of the state. Servos have the gains of the
-    robot, or each robot's `servo` its own, stiffness and damping, (n, 12) each.
+    robot, or each robot's `servo` its own, stiffness and damping, (2, n, 12).
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Simulation:
         imu: Mounting | None = None,
         feet: bool = False,
         timestep: float | None = None,
-        servo: tuple[Array, Array] | None = None,
+        servo: Array | None = None,
     ) -> None:
         self.robot, self.terrain = robot, scenario.terrain
         self.model = compile_model(robot, scenario, actuator, timestep)
@@ -105,9 +105,9 @@ class Simulation:
         self._clear = _HIGH * robot.leg_length if robot.imported and bumpy else 0.0
         if isinstance(self.terrain, HeightField):  # which may be anywhere, and of many small cells
             self._clear += self.terrain.heights.lowest + self.terrain.heights.span
-        self._differ = servo is not None and any(np.ptp(gains, axis=0).any() for gains in servo)
-        if servo is not None and self._differ:
-            give_servo_gains(self.model, self.batch.expand, *servo)
+        self._differ = servo is not None
+        if servo is not None:
+            give_servo_gains(self.model, self.batch.expand, servo)
         self._sites, self._bodies = self.batch.bind("site_xpos"), self.batch.bind("xpos")
         self._filtered = self.batch.bind("act") if self.model.na else None
         load = None if scenario.payload is None else self.model.body(PAYLOAD).id

@@ -48,8 +48,8 @@ class Robot(Figures):
         None keeps the robot's own. Raises ValueError for what is no gain.
         """
         pairs = (self.servo_stiffness, stiffness), (self.servo_damping, damping)
-        gains = np.concatenate(servo_gains([own if given is None else given for own, given in pairs], 1))
-        fixed = not np.array_equal(gains, self.stiff_servo)
+        gains = servo_gains([own if given is None else given for own, given in pairs], 1)[:, 0]
+        fixed = bool((gains != self.stiff_servo).any())
         return self._with(servo_stiffness=gains[0], servo_damping=gains[1], servo_fixed=fixed)
 
     @cached_property
@@ -113,15 +113,15 @@ class Robot(Figures):
         return spec_of(self).compile()
 
 
-def servo_gains(servo: Any, num_robots: int) -> tuple[Floats, Floats]:
-    """Stiffness and damping of servos, (num_robots, 12) each, of a pair of numbers or arrays that broadcast to it.
+def servo_gains(servo: Any, num_robots: int) -> Floats:
+    """Stiffness and damping of servos, (2, num_robots, 12), of a pair of numbers or arrays that broadcast to them.
     Raises ValueError for what is none."""
     try:
         stiffness, damping = (np.array(gains, dtype=np.float64) for gains in servo)
-        stiffness, damping = (np.broadcast_to(gains, (num_robots, JOINTS)) for gains in (stiffness, damping))
+        gains = np.stack([np.broadcast_to(each, (num_robots, JOINTS)) for each in (stiffness, damping)])
     except (TypeError, ValueError):
-        shapes = f"a number, ({JOINTS},)" + f" or ({num_robots}, {JOINTS})" * (num_robots > 1)
+        shapes = f"a number, ({JOINTS},) or ({num_robots}, {JOINTS})"
         raise ValueError(f"servo is a pair of stiffness and damping, each {shapes}, got {servo!r:.80}") from None
-    if not all((np.isfinite(gains) & (gains > 0.0)).all() for gains in (stiffness, damping)):
+    if not (np.isfinite(gains) & (gains > 0.0)).all():
         raise ValueError(f"servo gains are finite numbers above 0, N·m/rad and N·m·s/rad, got {servo!r:.80}")
-    return stiffness, damping
+    return gains

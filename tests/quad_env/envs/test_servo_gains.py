@@ -41,6 +41,12 @@ def test_the_robot_s_own_gains_given_again_change_no_bit() -> None:
     np.testing.assert_array_equal(walk(gym.make(quad_env.ENV_ID, servo=(300.0, 10.0)), None), usual)
 
 
+def test_gains_alike_have_the_same_bits_in_a_batch_of_any_size() -> None:
+    servo = (191.15172, 5.368910073734236)  # whose mean over three robots is rounded
+    robots = [gym.make_vec(quad_env.ENV_ID, num_envs=count, servo=servo).unwrapped.robot for count in (1, 3, 7)]
+    assert {robot.servo_damping.tobytes() for robot in robots} == {np.full(12, servo[1]).tobytes()}
+
+
 @pytest.mark.parametrize("servo", [300.0, (300.0,), (300.0, 0.0), (np.nan, 1.0), (np.ones(11), 1.0), "stiff"], ids=str)
 def test_what_is_no_pair_of_gains_is_refused_in_a_line(servo: Any) -> None:
     with pytest.raises(ValueError, match=r"servo (gains are|is a pair)") as error:
