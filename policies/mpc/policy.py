@@ -60,6 +60,7 @@ class Mpc(ShiftableFootholds):
     """
 
     name = "mpc"
+    stiff_servos = False  # targets carry their torques; soft servos yield at impacts
 
     def __init__(
         self,

@@ -33,7 +33,8 @@ def soft(tmp_path_factory: pytest.TempPathFactory) -> quad_env.Robot:
 
 def test_a_controller_that_needs_stiff_servos_commands_them_unless_the_gains_are_given(soft: quad_env.Robot) -> None:
     assert Soft(robot=soft).robot.servo == soft.servo == GAINS
-    for name in ("stand", "trot", "trot_feedback", "mpc_wbc", "behaviour", "safe:trot"):
+    assert policies.make("mpc_wbc", robot=soft).robot.servo == GAINS  # its targets carry its torques
+    for name in ("stand", "trot", "trot_feedback", "behaviour", "safe:trot"):
         assert policies.make(name, robot=soft).robot.servo == SIMPLE_QUAD.servo, name
         assert policies.make(name, robot=soft.with_servo(35.0, 0.5)).robot.servo == GAINS, name
 
