@@ -62,7 +62,7 @@ def test_a_control_step_by_hand() -> None:
             "mean_torque": (8.0 + 5.0) / 2,
             "peak_torque": 8.0,
             "peak_speed": 3.0,
-            "torque_change": 8.0 + 3.0,
+            "torque_change": (8.0 + 5.0) / 2,
             "foot_impulse": 0.1 * (30.0 + 50.0),
         }
     )
@@ -71,7 +71,7 @@ def test_a_control_step_by_hand() -> None:
     meter.clear(slice(None))
     steps = iter([(4.0, -3.0, 0.0)])
     meter.advance(slice(None), 1, step)
-    assert meter.readings["torque_change"][0, 0] == pytest.approx(1.0), "from the last torque, 5 N·m"
+    assert meter.readings["torque_change"][0, 0] == pytest.approx(6.5 - 4.0 / 2), "of a mean of two, 4 and none yet"
 
 
 def test_motors_without_a_curve_have_no_heat_and_the_rated_speed() -> None:
