@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from evaluate.analysis.comparison import CAPS, ERRORS
+from evaluate.causes.rules import CAUSES
 from evaluate.measures.catalogue import FIGURES
 from evaluate.measures.effort import cost_of_transport
 from evaluate.measures.episodes import weight
@@ -32,6 +33,8 @@ class Summary:
     """Wilson."""
     outcomes: dict[str, int]
     """Episodes of each outcome."""
+    causes: dict[str, int]
+    """Failed episodes of each cause that there is."""
     falls: int
     """Episodes that ended before the time limit, divergences among them."""
     fall_rate: float
@@ -81,6 +84,7 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
         success_rate=successes / cell.episodes,
         success_rate_ci=wilson_interval(successes, cell.episodes),
         outcomes={name: int((measures.outcome == name).sum()) for name in outcomes},
+        causes={name: count for name in CAUSES if (count := int((measures.cause == name).sum()))},
         falls=falls,
         fall_rate=falls / cell.episodes,
         fall_rate_ci=wilson_interval(falls, cell.episodes),

@@ -142,15 +142,24 @@ MEASURES = (
     Measure("push_phase", "gait phase at each push", "rad", "", "of the policy's clock at onset", scope=WHOLE),
     Measure("push_fell", "fall after each push", "", "", "as falls after a push: 1 or 0"),
     Measure("push_recovery", "recovery after each push", "s", "heading", "as recovery time; infinite without recovery"),
+    Measure("cause", "cause", "", "", "why the episode failed: the first event by the rules of docs/causes.md",
+            "rule causes/1", WHOLE),
+    Measure("cause_time", "time of the cause", "s", "", "start to the control step in which it began", scope=WHOLE),
+    Measure("cause_detail", "detail of the cause", "", "", "what decided, and whether it is certain or likely",
+            scope=WHOLE),
 )  # fmt: skip
 """In the order of the fields of `evaluate.measures.metrics.Measures`."""
 
 BY_NAME = {measure.name: measure for measure in MEASURES}
 _LISTS = ("duty_factor", "commands", "mean_velocities")
+OF_CAUSES = ("cause", "cause_time", "cause_detail")
+"""Measures that results lack which were written before failures had causes."""
 FIGURES = tuple(
-    name for name in BY_NAME if name not in ("outcome", "fell", "diverged", *_LISTS) and not name.startswith("push_")
+    name
+    for name in BY_NAME
+    if name not in ("outcome", "fell", "diverged", *_LISTS, *OF_CAUSES) and not name.startswith("push_")
 )
-"""Measures with one number an episode: no verdicts, nor those with several values."""
+"""Measures with one number an episode: no verdicts, no causes, nor those with several values."""
 EFFORT = (
     *("cost_of_transport", "step_rate", "duty_factor", "trunk_height", "torque_share"),
     *("speed_share", "torque_rate", "touchdown_impulse", "flight"),

@@ -14,6 +14,9 @@ from quad_env.scenarios.scenario import Scenario
 
 OF_POLICY = ("phase", "correction", "base_action", "stopped")
 """Signals that only some policies have; all others are in the environment's infos."""
+GIVEN = "observed"
+"""Signal that is recorded where policies are not shown the truth: the terms OBSERVED of the observation after a step."""
+OBSERVED = "projected_gravity", "angular_velocity", "linear_velocity"
 METERED = (*OF_JOINTS, "foot_impulse")
 """Signals that records before the rule energy/2 lack."""
 Limits = float | tuple[float, ...]
@@ -49,6 +52,7 @@ def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
         "correction": (joints,),
         "base_action": (joints,),
         "stopped": (),
+        GIVEN: (3 * len(OBSERVED),),
     }
 
 
@@ -94,6 +98,9 @@ class Episodes:
     """Joint targets of a residual's base, rad, (steps, n, 12); None of other policies."""
     stopped: Bools | None
     """Whether a safety layer was stopping the robot, (steps, n); None without such a layer."""
+    observed: Recorded | None
+    """Gravity, angular and linear velocity, body frame, as the policy was shown them after each step, (steps, n, 9);
+    None where it was shown the truth."""
     push_step: NDArray[np.int64]
     """Control step with which each push begins, in order, (n, k)."""
     push_impulse: NDArray[np.float64]
@@ -120,6 +127,10 @@ class Episodes:
     """Whether robots went on after their fall, and their record with them."""
     failure: NDArray[np.object_] | None = None
     """Why the policy failed each robot before any fall, (n,), None where it did not; None of what cannot fail."""
+    failure_step: NDArray[np.int64] | None = None
+    """First control step by which it had, (n,); `steps` where it never did."""
+    scenario: Scenario | None = None
+    """What the robots had to cope with; None where it is not known, as of a trace."""
 
     @property
     def steps(self) -> int:

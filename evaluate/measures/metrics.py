@@ -81,6 +81,10 @@ class Measures:
     push_phase: Floats
     push_fell: Floats
     push_recovery: Floats
+    cause: NDArray[np.object_]
+    """Why each episode failed, one of `evaluate.causes.rules.CAUSES`; None of a success, and where it is not known."""
+    cause_time: Floats
+    cause_detail: NDArray[np.object_]
 
     @property
     def succeeded(self) -> Bools:
@@ -94,9 +98,10 @@ class Measures:
 
 
 def measure(episodes: Episodes) -> Measures:
-    """Every measure of a set of episodes."""
+    """Every measure of a set of episodes but the causes of failures, see `evaluate.causes.verdict`."""
     upright = upright_steps(episodes.fall_step, episodes.steps)
     fell = episodes.fall_step < episodes.steps
+    unknown = np.full(episodes.count, None, dtype=object)
     following, distance = _tracking(episodes, upright)
     return Measures(
         outcome=outcome(episodes, following=following),
@@ -109,6 +114,9 @@ def measure(episodes: Episodes) -> Measures:
         **gait(episodes, upright, distance),
         **residual_use(episodes, upright),
         **pushes(episodes),
+        cause=unknown,
+        cause_time=np.full(episodes.count, np.nan),
+        cause_detail=unknown,
     )
 
 

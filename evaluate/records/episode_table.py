@@ -12,7 +12,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from evaluate.measures.catalogue import OF_ENERGY_1, SINCE_ENERGY_2
+from evaluate.causes.rules import CAUSE_RULE
+from evaluate.measures.catalogue import OF_CAUSES, OF_ENERGY_1, SINCE_ENERGY_2
 from evaluate.measures.effort import ENERGY_1
 from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import RULES, SUCCESS_1, SUCCESS_RULE, from_success_1, outcomes
@@ -52,11 +53,12 @@ def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> pa.Table:
 
 def cell_of(rows: pa.Table, scenario: Scenario) -> Cell:
     """The cell of a table's rows, which are of one policy and this scenario; ValueError names the columns it lacks."""
-    needed = {"policy", "seed", "fall_reason", *MEASURES} - set(SINCE_ENERGY_2)
+    needed = {"policy", "seed", "fall_reason", *MEASURES} - {*SINCE_ENERGY_2, *OF_CAUSES}
     if missing := sorted(needed - set(rows.column_names)):
         raise ValueError(f"it lacks the columns {', '.join(missing)}")
     try:
-        absent = dict.fromkeys(SINCE_ENERGY_2, np.full(len(rows), np.nan))
+        absent: dict[str, NDArray[Any]] = dict.fromkeys(SINCE_ENERGY_2, np.full(len(rows), np.nan))
+        absent |= dict.fromkeys(OF_CAUSES, np.full(len(rows), None)) | {"cause_time": np.full(len(rows), np.nan)}
         present = {name: _values(rows, name) for name in MEASURES if name in rows.column_names}
         measures = Measures(**absent | present)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
@@ -123,6 +125,11 @@ def by_energy_rule(rows: pa.Table, rule: str) -> pa.Table:
     """Rows of a run under that rule of energy without the measures that are defined otherwise today."""
     other = {*OF_ENERGY_1, *SINCE_ENERGY_2} if rule == ENERGY_1 else set()
     return rows.select([name for name in rows.column_names if name not in other])
+
+
+def by_cause_rule(rows: pa.Table, rule: str) -> pa.Table:
+    """Rows of a run under that rule of causes, without causes where they are by other rules than today's."""
+    return rows if rule == CAUSE_RULE else rows.select([name for name in rows.column_names if name not in OF_CAUSES])
 
 
 def _array(values: NDArray[Any]) -> pa.Array:

@@ -30,7 +30,7 @@ _SHA256 = "sha256"
 """Key of the hash of all else in the file."""
 _OF_NO_FIGURE = ("options", "date", "fingerprint")
 """What no figure depends on."""
-_NOT_COMPARED = {"git_revision", "energy_rule"}
+_NOT_COMPARED = {"git_revision", "energy_rule", "cause_rule"}
 """Versions that may change without a figure changing, the code's digest says whether one could; or compared apart."""
 _NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
 """Versions with which the same run may come out to the same bytes; `compare` names them where they differ."""
@@ -85,6 +85,11 @@ class Manifest:
     def energy_rule(self) -> str:
         """Rule that energy and torques are by."""
         return self.versions.get("energy_rule") or ENERGY_1
+
+    @property
+    def cause_rule(self) -> str:
+        """Rules that causes are by; empty where there are none."""
+        return self.versions.get("cause_rule") or ""
 
     def begun(self) -> "Manifest":
         """With its fingerprint."""

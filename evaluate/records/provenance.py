@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from evaluate.causes.rules import CAUSE_RULE
 from evaluate.measures.effort import ENERGY_RULE
 from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.rollouts.hardware import Hardware
@@ -40,6 +41,7 @@ def versions() -> dict[str, str | None]:
         "fall_rule": FallRule().name,
         "success_rule": SUCCESS_RULE,
         "energy_rule": ENERGY_RULE,
+        "cause_rule": CAUSE_RULE,
         "git_revision": git_revision(REPOSITORY),
     }
 

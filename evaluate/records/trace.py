@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from evaluate.measures.episodes import METERED, OF_POLICY, TRUTHS, Episodes, Limits, blank, shapes
+from evaluate.measures.episodes import GIVEN, METERED, OF_POLICY, TRUTHS, Episodes, Limits, blank, shapes
 from evaluate.records import parquet
 from evaluate.rollouts.experiment import TraceWriter
 from evaluate.rollouts.hardware import IDEAL, hardware_of
@@ -132,7 +132,7 @@ def _signal(table: Any, robot: Robot, name: str, steps: int, count: int) -> NDAr
     before was not measured."""
     if name not in table.column_names:
         unknown = blank(robot, name, steps, count)
-        return None if name in OF_POLICY else unknown + np.float32(np.nan) if name in METERED else unknown
+        return None if name in (*OF_POLICY, GIVEN) else unknown + np.float32(np.nan) if name in METERED else unknown
     values = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
     rows: NDArray[np.generic] = values.reshape(count, *shapes(robot)[name], steps)
     return np.ascontiguousarray(np.moveaxis(np.moveaxis(rows, -1, 1), 0, 1))

@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluate.causes.verdict import with_causes
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OFF_COMMAND, SUCCEEDED, SuccessRule
@@ -188,7 +189,7 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chu
     if task.trace is not None:
         with _keeping():
             task.trace(label, task.scenario, int(task.numbers[0]), episodes)
-    measures = measure(episodes)
+    measures = with_causes(measure(episodes), episodes)
     return Chunk(task.numbers, Cell(label, task.scenario, task.seeds, episodes.fall_reason, measures, episodes.failure))
 
 

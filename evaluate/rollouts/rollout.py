@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evaluate.measures.episodes import OF_POLICY, Episodes, blank, shapes, weight
+from evaluate.measures.episodes import GIVEN, OBSERVED, OF_POLICY, Episodes, blank, shapes, weight
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.observers import Falls, Observer, Step
 from policies.base import Actions, Policy
@@ -175,20 +175,32 @@ class Recorder:
         self.falls = Falls(len(seeds), steps)
         """By now."""
         self._failure = np.full(len(seeds), None, dtype=object)
+        self._failure_step = np.full(len(seeds), steps, np.int64)
 
     def __call__(self, step: Step) -> None:
         """Record a control step."""
         if step.number == 0:
             self._env, robot = step.env, step.env.robot
             absent = [name for name in OF_POLICY if getattr(self._policy, name, None) is None]
+            absent += [GIVEN] * step.env.shows_truth
+            table = step.env.observation_table.slices
+            self._given = np.concatenate([np.arange(table[name].start, table[name].stop) for name in OBSERVED])
             names = [name for name in shapes(robot) if name not in absent]
             self._signals = {name: blank(robot, name, self._steps, len(self._seeds)) for name in names}
             return
         if (failure := getattr(self._policy, "failure", None)) is not None:
             self._failure = np.where(self.falls.fell, self._failure, failure)
+            failed = [reason is not None for reason in self._failure]
+            np.minimum(self._failure_step, step.number - 1, out=self._failure_step, where=failed)
         self.falls(step)
         for name, signal in self._signals.items():
-            signal[step.number - 1] = getattr(self._policy, name) if name in OF_POLICY else step.infos[name]
+            signal[step.number - 1] = self._now(name, step)
+
+    def _now(self, name: str, step: Step) -> NDArray[np.generic]:
+        """That signal in a control step, (n, …)."""
+        if name == GIVEN:
+            return step.observation[:, self._given]
+        return np.asarray(getattr(self._policy, name) if name in OF_POLICY else step.infos[name])
 
     def episodes(self) -> Episodes:
         """The record; of steps that were not recorded, zeros."""
@@ -197,7 +209,7 @@ class Recorder:
         return Episodes(
             robot=env.robot,
             seeds=self._seeds,
-            **dict.fromkeys(OF_POLICY) | self._signals,  # type: ignore[arg-type]
+            **dict.fromkeys((*OF_POLICY, GIVEN)) | self._signals,  # type: ignore[arg-type]
             push_step=env.pushes.first_step.copy(),
             push_impulse=env.pushes.force * (env.pushes.steps * env.dt),
             push_steps=env.pushes.steps,
@@ -211,4 +223,6 @@ class Recorder:
             dt=env.dt,
             command_steps=env.scenario.commands.steps(env.dt),
             failure=self._failure,
+            failure_step=self._failure_step,
+            scenario=env.scenario,
         )

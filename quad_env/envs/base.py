@@ -108,6 +108,11 @@ class QuadEnvBase:
         """What gravity and velocity of the observation are estimated by; None where they are the truth."""
         return self._sensors.estimator if isinstance(self._sensors, SensedObservation) else None
 
+    @property
+    def shows_truth(self) -> bool:
+        """Whether the observation shows every reading as it is, at once."""
+        return self._sensors is None
+
     def _start(self, rows: Rows, episodes: Sequence[Episode]) -> None:
         """Start these episodes of those robots."""
         self.simulation.reset(rows, *at_reset(episodes))
