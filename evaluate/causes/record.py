@@ -1,18 +1,17 @@
 """One failed episode as the rules of causes see it: its signals up to its end, and what follows from them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from evaluate.causes.thresholds import THRESHOLDS, at
+from evaluate.causes.thresholds import at
 from evaluate.measures.averages import Bools, Floats, planar
 from evaluate.measures.episodes import Episodes
 from quad_env.columns import of_robots
 from quad_env.config import GRAVITY
 from quad_env.physics.state import rotation_matrix
-from quad_env.robots.kinematics import knees_in_world
-from quad_env.robots.similarity import ratio
+from quad_env.robots.kinematics import feet_in_world
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 
@@ -42,14 +41,13 @@ class Record:
         """That signal, (end, …)."""
         return np.asarray(getattr(self.episodes, name)[: self.end, self.number], np.float64)
 
-    def its(self, name: str) -> float:
+    def at(self, name: str) -> float:
         """A threshold for its robot."""
-        unit = THRESHOLDS[name].unit
-        return at(name) * (ratio(self.episodes.robot, unit) if unit in ("m", "s", "m/s") else 1.0)
+        return at(name, self.episodes.robot)
 
     def steps(self, name: str) -> int:
         """Control steps of a threshold in s."""
-        return max(1, round(self.its(name) / self.episodes.dt))
+        return max(1, round(self.at(name) / self.episodes.dt))
 
     @cached_property
     def drawn(self) -> Episode:
@@ -62,10 +60,11 @@ class Record:
         """From the base frame to the world frame, (end, 3, 3)."""
         return np.moveaxis(np.array(rotation_matrix(of_robots(self.of("quaternion")))), -1, 0)
 
-    def in_world(self, heading: Floats) -> Floats:
-        """Vectors of the heading frame, (end, 2 or 3), in the world's, (end, 2)."""
+    @cached_property
+    def velocity(self) -> Floats:
+        """Of the trunk, world frame, (end, 2), m/s."""
+        ahead, left, _ = self.of("heading_velocity").T[..., None]
         nose = self.rotation[:, :2, 0] / np.maximum(planar(self.rotation[:, :, 0]), 1e-6)[:, None]
-        ahead, left = heading[:, :1], heading[:, 1:2]
         return ahead * nose + left * np.stack((-nose[:, 1], nose[:, 0]), axis=-1)
 
     @cached_property
@@ -76,16 +75,16 @@ class Record:
     @cached_property
     def capture(self) -> Floats:
         """Capture point as seen from the middle of the feet, world frame, (end, 2), m (Pratt et al. 2006)."""
-        point = self.of("position")[:, :2] + self.in_world(self.of("heading_velocity")) * self.time_constant
+        point = self.of("position")[:, :2] + self.velocity * self.time_constant
         return point - self.of("foot_position")[:, :, :2].mean(axis=1)
 
     @cached_property
     def shank(self) -> tuple[Floats, Floats]:
         """Points of the shanks, the last that of the foot, and their velocities over the step before, world frame,
         (end, 4, 4, 3) each, m and m/s."""
-        where = self.of("position"), self.rotation, self.of("joint_position")
-        knee, foot = knees_in_world(self.episodes.robot, *where)[:, :, None], self.of("foot_position")[:, :, None]
-        points = knee + SHANK[:, None] * (foot - knee)
+        to_knees = replace(self.episodes.robot, calf_length=0.0)
+        knee = feet_in_world(to_knees, self.of("position"), self.rotation, self.of("joint_position"))[:, :, None]
+        points = knee + SHANK[:, None] * (self.of("foot_position")[:, :, None] - knee)
         return points, np.diff(points, axis=0, prepend=points[:1]) / self.episodes.dt
 
     def ground(self, points: Floats) -> Floats:
@@ -93,34 +92,25 @@ class Record:
         return np.asarray(self.scenario.terrain.height(points[..., 0], points[..., 1]), np.float64)
 
     @cached_property
-    def usual(self) -> slice:
-        """Steps of its ordinary gait; empty where it failed early."""
-        start = self.steps("start")
-        return slice(start, max(start, self.end - self.steps("before the fall")))
-
-    @cached_property
     def onset(self) -> int:
         """First step after the last moment at which tilt, height and capture point were as in its ordinary gait."""
         away = planar(self.capture) - planar(self.of("command")) * self.time_constant
         low = -self.of("height") / self.episodes.robot.home_height
-        unusual = self._above(self.of("tilt"), self.its("tilt")) | self._above(away, self.its("capture"))
-        unusual |= self._above(low, -self.its("height"))
-        return int(np.flatnonzero(np.append(True, ~unusual)).max())
+        unusual = self._above(self.of("tilt"), self.at("tilt")) | self._above(away, self.at("capture"))
+        return int(np.flatnonzero(np.append(True, ~(unusual | self._above(low, -self.at("height"))))).max())
 
     def _above(self, signal: Floats, least: float) -> Bools:
-        """Where a signal is above that and above what it nearly always is in its ordinary gait."""
-        usual, known = signal[self.usual], self.steps("stride")
-        most = np.quantile(usual, at("usual share")) if len(usual) > known else least
-        return np.asarray(signal > max(least, most + at("usual margin") * abs(most)))
+        """Where a signal is above that and above what it nearly always is in the ordinary gait, where that is known."""
+        usual = signal[self.steps("start") : max(0, self.end - self.steps("before the fall"))]
+        if len(usual) > self.steps("stride"):
+            most = np.quantile(usual, self.at("usual share"))
+            least = max(least, float(most + self.at("usual margin") * abs(most)))
+        return np.asarray(signal > least)
 
     @cached_property
     def window(self) -> slice:
-        """Steps in which the cause is looked for: about the onset, or of an upright failure all after the first second."""
+        """Steps in which the cause is looked for: about the onset, or after the first second of an upright failure."""
         if not self.fell:
             return slice(self.episodes.settling, self.end)
         end = min(self.end, self.onset + self.steps("look on"))
         return slice(max(0, min(self.onset, end - 1) - self.steps("look back")), end)
-
-    def late(self, seconds: float) -> int:
-        """Whole control steps of a delay."""
-        return round(seconds / self.episodes.dt)

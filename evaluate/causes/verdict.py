@@ -1,20 +1,34 @@
 """Which cause a failed episode has: the first event that decides, and how certain that is."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from evaluate.causes import rules
 from evaluate.causes.record import Record
-from evaluate.causes.rules import GAIT, MOTOR, POLICY, REACH, SLIP, SLOW, STALLED, UNCLEAR, Event
-from evaluate.causes.thresholds import at
-from evaluate.measures.averages import planar
+from evaluate.causes.rules import (
+    GAIT,
+    MOTOR,
+    POLICY,
+    REACH,
+    RULES,
+    SLIP,
+    SLOW,
+    STALLED,
+    SWING,
+    UNCLEAR,
+    UPRIGHT_RULES,
+    Event,
+    trips,
+)
+from evaluate.measures import outcomes
+from evaluate.measures.averages import Floats, planar
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures
-from evaluate.measures.outcomes import POLICY_ERROR, RULES, SUCCEEDED, SUCCESS_RULE
 from quad_env.config import AnyPose, CommandRanges
 from quad_env.robots.similarity import ratio
+from quad_env.scenarios.scenario import Scenario
+DISTURBANCES = "terrain", "pushes", "force", "ground", "motors", "payload", "latency", "noise", "dropouts"
+"""Parts of a scenario that make a fall of the controller itself less than certain."""
 
 
 @dataclass(frozen=True)
@@ -35,94 +49,85 @@ class Verdict:
 
 def verdict(record: Record, measures: Measures) -> Verdict:
     """Why that episode failed."""
-    outcome = measures.outcome[record.number]
-    if outcome == POLICY_ERROR:
-        return Verdict(_policy_error(record), True)
-    return _of_fall(record) if record.fell else _of_upright(record, measures, str(outcome))
+    outcome, failures = measures.outcome[record.number], record.episodes.failure
+    if outcome == outcomes.POLICY_ERROR and failures is not None:
+        words = f"the policy {' '.join(str(failures[record.number]).split())[:120]}"
+        steps = record.episodes.failure_step
+        return Verdict(Event(POLICY, 0 if steps is None else int(steps[record.number]), 1.0, words), True)
+    return _of_fall(record) if record.fell else _of_upright(record, measures)
 
 
 def with_causes(measures: Measures, episodes: Episodes) -> Measures:
     """The measures with the causes of the episodes that failed; without, where nothing is known of the scenario."""
     cause, detail = np.full((2, episodes.count), None, dtype=object)
     time = np.full(episodes.count, np.nan)
-    if episodes.scenario is not None:
-        for number in np.flatnonzero(measures.outcome != SUCCEEDED).tolist():
-            found = verdict(Record(episodes, episodes.scenario, number), measures)
-            cause[number], detail[number] = found.event.cause, found.detail
-            time[number] = found.event.step * episodes.dt
+    for number in np.flatnonzero(measures.outcome != outcomes.SUCCEEDED).tolist() if episodes.scenario else ():
+        found = verdict(Record(episodes, episodes.scenario, number), measures)  # type: ignore[arg-type]
+        cause[number], detail[number] = found.event.cause, found.detail
+        time[number] = found.event.step * episodes.dt
     return replace(measures, cause=cause, cause_time=time, cause_detail=detail)
 
 
-def _policy_error(record: Record) -> Event:
-    failures, steps = record.episodes.failure, record.episodes.failure_step
-    words = " ".join(str(failures[record.number] if failures is not None else "failed").split())[:120]
-    return Event(POLICY, 0 if steps is None else int(steps[record.number]), 1.0, f"the policy {words}")
-
-
 def _of_fall(record: Record) -> Verdict:
-    """Sudden events come first, in the order of time; of what lasts, the strongest."""
-    if isinstance(record.scenario.start, AnyPose) or record.onset < record.steps("start") // 2:
-        return _from_the_start(record)
-    events = [event for rule in rules.RULES for event in rule(record)]
-    seen = tuple(sorted((event for event in events if event.strength >= 1.0), key=lambda event: event.step))
-    sudden = [event for event in seen if event.sudden]
-    lasting = sorted((event for event in seen if not event.sudden), key=lambda event: (event.cause == REACH, -event.strength))
+    """Sudden events come first, in the order of time; of what lasts, the strongest, and limits of joints last."""
+    if isinstance(record.scenario.start, AnyPose) or record.end <= SWING:
+        return Verdict(Event(UNCLEAR, 0, 1.0, "it never came to an ordinary gait"), False)
+    events = sorted((event for rule in RULES for event in rule(record)), key=lambda event: event.step)
+    seen = tuple(event for event in events if event.strength >= 1.0)
     if not seen:
-        return _of_controller(record, events)
-    first = (sudden or lasting)[0]
+        return _of_controller(record, max((each.strength for each in events if each.cause != REACH), default=0.0))
+    first = min(seen, key=lambda each: (not each.sudden, each.cause == REACH, 0.0 if each.sudden else -each.strength))
     rivals = [each for each in seen if each.cause not in (first.cause, REACH) and each.step <= first.step]
-    return Verdict(first, first.strength >= at("certain") and not rivals, seen)
+    alone = not rivals and first.cause != REACH and not _usual(record, first)
+    return Verdict(first, alone and first.strength >= record.at("certain"), seen)
 
 
-def _from_the_start(record: Record) -> Verdict:
-    """Of a robot that never came to an ordinary gait: its controller where nothing disturbs it, else unclear."""
-    events = [event for rule in rules.RULES for event in rule(record) if event.strength >= 0.5]
-    if events or isinstance(record.scenario.start, AnyPose):
-        return Verdict(Event(UNCLEAR, 0, 1.0, "it never came to an ordinary gait"), False, tuple(events))
-    return Verdict(Event(GAIT, 0, 1.0, "undisturbed, it never came to an ordinary gait"), True)
+def _usual(record: Record, event: Event) -> bool:
+    """Whether its legs were hit as hard before without a fall."""
+    before = replace(record)
+    vars(before)["window"] = slice(0, max(0, record.window.start))
+    return event in trips(record) and any(each.strength >= 1.0 for each in trips(before))
 
 
-def _of_controller(record: Record, events: Sequence[Event]) -> Verdict:
+def _of_controller(record: Record, nearest: float) -> Verdict:
     """Without any event that counts: the controller, unless one nearly does or the simulation diverged."""
-    nearest = max(events, key=lambda event: event.strength, default=None)
-    if record.episodes.diverged[record.number]:
-        return Verdict(Event(UNCLEAR, record.end, 1.0, "the simulation diverged"), False)
-    if nearest is not None and nearest.strength >= 0.75:
-        return Verdict(Event(UNCLEAR, record.onset, 1.0, f"nothing decides; perhaps: {nearest.words}"), False)
-    tilt = record.of("tilt")[min(record.onset, record.end - 1)]
-    fastest = planar(record.of("command")).max() <= CommandRanges().forward[1] * ratio(record.episodes.robot, "m/s")
-    certain = (nearest is None or nearest.strength < 0.5) and bool(fastest)
-    return Verdict(Event(GAIT, record.onset, 1.0, f"it leaves its ordinary gait by itself, tilt {tilt:.2f} rad"), certain)
+    if nearest >= record.at("nearly") or record.episodes.diverged[record.number]:
+        return Verdict(Event(UNCLEAR, record.onset, 1.0, "no rule decides"), False)
+    fastest = CommandRanges().forward[1] * ratio(record.episodes.robot, "m/s")
+    undisturbed = all(getattr(record.scenario, name) == getattr(Scenario(""), name) for name in DISTURBANCES)
+    certain = nearest < 0.5 and undisturbed and planar(record.of("command")).max() <= fastest
+    return Verdict(Event(GAIT, record.onset, 1.0, "it leaves its ordinary gait by itself"), bool(certain))
 
 
-def _of_upright(record: Record, measures: Measures, outcome: str) -> Verdict:
-    """Motors and ground that fail it for long; else how much of its command it reached."""
-    lasting = [event for rule in (rules.motors, rules.slides, rules.limits) for event in rule(record)]
-    counting = [event for event in lasting if event.strength >= 1.0]
-    order = (MOTOR, SLIP, REACH)
-    if counting:
-        first = min(counting, key=lambda event: order.index(event.cause))
-        alone = len({event.cause for event in counting if event.cause != REACH} | {first.cause}) == 1
-        return Verdict(first, alone and first.strength >= at("certain"), tuple(counting))
-    hits = len({event.step // record.steps("look on") for event in rules.trips(record) if event.strength >= 1.0})
-    commands, velocities = measures.commands[record.number], measures.mean_velocities[record.number]
-    rule = RULES[SUCCESS_RULE]
+def _of_upright(record: Record, measures: Measures) -> Verdict:
+    """Motors or ground that fail it for long, or what it is shown or sent; else how much of its command it reached."""
+    seen = tuple(event for rule in UPRIGHT_RULES for event in rule(record) if event.strength >= 1.0)
+    if seen:
+        alone = seen[0].cause in (MOTOR, SLIP) and len({event.cause for event in seen} - {REACH}) == 1
+        return Verdict(seen[0], alone and seen[0].strength >= record.at("certain"), seen)
+    rule, commands = outcomes.RULES[outcomes.SUCCESS_RULE], measures.commands[record.number]
+    velocities = measures.mean_velocities[record.number]
     worst = int(np.nanargmax(rule.deviations(commands, velocities) + 10.0 * rule.stalled(commands, velocities)))
-    command, velocity = commands[worst], velocities[worst]
+    hits = len({event.step // record.steps("look on") for event in trips(record) if event.strength >= 1.0})
+    cause, words, certain = _off(record, measures, commands[worst], velocities[worst])
     step = record.episodes.intervals.settled[worst].start
-    return _slow(command, velocity, step, outcome == "stalled", f"; its legs hit rises {hits} times" if hits else "")
+    return Verdict(Event(cause, step, 1.0, f"{words}{f'; its legs hit rises {hits} times' if hits else ''}"), certain)
 
 
-def _slow(command: np.ndarray, velocity: np.ndarray, step: int, stalled: bool, also: str) -> Verdict:
-    """Of an interval's command and mean velocity, (3,) each."""
-    rule, speed = RULES[SUCCESS_RULE], float(planar(command))
+def _off(record: Record, measures: Measures, command: Floats, velocity: Floats) -> tuple[str, str, bool]:
+    """Cause, words and certainty by the command and the mean velocity of the worst interval, (3,) each."""
+    rule, stalled = outcomes.RULES[outcomes.SUCCESS_RULE], measures.outcome[record.number] == outcomes.STALLED
+    speed, turn = float(planar(command)), abs(float(command[2]))
     off = planar(velocity - command) / (rule.linear + rule.share * speed)
-    turning = abs(velocity[2] - command[2]) / (rule.angular + rule.share * abs(command[2])) > off and not stalled
-    asked, unit = (abs(float(command[2])), "rad/s") if turning else (speed, "m/s")
+    turning = not stalled and abs(velocity[2] - command[2]) / (rule.angular + rule.share * turn) > off
+    asked, unit = (turn, "rad/s") if turning else (speed, "m/s")
     along = float(np.sign(command[2]) * velocity[2] if turning else command[:2] @ velocity[:2] / max(speed, 1e-9))
-    words = f"{along:.2f} {unit} of the commanded {asked:.2f}{also}"
+    words = f"{along:.2f} {unit} of the commanded {asked:.2f}"
     if stalled:
-        return Verdict(Event(STALLED, step, 1.0, words), True)
-    if asked > 0.05 and -0.1 * asked <= along < 0.9 * asked:
-        return Verdict(Event(SLOW, step, 1.0, f"{along / asked:.0%}: {words}"), along < 0.8 * asked)
-    return Verdict(Event(GAIT, step, 1.0, f"off its command, not too slow: {words}"), False)
+        return STALLED, words, True
+    if asked > outcomes.MOVING and 0.0 <= along < record.at("slow") * asked:
+        return SLOW, f"{along / asked:.0%}: {words}", along < record.at("too slow") * asked
+    disturbed = record.scenario.force is not None or record.scenario.pushes is not None
+    ahead, left, yaw = velocity
+    words = f"not too slow: {ahead:.2f} and {left:.2f} m/s, {yaw:.2f} rad/s for {command.round(2)}"
+    return UNCLEAR if disturbed else GAIT, words, False

@@ -8,9 +8,11 @@ import numpy as np
 import tyro
 
 import policies
+from evaluate.causes.story import story
 from evaluate.commands.options import Flag
 from evaluate.film import files
 from evaluate.film.shooting import Look, Take, film
+from evaluate.measures.episodes import Episodes
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import by_cause_rule, by_energy_rule, by_success_rule, table
 from evaluate.records.manifest import Manifest
@@ -69,13 +71,15 @@ def main(options: Options) -> int:
     _check_terrain(found.cell.scenario.terrain)
     if options.video is not None:
         files.check(options.video)
-    differing = differences(run.manifest, found, policy)
+    again, episodes = simulated_again(run.manifest, found, policy)
+    differing = differences(run.manifest, found, again)
     causes = _causes(run.manifest, found, options.trust) if differing else []
     if not differing:
         print(f"{found.title}, seed {found.seed}: identical to the bit")
     else:
         print(f"{found.title}, seed {found.seed}, is not as stored:", *differing, sep="\n  ")
         print(f"because {'; '.join(causes) or 'of something that leaves no trace'}")
+    print(*story(episodes, again.measures), sep="\n")
     if options.video is not None:
         _film(options.video, run.manifest, found, policy)
     return DIFFERS if differing else 0
@@ -115,12 +119,22 @@ def _row(cells: tuple[Cell, ...], row: int) -> Found:
     raise UsageError(f"there are rows 0 to {sum(cell.episodes for cell in cells) - 1}, not {row}")
 
 
-def differences(manifest: Manifest, found: Found, policy: LabelledPolicy) -> list[str]:
-    """`velocity_error: 0.31 then, 0.32 now` for each column in which the episode is not the stored one."""
-    seeds = found.cell.seeds[[found.number]]
+def simulated_again(manifest: Manifest, found: Found, policy: LabelledPolicy) -> tuple[Cell, Episodes]:
+    """The episode once more: what it measured, and its record."""
+    seeds, records = found.cell.seeds[[found.number]], list[Episodes]()
     with bar("simulating") as progress:
-        settings = Settings(1, lambda _, __, share: progress(share), steps=manifest.steps, hardware=manifest.hardware)
-        again = run_cell(policy, found.cell.scenario, seeds, settings)
+        settings = Settings(
+            1,
+            lambda _, __, share: progress(share),
+            trace=lambda _, __, ___, episodes: records.append(episodes),
+            steps=manifest.steps,
+            hardware=manifest.hardware,
+        )
+        return run_cell(policy, found.cell.scenario, seeds, settings), records[0]
+
+
+def differences(manifest: Manifest, found: Found, again: Cell) -> list[str]:
+    """`velocity_error: 0.31 then, 0.32 now` for each column in which the episode is not the stored one."""
     numbers = np.array([found.number])
     rows = by_energy_rule(by_success_rule(table(found.cell), manifest.success_rule), manifest.energy_rule)
     rows = by_cause_rule(rows, manifest.cause_rule)

@@ -15,7 +15,7 @@ from quad_env.scenarios.scenario import Scenario
 OF_POLICY = ("phase", "correction", "base_action", "stopped")
 """Signals that only some policies have; all others are in the environment's infos."""
 GIVEN = "observed"
-"""Signal that is recorded where policies are not shown the truth: the terms OBSERVED of the observation after a step."""
+"""Signal of policies that are not shown the truth: the terms OBSERVED of the observation after a step."""
 OBSERVED = "projected_gravity", "angular_velocity", "linear_velocity"
 METERED = (*OF_JOINTS, "foot_impulse")
 """Signals that records before the rule energy/2 lack."""

@@ -36,15 +36,6 @@ def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array)
     return position[:, None] + _turned(rotation, base)
 
 
-def knees_in_world(robot: Robot, position: Array, rotation: Array, joints: Array) -> Array:
-    """Knee joints in the world frame, (n, 4, 3), m; arguments as of `feet_in_world`."""
-    angles = joints.reshape(-1, len(robot.leg_names), 3)
-    sin, cos, thigh = np.sin(angles[..., 0]), np.cos(angles[..., 0]), robot.thigh_length
-    out, down = robot.side * robot.hip_offset, -thigh * np.cos(angles[..., 1])
-    knees = np.stack((-thigh * np.sin(angles[..., 1]), out * cos - down * sin, out * sin + down * cos), axis=-1)
-    return position[:, None] + _turned(rotation, robot.hip_positions + knees)
-
-
 def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
     """Lowest points of the feet below their centres, m, as if no ground were there: their radius where they are balls,
     else (n, 4); arguments as of `feet_in_world`."""

@@ -1,0 +1,34 @@
+"""The story of an episode in at most five lines, in the order of time, from the events that decide its cause."""
+
+from evaluate.causes.record import Record
+from evaluate.causes.rules import Event
+from evaluate.causes.verdict import verdict
+from evaluate.measures.averages import planar
+from evaluate.measures.episodes import Episodes
+from evaluate.measures.metrics import Measures
+from evaluate.measures.outcomes import SUCCEEDED
+
+MOST = 5
+
+
+def story(episodes: Episodes, measures: Measures, number: int = 0) -> list[str]:
+    """`2.41 s  front left foot hits a rise of 0.15 m at 0.9 m/s` for each moment of that episode, its outcome last."""
+    ended = str(measures.outcome[number]).replace("_", " ")
+    if ended == SUCCEEDED or episodes.scenario is None:
+        return [f"{episodes.steps * episodes.dt:.2f} s  {ended}"]
+    record = Record(episodes, episodes.scenario, number)
+    found = verdict(record, measures)
+    best: dict[str, Event] = {found.event.words[:12]: found.event}  # of each leg and kind, the strongest
+    for event in sorted(found.seen, key=lambda event: -event.strength):
+        best.setdefault(event.words[:12], event)
+    moments = [(event.step, event.words) for event in list(best.values())[: MOST - 2]]
+    if record.fell:
+        ended = f"{ended}: {episodes.fall_reason[number]}"
+    if record.fell and record.end:
+        step = min(record.onset, record.end - 1)
+        tilt, away = record.of("tilt")[step], planar(record.capture)[step]
+        words = f"leaves its ordinary gait: tilt {tilt:.2f} rad, capture point {away:.2f} m from the middle of its feet"
+        moments.append((step, words))
+    cause = f"{found.event.cause.replace('_', ' ')} ({'certain' if found.certain else 'likely'})"
+    moments = [*sorted(moments), (record.end + record.fell, f"{ended}; cause: {cause}")]
+    return [f"{step * episodes.dt:.2f} s  {words}" for step, words in moments]
