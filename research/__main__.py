@@ -26,6 +26,7 @@ COMMANDS = {
     "time-step": Command("research.studies.time_step", "effort at physics steps of 2, 1 and 0.5 ms"),
     "straight-walking": Command("research.studies.straight_walking", "speed, pushes, uneven ground and cost of a walk"),
     "prediction": Command("research.studies.prediction", "predictions of the MPCs against what happens"),
+    "causes": Command("research.studies.causes", "rules of causes against episodes made to fail, and films of falls"),
     "pictures": Command("research.studies.pictures", "strips of frames and moving pictures of policies walking"),
     "calibration": Command("research.statistics.calibration", "error rates of the intervals and tests"),
     "results": Command("research.pages.results", "CSV files and figures of docs/results, and the pages that show them"),
