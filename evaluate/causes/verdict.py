@@ -101,8 +101,8 @@ def _of_controller(record: Record, nearest: float) -> Verdict:
 
 def _of_upright(record: Record, measures: Measures) -> Verdict:
     """Motors or ground that fail it for long, or what it is shown or sent; else how much of its command it reached."""
-    seen = tuple(event for rule in UPRIGHT_RULES for event in rule(record) if event.strength >= 1.0)
-    if seen:
+    events = [event for rule in UPRIGHT_RULES for event in rule(record)]
+    if seen := tuple(event for event in events if event.strength >= 1.0):
         alone = seen[0].cause in (MOTOR, SLIP) and len({event.cause for event in seen} - {REACH}) == 1
         return Verdict(seen[0], alone and seen[0].strength >= record.at("certain"), seen)
     rule, commands = outcomes.RULES[outcomes.SUCCESS_RULE], measures.commands[record.number]
@@ -111,6 +111,7 @@ def _of_upright(record: Record, measures: Measures) -> Verdict:
     hits = len({event.step // record.steps("look on") for event in trips(record) if event.strength >= 1.0})
     cause, words, certain = _off(record, measures, commands[worst], velocities[worst])
     step = record.episodes.intervals.settled[worst].start
+    certain &= all(event.strength < record.at("nearly") for event in events if event.cause != REACH)
     return Verdict(Event(cause, step, 1.0, f"{words}{f'; its legs hit rises {hits} times' if hits else ''}"), certain)
 
 
