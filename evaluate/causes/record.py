@@ -65,7 +65,7 @@ class Record:
         """Of the trunk, world frame, (end, 2), m/s."""
         ahead, left, _ = self.of("heading_velocity").T[..., None]
         nose = self.rotation[:, :2, 0] / np.maximum(planar(self.rotation[:, :, 0]), 1e-6)[:, None]
-        return ahead * nose + left * np.stack((-nose[:, 1], nose[:, 0]), axis=-1)
+        return np.asarray(ahead * nose + left * np.stack((-nose[:, 1], nose[:, 0]), axis=-1))
 
     @cached_property
     def time_constant(self) -> float:
@@ -76,7 +76,7 @@ class Record:
     def capture(self) -> Floats:
         """Capture point as seen from the middle of the feet, world frame, (end, 2), m (Pratt et al. 2006)."""
         point = self.of("position")[:, :2] + self.velocity * self.time_constant
-        return point - self.of("foot_position")[:, :, :2].mean(axis=1)
+        return np.asarray(point - self.of("foot_position")[:, :, :2].mean(axis=1))
 
     @cached_property
     def shank(self) -> tuple[Floats, Floats]:

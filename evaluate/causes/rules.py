@@ -90,7 +90,7 @@ def slides(record: Record) -> Iterator[Event]:
         share = sliding.sum() / held[window].sum()
         words = f"{share:.0%} of the standing feet slide, at {speed[sliding].mean():.1f} m/s, friction {friction:g}"
         strength = share / record.at("sliding") * min(1.0, record.at("grip") / friction)
-        yield Event(SLIP, _first(window, sliding.any(axis=1)), float(strength), words)
+        yield Event(SLIP, _first(window, sliding), float(strength), words)
 
 
 def pushes(record: Record) -> Iterator[Event]:
@@ -126,7 +126,7 @@ def motors(record: Record) -> Iterator[Event]:
     weakest = int(full.sum(axis=0).argmax())
     name = record.episodes.robot.joint_names[weakest]
     words = f"{name} is {full[:, weakest].mean():.0%} of the time at its {limit[weakest]:.3g} N·m"
-    step = _first(window, full.any(axis=1))
+    step = _first(window, full)
     yield Event(MOTOR, step, float(full.mean()) / record.at("saturated joints"), words)
     if bandwidth is not None:
         behind = float(np.abs(record.of("action") - record.of("joint_position"))[window].max(axis=1).mean())
@@ -145,7 +145,7 @@ def limits(record: Record) -> Iterator[Event]:
     if (at_limit := legs[window] & standing).any():
         share = float(at_limit.sum() / standing.sum())
         words = f"standing legs are {share:.0%} of the time at the limit of a joint, or stretched"
-        yield Event(REACH, _first(window, at_limit.any(axis=1)), share / record.at("at limits"), words)
+        yield Event(REACH, _first(window, at_limit), share / record.at("at limits"), words)
 
 
 def estimates(record: Record) -> Iterator[Event]:
@@ -200,5 +200,5 @@ def _running_mean(values: Floats | Bools, length: int) -> Floats:
 
 
 def _first(window: slice, holds: Bools) -> int:
-    """First step of a window in which something holds; its start where it never does."""
-    return window.start + int(holds.argmax())
+    """First step of a window in which any of a row, (steps, k), holds; its start where none ever does."""
+    return int(window.start + np.argmax(holds.any(axis=1)))

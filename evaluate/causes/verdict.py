@@ -27,6 +27,7 @@ from evaluate.measures.metrics import Measures
 from quad_env.config import AnyPose, CommandRanges
 from quad_env.robots.similarity import ratio
 from quad_env.scenarios.scenario import Scenario
+
 DISTURBANCES = "terrain", "pushes", "force", "ground", "motors", "payload", "latency", "noise", "dropouts"
 """Parts of a scenario that make a fall of the controller itself less than certain."""
 

@@ -105,7 +105,8 @@ def film(options: Options, folder: Path) -> int:
     falls: list[dict[str, Any]] = []
     for policy, scenario in product(POLICIES, SCENARIOS):
         record = rollout.run(policies.resolve(policy), scenario, seeds, nthread=2)
-        of = list(draw.permutation([{"policy": policy, "scenario": scenario, **each} for each in found(record, True)]))
+        of = [{"policy": policy, "scenario": scenario, **each} for each in found(record, True)]
+        draw.shuffle(of)
         falls += [{**each, "again": again + draw.random()} for again, each in enumerate(of)]
     chosen = sorted(falls, key=lambda each: each["again"])[: options.count]
     key = [{"film": f"{number:02d}.png", **each} for number, each in enumerate(chosen)]

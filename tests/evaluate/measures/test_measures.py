@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from evaluate.measures import metrics
-from evaluate.measures.catalogue import BY_NAME, FIGURES, MEASURES
+from evaluate.measures.catalogue import BY_NAME, FIGURES, MEASURES, OF_CAUSES
 from evaluate.measures.episodes import blank
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.evaluate.measures.uneventful import uneventful
@@ -18,7 +18,7 @@ def test_every_measure_is_in_the_table_once() -> None:
     measured = metrics.measure(uneventful(SIMPLE_QUAD, 200, 3))
     assert sorted(measure.name for measure in MEASURES) == sorted(field.name for field in fields(measured))
     assert len({measure.title for measure in MEASURES}) == len(MEASURES)
-    verdicts = {"outcome", "fell", "diverged"}
+    verdicts = {"outcome", "fell", "diverged", *OF_CAUSES}
     for name in BY_NAME:
         value = getattr(measured, name)
         assert (name in FIGURES) == (value.shape == (3,) and name not in verdicts), name
