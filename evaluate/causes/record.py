@@ -1,20 +1,26 @@
 """One failed episode as the rules of causes see it: its signals up to its end, and what follows from them."""
 
+import json
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
-from evaluate.causes.thresholds import at
 from evaluate.measures.averages import Bools, Floats, planar
 from evaluate.measures.episodes import Episodes
 from quad_env.columns import of_robots
 from quad_env.config import GRAVITY
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.kinematics import feet_in_world
+from quad_env.robots.similarity import ratio
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 
+THRESHOLDS: dict[str, tuple[float, str, str]] = json.loads(
+    Path(__file__).with_name("thresholds.json").read_text(encoding="utf-8")
+)
+"""Value, unit and reason of every threshold of the rules, by name."""
 SHANK = np.array([0.25, 0.5, 0.75, 1.0])
 """Places on a shank that are looked at, from the knee, 0, to the foot, 1."""
 
@@ -42,8 +48,9 @@ class Record:
         return np.asarray(getattr(self.episodes, name)[: self.end, self.number], np.float64)
 
     def at(self, name: str) -> float:
-        """A threshold for its robot."""
-        return at(name, self.episodes.robot)
+        """A threshold for its robot: lengths, times and speeds are SimpleQuad's, and go with the length of the legs."""
+        value, unit, _ = THRESHOLDS[name]
+        return value * (ratio(self.episodes.robot, unit) if unit in ("m", "s", "m/s") else 1.0)
 
     def steps(self, name: str) -> int:
         """Control steps of a threshold in s."""

@@ -4,22 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from evaluate.causes import rules
 from evaluate.causes.record import Record
-from evaluate.causes.rules import (
-    GAIT,
-    MOTOR,
-    POLICY,
-    REACH,
-    RULES,
-    SLIP,
-    SLOW,
-    STALLED,
-    SWING,
-    UNCLEAR,
-    UPRIGHT_RULES,
-    Event,
-    trips,
-)
+from evaluate.causes.rules import Event, trips
 from evaluate.measures import outcomes
 from evaluate.measures.averages import Floats, planar
 from evaluate.measures.episodes import Episodes
@@ -54,7 +41,7 @@ def verdict(record: Record, measures: Measures) -> Verdict:
     if outcome == outcomes.POLICY_ERROR and failures is not None:
         words = f"the policy {' '.join(str(failures[record.number]).split())[:120]}"
         steps = record.episodes.failure_step
-        return Verdict(Event(POLICY, 0 if steps is None else int(steps[record.number]), 1.0, words), True)
+        return Verdict(Event(rules.POLICY, 0 if steps is None else int(steps[record.number]), 1.0, words), True)
     return _of_fall(record) if record.fell else _of_upright(record, measures)
 
 
@@ -71,15 +58,17 @@ def with_causes(measures: Measures, episodes: Episodes) -> Measures:
 
 def _of_fall(record: Record) -> Verdict:
     """Sudden events come first, in the order of time; of what lasts, the strongest, and limits of joints last."""
-    if isinstance(record.scenario.start, AnyPose) or record.end <= SWING:
-        return Verdict(Event(UNCLEAR, 0, 1.0, "it never came to an ordinary gait"), False)
-    events = sorted((event for rule in RULES for event in rule(record)), key=lambda event: event.step)
+    if isinstance(record.scenario.start, AnyPose) or record.end <= rules.SWING:
+        return Verdict(Event(rules.UNCLEAR, 0, 1.0, "it never came to an ordinary gait"), False)
+    events = sorted((event for rule in rules.RULES for event in rule(record)), key=lambda event: event.step)
     seen = tuple(event for event in events if event.strength >= 1.0)
     if not seen:
-        return _of_controller(record, max((each.strength for each in events if each.cause != REACH), default=0.0))
-    first = min(seen, key=lambda each: (not each.sudden, each.cause == REACH, 0.0 if each.sudden else -each.strength))
-    rivals = [each for each in seen if each.cause not in (first.cause, REACH) and each.step <= first.step]
-    alone = not rivals and first.cause != REACH and not _usual(record, first)
+        return _of_controller(record, max((each.strength for each in events if each.cause != rules.REACH), default=0.0))
+    first = min(
+        seen, key=lambda each: (not each.sudden, each.cause == rules.REACH, 0.0 if each.sudden else -each.strength)
+    )
+    rivals = [each for each in seen if each.cause not in (first.cause, rules.REACH) and each.step <= first.step]
+    alone = not rivals and first.cause != rules.REACH and not _usual(record, first)
     return Verdict(first, alone and first.strength >= record.at("certain"), seen)
 
 
@@ -93,18 +82,18 @@ def _usual(record: Record, event: Event) -> bool:
 def _of_controller(record: Record, nearest: float) -> Verdict:
     """Without any event that counts: the controller, unless one nearly does or the simulation diverged."""
     if nearest >= record.at("nearly") or record.episodes.diverged[record.number]:
-        return Verdict(Event(UNCLEAR, record.onset, 1.0, "no rule decides"), False)
+        return Verdict(Event(rules.UNCLEAR, record.onset, 1.0, "no rule decides"), False)
     fastest = CommandRanges().forward[1] * ratio(record.episodes.robot, "m/s")
     undisturbed = all(getattr(record.scenario, name) == getattr(Scenario(""), name) for name in DISTURBANCES)
     certain = nearest < 0.5 and undisturbed and planar(record.of("command")).max() <= fastest
-    return Verdict(Event(GAIT, record.onset, 1.0, "it leaves its ordinary gait by itself"), bool(certain))
+    return Verdict(Event(rules.GAIT, record.onset, 1.0, "it leaves its ordinary gait by itself"), bool(certain))
 
 
 def _of_upright(record: Record, measures: Measures) -> Verdict:
     """Motors or ground that fail it for long, or what it is shown or sent; else how much of its command it reached."""
-    events = [event for rule in UPRIGHT_RULES for event in rule(record)]
+    events = [event for rule in rules.UPRIGHT_RULES for event in rule(record)]
     if seen := tuple(event for event in events if event.strength >= 1.0):
-        alone = seen[0].cause in (MOTOR, SLIP) and len({event.cause for event in seen} - {REACH}) == 1
+        alone = seen[0].cause in (rules.MOTOR, rules.SLIP) and len({event.cause for event in seen} - {rules.REACH}) == 1
         return Verdict(seen[0], alone and seen[0].strength >= record.at("certain"), seen)
     rule, commands = outcomes.RULES[outcomes.SUCCESS_RULE], measures.commands[record.number]
     velocities = measures.mean_velocities[record.number]
@@ -112,7 +101,7 @@ def _of_upright(record: Record, measures: Measures) -> Verdict:
     hits = len({event.step // record.steps("look on") for event in trips(record) if event.strength >= 1.0})
     cause, words, certain = _off(record, measures, commands[worst], velocities[worst])
     step = record.episodes.intervals.settled[worst].start
-    certain &= all(event.strength < record.at("nearly") for event in events if event.cause != REACH)
+    certain &= all(event.strength < record.at("nearly") for event in events if event.cause != rules.REACH)
     return Verdict(Event(cause, step, 1.0, f"{words}{f'; its legs hit rises {hits} times' if hits else ''}"), certain)
 
 
@@ -126,10 +115,10 @@ def _off(record: Record, measures: Measures, command: Floats, velocity: Floats) 
     along = float(np.sign(command[2]) * velocity[2] if turning else command[:2] @ velocity[:2] / max(speed, 1e-9))
     words = f"{along:.2f} {unit} of the commanded {asked:.2f}"
     if stalled:
-        return STALLED, words, True
+        return rules.STALLED, words, True
     if asked > outcomes.MOVING and 0.0 <= along < record.at("slow") * asked:
-        return SLOW, f"{along / asked:.0%}: {words}", along < record.at("too slow") * asked
+        return rules.SLOW, f"{along / asked:.0%}: {words}", along < record.at("too slow") * asked
     disturbed = record.scenario.force is not None or record.scenario.pushes is not None
     ahead, left, yaw = velocity
     words = f"not too slow: {ahead:.2f} and {left:.2f} m/s, {yaw:.2f} rad/s for {command.round(2)}"
-    return UNCLEAR if disturbed else GAIT, words, False
+    return rules.UNCLEAR if disturbed else rules.GAIT, words, False

@@ -137,7 +137,7 @@ def differences(manifest: Manifest, found: Found, again: Cell) -> list[str]:
     """`velocity_error: 0.31 then, 0.32 now` for each column in which the episode is not the stored one."""
     numbers = np.array([found.number])
     rows = by_energy_rule(by_success_rule(table(found.cell), manifest.success_rule), manifest.energy_rule)
-    rows = by_cause_rule(rows, manifest.cause_rule)
+    rows = by_cause_rule(rows, manifest.versions.get("cause_rule"))
     then = rows.slice(found.number, 1).to_pylist()[0]
     now = table(again, numbers).to_pylist()[0]
     # Not ==, for which 0.0 and -0.0 are the same.

@@ -127,7 +127,7 @@ def by_energy_rule(rows: pa.Table, rule: str) -> pa.Table:
     return rows.select([name for name in rows.column_names if name not in other])
 
 
-def by_cause_rule(rows: pa.Table, rule: str) -> pa.Table:
+def by_cause_rule(rows: pa.Table, rule: str | None) -> pa.Table:
     """Rows of a run under that rule of causes, without causes where they are by other rules than today's."""
     return rows if rule == CAUSE_RULE else rows.select([name for name in rows.column_names if name not in OF_CAUSES])
 

@@ -86,11 +86,6 @@ class Manifest:
         """Rule that energy and torques are by."""
         return self.versions.get("energy_rule") or ENERGY_1
 
-    @property
-    def cause_rule(self) -> str:
-        """Rules that causes are by; empty where there are none."""
-        return self.versions.get("cause_rule") or ""
-
     def begun(self) -> "Manifest":
         """With its fingerprint."""
         return replace(self, fingerprint=_fingerprint(self.provenance()))

@@ -16,9 +16,8 @@ import numpy as np
 from PIL import Image
 
 import policies
-from evaluate.causes.record import Record
+from evaluate.causes.record import THRESHOLDS, Record
 from evaluate.causes.rules import CAUSES
-from evaluate.causes.thresholds import THRESHOLDS
 from evaluate.causes.verdict import verdict
 from evaluate.film.captions import Text
 from evaluate.film.files import tiled

@@ -119,7 +119,7 @@ def test_faults_in_what_the_rules_are_fed_with_are_caught(monkeypatch: pytest.Mo
     def longer(self: Record) -> int:
         return min(self.episodes.fall_step[self.number] + 15 * self.episodes.after_falls, self.episodes.steps - 1)
 
-    def exchanged(pairs: list[int]):  # noqa: ANN202
+    def exchanged(pairs: list[int]):
         def of(self: Record, name: str) -> np.ndarray:
             signal = true_of(self, name)
             return signal[:, pairs] if name in ("foot_contact", "foot_position") else signal
