@@ -40,9 +40,10 @@ class Event:
     sudden: bool = False
 
 
-def trips(record: Record) -> Iterator[Event]:
+def trips(record: Record, window: slice | None = None) -> Iterator[Event]:
     """Swinging legs that lose speed where the ground rises before them: of each step the strongest blow."""
-    first, last = max(record.window.start, SWING), record.window.stop
+    window = window or record.window
+    first, last = max(window.start, SWING), window.stop
     if isinstance(record.scenario.terrain, Flat | Slope) or first >= last:
         return  # where nothing rises before a foot
     (points, velocity), contact = record.shank, record.of("foot_contact") > 0
@@ -118,14 +119,17 @@ def forces(record: Record) -> Iterator[Event]:
 
 
 def motors(record: Record) -> Iterator[Event]:
-    """Motors that stay at their limit of torque, or servos of limited bandwidth far behind their targets."""
+    """Motors that stay at their limit of torque, or of speed where they have a torque-speed curve, or servos of limited
+    bandwidth far behind their targets."""
     window, bandwidth = record.window, record.scenario.motors.bandwidth
     limit = np.broadcast_to(record.episodes.torque_limit, record.episodes.joint_torque.shape[-1:])
     share = _running_mean(record.of("joint_torque") / limit, LASTING)[window]
     full = np.abs(share) >= record.at("saturated")
+    if np.isfinite(record.episodes.joule_heat[0, record.number]).all():  # of motors with a curve
+        full |= (record.of("peak_speed") / record.episodes.speed_limit)[window] >= record.at("saturated")
     weakest = int(full.sum(axis=0).argmax())
     name = record.episodes.robot.joint_names[weakest]
-    words = f"{name} is {full[:, weakest].mean():.0%} of the time at its {limit[weakest]:.3g} N·m"
+    words = f"{name} is {full[:, weakest].mean():.0%} of the time at its limit, {limit[weakest]:.3g} N·m"
     step = _first(window, full)
     yield Event(MOTOR, step, float(full.mean()) / record.at("saturated joints"), words)
     if bandwidth is not None:

@@ -74,9 +74,8 @@ def _of_fall(record: Record) -> Verdict:
 
 def _usual(record: Record, event: Event) -> bool:
     """Whether its legs were hit as hard before without a fall."""
-    before = replace(record)
-    vars(before)["window"] = slice(0, max(0, record.window.start))
-    return event in trips(record) and any(each.strength >= 1.0 for each in trips(before))
+    before = trips(record, slice(0, record.window.start))
+    return event.cause == rules.TRIP and event.step < record.end and any(each.strength >= 1.0 for each in before)
 
 
 def _of_controller(record: Record, nearest: float) -> Verdict:
