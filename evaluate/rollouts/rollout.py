@@ -193,14 +193,9 @@ class Recorder:
             failed = [reason is not None for reason in self._failure]
             np.minimum(self._failure_step, step.number - 1, out=self._failure_step, where=failed)
         self.falls(step)
+        now = step.infos | {GIVEN: step.observation[:, self._given]}
         for name, signal in self._signals.items():
-            signal[step.number - 1] = self._now(name, step)
-
-    def _now(self, name: str, step: Step) -> NDArray[np.generic]:
-        """That signal in a control step, (n, …)."""
-        if name == GIVEN:
-            return step.observation[:, self._given]
-        return np.asarray(getattr(self._policy, name) if name in OF_POLICY else step.infos[name])
+            signal[step.number - 1] = getattr(self._policy, name) if name in OF_POLICY else now[name]
 
     def episodes(self) -> Episodes:
         """The record; of steps that were not recorded, zeros."""
