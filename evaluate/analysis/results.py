@@ -13,7 +13,6 @@ from evaluate.analysis.breaking_points import AxisBreakingPoint, breaking_points
 from evaluate.analysis.comparison import Comparison, compare, usual_baseline
 from evaluate.analysis.score import Score, scores
 from evaluate.analysis.summary import Summary, summarise
-from evaluate.analysis.training_seeds import seed_spreads
 from evaluate.measures.outcomes import RULES, SUCCESS_1
 from evaluate.records.provenance import versions
 from evaluate.rollouts.experiment import Cell, failure_reasons
@@ -144,7 +143,6 @@ def as_json(results: Results) -> dict[str, Any]:
         "policy_errors": [asdict(each) for each in results.policy_errors],
         "scores": [asdict(each) for each in results.scores],
         "policies": policies,
-        "training_seeds": {run: asdict(seeds) for run, seeds in seed_spreads(results.cells).items()},
         "comparisons": [asdict(comparison) for comparison in results.comparisons],
         "breaking_points": [asdict(point) for point in results.breaking_points],
     }

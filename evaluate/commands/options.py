@@ -27,8 +27,7 @@ class Options:
     policies: tuple[str, ...] = DEFAULT_POLICIES
     """Names of policies, or folders of trained ones such as models/residual; document@flat runs on that scenario alone.
     Or one of yours: my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3 (with --trust), or a deployment
-    file of another project, such as deploy.yaml.
-    Folders seed-<number> of one parent count as training seeds of one run, with their spread reported separately."""
+    file of another project, such as deploy.yaml."""
     trust: Flag = False
     """Load policies from files that can hide code: a .zip of Stable-Baselines3, TorchScript .pt."""
     scenarios: tuple[str, ...] = DEFAULT_BATTERY

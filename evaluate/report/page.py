@@ -13,7 +13,7 @@ from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
-from evaluate.report.sections.figures import definitions, policy_label, training
+from evaluate.report.sections.figures import definitions, policy_label
 from evaluate.report.sections.overview import overview, success
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
@@ -65,7 +65,6 @@ def render(results: Results, folder: Path, *, gates: Sequence[GateResult] = (), 
             _gates(gates),
             overview(results),
             disturbances(results),
-            training(results),
             worst_episodes(results, folder),
             _notes(results),
         ]

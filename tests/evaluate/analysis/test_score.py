@@ -78,7 +78,7 @@ def ends(contents, place="") -> dict:
 
 @pytest.mark.parametrize("count", [2, 8])
 def test_no_interval_has_no_width_where_all_episodes_agree(made_up_cell, count) -> None:
-    """Two policies, three seeds of a training among them: one always succeeds, others always fall, all errors agree."""
+    """Four policies: one always succeeds, others always fall, all errors agree."""
     policies = {"trot": False, "runs/a/seed-0": True, "runs/a/seed-1": True, "runs/a/seed-2": True}
     all_cells = [
         made_up_cell(policy, np.full(count, fell), np.full(count, 2.0 if fell else 0.5), resolve((name,))[0])
@@ -87,7 +87,7 @@ def test_no_interval_has_no_width_where_all_episodes_agree(made_up_cell, count) 
     ]
     found = ends(as_json(analyse(all_cells, seed=0, episodes=count, complete=True)))
     known = {place: ci for place, ci in found.items() if None not in ci}
-    assert {place.split("/")[1] for place in known} == {"scores", "policies", "training_seeds", "comparisons"}
+    assert {place.split("/")[1] for place in known} == {"scores", "policies", "comparisons"}
     flat = {place for place, (low, high) in known.items() if low >= high}
     assert flat == {"/scores/0/difference_ci"}  # of the baseline from itself
 

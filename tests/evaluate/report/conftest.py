@@ -94,7 +94,7 @@ class Files:
 
 @pytest.fixture(scope="session")
 def four(tmp_path_factory: pytest.TempPathFactory) -> Files:
-    """Four policies, two of them seeds of one training; files as the command writes them."""
+    """Four policies; files as the command writes them."""
     folder, generator = tmp_path_factory.mktemp("four"), np.random.default_rng(0)
     cells = [cell_of(policy, scenario, generator) for scenario in resolve(SCENARIOS) for policy in POLICIES]
     results = analyse(cells, seed=0, episodes=EPISODES, complete=True)

@@ -96,9 +96,6 @@ class Report:
             about = BY_NAME[row["measure"][1]]
             said = {"unit": about.unit, "frame": about.frame, "formula": about.formula, "over": about.scope}
             return (said | {"source": about.source or "this project"})[head] or "–"
-        if table.section == "training-seeds":
-            found = self.found["training_seeds"][table.heading]["scenarios"][name][(SHARES | ERRORS)[head]]
-            return scaled(head, found["mean"], *found["ci"], found["lowest"], found["highest"])
         if table.section == "success":
             found = self.one("scores", policy=name)
             if head == "score, %":
@@ -198,6 +195,6 @@ def report(four) -> Report:
 def test_every_cell_of_the_page_is_the_figure_that_its_heading_names(report) -> None:
     assert {table.section for table in report.tables} == {
         "success", "breaking-points", "axis-flat", "axis-push", "axis-rough",
-        "training-seeds", "worst-episodes", "how-it-was-measured",
+        "worst-episodes", "how-it-was-measured",
     }  # fmt: skip
     assert [line for table in report.tables for line in wrong(report, table)] == []
