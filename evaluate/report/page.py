@@ -15,7 +15,6 @@ from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
 from evaluate.report.sections.figures import definitions, policy_label
 from evaluate.report.sections.overview import overview, success
-from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
 from quad_env.cli.format import counted, listed
@@ -53,11 +52,11 @@ Origin = tuple[str, str]
 
 def write_report(results: Results, path: Path, **about: Any) -> None:
     """Write report.html; `about` as of `render`."""
-    write_atomically(path, render(results, path.parent, **about).encode())
+    write_atomically(path, render(results, **about).encode())
 
 
-def render(results: Results, folder: Path, *, gates: Sequence[GateResult] = (), made_by: Origin = ("", "")) -> str:
-    """The whole page; `folder` is where the results are, for the commands that the page names."""
+def render(results: Results, *, gates: Sequence[GateResult] = (), made_by: Origin = ("", "")) -> str:
+    """The whole page."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings():
         sections = [
@@ -65,7 +64,6 @@ def render(results: Results, folder: Path, *, gates: Sequence[GateResult] = (), 
             _gates(gates),
             overview(results),
             disturbances(results),
-            worst_episodes(results, folder),
             _notes(results),
         ]
     body = "".join(sections)
@@ -114,6 +112,7 @@ def _notes(results: Results) -> str:
         fold("Every measure: unit, frame, formula, source", definitions(results.success_rule), printed=True),
         note(f"Made with {made_with}."),
         note("In the same folder: results.json (these figures), episodes.parquet (a row an episode)."),
+        note("python -m evaluate replay runs one of these episodes again, bit for bit on the same class of machine."),
     )
 
 

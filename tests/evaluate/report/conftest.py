@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 from evaluate.analysis.results import analyse, with_nan, write_json
 from evaluate.measures.metrics import Measures
-from evaluate.records.episode_table import write_parquet
 from evaluate.report.page import write_report
 from evaluate.rollouts.battery import resolve
 from evaluate.rollouts.experiment import Cell
@@ -99,7 +98,6 @@ def four(tmp_path_factory: pytest.TempPathFactory) -> Files:
     cells = [cell_of(policy, scenario, generator) for scenario in resolve(SCENARIOS) for policy in POLICIES]
     results = analyse(cells, seed=0, episodes=EPISODES, complete=True)
     write_json(results, folder / "results.json")
-    write_parquet(cells, folder / "episodes.parquet")
     with pytest.MonkeyPatch.context() as patch:
         clipped = watch_clipping(patch)
         write_report(results, folder / "report.html")

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from html import unescape
 from typing import Any
 
-import pyarrow.parquet as pq
 import pytest
 
 from evaluate.measures.catalogue import BY_NAME
@@ -62,11 +61,10 @@ def page_tables(page: str) -> Iterator[PageTable]:
 
 
 class Report:
-    """A page, and what its cells must say by results.json and episodes.parquet."""
+    """A page, and what its cells must say by results.json."""
 
     def __init__(self, files: Files) -> None:
         self.found = files.results
-        self.rows = pq.read_table(files.folder / "episodes.parquet").to_pylist()
         self.tables = list(page_tables(files.page))
         self.scenarios = {
             name: each for of in self.found["policies"].values() for name, each in of["scenarios"].items()
@@ -90,8 +88,6 @@ class Report:
         """What a cell must say."""
         first, axis = table.heads[0], table.section.removeprefix("axis-")
         name = row[first][0]
-        if table.section == "worst-episodes":
-            return self.worst(table, row, head)
         if table.section == "how-it-was-measured":
             about = BY_NAME[row["measure"][1]]
             said = {"unit": about.unit, "frame": about.frame, "formula": about.formula, "over": about.scope}
@@ -138,15 +134,6 @@ class Report:
         ends = low if low == low else point["lowest"], high if high == high else point["highest"]
         return [point["severity50"], *ends]
 
-    def worst(self, table: PageTable, row: Row, head: str) -> str:
-        words = row["replay"][0].removeprefix("python -m evaluate replay ").split()
-        policy, scenario = words[words.index("--policy") + 1], words[words.index("--scenario") + 1]
-        key = (table.fold, scenario, int(words[1])) if policy == table.fold else ()
-        (of,) = (each for each in self.rows if (each["policy"], each["scenario"], each["episode"]) == key)
-        fell = f"{of['fall_reason']} at {of['fall_time']:.2f} s" if of["fell"] else ""
-        what = fell or f"velocity error {of['velocity_error']:.3f} m/s"
-        return {"scenario": scenario, "what happened": what, "replay": row["replay"][0]}[head]
-
 
 def scaled(head: str, *values: float) -> list[float]:
     """Shares in per cent."""
@@ -177,7 +164,7 @@ def wrong(report: Report, table: PageTable) -> Iterator[str]:
     heads = table.heads
     for cells in table.rows[1:]:
         row = dict(zip(heads, cells, strict=True))
-        for head in heads[1:] if table.section != "worst-episodes" else heads:
+        for head in heads[1:]:
             try:
                 said = report.cell(table, row, head)
             except (KeyError, ValueError, IndexError, AssertionError, StopIteration):
@@ -195,6 +182,6 @@ def report(four) -> Report:
 def test_every_cell_of_the_page_is_the_figure_that_its_heading_names(report) -> None:
     assert {table.section for table in report.tables} == {
         "success", "breaking-points", "axis-flat", "axis-push", "axis-rough",
-        "worst-episodes", "how-it-was-measured",
+        "how-it-was-measured",
     }  # fmt: skip
     assert [line for table in report.tables for line in wrong(report, table)] == []

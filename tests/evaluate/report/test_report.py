@@ -6,7 +6,6 @@ import re
 from datetime import UTC, date, datetime
 from html import escape, unescape
 from html.parser import HTMLParser
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from evaluate.analysis.gates import evaluate, parse
 from evaluate.analysis.results import Results, analyse, as_json
 from evaluate.measures.outcomes import OUTCOMES, OUTCOMES_1
 from evaluate.report.page import render
-from evaluate.report.sections.worst import worst
 from policies import summary
 from tests.live.view.test_browser import CHROMIUM, QUIET
 
@@ -93,7 +91,7 @@ def odd(made) -> tuple[Results, str]:
     """Its results and its page."""
     results = odd_one(made)
     gates = [evaluate(parse(gate), made) for gate in ("other falls <= 50 %", "trot diverged <= 0")]
-    return results, render(results, Path("some where"), gates=gates)
+    return results, render(results, gates=gates)
 
 
 def test_what_a_reader_has_to_know_first_stands_at_the_top(odd, page) -> None:
@@ -134,23 +132,6 @@ def test_a_policy_stands_only_where_it_ran(odd) -> None:
     assert "</span>other" not in sections["axis-push"]
     assert "</span>other" in sections["axis-flat"]
     assert "</span>trot" not in sections["axis-rough"]
-
-
-def test_the_worst_falls_come_first_with_the_command_that_replays_them(made, odd) -> None:
-    """Other falls least often on push:3 (5 %), so its falls there surprise the most; then on push:5 (43 %)."""
-    assert [(cell.scenario.name, episode) for cell, episode in worst(made, "other")][:3] == [
-        ("push:3", 0),
-        ("push:3", 1),
-        ("push:5", 0),
-    ]
-    assert "python -m evaluate replay 'some where' 0 --policy trot --scenario push:3" in unescape(odd[1])
-
-
-def test_without_falls_the_largest_errors_are_the_worst(made) -> None:
-    mild = dataclasses.replace(made, cells=tuple(c for c in made.cells if c.scenario.name in ("flat", "push:1")))
-    found = worst(mild, "trot")
-    assert [episode for _, episode in found] == [39, 39, 38, 38, 37]
-    assert {cell.fall_reason[episode] for cell, episode in found} == {None}
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs a browser: apt-get install chromium")
