@@ -15,7 +15,6 @@ if __name__ == "__main__":  # before the imports that take time
 from quad_env.cli.program import Command, Program
 
 COMMANDS = {
-    "rescore": Command("research.studies.rescore", "falls of a traced run under the rules of other projects"),
     "gaits": Command("research.studies.gaits", "what the gaits, and changes between them, do on flat ground"),
     "gait-diagram": Command("research.studies.gait_diagram", "when the feet stand, commanded and measured"),
     "recovery": Command("research.studies.recovery", "getting up from any pose"),

@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
 
@@ -16,6 +16,8 @@ PROGRAM = "python -m evaluate"
 WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "trot_integral", "residual", "robust")
 DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
+GONE = {"trace": "none"}
+"""Options of older versions, as they usually were."""
 CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "trust")
 """Options that --resume may change."""
 
@@ -59,9 +61,6 @@ class Options:
     """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
-    trace: Literal["none", "compact", "full"] = "none"
-    """Record of every step, in the folder traces: compact for `python -m research rescore`, full for every measure.
-    Robots then go on after a fall, which takes longer and changes no figure."""
     threads: int = available_cores()
     """Simulating processes (count; default: this machine's cores). No result depends on it."""
     at_once: int = 256
@@ -103,7 +102,7 @@ def changed(then: Options, now: Options) -> list[str]:
 
 def command(chosen: Mapping[str, Any]) -> str:
     """The command of a run, from what `of_the_run` gave, without what is as usual."""
-    usual = Options().of_the_run()
+    usual = Options().of_the_run() | GONE
     words = PROGRAM.split()
     for name, value in chosen.items():
         if value != usual.get(name, False):

@@ -13,7 +13,7 @@ from quad_env.scenarios.scenario import Scenario
 
 OF_POLICY = ("phase", "correction", "base_action", "stopped")
 """Signals that only some policies have; all others are in the environment's infos."""
-TRUTHS = ("foot_contact", "leg_contact", "trunk_contact", "stopped")
+TRUTHS = ("foot_contact", "stopped")
 """Signals of truth values; all others are single-precision numbers."""
 
 
@@ -35,9 +35,6 @@ def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
         "foot_position": (feet, 3),
         "foot_height": (feet,),
         "foot_contact": (feet,),
-        "leg_contact": (),
-        "trunk_contact": (),
-        "push": (2,),
         "phase": (),
         "correction": (joints,),
         "base_action": (joints,),
@@ -68,9 +65,6 @@ class Episodes:
     foot_position: Recorded
     foot_height: Recorded
     foot_contact: Bools
-    leg_contact: Bools
-    trunk_contact: Bools
-    push: Recorded
     phase: Recorded | None
     """Phase of the policy's clock at the step's action, rad; None without a clock."""
     correction: Recorded | None
@@ -99,8 +93,6 @@ class Episodes:
     """Weight of the robot and what it carries, N."""
     torque_limit: float
     """Largest torque of a joint, N·m."""
-    after_falls: bool = False
-    """Whether robots went on after their fall, and their record with them."""
     failure: NDArray[np.object_] | None = None
     """Why the policy failed each robot before any fall, (n,), None where it did not; None of what cannot fail."""
 

@@ -1,6 +1,5 @@
 """The comparison as a sequence of cells, one policy on one scenario each; the seeds are the same for every policy."""
 
-import contextlib
 import dataclasses
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
@@ -11,7 +10,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OFF_COMMAND, SUCCEEDED, SuccessRule
 from evaluate.rollouts import rollout
@@ -22,7 +20,7 @@ from quad_env.seeding import episode_seeds
 
 
 class NotKept(OSError):
-    """What was simulated could not be written: to the store, or as a trace."""
+    """What was simulated could not be written to the store."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +77,6 @@ class Store(Protocol):
 
 CellProgress = Callable[[str, str, float], None]
 """Progress callback: policy, scenario and the share of their cell that is done; 1 exactly once."""
-TraceWriter = Callable[[str, Scenario, int, Episodes], None]
-"""Writes the record of a chunk: its policy's label, its scenario, the number of its first episode, the episodes."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +90,6 @@ class Task:
     seeds: NDArray[np.int64]
     """Seeds of the episodes, (n,)."""
     steps: int
-    trace: TraceWriter | None
     hardware: Hardware
 
 
@@ -113,7 +108,6 @@ class Settings:
     chunk_size: int = 256
     """Most episodes of a chunk, simulated side by side, which bounds the memory of a run."""
     store: Store | None = None
-    trace: TraceWriter | None = None
     steps: int = dataclasses.field(default_factory=lambda: rollout.STEPS)
     """Control steps of an episode."""
     executor: Executor | None = None
@@ -149,8 +143,7 @@ def run_cells(
     with closing(execute([task for _, task in owned], progress)) as outcomes:
         for place, chunk in outcomes:
             if settings.store is not None:
-                with _keeping():
-                    settings.store.save(chunk)
+                _keep(settings.store, chunk)
             cell = owned[place][0]
             cell.add(chunk)
             if cell.done:
@@ -173,7 +166,7 @@ def sequential(nthread: int) -> Executor:
 
 
 def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chunk:
-    """Outcome of a task; `progress` receives the share that is done, below 1. Raises NotKept of its trace."""
+    """Outcome of a task; `progress` receives the share that is done, below 1."""
     label = task.policy.label
     episodes = rollout.run(
         task.policy.policy,
@@ -182,21 +175,16 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chu
         nthread=nthread,
         steps=task.steps,
         progress=lambda share: None if share >= 1.0 else progress(share),
-        after_falls=task.trace is not None,
         hardware=task.hardware,
     )
-    if task.trace is not None:
-        with _keeping():
-            task.trace(label, task.scenario, int(task.numbers[0]), episodes)
     measures = measure(episodes)
     return Chunk(task.numbers, Cell(label, task.scenario, task.seeds, episodes.fall_reason, measures, episodes.failure))
 
 
-@contextlib.contextmanager
-def _keeping() -> Iterator[None]:
-    """Context in which a failure of the system is NotKept."""
+def _keep(store: Store, chunk: Chunk) -> None:
+    """Put a chunk into the store; a failure of the system is NotKept."""
     try:
-        yield
+        store.save(chunk)
     except OSError as error:
         raise NotKept(error.errno, error.strerror or str(error), error.filename) from error
 
@@ -219,7 +207,7 @@ class _PendingCell:
         how = self.settings
         for numbers in _stretches(missing, how.chunk_size):
             seeds = self.seeds[numbers]
-            yield Task(self.policy, self.scenario, numbers, seeds, how.steps, how.trace, how.hardware)
+            yield Task(self.policy, self.scenario, numbers, seeds, how.steps, how.hardware)
 
     def report(self, task: Task, share: float) -> None:
         self.shares[int(task.numbers[0])] = share * len(task.numbers)

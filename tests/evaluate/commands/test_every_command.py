@@ -66,13 +66,6 @@ def baselines(name: str) -> Reading:
     return lambda made: {each["b"] for each in held(name, "comparisons")(made)}
 
 
-def traced(made: Called) -> tuple[bool, set[bool]]:
-    """Whether torques are in the traces, and whether robots are frozen after a fall."""
-    assert made.code in {0, 1}
-    columns = {name for path in made.folder.rglob("traces/*.parquet") for name in pq.read_schema(path).names}
-    return "joint_torque" in columns, {each.env.terminate_on_fall for each in made.batches}
-
-
 def replayed(made: Called) -> list[tuple[str, str, int]]:
     """Policy, scenario and number of the rows with the seed that was simulated, on the scenario that was."""
     rows = pq.read_table(made.folder / "a/episodes.parquet").to_pylist()
@@ -103,7 +96,6 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "out": Effect("--out FOLDER/new", written("new/results.json"), True),
         "gate": FAILS,
         "baseline": Effect("--baseline crouch", baselines("new/results.json"), {"crouch"}),
-        "trace": Effect("--trace full", traced, (True, {False})),
         "threads": Effect("--threads 1", THREADS, [1]),
         "at_once": Effect("--at-once 2", COUNT, [2, 1], given=SHORT),
         "quick": Effect(

@@ -1,7 +1,7 @@
-"""Results that revision 2c74e47 wrote, before its modules moved, are reported, replayed, compared and scored again.
+"""Results that revision 2c74e47 wrote, before its modules moved, are reported, replayed and compared.
 
 `python -m evaluate --policies trot document_repaired --scenarios flat push slope:6 --episodes 3 --trace compact` made
-them there; the report and all traces but one are left out.
+them there; the report and the traces are left out.
 """
 
 import json
@@ -15,7 +15,6 @@ from evaluate.__main__ import main
 from evaluate.records import manifest, provenance
 from evaluate.records.episode_table import read_table
 from evaluate.records.store import read_run
-from research.__main__ import main as research
 from tests.evaluate.altered import column, other
 
 OLD = Path(__file__).parents[2] / "data" / "results_of_2c74e47"
@@ -97,11 +96,3 @@ def test_they_are_compared_and_nothing_is_said_that_is_not_known(folder, run, ca
     said = " ".join(capsys.readouterr().out.split())
     assert UNKNOWN in said
     assert "the policy trot has changed;" not in said
-
-
-def test_their_traces_are_scored_again(folder, capsys) -> None:
-    assert research(["rescore", str(folder)]) == 0
-    scored = json.loads((folder / "rescored.json").read_text(encoding="utf-8"))["policies"]
-    assert list(scored) == ["document_repaired"]
-    assert scored["document_repaired"]["scenarios"]["push"]["simple-quad/1"]["episodes"] == 3
-    assert "push" in capsys.readouterr().out
