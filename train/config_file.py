@@ -24,7 +24,7 @@ def to_dict(config: TrainConfig) -> dict[str, Any]:
 
 _REMOVED: Mapping[str, Mapping[str, Any]] = {
     "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0}
-    | {"foothold_authority": 0.0}
+    | {"foothold_authority": 0.0, "reward_terms": []}
     | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}}
     | {"pushes": PUSHES, "hardness": 1.0, "timestep": TIMESTEP},
     "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}

@@ -10,8 +10,6 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
 from train.config import TrainConfig
-from train.reward_term import OPTION
-from train.reward_term import check as check_terms
 
 POSES = ("crouch", "stand")
 """Bases of an end-to-end policy."""
@@ -31,9 +29,6 @@ def check(config: TrainConfig) -> None:
                 _check_range(prefix + name, value, low, high)
     for name, weight in dataclasses.asdict(config.rewards).items():
         _check_range(f"--rewards {name}", weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
-    for term in config.reward_terms:
-        _check_range(f"a weight of {OPTION}", term.weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
-    check_terms(config.reward_terms)
     _check_layers("--ppo.actor", config.ppo.actor)
     _check_layers("--ppo.critic", config.ppo.critic)
     _check_rollout(config)
