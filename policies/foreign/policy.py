@@ -1,6 +1,8 @@
 """A policy from outside, in a watched process of its own: its failures cost its own robots the episode, no others."""
 
 import hashlib
+import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,7 @@ from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, PolicyE
 from policies.foreign.described import with_gains
 from policies.foreign.description import PolicyDescription
 from policies.foreign.reference import checked
-from policies.foreign.served import PATIENCE_AT_FIRST, Answer, limited, serve
+from policies.foreign.served import PATIENCE_AT_FIRST, Answer, Served, serve
 from policies.foreign.terms import scan_of
 from policies.safety.watchdog import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
 from quad_env.robots.named import robot_of
@@ -63,16 +65,15 @@ class Foreign(Policy):
         self.sha256 = hashlib.sha256(found.content).hexdigest()
         self._deadline = DEADLINE if deadline is None else deadline
         served = partial(serve, found, robot=robot, control_period=control_period, deadline=self._deadline)
-        self._way = _found_way(self._watched(partial(served, "")))
-        self._process, self._stepped = self._watched(partial(served, self._way)), False
+        make = partial(_on_stderr, served)
+        self._process = Watched(make, name=self.name, robot=self.robot, control_period=control_period)
+        self._stepped = False
+        _try_out(self._process)
         self._allocate(1)
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy, such as one for another process, has no process yet."""
         return vars(self) | {"_stepped": False}
-
-    def _watched(self, make: Any) -> Watched:
-        return Watched(partial(limited, make), name=self.name, robot=self.robot, control_period=self.control_period)
 
     @property
     def phase(self) -> Floats | None:
@@ -146,13 +147,18 @@ class Foreign(Policy):
                 self.failure[robot] = reason
 
 
-def _found_way(process: Watched) -> str:
-    """How the policy of that process is to be asked. Raises PolicyError."""
+def _try_out(process: Watched) -> None:
+    """Raise PolicyError where the policy of that process cannot be loaded, or gives no actions."""
     try:
-        way: str = process.ask(("found_way",), START_TIMEOUT)
+        process.ask(("reset", 1, None), START_TIMEOUT)
     except (DeadlineMissed, PolicyProcessError) as error:
         reason = str(error).removeprefix("PolicyError: ")
         raise PolicyError(reason if reason != str(error) else f"cannot load {process.name}: {reason}") from None
     finally:
         process.close()
-    return way
+
+
+def _on_stderr(make: Callable[[], Served]) -> Served:
+    """What `make` gives, in a process that from now on prints on stderr."""
+    sys.stdout = sys.stderr
+    return make()

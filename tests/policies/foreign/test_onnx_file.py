@@ -17,7 +17,7 @@ pytest.importorskip("onnxruntime")
 
 
 def served(file: Path) -> Served:
-    return serve(Reference(file), "", SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
+    return serve(Reference(file), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
 
 
 def linear(file: Path, shape: list[int | str], *, width: int = 12, inputs: int = 1) -> np.ndarray:
@@ -49,7 +49,7 @@ def test_a_network_gives_a_robot_the_same_bits_in_any_batch(tmp_path: Path, shap
     ("arguments", "words"),
     [
         ({"shape": [4, 48]}, r"\[4, 48\]: it must read one observation"),
-        ({"shape": ["n", 48], "width": 3}, r"must give one action \(12,\)"),
+        ({"shape": ["n", 48], "width": 3}, r"must give an action \(12,\)"),
         ({"shape": ["n", 48], "inputs": 2}, "inputs seen0, seen1"),
     ],
     ids=lambda value: str(value)[:24],
