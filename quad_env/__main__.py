@@ -29,7 +29,7 @@ _EVERY = {
     "policies": Command("live.commands.policies", "the policies by name, what each is, what was trained on what"),
     "view": Command("live.commands.view", "robots in the browser, to watch, steer and push"),
     "film": Command("live.commands.film", "an episode as a film, policies side by side"),
-    "record": Command("live.commands.record", "an episode as an MCAP file or a ROS 2 bag"),
+    "record": Command("live.commands.record", "an episode as an MCAP file"),
     "ros": Command("live.commands.ros", "the simulated robot as a ROS node, in real time"),
 }
 _OF_A_WHEEL = {"doctor": Command("quad_env.doctor.command", _EVERY["doctor"].summary)}

@@ -1,4 +1,4 @@
-"""Record an episode: `python -m quad_env record walk.mcap` for Foxglove, a path without .mcap for a ROS 2 bag."""
+"""Record an episode: `python -m quad_env record walk.mcap`, for Foxglove and `ros2 bag play`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,7 @@ class Options(EpisodeOptions):
     """Record an episode; a robot that falls is recorded where it lies."""
 
     out: Annotated[Path, tyro.conf.Positional]
-    """File to write, .mcap, or folder of a ROS 2 bag; neither may exist."""
+    """File to write, .mcap, which may not exist."""
     policy: str = "residual"
     """Policy, by name, or folder of a trained one."""
     seconds: float = 10.0

@@ -29,7 +29,7 @@ class Options(EpisodeOptions):
     real_time_factor: float = 1.0
     """Simulated s a second, as far as this machine can."""
     record: Path | None = None
-    """File to record into, .mcap, or folder of a ROS 2 bag; neither may exist."""
+    """File to record into, .mcap, which may not exist."""
     version: Literal["1", "2"] | None = None
     """Version of ROS; by default the one that is sourced, else the first that is found."""
     network: Flag = False

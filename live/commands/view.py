@@ -33,7 +33,7 @@ class Options(EpisodeOptions):
     """Of the pictures: 640 x 400 plainly, 960 x 600 plainly, 960 x 600 with shadows and smooth edges, for graphics
     hardware."""
     record: Path | None = None
-    """Recording from the start on, an .mcap or the folder of a ROS 2 bag; as `python -m quad_env record` makes."""
+    """Recording from the start on, an .mcap as `python -m quad_env record` makes."""
     browser: bool = True
     """Open the page in a browser, where there is a display."""
 
