@@ -12,7 +12,6 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
 from quad_env.cli.format import number as figure
 from quad_env.cli.format import percent
-from quad_env.files.text import number
 
 SHARES = {"success": SUCCESS_RATE, "falls": FALL_RATE}
 """What a gate calls the shares of episodes -> their fields of Summary."""
@@ -62,7 +61,7 @@ def parse(text: str) -> Gate:
     if measure not in measures():
         raise ValueError(f"gate '{text}': unknown measure {measure}; valid: {', '.join(measures())}")
     try:
-        bound = number(right)
+        bound = float(right)
     except ValueError as error:
         raise ValueError(f"gate '{text}': {right} is no number; write {GRAMMAR}") from error
     if math.isnan(bound) or (measure in SHARES and not sign and bound > 1.0):

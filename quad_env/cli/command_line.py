@@ -11,7 +11,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from quad_env.files.text import number, one_line
+from quad_env.files.text import one_line
 from quad_env.files.writing import make_writable_folder
 
 Options = TypeVar("Options")
@@ -54,7 +54,7 @@ def parse(
 
 
 def _number_rule(asked: Any) -> Any:
-    """tyro's rule for numbers, but that these are written as people write them: 1_0 is none."""
+    """tyro's rule for numbers, in plainer words."""
     import tyro
 
     kind = asked.type
@@ -70,11 +70,10 @@ def _number_rule(asked: Any) -> Any:
 
 
 def _number(word: str, kind: type[N]) -> N:
-    number(word)
     try:
         return kind(word)
     except ValueError:
-        raise ValueError(f"{word!r} is no whole number") from None
+        raise ValueError(f"{word!r} is no {'whole ' if kind is int else ''}number") from None
 
 
 def as_spelled(kind: type, words: list[str]) -> list[str]:

@@ -9,7 +9,6 @@ from functools import lru_cache
 from operator import attrgetter
 from pathlib import Path
 
-from quad_env.files.text import number
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -127,7 +126,7 @@ def _parts(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
         if axis not in axes:
             raise ValueError(f"{name}: unknown axis {axis!r}; valid: {', '.join(axes)}, as in payload=15+slope=10")
         try:
-            severity = number(written)
+            severity = float(written)
         except ValueError:
             nominal = f"{axis}{EQUALS}{axes[axis].nominal:g}"
             what = f"{written!r} is no number" if equals else f"{axis} needs a severity"
