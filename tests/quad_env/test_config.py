@@ -46,8 +46,6 @@ OWN = quad_env.RewardTerm("mine", abs, 1.0)
         (quad_env.HeightScan, {"spacing": "wide"}, "spacing must be a number, got 'wide'"),
         (quad_env.HeightScan, {"ahead": 2.5}, "ahead must be a whole number"),
         (quad_env.HeightScan, {"aside": 5000}, "at most 10000"),
-        (quad_env.HeightScan, {"field_of_view": 0.0}, "field_of_view must lie above 0"),
-        (quad_env.HeightScan, {"dropouts": 1.5}, "dropouts are a share between 0 and 1"),
     ],
 )
 def test_a_setting_of_the_wrong_kind_is_told_the_right_ones(kind: Any, values: dict[str, Any], says: str) -> None:
