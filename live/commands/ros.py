@@ -82,6 +82,3 @@ def _run(session: Session, link: Link, speed: float, record: Path | None) -> Non
     except KeyboardInterrupt:
         kept = "" if record is None else f", all of it in {record}"
         raise KeyboardInterrupt(f"{bridge.time:.1f} s simulated{kept}") from None
-    finally:
-        for line in bridge.refusals:
-            say(line)

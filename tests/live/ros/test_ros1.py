@@ -75,12 +75,8 @@ def test_the_robot_marches_as_the_node_has_it_and_stands_up_once_that_is_killed(
 
 def test_nonsense_is_refused_and_the_simulation_goes_on_to_follow_what_is_good(story: Story) -> None:
     lines = story.said.splitlines()
-    refused = [line for line in lines if "messages refused" in line]
-    assert [line.partition("s  ")[2] for line in refused] == [
-        "/position_controller/command: 60 messages refused, not 12 numbers",
-        "/position_controller/command: 40 messages refused, not finite",
-    ]
-    assert sum("further ones are counted" in line for line in lines) == 2
+    for reason in ("not 12 numbers", "not finite"):
+        assert sum(f"/position_controller/command: refused, {reason}" in line for line in lines) == 1
     assert story.code == 130
     assert "Traceback" not in story.said
     assert np.isfinite(story.walk.joints).all()
