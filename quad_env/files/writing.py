@@ -5,7 +5,6 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 
 
@@ -55,27 +54,11 @@ def sole_use(folder: Path) -> Iterator[None]:
 
 
 def _locked(folder: Path) -> Callable[[], None] | None:
-    """Lock the folder; gives what unlocks it, or None while another process has it."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return _locked_by_file(folder.resolve(strict=True))
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        return None
-    except OSError:  # no locks here
-        pass
-    return partial(os.close, handle)
-
-
-def _locked_by_file(folder: Path) -> Callable[[], None] | None:
-    """The same on a system whose folders cannot be locked, by a file elsewhere: runs want a folder to themselves."""
+    """Lock the folder by a file elsewhere, since runs want a folder to themselves; gives what unlocks it, or None while
+    another process has it."""
     from filelock import FileLock, Timeout
 
-    name = hashlib.sha256(os.path.normcase(folder).encode()).hexdigest()[:16]
+    name = hashlib.sha256(os.path.normcase(folder.resolve(strict=True)).encode()).hexdigest()[:16]
     lock = FileLock(Path(tempfile.gettempdir()) / f"simple_quad-{name}.lock", timeout=0)
     try:
         lock.acquire()
