@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, PolicyError
 from policies.history import Inputs
-from policies.network import ACTIVATIONS, Network
+from policies.network import ACTIVATION, Network
 from policies.parameters import is_number
 from policies.residual import Features, ResidualPolicy
 from policies.residual_bases import describe, described
@@ -82,7 +82,7 @@ def description_of(
         "control_period": policy.control_period,
         "observation": _layout(policy.robot),
         "observation_scale": observation_table(policy.robot).scale.tolist(),
-        "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
+        "network": {"sizes": list(policy.network.sizes), "activation": ACTIVATION},
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
         "inputs": asdict(policy.features.inputs),
@@ -193,13 +193,13 @@ def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]], in
     """The network of a description and of tensors by name. Raises PolicyError."""
     if not isinstance(shape, dict) or set(shape) != {"sizes", "activation"}:
         fail(folder, "network must have sizes and activation")
-    sizes, activation = shape["sizes"], shape["activation"]
+    sizes = shape["sizes"]
     if not isinstance(sizes, list) or not all(type(s) is int and 0 < s <= _LARGEST_WIDTH for s in sizes):
         fail(folder, f"network sizes must be whole numbers from 1 to {_LARGEST_WIDTH}")
     if not 2 <= len(sizes) <= _MOST_LAYERS + 1 or sizes[0] != inputs or sizes[-1] != outputs:
         fail(folder, f"network sizes must lead from {inputs} inputs to {outputs} outputs")
-    if not isinstance(activation, str) or activation not in ACTIVATIONS:
-        fail(folder, f"activation must be one of {', '.join(sorted(ACTIVATIONS))}")
+    if shape["activation"] != ACTIVATION:
+        fail(folder, f"activation must be {ACTIVATION}")
     layers = list(enumerate(pairwise(sizes)))
     expected = {f"{i}.weight": pair for i, pair in layers} | {f"{i}.bias": pair[1:] for i, pair in layers}
     if {key: value.shape for key, value in tensors.items()} != expected:
@@ -209,7 +209,7 @@ def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]], in
     if not all(np.abs(value).max() <= _LARGEST_WEIGHT for value in tensors.values()):
         fail(folder, f"weights must lie within ±{_LARGEST_WEIGHT:g}")
     weights, biases = (tuple(tensors[f"{i}.{kind}"] for i, _ in layers) for kind in ("weight", "bias"))
-    return Network(weights, biases, activation)
+    return Network(weights, biases)
 
 
 def _authority(folder: Path, values: Any, count: int) -> Actions:

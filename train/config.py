@@ -37,8 +37,6 @@ TIMESTEP = 0.005
 """Physics step in training, s; half the time of the robot's own 2 ms, by which validation and evaluation go."""
 PUSHES = 4
 """Pushes in a training episode of a scenario that has any."""
-ACTIVATION = "elu"
-"""Of the hidden layers."""
 MIXTURE = (
     ("flat", 0.09),
     ("flat=3", 0.06),

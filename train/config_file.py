@@ -8,9 +8,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from policies.network import ACTIVATION
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
-from train.config import ACTIVATION, PUSHES, TIMESTEP, TrainConfig
+from train.config import PUSHES, TIMESTEP, TrainConfig
 from train.run_folder import CONFIG_FILE
 
 _NOT_OF_THE_RUN = ("out", "resume", "threads")

@@ -29,7 +29,6 @@ FEATURES, CORRECTION = "features", "correction"
 """Input and output of a residual's network."""
 PROBES, TOLERANCE = 16, 1e-5
 """Features at which the runtime must give NumPy's corrections, and to within what."""
-_OPERATIONS = {"elu": "Elu", "tanh": "Tanh"}
 TYPES: dict[str, type[np.floating]] = {"tensor(float)": np.float32, "tensor(double)": np.float64}
 """Kinds of numbers that a network may read."""
 _OPSET, _IR_VERSION = 17, 8
@@ -161,7 +160,7 @@ def _graph(onnx: Any, network: Network) -> Any:
         nodes.append(onnx.helper.make_node("Gemm", [values, *names], [sums]))
         if index < last:
             values = f"{index}.values"
-            nodes.append(onnx.helper.make_node(_OPERATIONS[network.activation], [sums], [values]))
+            nodes.append(onnx.helper.make_node("Elu", [sums], [values]))
     ends = [
         onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["robots", width])
         for name, width in zip((FEATURES, CORRECTION), (network.sizes[0], network.sizes[-1]), strict=True)

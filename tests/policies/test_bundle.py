@@ -25,10 +25,10 @@ from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
 
 
-def network(*sizes, activation="tanh"):
+def network(*sizes):
     rng = np.random.default_rng(7)
     weights = [rng.normal(0.0, 0.3, shape).astype(np.float32) for shape in itertools.pairwise(sizes)]
-    return Network(tuple(weights), tuple(rng.normal(size=s).astype(np.float32) for s in sizes[1:]), activation)
+    return Network(tuple(weights), tuple(rng.normal(size=s).astype(np.float32) for s in sizes[1:]))
 
 
 @pytest.fixture
@@ -66,11 +66,10 @@ def trajectory(policy, steps=20):
     return b"".join(policy.act(each).tobytes() for each in seen)
 
 
-@pytest.mark.parametrize("activation", ["tanh", "elu"])
-def test_a_loaded_policy_acts_bit_for_bit_as_the_saved_one(tmp_path, activation):
+def test_a_loaded_policy_acts_bit_for_bit_as_the_saved_one(tmp_path):
     inputs = Inputs(lags=(0.04, 0.08), averages=(0.5,), clock=2.0)
     base = policies.make("trot")
-    corrections = network(Features(base, inputs).width, 16, 12, activation=activation)
+    corrections = network(Features(base, inputs).width, 16, 12)
     policy = ResidualPolicy(base, corrections, inputs=inputs, hold=2)
     save(tmp_path, policy, {}, "unknown")
     found = load(tmp_path)
@@ -115,7 +114,7 @@ def test_everything_but_the_weights_is_readable_in_the_description(folder):
     assert description["env_id"] == "SimpleQuad-v0"
     assert description["observation"]["command"] == [45, 48]
     assert len(description["observation_scale"]) == OBSERVATION_SIZE
-    assert description["network"] == {"sizes": [62, 16, 12], "activation": "tanh"}
+    assert description["network"] == {"sizes": [62, 16, 12], "activation": "elu"}
     assert description["base"]["name"] == "trot"
     assert description["base"]["parameters"]["body_height"] == 0.41
     assert description["training"] == {"steps": 5, "seed": 0}
@@ -196,10 +195,10 @@ def test_tensors_other_than_described_are_refused(folder, change):
         ({"env_id": "Ant-v5"}, "Ant-v5"),
         ({"observation": {"command": [0, 3]}}, "layout"),
         ({"observation_scale": [1.0] * OBSERVATION_SIZE}, "scales"),
-        ({"network": {"sizes": [61, 12], "activation": "tanh"}}, "62 inputs"),
-        ({"network": {"sizes": [62, 10**9, 12], "activation": "tanh"}}, "sizes"),
-        ({"network": {"sizes": [62, 16, 12], "activation": "__import__"}}, "elu, tanh"),
-        ({"network": {"sizes": [62, 32, 12], "activation": "tanh"}}, "tensors"),
+        ({"network": {"sizes": [61, 12], "activation": "elu"}}, "62 inputs"),
+        ({"network": {"sizes": [62, 10**9, 12], "activation": "elu"}}, "sizes"),
+        ({"network": {"sizes": [62, 16, 12], "activation": "__import__"}}, "must be elu"),
+        ({"network": {"sizes": [62, 32, 12], "activation": "elu"}}, "tensors"),
         ({"base": {"name": "gallop", "parameters": {}}}, "gallop"),
         ({"base": {"name": "stand", "parameters": {"height": 0.4}}}, "Stand has no parameters"),
         ({"base": {"name": "walk", "parameters": {"walk": {}}}}, "those of bound, pace, pronk, trot, walk, stand"),

