@@ -81,7 +81,6 @@ class Driver:
             "drag": lambda right, down: self._look(self.camera.orbit.dragged(right, down)),
             "zoom": lambda wheel: self._look(self.camera.orbit.zoomed(wheel)),
             "follow": lambda on: self._look(replace(self.camera.orbit, follow=on)),
-            "forces": lambda on: setattr(self.camera, "forces", on),
         }
 
     def do(self, request: Request) -> None:
@@ -126,7 +125,6 @@ class Driver:
             "measured": round(self._pace.measured, 3),
             "by_hand": session.command is not None,
             "command": rounded(session.latest.infos["command"][0] if session.command is None else session.command),
-            "forces": camera.forces,
             "follow": camera.orbit.follow,
             "robots": self._telemetry.robots(session),
             "rows": self._telemetry.rows(),

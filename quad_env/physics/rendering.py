@@ -71,7 +71,6 @@ class Camera:
             model.vis.quality.offsamples = 4 if fine else 0
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._size = height, width
-        self._option = mujoco.MjvOption()
         # A free camera's begins with the first frame, once the ground is cut: to load all of it takes seconds.
         self._renderer = None if camera is None else _Renderer(model, *self._size)
 
@@ -82,7 +81,6 @@ class Camera:
         arrows: Sequence[Arrow] = (),
         *,
         viewpoint: Viewpoint | None = None,
-        forces: bool = False,
     ) -> NDArray[Any]:
         """Frame (height, width, 3) uint8, or depth (height, width) float32 in m.
 
@@ -90,14 +88,12 @@ class Camera:
             data: snapshot of the robot.
             arrows: drawn into the frame.
             viewpoint: of a free camera.
-            forces: whether those of the robot's contacts are shown.
         """
         camera = self._camera or self._free(data, viewpoint or Viewpoint())
-        renderer, flags = self._renderer, self._option.flags
+        renderer = self._renderer
         assert renderer is not None
         (renderer.enable_depth_rendering if depth else renderer.disable_depth_rendering)()
-        flags[mujoco.mjtVisFlag.mjVIS_CONTACTPOINT] = flags[mujoco.mjtVisFlag.mjVIS_CONTACTFORCE] = forces
-        renderer.update_scene(data, camera, self._option)
+        renderer.update_scene(data, camera)
         if self._ground is not None:
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._fine
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False

@@ -55,7 +55,7 @@ def test_each_picture_looks_at_its_own_robot_while_it_follows(camera: ViewCamera
 @pytest.fixture
 def drawn() -> Iterator[tuple[Painter, "queue.Queue[bytes]"]]:
     files: queue.Queue[bytes] = queue.Queue()
-    with closing(Painter(files.put, "low")) as painter:
+    with closing(Painter(files.put)) as painter:
         yield painter, files
 
 
@@ -79,7 +79,7 @@ def test_pictures_are_of_the_robots_and_the_ground_of_now(
         assert np.abs(picture_of(two) - alone).mean() > 1.0  # a picture each, side by side
     with closing(walking(camera, "trot", scenario="stairs=0.3")) as stairs:
         climbed = picture_of(stairs)  # of another model: nothing of the last one is drawn
-        with closing(Painter(files.put, "low")) as fresh:
+        with closing(Painter(files.put)) as fresh:
             assert np.abs(picture_of(stairs, fresh) - climbed).mean() < 1.0
         assert np.abs(climbed - alone).mean() > 5.0
     assert painter.failure is None
