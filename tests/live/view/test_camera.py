@@ -14,7 +14,7 @@ from PIL import Image
 import policies
 from live.session import Session
 from live.view.camera import DISTANCES, STEEPEST, Orbit, ViewCamera
-from live.view.painter import QUALITIES, Painter
+from live.view.painter import HEIGHT, WIDTH, Painter
 from quad_env.cli.pace import Pace
 
 
@@ -71,7 +71,7 @@ def test_pictures_are_of_the_robots_and_the_ground_of_now(
 
     with closing(walking(camera, "trot")) as flat, closing(walking(ViewCamera(), "trot", "stand")) as two:
         alone = picture_of(flat)
-        assert alone.shape == (QUALITIES["low"].height, QUALITIES["low"].width, 3)
+        assert alone.shape == (HEIGHT, WIDTH, 3)
         assert np.abs(picture_of(flat) - alone).mean() < 1.0
         for _ in range(60):
             flat.step()
