@@ -18,7 +18,7 @@ from policies.base import CONTROL_PERIOD, Actions, PolicyError
 from policies.history import Inputs
 from policies.network import ACTIVATIONS, Network
 from policies.parameters import is_number
-from policies.residual import NO_SHIFT, Features, ResidualPolicy, check_shiftable, correction_width
+from policies.residual import Features, ResidualPolicy
 from policies.residual_bases import describe, described
 from quad_env import ENV_ID
 from quad_env.files.reading import parse_json
@@ -49,7 +49,6 @@ _LATER_FIELDS: dict[str, Any] = {
     "control_period": CONTROL_PERIOD,
     "inputs": {},
     "hold": 1,
-    "foothold_authority": NO_SHIFT.tolist(),
     "servo": None,
 }
 """Fields that older bundles lack, and what these were made for."""
@@ -58,8 +57,9 @@ _REMOVED_FIELDS = {
     "gait_authority": [0.0] * 3,
     "space": "joints",
     "shift_time": 0.0,
+    "foothold_authority": [0.0] * 2,
 }
-"""Fields of bundles of version 0.1.0, and the only values that policies can still have."""
+"""Fields of bundles of older versions, and the only values that policies can still have."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
 _LARGEST_WEIGHT = 1e6
 _LARGEST_AUTHORITY = math.pi
@@ -85,7 +85,6 @@ def description_of(
         "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
-        "foothold_authority": policy.shift_authority.tolist(),
         "inputs": asdict(policy.features.inputs),
         "hold": policy.hold,
         "servo": [policy.robot.servo_stiffness.tolist(), policy.robot.servo_damping.tolist()],
@@ -110,7 +109,7 @@ def parsed(place: Path, content: bytes) -> dict[str, Any]:
         fail(place, f"{DESCRIPTION} lacks {', '.join(missing)}")
     for field, only in _REMOVED_FIELDS.items():
         if (value := description.pop(field, only)) != only:
-            fail(place, f"its {field} is {value!r:.80}, which this version cannot do; version 0.1.0 can")
+            fail(place, f"its {field} is {value!r:.80}, which this version cannot do; an older one can")
     if unknown := sorted(set(description) - _FIELDS - set(_LATER_FIELDS)):
         fail(place, f"{DESCRIPTION} has unknown fields {', '.join(unknown)}")
     return _LATER_FIELDS | description
@@ -128,19 +127,14 @@ def assembled(
     except ValueError as error:
         fail(place, str(error))
     inputs = _inputs(place, description["inputs"])
-    shifts = _authority(place, "foothold_authority", description["foothold_authority"], len(NO_SHIFT))
-    try:
-        check_shiftable(base, shifts)
-    except ValueError as error:
-        fail(place, str(error))
-    corrects = network(Features(base, inputs, shifts).width, correction_width(robot, shifts))
+    corrects = network(Features(base, inputs).width, robot.num_joints)
     if type(hold := description["hold"]) is not int or not 1 <= hold <= _LONGEST_HOLD:
         fail(place, f"hold must be a whole number from 1 to {_LONGEST_HOLD}")
     name = description["name"]
     if not isinstance(name, str) or not name or not name.isprintable():
         fail(place, "name must be a text of printable characters")
     authority = _authority(place, "authority", description["authority"], robot.num_joints)
-    return ResidualPolicy(base, corrects, authority, name, inputs, hold, shifts)
+    return ResidualPolicy(base, corrects, authority, name, inputs, hold)
 
 
 def _check_environment(folder: Path, description: dict[str, Any], robot: Robot) -> None:

@@ -7,7 +7,7 @@ period the joints have the torques that were found.
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, ShiftableFootholds, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
 from policies.behaviour.motion import Stop
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.gaits.parameters import OFFSETS
@@ -47,7 +47,7 @@ FASTEST_JOINT = 2000.0
 """Joint acceleration, rad/s², that the inverted PD law counts on at most."""
 
 
-class Mpc(ShiftableFootholds):
+class Mpc(GaitedPolicy):
     """Convex model-predictive control: each leg bears its planned force and follows its path by itself.
 
     Args:
@@ -154,7 +154,7 @@ class Mpc(ShiftableFootholds):
         ground = self._ground(now, contacts.landed)
         pushed = as_accelerations(now.bodies, now.rotation, push)
         height, stance = self._height, p.duty / self._frequencies
-        aim = footholds(self.robot, p, now, pushed[:, :2], stance, height, self.foothold_shift)
+        aim = footholds(self.robot, p, now, pushed[:, :2], stance, height)
         wished = self._feet(now, cycle, contacts, aim, self._over(aim, ground))
         stands, since = self._schedule(contacts.standing)
         places = arms(

@@ -11,7 +11,6 @@ from evaluate.measures.metrics import Measures, measure
 from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import rollout
 from policies.mpc.contact import ContactSense
-from policies.mpc.footing import footholds
 from policies.mpc.motion import motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import PATIENCE, Mpc, MpcWbc
@@ -93,32 +92,6 @@ def test_the_motion_of_a_robot_alone_has_the_same_bits_as_among_others() -> None
     for robot in range(3):
         for alone, among in zip(arrays(rows[[robot]]), arrays(rows), strict=True):
             np.testing.assert_array_equal(alone[0], among[robot])
-
-
-def test_shifted_footholds_are_those_of_another_parameter_and_a_restarted_robot_has_its_own() -> None:
-    own, other, shifted = (MpcWbc(MpcParameters(**changed)) for changed in ({}, {"shift": 0.03}, {}))
-    rows = observations(2)
-    for policy in (own, other, shifted):
-        policy.reset(num_envs=2)
-    shifted.foothold_shift[:] = 0.03, 0.0
-    for step in range(45):
-        if step == 30:
-            shifted.reset_where(np.array([True, False])), own.reset(num_envs=2)
-        action, usual = shifted.act(rows), own.act(rows)
-        np.testing.assert_allclose(action[1], other.act(rows)[1], atol=2e-6)
-        if step >= 30:
-            np.testing.assert_array_equal(action[0], usual[0])
-    assert np.abs(action[1] - usual[1]).max() > 1e-3
-
-
-def test_shifted_footholds_are_ahead_and_to_the_left() -> None:
-    robot, p, rows = SIMPLE_QUAD, MpcParameters(), observations(1)
-    now, height = motion(robot, Dynamics(robot), rows), 0.36
-    place, there = (
-        footholds(robot, p, now, np.zeros((1, 2)), np.array([0.2]), height, np.array([by]))
-        for by in ((0.0, 0.0), (0.01, 0.02))
-    )
-    np.testing.assert_allclose(there - place, np.broadcast_to((0.01, 0.02), (1, 4, 2)), atol=1e-12)
 
 
 class Unreliable:
