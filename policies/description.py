@@ -59,7 +59,7 @@ _REMOVED_FIELDS = {
     "space": "joints",
     "shift_time": 0.0,
 }
-"""Fields of bundles of versions up to 0.2.0, and the only values that policies can still have."""
+"""Fields of bundles of older versions, and the only values that policies can still have."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
 _LARGEST_WEIGHT = 1e6
 _LARGEST_AUTHORITY = math.pi
@@ -109,7 +109,7 @@ def parsed(place: Path, content: bytes) -> dict[str, Any]:
         fail(place, f"{DESCRIPTION} lacks {', '.join(missing)}")
     for field, only in _REMOVED_FIELDS.items():
         if (value := description.pop(field, only)) != only:
-            fail(place, f"its {field} is {value!r:.80}, which this version cannot do; older ones can")
+            fail(place, f"its {field} is {value!r:.80}, which this version cannot do; an older one can")
     if unknown := sorted(set(description) - _FIELDS - set(_LATER_FIELDS)):
         fail(place, f"{DESCRIPTION} has unknown fields {', '.join(unknown)}")
     return _LATER_FIELDS | description

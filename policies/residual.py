@@ -24,7 +24,7 @@ class Features:
     """What the network over a base sees of n robots, about unit size.
 
     The scaled observation; over a gaited base the sine and cosine of its phase, and its action minus the home pose;
-    sine and cosine of a clock of its own; then what is remembered of the scaled observations before.
+    sine and cosine of a clock of its own; what is remembered of the scaled observations before.
     """
 
     def __init__(self, base: Policy, inputs: Inputs = PRESENT) -> None:
@@ -93,13 +93,13 @@ class ResidualPolicy(Policy):
         inputs: Inputs = PRESENT,
         hold: int = 1,
     ) -> None:
-        robot, outputs = base.robot, base.robot.num_joints
+        robot = base.robot
         self.features = Features(base, inputs)
         self.hold = hold
         """Control steps that a correction is held, while the base goes on at every one."""
-        if network.sizes[0] != self.features.width or network.sizes[-1] != outputs:
+        if network.sizes[0] != self.features.width or network.sizes[-1] != robot.num_joints:
             raise ValueError(
-                f"a network over {base.name} needs {self.features.width} inputs and {outputs} outputs, "
+                f"a network over {base.name} needs {self.features.width} inputs and {robot.num_joints} outputs, "
                 f"not {network.sizes[0]} and {network.sizes[-1]}"
             )
         self.base = base
@@ -134,7 +134,6 @@ class ResidualPolicy(Policy):
         self.base_action = self.base.act(observation)
         seen = self.features.see(observation, self.base_action)
         if (due := (self.features.ticks - 1.0) % self.hold == 0.0).any():
-            one = np.float32(1.0)
-            corrected = np.clip(self.network(seen), -one, one)
+            corrected = np.clip(self.network(seen), np.float32(-1.0), np.float32(1.0))
             self.correction = np.where(due[:, None], corrected, self.correction)
         return compose(self.robot, self.base_action, self.correction, self.authority)

@@ -17,7 +17,7 @@ _INK, _EDGE = (255, 255, 255), (30, 34, 38)
 
 
 WIDTH, HEIGHT = 640, 400
-"""Of the pictures, pixels: what a processor draws fast enough."""
+"""Pixels that a processor draws fast enough."""
 
 
 class Painter:
@@ -88,7 +88,7 @@ class Painter:
         if (number, count) not in self._cameras:
             if any(known != count for _, known in self._cameras):
                 self._forget()
-            self._cameras[number, count] = Camera(self._model, WIDTH // count, HEIGHT, None, fine=False)
+            self._cameras[number, count] = Camera(self._model, WIDTH // count, HEIGHT, None)
         return self._cameras[number, count]
 
     def _forget(self) -> None:

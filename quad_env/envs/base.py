@@ -87,8 +87,8 @@ class QuadEnvBase:
         motors, suite = find_actuator(_setting(actuator)), sensor_suite(_setting(sensors))
         check_estimator(estimator, suite)
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
-        self._weights = step_weights(self.config.reward_weights, self.dt, self.config.reward_terms)
-        feet = look_at_feet(self._weights, self.config.reward_terms)
+        self._weights = step_weights(self.config.reward_weights, self.dt)
+        feet = look_at_feet(self._weights)
         self.simulation = Simulation(
             *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet, self.config.timestep),
             servo=gains if differ else None,

@@ -153,7 +153,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self.simulation.step(targets[None], self._episode.pushes.force_at([self._clock]), received=received)
         self._clock += 1
         state = self._judge()
-        terms = reward_terms(state, self._terminated, self._diverged, self._weights, self.config.reward_terms)
+        terms = reward_terms(state, self._terminated, self._diverged, self._weights)
         if not self._held and self._clock % self._interval == 0:
             self._command = columns.of_robot(self._episode.next_command()[None])
         observation = self._observe(state)

@@ -245,7 +245,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         paid = {
             "mechanical_power": state.mechanical_power,
             "overspeed": columns.share_above(state.joint_velocity, self.robot.rated_speed),
-            **reward_terms(state, ended, diverged, self._weights, self.config.reward_terms),
+            **reward_terms(state, ended, diverged, self._weights),
         }
         return paid if ids is ALL else {key: self._spread(values, ids) for key, values in paid.items()}
 

@@ -43,8 +43,8 @@ class Camera:
     The thread that makes it draws with it and closes it.
 
     Args:
-        model: of the simulation; a free camera draws a copy of it.
-        fine: whether a free camera draws shadows and smooth edges, which cost a processor three to six times as much.
+        model: of the simulation; a free camera draws a copy of it, without shadows and smooth edges, which cost a
+            processor three to six times as much.
 
     Raises:
         ValueError: the model has no such camera.
@@ -57,18 +57,16 @@ class Camera:
         width: int = 640,
         height: int = 480,
         camera: str | None = "track",
-        *,
-        fine: bool = True,
     ) -> None:
         names = [model.camera(i).name for i in range(model.ncam)]
         if camera is not None and camera not in names:
             raise ValueError(f"unknown camera {camera!r}; valid: {', '.join(names)}")
         find_backend()
-        self._camera, self._fine = camera, fine
+        self._camera = camera
         self._ground = Ground(model) if camera is None else None
         if self._ground is not None:
             model = self._ground.model
-            model.vis.quality.offsamples = 4 if fine else 0
+            model.vis.quality.offsamples = 0
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._size = height, width
         # A free camera's begins with the first frame, once the ground is cut: to load all of it takes seconds.
@@ -95,7 +93,7 @@ class Camera:
         (renderer.enable_depth_rendering if depth else renderer.disable_depth_rendering)()
         renderer.update_scene(data, camera)
         if self._ground is not None:
-            renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._fine
+            renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         draw_arrows(renderer.scene, arrows)
         return np.array(renderer.render())

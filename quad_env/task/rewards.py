@@ -5,15 +5,12 @@ the field, with the error itself rather than its square in the exponent, so that
 pay.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import Any, cast
 
-import numpy as np
-
 from quad_env.columns import Column, Truth, Vector, anywhere, differences, exp, sqrt, sum_of_squares, total, where
-from quad_env.config import RewardTerm, RewardWeights
-from quad_env.files.text import described
+from quad_env.config import RewardWeights
 from quad_env.physics.state import Feet, QuadState
 
 LINEAR_WIDTH = 0.25
@@ -139,11 +136,7 @@ FOOT_TERMS: dict[str, Callable[..., Any]] = {
 FALL = f"{REWARD}fall"
 
 
-class RewardTermError(ValueError):
-    """A user's reward term that gives no reward."""
-
-
-def step_weights(weights: RewardWeights, dt: float, own: Sequence[RewardTerm] = ()) -> dict[str, float]:
+def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
     """Key of each term in the infos -> its weight in one step, in the order of `reward_terms`.
 
     Terms that accrue with time are multiplied by the control period, so that their sum over a second is their rate;
@@ -151,44 +144,22 @@ def step_weights(weights: RewardWeights, dt: float, own: Sequence[RewardTerm] = 
     """
     rates = {f"{REWARD}{name}": weight for name, weight in asdict(weights).items()}
     fall = rates.pop(FALL)
-    rates |= {f"{REWARD}{term.name}": term.weight for term in own}
     return {key: weight * dt for key, weight in rates.items()} | {FALL: fall}
 
 
-def look_at_feet(weights: dict[str, float], own: Sequence[RewardTerm]) -> bool:
-    """Whether some term asks for the feet: one of `step_weights`, or the user's `own`."""
-    return any(weights[key] for key in FOOT_TERMS) or any(term.takes_feet for term in own)
+def look_at_feet(weights: dict[str, float]) -> bool:
+    """Whether some term of `step_weights` asks for the feet."""
+    return any(weights[key] for key in FOOT_TERMS)
 
 
 def reward_terms(
-    state: QuadState[Column], ended: Truth, diverged: Truth, weights: dict[str, float], own: Sequence[RewardTerm] = ()
+    state: QuadState[Column], ended: Truth, diverged: Truth, weights: dict[str, float]
 ) -> dict[str, Column]:
-    """Weighted terms by `step_weights`, which add up to the reward; a diverged robot's only one is that of the fall.
-
-    Raises RewardTermError where one of the user's `own` fails.
-    """
+    """Weighted terms by `step_weights`, which add up to the reward; a diverged robot's only one is that of the fall."""
     terms = {key: weights[key] * term(state) for key, term in TERMS.items()}
     for key, foot_term in FOOT_TERMS.items():
         terms[key] = weights[key] * foot_term(state, state.feet) if weights[key] else 0.0 * abs(state.height)
-    terms |= {(key := f"{REWARD}{term.name}"): weights[key] * own_value(term, state) for term in own}
     if anywhere(diverged):
         terms = {key: where(diverged, 0.0, value) for key, value in terms.items()}
     terms[FALL] = weights[FALL] * where(ended, 1.0, 0.0)
     return terms
-
-
-def own_value(term: RewardTerm, state: QuadState[Column]) -> Column:
-    """What a user's term gives, not weighted. Raises RewardTermError unless it is a finite number for each robot."""
-    try:
-        asked = {"feet": state.feet} if term.takes_feet else {}
-        value = np.asarray(term.function(state, **asked), np.float64)
-    except Exception as error:
-        raise RewardTermError(f"the reward term {term.name} fails: {described(error)}") from error
-    if value.shape != np.shape(state.height):
-        of = f"of shape {value.shape}; wanted {np.shape(state.height)}, one for each robot"
-        raise RewardTermError(f"the reward term {term.name} gives numbers {of}")
-    if not np.isfinite(value).all():
-        raise RewardTermError(
-            f"the reward term {term.name} gives {value[~np.isfinite(value)][0]}; wanted finite numbers"
-        )
-    return cast("Column", value if value.ndim else float(value))

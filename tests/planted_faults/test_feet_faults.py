@@ -1,6 +1,6 @@
 """Faults of the feet's readings, planted into the real code: each must turn a named check red.
 
-What is checked is what a user's own reward term is shown.
+What is checked is what reward terms are shown.
 """
 
 from collections.abc import Callable
@@ -25,19 +25,21 @@ Readings = dict[str, np.ndarray]
 
 
 class Walk:
-    """Robots that trot, and what a reward term is shown of their feet at each step: name -> (n, 4, …)."""
+    """Robots that trot, and what reward terms are shown of their feet at each step: name -> (n, 4, …)."""
 
     def __init__(self, num_envs: int, scenario: Any = "flat", **options: Any) -> None:
-        term = quad_env.RewardTerm("show", self._show, 0.0)
-        config = quad_env.TaskConfig(reward_terms=(term,))
+        config = quad_env.TaskConfig(reward_weights=quad_env.RewardWeights(foot_slip=-0.1))
         self.env = SimpleQuadVectorEnv(num_envs, scenario, nthread=1, config=config, readings=True, **options)
+        self._state = self.env.simulation.state
+        self.env.simulation.state = self._watched
         self.policy = policies.make("trot")
         self.policy.reset(num_envs)
         self.observation, _ = self.env.reset(seed=3, options={"command": (0.6, 0.2, 0.5)})
 
-    def _show(self, state: Any, feet: Any) -> Any:
-        self._shown = {name: np.moveaxis(np.array(value), -1, 0).copy() for name, value in feet._asdict().items()}
-        return 0.0 * state.height
+    def _watched(self, *arguments: Any) -> Any:
+        state = self._state(*arguments)
+        self._shown = {name: np.moveaxis(np.array(value), -1, 0).copy() for name, value in state.feet._asdict().items()}
+        return state
 
     def step(self) -> Readings:
         """Contacts are those of the last substep, which `test_readings` holds against MuJoCo's own list."""
