@@ -424,9 +424,6 @@ FIELDS = {
     "HeightScan.rate": slow(scan),
     "HeightScan.delay": late(scan),
     "HeightScan.noise": Effect(0.1, series(scan), lambda before: before + 0.1 * white(streams().scan_noise, 0, 6)),
-    "HeightScan.dropouts": Effect(
-        0.5, series(scan), lambda before: np.where(white(streams().scan_dropouts, 0, 6) < 0.0, -2.0, before)
-    ),
     "Actuator.bandwidth": lagging(8.0),
     "Actuator.delay": Effect(0.02, series(servo_targets), np.stack([0.0 * HOME, 0.0 * HOME, *(WAVES[:-1] - HOME)])),
 }
