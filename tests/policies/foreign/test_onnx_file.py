@@ -82,10 +82,12 @@ def test_the_exported_residual_is_the_residual(tmp_path: Path, repository: Path)
 def test_an_export_that_answers_otherwise_than_its_bundle_is_refused(
     tmp_path: Path, repository: Path, monkeypatch
 ) -> None:
-    other, make = {"Elu": "Tanh"}, onnx.helper.make_node
-    monkeypatch.setattr(
-        onnx.helper, "make_node", lambda kind, *rest, **more: make(other.get(kind, kind), *rest, **more)
-    )
+    make = onnx.helper.make_node
+
+    def node(kind: str, *rest: list[str]) -> onnx.NodeProto:
+        return make({"Elu": "Tanh"}.get(kind, kind), *rest)
+
+    monkeypatch.setattr(onnx.helper, "make_node", node)
     with pytest.raises(PolicyError, match="answers otherwise than"):
         onnx_file.export(repository / "models/residual", tmp_path / "residual.onnx", 50)
 
