@@ -71,8 +71,8 @@ def mean_plane(scan: HeightScan) -> Floats:
 def seen_ground(scan: HeightScan, shown: Floats, ground: Ground, foot_radius: float) -> SeenGround:
     """The ground that the entries of a scan show, (n, p), m; by the footprints' plane where they show nothing."""
     heights = on_grid(scan, ground)
-    heights[:, scan.seen] = np.where(shown > UNSEEN, shown + foot_radius, heights[:, scan.seen])
-    return SeenGround(scan, heights)
+    shown = shown.reshape(heights.shape)
+    return SeenGround(scan, np.where(shown > UNSEEN, shown + foot_radius, heights))
 
 
 def on_grid(scan: HeightScan, ground: Ground) -> Floats:

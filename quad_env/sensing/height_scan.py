@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Array, Column, Mask, Rows
+from quad_env.columns import Array, Column, Rows
 from quad_env.physics.state import QuadState, to_heading
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import check_amount, check_positive
@@ -48,10 +48,6 @@ class HeightScan(Sampled):
     """Points to each side of it"""
     spacing: float = 0.1
     """m between two points. The grid of the defaults is that of legged_gym's `measured_points_x` and `_y`"""
-    field_of_view: float = 2 * math.pi
-    """rad, a sector about the heading, half of it to each side; points outside are no part of the scan"""
-    reach: float | None = None
-    """m, level, from the trunk's centre; points beyond are no part of the scan. None: as far as the grid goes"""
     noise: float = 0.0
     """m, standard deviation of the white noise on each point of each sample"""
     dropouts: float = 0.0
@@ -65,7 +61,6 @@ class HeightScan(Sampled):
                 raise ValueError(f"a height scan's {name} must be a {kind}, got {value!r}")
         super().__post_init__()
         check_positive("a height scan's spacing", self.spacing, "m")
-        check_positive("a height scan's reach", self.reach, "m")
         check_amount("a height scan's noise", self.noise, "m")
         counts = self.ahead, self.behind, self.aside
         if min(counts) < 0 or math.prod(self._grid) > MOST_POINTS:
@@ -73,8 +68,6 @@ class HeightScan(Sampled):
                 f"a height scan has at least 0 points ahead, behind and aside and at most {MOST_POINTS} in all, "
                 f"got {counts}"
             )
-        if not 0 < self.field_of_view <= 2 * math.pi:
-            raise ValueError(f"a height scan's field_of_view must lie above 0 and at most 2π, got {self.field_of_view}")
         if not 0 <= self.dropouts <= 1:
             raise ValueError(f"a height scan's dropouts are a share between 0 and 1, got {self.dropouts}")
 
@@ -84,31 +77,22 @@ class HeightScan(Sampled):
 
     @property
     def grid(self) -> Array:
-        """Every point of the grid, seen or not: x and y, heading frame, (rows, columns, 2), m; rows from the hindmost,
+        """Every point of the grid: x and y, heading frame, (rows, columns, 2), m; rows from the hindmost,
         in each from the right to the left."""
         x = self.spacing * np.arange(-self.behind, self.ahead + 1)
         y = self.spacing * np.arange(-self.aside, self.aside + 1)
         return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
 
     @property
-    def seen(self) -> Mask:
-        """Which points of the grid are in the field of view and within reach, (rows, columns)."""
-        x, y = np.moveaxis(self.grid, -1, 0)
-        within = np.abs(np.arctan2(y, x)) <= 0.5 * self.field_of_view + 1e-9
-        at_the_centre = (x == 0) & (y == 0)
-        near = np.hypot(x, y) <= (math.inf if self.reach is None else self.reach + 1e-9)
-        return np.asarray((within | at_the_centre) & near)
-
-    @property
     def points(self) -> Array:
         """x and y of the points in the order of the term's entries, heading frame, (p, 2), m."""
-        return self.grid[self.seen]
+        return self.grid.reshape(-1, 2)
 
     @property
     def term(self) -> Term:
         """Its term of the observation."""
         unit = "m, ground minus trunk's centre"
-        return Term("height_scan", int(self.seen.sum()), unit, -UNSEEN, _SCALE)
+        return Term("height_scan", math.prod(self._grid), unit, -UNSEEN, _SCALE)
 
 
 @cache

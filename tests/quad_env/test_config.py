@@ -38,7 +38,6 @@ import quad_env
         (quad_env.HeightScan, {"spacing": "wide"}, "spacing must be a number, got 'wide'"),
         (quad_env.HeightScan, {"ahead": 2.5}, "ahead must be a whole number"),
         (quad_env.HeightScan, {"aside": 5000}, "at most 10000"),
-        (quad_env.HeightScan, {"field_of_view": 0.0}, "field_of_view must lie above 0"),
         (quad_env.HeightScan, {"dropouts": 1.5}, "dropouts are a share between 0 and 1"),
     ],
 )

@@ -93,14 +93,3 @@ def test_it_changes_nothing_else_and_a_scenario_s_noise_comes_on_top() -> None:
     for drawn in (missing, np.where(missing, 0.0, added)):
         flat = drawn.transpose(1, 0, 2).reshape(6, -1)
         assert np.abs(np.corrcoef(flat) - np.eye(6)).max() < 0.05
-
-
-def test_what_is_out_of_view_is_no_part_of_it() -> None:
-    whole = HeightScan()
-    ahead = replace(whole, field_of_view=np.pi / 2, reach=0.6)
-    x, y = ahead.points.T
-    assert ((np.abs(y) <= x + 1e-9) & (np.hypot(x, y) <= 0.6 + 1e-9)).all()
-    assert len(x) == 1 + 3 + 5 + 7 + 9 + 7 + 1  # from the centre on, each row ahead
-    wide, narrow = scans(whole, 2, 5), scans(ahead, 2, 5)
-    np.testing.assert_array_equal(narrow, wide[..., ahead.seen.ravel()])
-    assert ahead.term.width == narrow.shape[-1]
