@@ -2,7 +2,8 @@
 
 SB3 calls `_on_rollout_start` after the update of the last rollout: the one place where learner and random generators
 can be saved together. The state of the robots is not saved: a run is a chain of segments, all robots start each with
-new episodes, and checkpoints lie between segments. A run that was stopped anywhere and resumed is the uninterrupted one, bit for bit, on the same machine with the same packages.
+new episodes, and checkpoints lie between segments. A run that was stopped anywhere and resumed is the uninterrupted
+one, bit for bit, on the same machine with the same packages.
 """
 
 import time
