@@ -50,8 +50,10 @@ def test_what_it_does_not_see_is_the_footprints_plane() -> None:
         seen_ground(SMALL, shown, TWO, 0.02).at(there), TWO.at(there[..., 0], there[..., 1]), atol=1e-12
     )
     shown[:, 1:] = -0.1
-    seen = seen_ground(SMALL, shown, TWO, 0.02).heights
-    np.testing.assert_allclose(seen.reshape(2, -1)[:, 1:], -0.08)
+    seen = seen_ground(SMALL, shown, TWO, 0.02).heights.reshape(2, -1)
+    np.testing.assert_allclose(seen[:, 1:], -0.08)
+    x, y = SMALL.points[0]
+    np.testing.assert_allclose(seen[:, 0], TWO.at(np.full((2, 1), x), np.full((2, 1), y))[:, 0], atol=1e-12)
 
 
 def test_beyond_the_grid_the_ground_goes_on_as_at_its_edge() -> None:
