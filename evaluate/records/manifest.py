@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from evaluate.measures.effort import ENERGY_1
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
 from evaluate.records.provenance import DIGEST, code_digest, cpu_model, model_of, policy_digest, versions
 from evaluate.rollouts import rollout
@@ -79,6 +80,11 @@ class Manifest:
     def success_rule(self) -> str:
         """Rule of success that its outcomes are by."""
         return self.versions.get("success_rule") or SUCCESS_1
+
+    @property
+    def energy_rule(self) -> str:
+        """Rule that energy and torques are by."""
+        return self.versions.get("energy_rule") or ENERGY_1
 
     def begun(self) -> "Manifest":
         """With its fingerprint."""
@@ -177,8 +183,9 @@ def differences(then: Manifest, now: Manifest) -> list[str]:
 
 
 def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
-    for name, version in then.versions.items():
-        new = now.versions.get(name, version)  # older results do not name all that newer ones do
+    before, after = ({"energy_rule": ENERGY_1, **each.versions} for each in (then, now))
+    for name, version in before.items():
+        new = after.get(name, version)  # older results do not name all that newer ones do
         if name not in _NOT_COMPARED and new != version:
             yield f"{name} was {version} and is {new}"
     if then.code != now.code:

@@ -177,7 +177,8 @@ class Recorder:
 
     def episodes(self) -> Episodes:
         """The record; of steps that were not recorded, zeros."""
-        env, falls = self._env, self.falls
+        env, falls, meter = self._env, self.falls, self._env.simulation.meter
+        assert meter is not None, "an environment without readings"
         return Episodes(
             robot=env.robot,
             seeds=self._seeds,
@@ -189,7 +190,8 @@ class Recorder:
             fall_reason=falls.reason,
             divergence_step=falls.divergence_step,
             weight=weight(env.robot, env.scenario),
-            torque_limit=float(env.simulation.model.actuator_forcerange.max()),
+            torque_limit=tuple(meter.torque_limit.tolist()),
+            speed_limit=tuple(meter.speed_limit.tolist()),
             dt=env.dt,
             command_steps=env.scenario.commands.steps(env.dt),
             failure=self._failure,

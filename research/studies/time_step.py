@@ -1,0 +1,71 @@
+"""Effort at physics steps of 2, 1 and 0.5 ms: `python -m research time-step` walks the same episodes at each."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import policies
+from evaluate.measures.catalogue import EFFORT
+from evaluate.measures.effort import cost_of_transport
+from evaluate.measures.metrics import measure
+from evaluate.rollouts import rollout
+from evaluate.rollouts.experiment import evaluation_seeds
+from evaluate.rollouts.hardware import Hardware
+from quad_env.cli.command_line import check_numbers
+from quad_env.config import TaskConfig
+from quad_env.files.writing import write_atomically
+from quad_env.robots.robot import Robot
+from research.pages.csv_text import csv_text
+
+STEPS = 0.002, 0.001, 0.0005
+"""s; the first is that of all other results."""
+MEANS = (*(name for name in EFFORT if name != "cost_of_transport"), "mechanical_power", "mean_velocity_error")
+
+
+@dataclass(frozen=True)
+class Options:
+    """Write the effort of policies at each physics step as a CSV file."""
+
+    policies: tuple[str, ...] = (
+        *("document_repaired", "trot", "trot_feedback", "trot_integral", "residual", "robust", "mpc_wbc"),
+    )
+    """Names or folders of policies."""
+    scenarios: tuple[str, ...] = ("steady", "flat")
+    """Scenarios."""
+    episodes: int = 12
+    """Episodes of each policy on each scenario at each physics step (count)."""
+    table: Path = Path("results/time_step.csv")
+    """CSV file for the figures."""
+
+
+@dataclass(frozen=True)
+class _Stepped(Hardware):
+    timestep: float = STEPS[0]
+
+    def environment(self, robot: Robot) -> dict[str, Any]:
+        return super().environment(robot) | {"config": TaskConfig(timestep=self.timestep)}
+
+
+def main(options: Options) -> int:
+    """Run, print and write. Raises UsageError."""
+    check_numbers(options, {"episodes": (1, 4096)})
+    table = list(figures(options))
+    write_atomically(options.table, csv_text(table))
+    print(csv_text(table).decode(), options.table, sep="")
+    return 0
+
+
+def figures(options: Options) -> Iterator[dict[str, Any]]:
+    """A row a policy, scenario and physics step: means of the episodes, cost of transport that of all together."""
+    seeds = evaluation_seeds(0, options.episodes)
+    for scenario, name, step in product(options.scenarios, options.policies, STEPS):
+        record = rollout.run(policies.resolve(name), scenario, seeds, nthread=2, hardware=_Stepped(timestep=step))
+        found = measure(record)
+        energy, distance = (each.mean(keepdims=True) for each in (found.energy, found.distance))
+        row = {"policy": name, "scenario": scenario, "step": step, "success_rate": float(found.succeeded.mean())}
+        row["cost_of_transport"] = float(cost_of_transport(energy, distance, record.weight)[0])
+        yield row | {each: float(np.nanmean(getattr(found, each))) for each in MEANS}
