@@ -19,9 +19,14 @@ from quad_env.scenarios.scenario import HARDWARE
 
 FEWEST_AXES = 2
 """Axes from which on a mean over them is a score."""
+SCORES = "score", "hardware score"
+"""What tables call the two."""
+FLAT = "flat"
+"""Scenario whose success is shown of a policy without a score."""
 WORDS = (
     "The score is the mean success over the axes, each axis and each of its severities alike; its interval counts "
-    "episodes, each with all of its scenarios. p is not corrected."
+    "episodes, each with all of its scenarios. p is not corrected. The hardware score is that of the scenarios with "
+    "the robot's hardware profile."
 )
 
 
@@ -60,6 +65,11 @@ def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> l
     base = by_episode.get(baseline)
     found = [_score(policy, whole[policy], axes, values, base) for policy, values in by_episode.items()]
     return sorted(found, key=lambda each: -each.score)
+
+
+def ranked(*kinds: Sequence[Score]) -> list[str]:
+    """Policies by their scores of the first kind, then those that have others alone."""
+    return list(dict.fromkeys(score.policy for kind in kinds for score in kind))
 
 
 def _score(
