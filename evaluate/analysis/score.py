@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
-from evaluate.rollouts.battery import STEADY
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import Floats, Interval, difference_interval, mean_share_interval
 from evaluate.statistics.significance import sign_flip_test
+from quad_env.scenarios.named import STEADY
 from quad_env.scenarios.scenario import HARDWARE
 
 FEWEST_AXES = 2
@@ -51,7 +51,7 @@ class Score:
 def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> list[Score]:
     """Scores, with the hardware profile or without, of the policies that ran every such scenario, the highest first;
     none of a run of one axis. The steady walk, which nothing disturbs, is no part of a score."""
-    cells = [cell for cell in cells if cell.scenario.hardware == hardware and _base(cell.scenario.name) != STEADY]
+    cells = [cell for cell in cells if cell.scenario.hardware == hardware and _base(cell.scenario.name) != STEADY.name]
     axes = severity_axes(cells)
     names = {level.name for axis in axes for level in axis.levels}
     ran = {policy: {cell.scenario.name: cell for cell in cells if cell.policy == policy} for policy in _policies(cells)}

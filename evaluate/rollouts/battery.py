@@ -12,7 +12,7 @@ from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
-from quad_env.scenarios.named import SCENARIOS, TERRAIN, WRITTEN, find, is_combination, scenarios_of
+from quad_env.scenarios.named import SCENARIOS, STEADY, TERRAIN, WRITTEN, find, is_combination, scenarios_of
 from quad_env.scenarios.scenario import HARDWARE, Scenario, on_hardware
 from quad_env.serialisation import from_plain, to_plain
 
@@ -23,25 +23,23 @@ QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
 HARDER = 2
 """Levels of each axis that the default battery has beyond the nominal one: hard, and hardest."""
 ALL = "all"
-STEADY = "steady"
-"""A scenario of no disturbance, for measures of effort."""
 _FILE = ".py:"
 
 
 BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
     "quick": lambda robot: (
         *_battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())),
-        *_steady(robot),
+        STEADY,
         on_hardware(scenarios_of(robot)[NOMINAL[0]]),
     ),
     "default": lambda robot: (
         *_battery(robot, _nominal_and_harder, tuple(AXES)),
-        *_steady(robot),
+        STEADY,
         *map(on_hardware, _middle(robot)),
     ),
     "full": lambda robot: (
         *_battery(robot, lambda axis: tuple(range(1, len(axis.levels) + 1)), tuple(AXES)),
-        *_steady(robot),
+        STEADY,
     ),
     ALL: lambda robot: tuple(scenarios_of(robot).values()),
 }
@@ -95,15 +93,10 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     return (one,)
 
 
-def _steady(robot: Robot) -> tuple[Scenario, ...]:
-    """The steady walk on level ground."""
-    return tuple(filter(None, (find(STEADY, robot),)))
-
-
 def _middle(robot: Robot) -> tuple[Scenario, ...]:
     """Level ground, the steady walk, and every axis at the level after its nominal one, or its last."""
     levels = (axis.level(min(axis.nominal_level + 1, len(axis.levels))) for axis in axes_of(robot).values())
-    return (scenarios_of(robot)[NOMINAL[0]], *_steady(robot), *levels)
+    return (scenarios_of(robot)[NOMINAL[0]], STEADY, *levels)
 
 
 def _nominal_and_harder(axis: Axis) -> tuple[int, ...]:

@@ -56,10 +56,11 @@ class Hardware:
         import policies
         from quad_env.actuation.hardware import hardware_profile
 
-        robot, actuator, sensors = self.quadruped, self.actuator, self.sensors
+        made = {"robot": self.quadruped, "actuator": self.actuator, "sensors": self.sensors}
         if real:
-            robot, (actuator, sensors, _) = robot.with_servo(), hardware_profile(robot)
-        return policies.resolve(name_or_path, robot=robot, actuator=actuator, sensors=sensors, trust=trust)
+            profile = hardware_profile(self.quadruped)
+            made = {"robot": self.quadruped.with_servo(), "actuator": profile.actuator, "sensors": profile.sensors}
+        return policies.resolve(name_or_path, trust=trust, **made)
 
     @property
     def chosen(self) -> bool:

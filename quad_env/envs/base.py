@@ -91,8 +91,8 @@ class QuadEnvBase:
             if motors != ACTUATORS["ideal"] or suite is not None:
                 own = f"{self.scenario.name} has the robot's hardware profile"
                 raise ValueError(f"{own}: leave out actuator, sensors and estimator, or take the scenario without it")
-            motors, sensors, estimator = hardware_profile(robot)
-            suite = sensor_suite(sensors)
+            motors, named, estimator = hardware_profile(robot)
+            suite = sensor_suite(named)
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
         self._weights = step_weights(self.config.reward_weights, self.dt, self.config.reward_terms)
         feet = look_at_feet(self._weights, self.config.reward_terms)
