@@ -1,4 +1,4 @@
-"""Faults of the two worlds, with the robot's hardware profile and without it: what reaches the robots and the tables."""
+"""Faults of the two worlds, with the robot's hardware profile and without it: what reaches robots and tables."""
 
 import numpy as np
 import pytest
