@@ -88,8 +88,8 @@ class QuadEnvBase:
         motors, suite = find_actuator(_setting(actuator)), sensor_suite(_setting(sensors))
         if self.scenario.hardware:
             if (motors, suite, estimator) != (ACTUATORS["ideal"], None, COMPLEMENTARY):
-                own = f"{self.scenario.name} has the robot's hardware profile"
-                raise ValueError(f"{own}: leave out actuator, sensors and estimator, or take the scenario without it")
+                has = f"{self.scenario.name} has the robot's hardware profile"
+                raise ValueError(f"{has}: leave out actuator, sensors and estimator, or take the scenario without it")
             motors, named, estimator = hardware_profile(robot)
             suite = sensor_suite(named)
         check_estimator(estimator, suite)

@@ -36,18 +36,20 @@ class Meter:
         """Of each joint's motor, (12,), N·m."""
         self.speed_limit = np.full(robot.num_joints, robot.rated_speed if line is None else line.no_load_speed)
         """Speed of each joint without load, of motors without a curve the rated one, (12,), rad/s."""
-        self._last = np.zeros(self._speed.shape)
+        self._mean, self._before = np.zeros((2, *self._speed.shape))
+        """Torque, mean of the control step so far as it counts in it, and of the one before it, N·m."""
         self.readings = {name: np.zeros(self._speed.shape) for name in OF_JOINTS}
         """Of the control step so far, name -> (n, …)."""
         self.readings["foot_impulse"] = np.zeros((len(self._speed), len(self._touch)))
 
     def begin(self, ids: Ids) -> None:
         """Start those robots, whose motors have not given any torque yet."""
-        self._last[ids] = 0.0
         self.clear(ids)
+        self._before[ids] = 0.0
 
     def clear(self, ids: Ids) -> None:
         """Begin a control step of those robots."""
+        self._before[ids], self._mean[ids] = self._mean[ids], 0.0
         for reading in self.readings.values():
             reading[ids] = 0.0
 
@@ -67,11 +69,11 @@ class Meter:
         now["regeneration"][ids] += np.maximum(-work, 0.0)
         now["joule_heat"][ids] += time * torque * torque / self._slope
         now["mean_torque"][ids] += self._share * size
-        now["torque_change"][ids] += np.abs(torque - self._last[ids])
+        self._mean[ids] += self._share * torque
+        now["torque_change"][ids] = np.abs(self._mean[ids] - self._before[ids])
         now["peak_torque"][ids] = np.maximum(now["peak_torque"][ids], size)
         now["peak_speed"][ids] = np.maximum(now["peak_speed"][ids], np.abs(after))
         now["foot_impulse"][ids] += time * np.concatenate([force[ids] for force in self._touch], axis=1)
-        self._last[ids] = torque
 
 
 def touch_sensors(robot: Robot) -> list[str]:
