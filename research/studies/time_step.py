@@ -65,7 +65,7 @@ def figures(options: Options) -> Iterator[dict[str, Any]]:
     for scenario, name, step in product(options.scenarios, options.policies, STEPS):
         record = rollout.run(policies.resolve(name), scenario, seeds, nthread=2, hardware=_Stepped(timestep=step))
         found = measure(record)
-        means = (np.nanmean(each, keepdims=True) for each in (found.energy, found.distance))
+        energy, distance = (each.mean(keepdims=True) for each in (found.energy, found.distance))
         row = {"policy": name, "scenario": scenario, "step": step, "success_rate": float(found.succeeded.mean())}
-        row["cost_of_transport"] = float(cost_of_transport(*means, record.weight)[0])
+        row["cost_of_transport"] = float(cost_of_transport(energy, distance, record.weight)[0])
         yield row | {each: float(np.nanmean(getattr(found, each))) for each in MEANS}
