@@ -11,6 +11,7 @@ import numpy as np
 
 from evaluate.analysis.breaking_points import AxisBreakingPoint, breaking_points
 from evaluate.analysis.comparison import Comparison, compare, usual_baseline
+from evaluate.analysis.pareto import Pareto, pareto
 from evaluate.analysis.score import Score, scores
 from evaluate.analysis.summary import Summary, summarise
 from evaluate.analysis.training_seeds import seed_spreads
@@ -53,6 +54,8 @@ class Results:
     breaking_points: tuple[AxisBreakingPoint, ...]
     scores: tuple[Score, ...]
     """The highest first; none of a run of a single axis."""
+    pareto: Pareto
+    """Success against cost of transport."""
     versions: Mapping[str, str | None]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
@@ -108,7 +111,7 @@ def analyse(
     robot = _hardware(made_with).quadruped
     made_by = dict(made_with.pop("versions"))
     made_by["success_rule"] = made_by.get("success_rule") or SUCCESS_1
-    names = RULES[made_by["success_rule"]].outcomes
+    names, ranked = RULES[made_by["success_rule"]].outcomes, tuple(scores(cells, against))
     return Results(
         seed=seed,
         episodes=episodes,
@@ -118,7 +121,8 @@ def analyse(
         summaries={(cell.scenario.name, cell.policy): summarise(cell, robot, names) for cell in cells},
         comparisons=tuple(compare(cells, against)),
         breaking_points=tuple(breaking_points(cells)),
-        scores=tuple(scores(cells, against)),
+        scores=ranked,
+        pareto=pareto(cells, ranked, robot),
         versions=made_by,
         provenance=made_with,
     )
@@ -143,6 +147,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "baseline": results.baseline,
         "policy_errors": [asdict(each) for each in results.policy_errors],
         "scores": [asdict(each) for each in results.scores],
+        "pareto": asdict(results.pareto),
         "policies": policies,
         "training_seeds": {run: asdict(seeds) for run, seeds in seed_spreads(results.cells).items()},
         "comparisons": [asdict(comparison) for comparison in results.comparisons],

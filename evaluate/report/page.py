@@ -13,6 +13,7 @@ from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
+from evaluate.report.sections.effort import effort
 from evaluate.report.sections.figures import definitions, policy_label, training
 from evaluate.report.sections.overview import overview, success
 from evaluate.report.sections.worst import worst_episodes
@@ -42,6 +43,8 @@ NOTES = (
     "run; those of the other pairs are families of their own. With those below 0.05 claimed, the chance of any "
     "false claim in a family is at most 5 %. Where p is larger there may still be a difference that so many episodes "
     "cannot show.",
+    "Intervals and tests of the cost of transport take the quotient's linearised values (Woodruff 1971), a value an "
+    "episode.",
     "A breaking point is where half of the episodes fail, that is fall or do not succeed: where a monotone regression, "
     "straight over the logarithm of severity between the levels, crosses one half. No shape is assumed. "
     f"{CAVEAT} What fewer and more are is shown by exact binomial tests.",
@@ -62,6 +65,7 @@ def render(results: Results, folder: Path, *, gates: Sequence[GateResult] = (), 
     with drawing.settings():
         sections = [
             success(results),
+            effort(results),
             _gates(gates),
             overview(results),
             disturbances(results),

@@ -13,7 +13,16 @@ from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes
 from evaluate.analysis.summary import Summary
-from evaluate.report.headings import FIRST, NARROW, NARROW_DIFFERENCES, shares
+from evaluate.report.headings import (
+    EFFORT_ON,
+    FEW,
+    FIRST,
+    NARROW,
+    NARROW_DIFFERENCES,
+    figure_of_effort,
+    interval_of_effort,
+    shares,
+)
 from quad_env.cli.format import broken, counted, number, p_value, points, share
 
 SHOWN = "success % (falls %)"
@@ -34,6 +43,7 @@ def print_results(results: Results, console: Console) -> None:
         print_levels(results, console)
     else:
         console.print(summary_table(results, console.width))
+        console.print(effort_table(results))
         if results.against_baseline:
             console.print()
             console.print(difference_table(results))
@@ -47,6 +57,7 @@ def print_levels(results: Results, console: Console) -> None:
         console.print(level_table(results, axis))
     if single := [axis for axis in axes if len(axis.levels) == 1]:
         console.print(single_table(results, single))
+    console.print(effort_table(results))
     console.print(f"\n{_widest(results)}", highlight=False)
 
 
@@ -115,6 +126,25 @@ def summary_figures(summary: Summary, end: str) -> dict[str, str]:
         value, ci = getattr(summary, metric), getattr(summary, f"{metric}_ci")
         cells[metric] = share(value, ci) if metric in RATES else f"{number(value)} ± {number((ci[1] - ci[0]) / 2)}"
     return {column: re.sub(r" (?=\[|±)", end, cell) for column, cell in cells.items()}
+
+
+def effort_table(results: Results) -> Table:
+    """Cost of transport, steps per second and flight of each policy, with 95 % intervals."""
+    groups = {
+        f"{scenario}: {words}": [
+            {FIRST: row_name(policy)} | {name: _effort(one, name) for name in FEW}
+            for policy in results.policies
+            if (one := results.summaries.get((scenario, policy)))
+        ]
+        for scenario, words in EFFORT_ON.items()
+        if scenario in results.scenarios
+    }
+    return console_table("Effort, with 95 % intervals", {FIRST: "policy", **FEW}, groups)
+
+
+def _effort(summary: Summary, name: str) -> str:
+    ends = interval_of_effort(name, summary.effort_ci[name])
+    return f"{figure_of_effort(name, summary.effort[name])} {f'[{ends}]' if ends else ''}"
 
 
 def difference_table(results: Results) -> Table:

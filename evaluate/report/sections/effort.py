@@ -1,0 +1,67 @@
+"""Effort next to success: the Pareto front, which policies dominate the others, and the figures of effort."""
+
+from collections.abc import Iterator
+from html import escape
+
+from evaluate.analysis.results import Results
+from evaluate.measures.catalogue import EFFORT
+from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FIRST, figure_of_effort, interval_of_effort
+from evaluate.report.html import breakable, grid, heading, image, note, section, table
+from evaluate.report.plots import pareto
+from evaluate.report.plots.drawing import svg
+from evaluate.report.sections.figures import policy_label
+from quad_env.cli.format import ABSENT, listed, number, percent_interval
+
+LEAD = (
+    "A policy is on the Pareto front (filled marks, line) unless another has as much success at no higher cost and is "
+    "better in one of them. Figures decide, not their intervals; a policy that goes nowhere has no cost of transport."
+)
+MOTION = "Over the time while upright; means over episodes with 95 % intervals, the cost of transport of all together."
+
+
+def effort(results: Results) -> str:
+    """Figure and tables; empty where there is nothing to show."""
+    return section("Effort", *_front(results), *_figures(results))
+
+
+def _front(results: Results) -> Iterator[str]:
+    found = results.pareto
+    if not found.front:
+        return
+    yield grid([image(svg(pareto.front(found, results.policies)), "Success against cost of transport of each policy")])
+    place = found.cost_on or "all scenarios"
+    heads = {FIRST: "policy", "success": heading("success", "%"), "cost": heading("cost of transport", escape(place))}
+    rows = (
+        {
+            FIRST: policy_label(results, point.policy),
+            "success": f"{number(100.0 * point.success, 1)}<small>{percent_interval(point.success_ci)}</small>",
+            "cost": _cell("cost_of_transport", point.cost, point.cost_ci),
+            "front": "on the front"
+            if point.policy in found.front
+            else f"dominated by {breakable(listed(point.dominated_by))}"
+            if point.dominated_by
+            else ABSENT,
+        }
+        for point in found.points
+    )
+    yield table(heads | {"front": "Pareto front"}, rows)
+    yield note(LEAD)
+
+
+def _figures(results: Results) -> Iterator[str]:
+    """A row for each policy over the commands and at a steady speed."""
+    rows = [
+        {FIRST: f"{policy_label(results, policy)}<small>{escape(scenario)}</small>"}
+        | {name: _cell(name, one.effort[name], one.effort_ci[name]) for name in EFFORT}
+        for scenario in EFFORT_ON
+        for policy in results.policies
+        if (one := results.summaries.get((scenario, policy)))
+    ]
+    if rows:
+        places = "; ".join(f"{name}: {words}" for name, words in EFFORT_ON.items() if name in results.scenarios)
+        yield table({FIRST: "policy", **{name: heading(*EFFORT_TITLES[name]) for name in EFFORT}}, rows)
+        yield note(f"{places}. {MOTION}")
+
+
+def _cell(name: str, value: float, ends: tuple[float, float]) -> str:
+    return f"{figure_of_effort(name, value)}<small>{interval_of_effort(name, ends)}</small>"
