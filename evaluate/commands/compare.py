@@ -30,7 +30,7 @@ from evaluate.analysis.results import without_nan
 from evaluate.measures.catalogue import EFFORT
 from evaluate.measures.episodes import weight
 from evaluate.measures.outcomes import SUCCEEDED, SUCCESS_1, SUCCESS_RULE
-from evaluate.records.episode_table import by_success_rule
+from evaluate.records.episode_table import by_energy_rule, by_success_rule
 from evaluate.records.manifest import Manifest, differences
 from evaluate.records.store import read_rows, rows_of
 from evaluate.report.headings import FEW, FIRST, NARROW_DIFFERENCES, figure_of_effort, interval_of_effort
@@ -86,6 +86,8 @@ def main(options: Options) -> int:
     rules = a[0].success_rule, b[0].success_rule
     if rules[0] != rules[1]:
         a, b = ((manifest, by_success_rule(rows, manifest.success_rule)) for manifest, rows in (a, b))
+    if a[0].energy_rule != b[0].energy_rule:
+        a, b = ((manifest, by_energy_rule(rows, manifest.energy_rule)) for manifest, rows in (a, b))
     pairs = _pairs(options, a[0], b[0])
     scenarios = dict.fromkeys(a[1].column("scenario").to_pylist())
     found = [_match(scenario, pair, a, b) for scenario in scenarios for pair in pairs]
@@ -177,10 +179,9 @@ def _values(rows: pa.Table, weighs: float) -> dict[str, Floats]:
     rates = {FALL_RATE: rows.column("fell").to_numpy()}
     if "outcome" in rows.column_names:
         rates[SUCCESS_RATE] = rows.column("outcome").to_numpy() == SUCCEEDED
-    whole = {*EFFORT, "energy", "distance"} <= set(rows.column_names)
-    effort = (
-        effort_by_episode(lambda name: np.array(rows.column(name).to_pylist(), np.float64), weighs) if whole else {}
-    )
+    effort: dict[str, Floats] = {}
+    if {*EFFORT, "energy", "distance"} <= set(rows.column_names):
+        effort = effort_by_episode(lambda name: np.array(rows.column(name).to_pylist(), np.float64), weighs)
     return {name: held.astype(np.float64) for name, held in rates.items()} | errors | effort
 
 

@@ -21,7 +21,7 @@ NARROW_DIFFERENCES = NARROW | {rate: f"{TITLES[rate]}\n% points" for rate in RAT
 """Of differences."""
 
 
-EFFORT_ON = {"steady": "at a steady 0.5 m/s", "flat": "over the commands on flat ground"}
+EFFORT_ON = {"steady": "at a steady 0.5 m/s", "flat": "over the commands"}
 """Scenarios of which effort is shown."""
 EFFORT_TITLES = {name: (BY_NAME[name].title, BY_NAME[name].unit) for name in EFFORT} | {
     name: (BY_NAME[name].title, "%") for name in ("trunk_height", "torque_share", "speed_share", "flight")

@@ -43,7 +43,7 @@ def print_results(results: Results, console: Console) -> None:
         print_levels(results, console)
     else:
         console.print(summary_table(results, console.width))
-        console.print(effort_table(results))
+        _print_effort(results, console)
         if results.against_baseline:
             console.print()
             console.print(difference_table(results))
@@ -57,7 +57,7 @@ def print_levels(results: Results, console: Console) -> None:
         console.print(level_table(results, axis))
     if single := [axis for axis in axes if len(axis.levels) == 1]:
         console.print(single_table(results, single))
-    console.print(effort_table(results))
+    _print_effort(results, console)
     console.print(f"\n{_widest(results)}", highlight=False)
 
 
@@ -128,23 +128,25 @@ def summary_figures(summary: Summary, end: str) -> dict[str, str]:
     return {column: re.sub(r" (?=\[|±)", end, cell) for column, cell in cells.items()}
 
 
+def _print_effort(results: Results, console: Console) -> None:
+    if not set(EFFORT_ON).isdisjoint(results.scenarios):
+        console.print()
+        console.print(effort_table(results))
+
+
 def effort_table(results: Results) -> Table:
-    """Cost of transport, steps per second and flight of each policy, with 95 % intervals."""
-    groups = {
-        f"{scenario}: {words}": [
-            {FIRST: row_name(policy)} | {name: _effort(one, name) for name in FEW}
-            for policy in results.policies
-            if (one := results.summaries.get((scenario, policy)))
-        ]
-        for scenario, words in EFFORT_ON.items()
-        if scenario in results.scenarios
-    }
-    return console_table("Effort, with 95 % intervals", {FIRST: "policy", **FEW}, groups)
+    """A row for each policy at a steady speed and over the commands: effort where there is room for three figures."""
+    groups: dict[str, list[dict[str, str]]] = {name: [] for name in EFFORT_ON if name in results.scenarios}
+    for (scenario, policy), summary in results.summaries.items():
+        if scenario in groups:
+            cells = {name: f"{figure_of_effort(name, summary.effort[name])}{_ends(summary, name)}" for name in FEW}
+            groups[scenario].append({FIRST: row_name(policy), **cells})
+    return console_table("effort while upright, with 95 % intervals", {FIRST: "policy", **FEW}, groups)
 
 
-def _effort(summary: Summary, name: str) -> str:
+def _ends(summary: Summary, name: str) -> str:
     ends = interval_of_effort(name, summary.effort_ci[name])
-    return f"{figure_of_effort(name, summary.effort[name])} {f'[{ends}]' if ends else ''}"
+    return ends and f" [{ends}]"
 
 
 def difference_table(results: Results) -> Table:
