@@ -66,7 +66,7 @@ class Summary:
     """Mean of each foot."""
     effort: dict[str, float]
     """Figures of EFFORT as in `figures`, the duty factor that of all feet."""
-    effort_ci: dict[str, Interval]
+    effort_intervals: dict[str, Interval]
 
 
 def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> Summary:
@@ -98,7 +98,7 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
         figures={name: _mean(getattr(measures, name)) for name in FIGURES} | {"cost_of_transport": transport},
         duty_factor=tuple(_mean(foot) for foot in measures.duty_factor.T),
         effort={name: mean for name, (mean, _) in effort.items()},
-        effort_ci={name: ci for name, (_, ci) in effort.items()},
+        effort_intervals={name: ci for name, (_, ci) in effort.items()},
     )
 
 

@@ -145,7 +145,7 @@ def effort_table(results: Results) -> Table:
 
 
 def _ends(summary: Summary, name: str) -> str:
-    ends = interval_of_effort(name, summary.effort_ci[name])
+    ends = interval_of_effort(name, summary.effort_intervals[name])
     return ends and f" [{ends}]"
 
 

@@ -52,7 +52,7 @@ def _figures(results: Results) -> Iterator[str]:
     """A row for each policy over the commands and at a steady speed."""
     rows = [
         {FIRST: f"{policy_label(results, policy)}<small>{escape(scenario)}</small>"}
-        | {name: _cell(name, one.effort[name], one.effort_ci[name]) for name in EFFORT}
+        | {name: _cell(name, one.effort[name], one.effort_intervals[name]) for name in EFFORT}
         for scenario in EFFORT_ON
         for policy in results.policies
         if (one := results.summaries.get((scenario, policy)))
@@ -64,4 +64,5 @@ def _figures(results: Results) -> Iterator[str]:
 
 
 def _cell(name: str, value: float, ends: tuple[float, float]) -> str:
-    return f"{figure_of_effort(name, value)}<small>{interval_of_effort(name, ends)}</small>"
+    below = interval_of_effort(name, ends)
+    return figure_of_effort(name, value) + (f"<small>{below}</small>" if below else "")

@@ -70,7 +70,7 @@ def test_the_page_names_its_command_and_day(run, page) -> None:
 
 def test_every_plot_says_what_it_shows(page) -> None:
     plots = [image for image in re.findall(r"<img [^>]*>", page) if "image/svg" in image]
-    assert len(plots) == 2  # success and outcomes: no axis of this run has several levels
+    assert len(plots) == 3  # success, outcomes and effort: no axis of this run has several levels
     assert all(re.search(r'alt="[^"]{10,}"', image) for image in plots)
 
 
