@@ -17,8 +17,8 @@ HEIGHT, LINE = 2.9, 0.17
 def front(found: Pareto, policies: tuple[str, ...]) -> "Figure":
     """Filled: on the front. `policies` are those of the run, by which marks and colours go."""
     drawn_points = [point for point in found.points if np.isfinite(point.cost)]
-    legend = LINE * -(-len(drawn_points) // 2) + 0.1
-    drawn, axes = figure(HEIGHT + legend, margins=Margins(bottom=0.55 + legend, top=0.1))
+    legend = LINE * -(-len(drawn_points) // 2)
+    drawn, axes = figure(HEIGHT + legend, margins=Margins(bottom=0.6 + legend))
     for point in drawn_points:
         colour, shape = styles(policies)[point.policy]
         middle = np.array([point.cost, 100.0 * point.success])
@@ -34,8 +34,8 @@ def front(found: Pareto, policies: tuple[str, ...]) -> "Figure":
     axes.step([*corners[:, 0], right], [*corners[:, 1], *corners[-1:, 1]], where="post", color="#888888", linewidth=1.0)
     axes.set(xlabel="cost of transport", ylabel="success, %", ylim=(-3, 103))
     axes.set_xlim(right=right)
-    axes.legend(
-        loc="upper left", bbox_to_anchor=(-0.2, -0.17), ncols=2, fontsize=7.5, frameon=False, handletextpad=0.2,
+    drawn.legend(
+        loc="lower left", ncols=2, fontsize=7.5, frameon=False, handletextpad=0.2,
         columnspacing=1.0, borderpad=0.0, labelspacing=0.35,
     )  # fmt: skip
     return drawn
