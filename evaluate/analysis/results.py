@@ -55,8 +55,10 @@ class Results:
     breaking_points: tuple[AxisBreakingPoint, ...]
     scores: tuple[Score, ...]
     """The highest first; none of a run of a single axis."""
+    hardware_scores: tuple[Score, ...]
+    """The same with the robot's hardware profile."""
     pareto: Pareto
-    """Success against cost of transport."""
+    """Success against cost of transport, with the hardware profile only where every scenario has it."""
     versions: Mapping[str, str | None]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
@@ -113,7 +115,8 @@ def analyse(
     made_by = dict(made_with.pop("versions"))
     made_by["success_rule"] = made_by.get("success_rule") or SUCCESS_1
     made_by["energy_rule"] = made_by.get("energy_rule") or ENERGY_1
-    names, ranked = RULES[made_by["success_rule"]].outcomes, tuple(scores(cells, against))
+    names = RULES[made_by["success_rule"]].outcomes
+    ideal, real = (tuple(scores(cells, against, hardware=hardware)) for hardware in (False, True))
     return Results(
         seed=seed,
         episodes=episodes,
@@ -123,8 +126,9 @@ def analyse(
         summaries={(cell.scenario.name, cell.policy): summarise(cell, robot, names) for cell in cells},
         comparisons=tuple(compare(cells, against)),
         breaking_points=tuple(breaking_points(cells)),
-        scores=ranked,
-        pareto=pareto(cells, ranked, robot),
+        scores=ideal,
+        hardware_scores=real,
+        pareto=pareto(cells, real if all(cell.scenario.hardware for cell in cells) else ideal, robot),
         versions=made_by,
         provenance=made_with,
     )
@@ -149,6 +153,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "baseline": results.baseline,
         "policy_errors": [asdict(each) for each in results.policy_errors],
         "scores": [asdict(each) for each in results.scores],
+        "hardware_scores": [asdict(each) for each in results.hardware_scores],
         "pareto": asdict(results.pareto),
         "policies": policies,
         "training_seeds": {run: asdict(seeds) for run, seeds in seed_spreads(results.cells).items()},

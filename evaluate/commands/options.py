@@ -13,8 +13,8 @@ from quad_env.cli.child_process import available_cores
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"
-WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "trot_integral", "residual", "robust")
-DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
+WALKING_POLICIES = ("trot", "trot_feedback", "trot_integral", "residual", "robust")
+DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
 CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "trust")
 """Options that --resume may change."""
@@ -34,7 +34,10 @@ class Options:
     scenarios: tuple[str, ...] = DEFAULT_BATTERY
     """Names of scenarios such as push, levels of severity such as push:3 or push:all, severities in their axes' units
     such as push=42 or, together, payload=15+slope=10, a battery (quick, default, full, all), a terrain of yours,
-    hill.toml, or a quad_env.Scenario in a file of yours, my_file.py:NAME."""
+    hill.toml, or a quad_env.Scenario in a file of yours, my_file.py:NAME; each with +hardware at its end for the
+    robot's hardware profile, as push:3+hardware."""
+    hardware: Flag = False
+    """Every scenario with the robot's hardware profile: motors, delays, sensors and estimator like the real ones."""
     quick: Flag = False
     """The quick battery, for a first look: --scenarios quick."""
     episodes: int = 24
@@ -69,8 +72,8 @@ class Options:
     """Episodes that a process simulates and writes together (count). No result depends on it."""
 
     @property
-    def hardware(self) -> Hardware:
-        """Hardware of the robots."""
+    def equipment(self) -> Hardware:
+        """Hardware of the robots where a scenario does not bring the hardware profile."""
         return Hardware(self.actuator, self.sensors, self.estimator, self.robot, self.servo)
 
     @property

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib import metadata
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -100,10 +101,10 @@ def code_digest() -> str:
     return digest.hexdigest()
 
 
-def policy_digest(policy: Policy) -> str:
-    """SHA-256 of what defines a fresh policy: its kind, and all that it holds, such as parameters and weights."""
+def policy_digest(*policies: Policy) -> str:
+    """SHA-256 of what defines fresh policies: their kinds, and all that they hold, such as parameters and weights."""
     digest = hashlib.sha256()
-    for piece in _pieces(policy, ()):
+    for piece in chain.from_iterable(_pieces(policy, ()) for policy in policies):
         digest.update(piece + b"\n")
     return DIGEST + digest.hexdigest()
 

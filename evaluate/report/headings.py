@@ -4,6 +4,7 @@ from evaluate.analysis.comparison import ERRORS, FALL_RATE, RATES, SUCCESS_RATE
 from evaluate.analysis.summary import Summary
 from evaluate.measures.catalogue import BY_NAME, EFFORT
 from quad_env.cli.format import ABSENT, NO_BREAK, number
+from quad_env.scenarios.scenario import HARDWARE
 
 FIRST = ""
 """Name of the column that says what a row is of, in tables whose other columns are named by the user."""
@@ -21,7 +22,8 @@ NARROW_DIFFERENCES = NARROW | {rate: f"{TITLES[rate]}\n% points" for rate in RAT
 """Of differences."""
 
 
-EFFORT_ON = {"steady": "at a steady 0.5 m/s", "flat": "over the commands"}
+_EFFORT_ON = {"steady": "at a steady 0.5 m/s", "flat": "over the commands"}
+EFFORT_ON = _EFFORT_ON | {f"{name}{HARDWARE}": f"{words}, hardware profile" for name, words in _EFFORT_ON.items()}
 """Scenarios of which effort is shown."""
 EFFORT_TITLES = {name: (BY_NAME[name].title, BY_NAME[name].unit) for name in EFFORT} | {
     name: (BY_NAME[name].title, "%") for name in ("trunk_height", "torque_share", "speed_share", "flight")

@@ -48,13 +48,24 @@ class Hardware:
         names, later = asdict(self), ("estimator", "robot", "servo")
         return {name: value for name, value in names.items() if name not in later or value != getattr(IDEAL, name)}
 
-    def policy(self, name_or_path: str, trust: bool = False) -> "Policy":
-        """A fresh policy for that robot, by name or path, see `policies.resolve`; PolicyError if there is none."""
-        import policies
+    def policy(self, name_or_path: str, trust: bool = False, *, real: bool = False) -> "Policy":
+        """A fresh policy for that robot, by name or path, see `policies.resolve`; PolicyError if there is none.
 
-        return policies.resolve(
-            name_or_path, robot=self.quadruped, actuator=self.actuator, sensors=self.sensors, trust=trust
-        )
+        A `real` one is for scenarios on the hardware profile: our controllers command the robot's own servo gains.
+        """
+        import policies
+        from quad_env.actuation.hardware import hardware_profile
+
+        made = {"robot": self.quadruped, "actuator": self.actuator, "sensors": self.sensors}
+        if real:
+            profile = hardware_profile(self.quadruped)
+            made = {"robot": self.quadruped.with_servo(), "actuator": profile.actuator, "sensors": profile.sensors}
+        return policies.resolve(name_or_path, trust=trust, **made)
+
+    @property
+    def chosen(self) -> bool:
+        """Whether actuator, sensors or estimator are other than the usual ones."""
+        return replace(self, robot=IDEAL.robot, servo="") != IDEAL
 
 
 IDEAL = Hardware()
@@ -64,7 +75,7 @@ def words(hardware: Hardware) -> str:
     """` Robot: go1. Motors: motor; sensors: typical.`, an unusual estimator named too; nothing of what is usual."""
     robot = "" if hardware.robot == IDEAL.robot else f" Robot: {hardware.robot}."
     robot += f" Servos: {hardware.servo}." if hardware.servo else ""
-    if replace(hardware, robot=IDEAL.robot, servo="") == IDEAL:
+    if not hardware.chosen:
         return robot
     estimator = "" if hardware.estimator == IDEAL.estimator else f"; estimator: {hardware.estimator}"
     return f"{robot} Motors: {hardware.actuator}; sensors: {hardware.sensors}{estimator}."
