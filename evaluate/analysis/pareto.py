@@ -13,7 +13,7 @@ from evaluate.statistics.intervals import Interval, mean_share_interval
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import HARDWARE
 
-COST_ON = ("steady", "flat")
+COST_ON = ("steady", "flat", f"steady{HARDWARE}", f"flat{HARDWARE}")
 """Scenarios whose cost counts: the first of them that the run has, else all together."""
 
 
@@ -45,11 +45,9 @@ class Pareto:
 
 
 def pareto(cells: Sequence[Cell], scores: Sequence[Score], robot: Robot) -> Pareto:
-    """The front of a run's policies, by their scores where there are any."""
-    real = all(cell.scenario.hardware for cell in cells)
-    cells = [cell for cell in cells if cell.scenario.hardware == real]
+    """The front of policies, by their scores where there are any; cells all have the hardware profile, or none has."""
     names = {cell.scenario.name for cell in cells}
-    cost_on = next((name for each in COST_ON if (name := each + HARDWARE * real) in names), "")
+    cost_on = next((name for name in COST_ON if name in names), "")
     success = {each.policy: (each.score, each.ci) for each in scores} or _mean_success(cells, len(names))
     points = []
     for policy, (share, ci) in success.items():

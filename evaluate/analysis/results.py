@@ -58,7 +58,8 @@ class Results:
     hardware_scores: tuple[Score, ...]
     """The same with the robot's hardware profile."""
     pareto: Pareto
-    """Success against cost of transport, with the hardware profile only where every scenario has it."""
+    """Success against cost of transport."""
+    hardware_pareto: Pareto
     versions: Mapping[str, str | None]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
@@ -128,7 +129,8 @@ def analyse(
         breaking_points=tuple(breaking_points(cells)),
         scores=ideal,
         hardware_scores=real,
-        pareto=pareto(cells, real if all(cell.scenario.hardware for cell in cells) else ideal, robot),
+        pareto=pareto([cell for cell in cells if not cell.scenario.hardware], ideal, robot),
+        hardware_pareto=pareto([cell for cell in cells if cell.scenario.hardware], real, robot),
         versions=made_by,
         provenance=made_with,
     )
@@ -155,6 +157,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "scores": [asdict(each) for each in results.scores],
         "hardware_scores": [asdict(each) for each in results.hardware_scores],
         "pareto": asdict(results.pareto),
+        "hardware_pareto": asdict(results.hardware_pareto),
         "policies": policies,
         "training_seeds": {run: asdict(seeds) for run, seeds in seed_spreads(results.cells).items()},
         "comparisons": [asdict(comparison) for comparison in results.comparisons],

@@ -3,14 +3,15 @@
 from collections.abc import Iterator
 from html import escape
 
+from evaluate.analysis.pareto import Pareto, ParetoPoint
 from evaluate.analysis.results import Results
 from evaluate.measures.catalogue import EFFORT
 from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FIRST, figure_of_effort, interval_of_effort
 from evaluate.report.html import breakable, grid, heading, image, note, section, table
-from evaluate.report.plots import pareto
+from evaluate.report.plots import pareto as plots
 from evaluate.report.plots.drawing import svg
 from evaluate.report.sections.figures import policy_label
-from quad_env.cli.format import ABSENT, listed, number, percent_interval
+from quad_env.cli.format import ABSENT, number, percent_interval
 
 LEAD = (
     "A policy is on the Pareto front (filled marks, line) unless another has as much success at no higher cost and is "
@@ -20,32 +21,35 @@ MOTION = "Over the time while upright; means over episodes with 95 % intervals, 
 
 
 def effort(results: Results) -> str:
-    """Figure and tables; empty where there is nothing to show."""
-    return section("Effort", *_front(results), *_figures(results))
+    """Figures and tables; empty where there is nothing to show."""
+    fronts = [found for found in (results.pareto, results.hardware_pareto) if found.front]
+    words = "Success against cost of transport of each policy on "
+    pictures = [image(svg(plots.front(each, results.policies)), f"{words}{_place(each)}") for each in fronts]
+    tables = [_front(results, each) for each in fronts]
+    return section("Effort", *([grid(pictures), *tables, note(LEAD)] if fronts else ()), *_figures(results))
 
 
-def _front(results: Results) -> Iterator[str]:
-    found = results.pareto
-    if not found.front:
-        return
-    yield grid([image(svg(pareto.front(found, results.policies)), "Success against cost of transport of each policy")])
-    place = found.cost_on or "all scenarios"
-    heads = {FIRST: "policy", "success": heading("success", "%"), "cost": heading("cost of transport", escape(place))}
+def _place(found: Pareto) -> str:
+    return found.cost_on or "all scenarios"
+
+
+def _front(results: Results, found: Pareto) -> str:
+    cost = heading("cost of transport", escape(_place(found)))
+    heads = {FIRST: "policy", "success": heading("success", "%"), "cost": cost, "front": "Pareto front"}
     rows = (
         {
             FIRST: policy_label(results, point.policy),
             "success": f"{number(100.0 * point.success, 1)}<small>{percent_interval(point.success_ci)}</small>",
             "cost": _cell("cost_of_transport", point.cost, point.cost_ci),
-            "front": "on the front"
-            if point.policy in found.front
-            else f"dominated by {breakable(listed(point.dominated_by))}"
-            if point.dominated_by
-            else ABSENT,
+            "front": "on it" if point.policy in found.front else _dominated(point),
         }
         for point in found.points
     )
-    yield table(heads | {"front": "Pareto front"}, rows)
-    yield note(LEAD)
+    return table(heads, rows)
+
+
+def _dominated(point: ParetoPoint) -> str:
+    return f"dominated by {', '.join(map(breakable, point.dominated_by))}" if point.dominated_by else ABSENT
 
 
 def _figures(results: Results) -> Iterator[str]:

@@ -10,7 +10,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from evaluate.measures.catalogue import BY_NAME, EFFORT
-from quad_env.cli.format import listed
 from tests.evaluate.report.conftest import Files
 
 LEGS = ("fl", "fr", "hl", "hr")
@@ -145,7 +144,7 @@ class Report:
         (point,) = (each for each in self.found["pareto"]["points"] if each["policy"] == policy)
         if head == "Pareto front":
             of_front = policy in self.found["pareto"]["front"]
-            return "on the front" if of_front else f"dominated by {listed(point['dominated_by'])}"
+            return "on it" if of_front else f"dominated by {', '.join(point['dominated_by'])}"
         if head == "success, %":
             return [100 * each for each in (point["success"], *point["success_ci"])]
         assert head == f"cost of transport, {self.found['pareto']['cost_on']}"
