@@ -43,13 +43,8 @@ def main(options: Options) -> int:
     if others:
         fronts = " ".join(evaluations.front_picture(one, _seen(path, options)) for path, one in others.items())
         commands = " ".join(map(evaluations.made_by, others.values()))
-        lines = [
-            *evaluations.robots_table(list(others.values())),
-            *(["", fronts] if fronts.strip() else []),
-            "",
-            commands,
-        ]
-        text = insert(text, lines, ROBOTS)
+        lines = [*evaluations.robots_table(list(others.values())), ""]
+        text = insert(text, [*lines, *([fronts, ""] if fronts.strip() else []), commands], ROBOTS)
     for picture, one in {**others, options.picture: found}.items():
         evaluations.draw(one, picture)
     write_atomically(options.readme, text.encode())

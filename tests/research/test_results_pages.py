@@ -70,12 +70,12 @@ def test_the_readme_has_policies_scores_and_figure(folder) -> None:
     text = readme(folder)
     lines = text.splitlines()
     assert lines[2] == f"`trot`: {summary('trot')}.<br>`stand`: {summary('stand')}."
-    assert "mean over 2 axes of disturbance, 128 episodes" in lines[4]
-    assert "`trot` 47\u00a0% [43,\u00a053] and `stand` 10\u00a0%" in lines[4]
-    assert lines[6].endswith("](docs/results/run.png)")
+    assert lines[4] == "Success: mean over 2 axes of disturbance, 128 episodes at each severity."
+    assert lines[6:9] == ["| policy | success |", "|---|---:|", "| `trot` | 47\u00a0% [43,\u00a053] |"]
+    assert lines[11].endswith("](docs/results/run.png)")
     assert (folder / "docs/results/run.png").read_bytes().startswith(b"\x89PNG")
     unknown = FOUND | {"policies": {"my.onnx": FOUND["policies"]["trot"]}}
-    assert readme(folder, unknown).splitlines()[2].startswith("**Success")
+    assert readme(folder, unknown).splitlines()[2].startswith("Success")
 
 
 def test_a_page_has_scores_figure_files_and_command_at_its_place(folder) -> None:
