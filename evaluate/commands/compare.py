@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import tyro
 from rich.console import Console
 from rich.markup import escape
@@ -27,6 +28,8 @@ from evaluate.analysis.comparison import (
 from evaluate.analysis.effort import effort_by_episode
 from evaluate.analysis.ranking import LEAST_POLICIES, Ranking, ranking
 from evaluate.analysis.results import without_nan
+from evaluate.analysis.score import counts
+from evaluate.analysis.severity_levels import axis_name
 from evaluate.measures.catalogue import EFFORT
 from evaluate.measures.episodes import weight
 from evaluate.measures.outcomes import SUCCEEDED, SUCCESS_1, SUCCESS_RULE
@@ -40,6 +43,7 @@ from evaluate.statistics.significance import holm
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import ABSENT, counted, interval, number, p_value, points, points_interval
 from quad_env.files.writing import write_atomically
+from quad_env.scenarios.scenario import HARDWARE
 
 
 @dataclass(frozen=True)
@@ -88,13 +92,16 @@ def main(options: Options) -> int:
         a, b = ((manifest, by_success_rule(rows, manifest.success_rule)) for manifest, rows in (a, b))
     if a[0].energy_rule != b[0].energy_rule:
         a, b = ((manifest, by_energy_rule(rows, manifest.energy_rule)) for manifest, rows in (a, b))
-    pairs = _pairs(options, a[0], b[0])
+    pairs, changed = _pairs(options, a[0], b[0]), differences(a[0], b[0])
+    if {each.name for each in a[0].scenarios}.isdisjoint(each.name for each in b[0].scenarios):
+        changed = [*changed, "the hardware profile, which one of them has"]
+        a, b = map(_without_profile, (a, b))
     scenarios = dict.fromkeys(a[1].column("scenario").to_pylist())
     found = [_match(scenario, pair, a, b) for scenario in scenarios for pair in pairs]
     matches = _corrected([match for match in found if match])
     if not matches:
         raise UsageError(f"{options.a} and {options.b} have no scenario of these policies in common")
-    console, changed, ranked = Console(), differences(a[0], b[0]), _ranking(matches, a, b)
+    console, ranked = Console(), _ranking(matches, a, b)
     console.print(_table(options, matches, NARROW_DIFFERENCES))
     if any(found.metric in FEW for match in matches for found in match.contrasts):
         console.print(_table(options, matches, FEW))
@@ -117,6 +124,15 @@ def _read(path: Path) -> tuple[Manifest, pa.Table]:
     if not rows.num_rows:
         raise UsageError(f"{folder} holds no finished part of a comparison yet")
     return manifest, rows
+
+
+def _without_profile(run: tuple[Manifest, pa.Table]) -> tuple[Manifest, pa.Table]:
+    """A run with scenarios called as without the hardware profile."""
+    manifest, rows = run
+    scenarios = tuple(replace(each, name=each.name.removesuffix(HARDWARE)) for each in manifest.scenarios)
+    names = pc.replace_substring(rows.column("scenario"), HARDWARE, "")
+    renamed = rows.set_column(rows.column_names.index("scenario"), "scenario", names)
+    return replace(manifest, scenarios=scenarios), renamed
 
 
 def _pairs(options: Options, a: Manifest, b: Manifest) -> list[tuple[str, str]]:
@@ -192,10 +208,12 @@ def _identical(a: pa.Table, b: pa.Table) -> bool:
 
 
 def _ranking(matches: list[Match], a: tuple[Manifest, pa.Table], b: tuple[Manifest, pa.Table]) -> Ranking | None:
-    """Rankings of the policies that ran every scenario of both; None of too few, or without outcomes."""
-    axis_of = {each.name: each.axis or each.name for each in a[0].scenarios}
-    axes = {match.scenario: axis_of[match.scenario] for match in matches}
-    ran = [(match.a, match.b) for match in matches]
+    """Rankings by the scenarios that a score counts, those with the hardware profile where there are no others; None
+    of too few policies that ran all of them, or without outcomes."""
+    found = {each.name: each for each in a[0].scenarios}
+    real = not any(counts(found[match.scenario], hardware=False) for match in matches)
+    counted = [match for match in matches if counts(found[match.scenario], hardware=real)]
+    axes, ran = {m.scenario: axis_name(found[m.scenario]) for m in counted}, [(m.a, m.b) for m in counted]
     pairs = [pair for pair in dict.fromkeys(ran) if ran.count(pair) == len(axes)]
     known = all("outcome" in rows.column_names for _, rows in (a, b))
     return ranking(pairs, axes, a[1], b[1]) if known and len(pairs) >= LEAST_POLICIES else None
