@@ -88,7 +88,8 @@ def _head(results: Results, made_by: Origin) -> str:
     interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     warning = "" if results.complete else interrupted
     warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in warnings(results))
-    axes = listed([escape(axis.name) for axis in severity_axes(results.cells) if not axis.name.endswith(HARDWARE)])
+    names = [escape(axis.name) for axis in severity_axes(results.cells) if not axis.name.endswith(HARDWARE)]
+    axes = listed(names) if names else ""
     real = sum(cell.scenario.hardware for cell in {cell.scenario.name: cell for cell in results.cells}.values())
     axes += f"{', ' if axes else ''}{counted(real, 'scenario')} with the hardware profile" if real else ""
     command, date = map(escape, made_by)
