@@ -78,6 +78,36 @@ def test_the_readme_has_policies_scores_and_figure(folder) -> None:
     assert readme(folder, unknown).splitlines()[2].startswith("Success")
 
 
+def test_effort_and_the_front_stand_next_to_success(folder) -> None:
+    effort = {"cost_of_transport": 1.234, "step_rate": 4.0, "flight": 0.305, "duty_factor": None}
+    points = [
+        {"policy": name, "success": share, "success_ci": [0.1, 0.6], "cost": cost, "cost_ci": [None, None]}
+        | {"dominated_by": by}
+        for name, share, cost, by in (("trot", 0.47, 1.2, []), ("stand", 0.1, None, []))
+    ]
+    front = {"cost_on": "steady", "front": ["trot"], "points": points}
+    walked = {"flat": CELL, "steady": CELL | {"effort": effort}}
+    of = {"trot": {"scenarios": walked}, "mine": {"scenarios": {"flat": CELL}}, "stand": {"scenarios": {"flat": CELL}}}
+    found = FOUND | {"pareto": front, "policies": of, "hardware_scores": [SCORE | {"score": 0.3}]}
+    lines = readme(folder, found, "--robots", evaluation(folder, found, "go")).replace("\u00a0", " ").splitlines()
+    first = lines.index("<!-- results -->")
+    assert lines[first + 3].endswith("at each severity; effort at a steady 0.5 m/s.")
+    heads = "policy | success | success with the hardware profile | cost of transport | step rate, 1/s | flight, %"
+    rows = ["`trot` | 47 % [43, 53] | 30 % [43, 53] | 1.23 | 4.00 | 30.5", "`stand` | 10 % [43, 53] | – | – | – | –"]
+    assert lines[first + 5 : first + 10 : 2] == [
+        f"| {heads} |",
+        f"| {rows[0]} |",
+        "| `mine` | flat: 50 % | – | – | – | – |",
+    ]
+    assert lines[first + 8] == f"| {rows[1]} |"
+    assert lines[first + 11].endswith("(docs/results/run_pareto.png)")
+    assert sum(line.endswith("(docs/results/go_pareto.png)") for line in lines) == 1
+    assert "](results/run_pareto.png)" in page(folder, found)
+    assert (folder / "docs/results/run_pareto.png").read_bytes().startswith(b"\x89PNG")
+    with (folder / "docs/results/run.csv").open(encoding="utf-8", newline="") as file:
+        assert [row["flight"] for row in csv.DictReader(file)] == ["", "0.305", "", ""]
+
+
 def test_a_page_has_scores_figure_files_and_command_at_its_place(folder) -> None:
     head, run = page(folder).replace("\u00a0", " ").split("<!-- run -->")
     assert head == EMPTY.split("<!-- run -->", maxsplit=1)[0]
