@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
 """The figure's text for readers who do not see it."""
-FRONT_ALT = "Success against cost of transport of each policy, and the Pareto front"
 HARDWARE_SCORES = "hardware_scores"
 KINDS = "scores", HARDWARE_SCORES
 _KEYS = "policies", "scores", "baseline", "breaking_points", "versions", "episodes", "seed"
@@ -173,7 +172,7 @@ def pictures(found: dict[str, Any], where: str) -> str:
 
 def front_picture(found: dict[str, Any], where: str) -> str:
     """The front alone; empty of results without one."""
-    return f"![{FRONT_ALT}]({where.removesuffix('.png')}_pareto.png)" if found.get("pareto", {}).get("front") else ""
+    return f"![{pareto.ALT}]({where.removesuffix('.png')}_pareto.png)" if found.get("pareto", {}).get("front") else ""
 
 
 def png(figure: "Figure") -> bytes:

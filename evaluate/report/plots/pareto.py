@@ -10,6 +10,8 @@ from evaluate.report.plots.drawing import Margins, figure, short_name, styles
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+ALT = "Success against cost of transport of each policy, and the Pareto front"
+"""The text for readers who do not see it."""
 HEIGHT, LINE = 2.9, 0.17
 """Height of the axes and of a line of the legend, in."""
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from html import escape
 
-from evaluate.analysis.pareto import Pareto, ParetoPoint
+from evaluate.analysis.pareto import Pareto
 from evaluate.analysis.results import Results
 from evaluate.measures.catalogue import EFFORT
 from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FIRST, figure_of_effort, interval_of_effort
@@ -11,45 +11,32 @@ from evaluate.report.html import breakable, grid, heading, image, note, section,
 from evaluate.report.plots import pareto as plots
 from evaluate.report.plots.drawing import svg
 from evaluate.report.sections.figures import policy_label
-from quad_env.cli.format import ABSENT, number, percent_interval
 
 LEAD = (
     "A policy is on the Pareto front (filled marks, line) unless another has as much success at no higher cost and is "
-    "better in one of them. Figures decide, not their intervals; a policy that goes nowhere has no cost of transport."
+    "better in one of them. Figures decide, not their 95 % intervals."
 )
 MOTION = "Over the time while upright; means over episodes with 95 % intervals, the cost of transport of all together."
 
 
 def effort(results: Results) -> str:
-    """Figures and tables; empty where there is nothing to show."""
+    """Fronts and figures; empty where there is nothing to show."""
     fronts = [found for found in (results.pareto, results.hardware_pareto) if found.front]
-    words = "Success against cost of transport of each policy on "
-    pictures = [image(svg(plots.front(each, results.policies)), f"{words}{_place(each)}") for each in fronts]
-    tables = [_front(results, each) for each in fronts]
-    return section("Effort", *([grid(pictures), *tables, note(LEAD)] if fronts else ()), *_figures(results))
+    pictures = grid(image(svg(plots.front(found, results.policies)), plots.ALT) for found in fronts)
+    said = "".join(f"<ul>{''.join(_lines(results, found))}</ul>" for found in fronts)
+    return section("Effort", *([pictures, said, note(LEAD)] if fronts else ()), *_figures(results))
 
 
-def _place(found: Pareto) -> str:
-    return found.cost_on or "all scenarios"
-
-
-def _front(results: Results, found: Pareto) -> str:
-    cost = heading("cost of transport", escape(_place(found)))
-    heads = {FIRST: "policy", "success": heading("success", "%"), "cost": cost, "front": "Pareto front"}
-    rows = (
-        {
-            FIRST: policy_label(results, point.policy),
-            "success": f"{number(100.0 * point.success, 1)}<small>{percent_interval(point.success_ci)}</small>",
-            "cost": _cell("cost_of_transport", point.cost, point.cost_ci),
-            "front": "on it" if point.policy in found.front else _dominated(point),
-        }
-        for point in found.points
-    )
-    return table(heads, rows)
-
-
-def _dominated(point: ParetoPoint) -> str:
-    return f"dominated by {', '.join(map(breakable, point.dominated_by))}" if point.dominated_by else ABSENT
+def _lines(results: Results, found: Pareto) -> Iterator[str]:
+    """The front, and what dominates the others."""
+    labels = {point.policy: policy_label(results, point.policy) for point in found.points}
+    front = ", ".join(labels[policy] for policy in found.front)
+    yield f"<li>On the Pareto front, cost of transport on {escape(found.cost_on or 'all scenarios')}: {front}</li>"
+    for point in found.points:
+        if point.dominated_by:
+            yield f"<li>{labels[point.policy]} is dominated by {', '.join(map(breakable, point.dominated_by))}</li>"
+        elif point.policy not in found.front:
+            yield f"<li>{labels[point.policy]} goes nowhere: no cost of transport</li>"
 
 
 def _figures(results: Results) -> Iterator[str]:

@@ -108,7 +108,7 @@ class Report:
                 return ""
             return [*(100 * each for each in (found["difference"], *found["difference_ci"])), shown_p(found["p_value"])]
         if table.section == "effort":
-            return self.effort(name, row[first][1:], head)
+            return self.effort(name, row[first][1], head)
         if table.section == "breaking-points":
             return self.breaking(name, head, "falls" if table.heading.endswith("fall at") else "success")
         if first == "difference":
@@ -135,20 +135,11 @@ class Report:
             return [of[ERRORS[head]], *of[f"{ERRORS[head]}_ci"]]
         return known(of[{"cost of transport": "cost_of_transport", "diverged": "diverged"}[head]])
 
-    def effort(self, policy: str, scenario: tuple[str, ...], head: str) -> Said:
-        if scenario:
-            of = self.of(policy, *scenario)
-            (key,) = (name for name in EFFORT if BY_NAME[name].title == head.split(", ")[0])
-            said = [of["effort"][key], *of["effort_intervals"][key]]
-            return [(100 if head.endswith("%") else 1) * each for each in said] if said[0] == said[0] else "–"
-        (point,) = (each for each in self.found["pareto"]["points"] if each["policy"] == policy)
-        if head == "Pareto front":
-            of_front = policy in self.found["pareto"]["front"]
-            return "on it" if of_front else f"dominated by {', '.join(point['dominated_by'])}"
-        if head == "success, %":
-            return [100 * each for each in (point["success"], *point["success_ci"])]
-        assert head == f"cost of transport, {self.found['pareto']['cost_on']}"
-        return [point["cost"], *point["cost_ci"]] if point["cost"] == point["cost"] else "–"
+    def effort(self, policy: str, scenario: str, head: str) -> Said:
+        of = self.of(policy, scenario)
+        (key,) = (name for name in EFFORT if BY_NAME[name].title == head.split(", ")[0])
+        said = [of["effort"][key], *of["effort_intervals"][key]]
+        return [(100 if head.endswith("%") else 1) * each for each in said] if said[0] == said[0] else "–"
 
     def breaking(self, axis: str, policy: str, of: str) -> Said:
         point = self.one("breaking_points", axis=axis, policy=policy, of=of)
