@@ -95,22 +95,23 @@ def legend(found: dict[str, Any]) -> str:
 
 
 def overview(found: dict[str, Any]) -> list[str]:
-    """Scores, success on flat ground of policies that have none, and effort, a policy a row; in lines."""
+    """Scores and effort, a policy a row, and the success on flat ground of policies that have no score; in lines."""
     ideal, real = ({each.policy: share(each.score, each.ci) for each in scores(found, kind)} for kind in KINDS)
     place = next((name for name in COST_ON if name in scenarios_of(found)), "")
     heads = {"policy": "policy", "score": "success", "real": "success with the hardware profile"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FEW}
-    rows = []
-    for policy in dict.fromkeys([*ideal, *found["policies"]]):
-        cells = found["policies"].get(policy, {"scenarios": {}})["scenarios"]
-        flat = f"{FLAT}: {percent(cells[FLAT]['success_rate'])}" if FLAT in cells else ABSENT
-        effort = dict.fromkeys(FEW, math.nan) | cells.get(place, {}).get("effort", {})
-        row = {"policy": f"`{policy}`", "score": ideal.get(policy, flat), "real": real.get(policy, ABSENT)}
+    ran, rows, flat = {policy: of["scenarios"] for policy, of in found["policies"].items()}, [], ""
+    for policy in ideal:
+        effort = dict.fromkeys(FEW, math.nan) | ran.get(policy, {}).get(place, {}).get("effort", {})
+        row = {"policy": f"`{policy}`", "score": ideal[policy], "real": real.get(policy, ABSENT)}
         rows.append(row | {name: figure_of_effort(name, effort[name]) for name in FEW})
+    for policy, cells in ran.items():
+        if policy not in ideal and FLAT in cells:
+            flat += f" `{policy}` on flat ground: {percent(cells[FLAT]['success_rate'])}."
     shown = {name: head for name, head in heads.items() if any(row[name] != ABSENT for row in rows)}
     count, axes = counted(found["episodes"], "episode"), len(scores(found)[0].axes)
     where = f"; effort {EFFORT_ON[place]}" if set(FEW) & set(shown) else ""
-    said = f"Success: mean over {axes} axes of disturbance, {count} at each severity{where}."
+    said = f"Success: mean over {axes} axes of disturbance, {count} at each severity{where}.{flat}"
     return [said, "", *table(shown, rows).splitlines()]
 
 
