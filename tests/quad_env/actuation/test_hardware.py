@@ -78,7 +78,7 @@ def test_the_profile_reaches_the_compiled_model_and_the_observations(make) -> No
     ideal.close()
 
 
-@pytest.mark.parametrize("given", [{"actuator": "motor"}, {"sensors": "ideal"}, {"sensors": "typical"}])
+@pytest.mark.parametrize("given", [{"actuator": "motor"}, {"sensors": "ideal"}, {"estimator": "kalman"}])
 def test_other_hardware_beside_the_profile_is_refused_in_a_line(given) -> None:
     for make in (SimpleQuadEnv, SimpleQuadVectorEnv):
         with pytest.raises(ValueError, match=r"^flat\+hardware has the robot's hardware profile: leave out actuator"):
