@@ -67,7 +67,7 @@ class Ranking:
 def ranking(pairs: Sequence[tuple[str, str]], axes: Mapping[str, str], *runs: pa.Table) -> Ranking:
     """Of policies of A and B, from scenario -> axis and the rows of both runs, of which common seeds alone count."""
     seeds = [np.unique(rows.column("seed").to_numpy()) for rows in runs]
-    common = np.intersect1d(*seeds)
+    common = np.intersect1d(seeds[0], seeds[1])
     kept = [common, common] if len(common) else seeds
     of_axis = list(axes.values())
     shares = np.array([1.0 / of_axis.count(axis) for axis in of_axis]) / len(set(of_axis))

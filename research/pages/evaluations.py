@@ -101,13 +101,13 @@ def overview(found: dict[str, Any]) -> list[str]:
     heads = {"policy": "policy", "score": "success", "real": "success with the hardware profile"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FEW}
     ran, rows, flat = {policy: of["scenarios"] for policy, of in found["policies"].items()}, [], ""
-    for policy in ideal:
+    for policy in dict.fromkeys((*ideal, *real)):
         effort = dict.fromkeys(FEW, math.nan) | ran.get(policy, {}).get(place, {}).get("effort", {})
-        row = {"policy": f"`{policy}`", "score": ideal[policy], "real": real.get(policy, ABSENT)}
+        row = {"policy": f"`{policy}`", "score": ideal.get(policy, ABSENT), "real": real.get(policy, ABSENT)}
         rows.append(row | {name: figure_of_effort(name, effort[name]) for name in FEW})
     for policy, cells in ran.items():
-        if policy not in ideal and FLAT in cells:
-            flat += f" `{policy}` on flat ground: {percent(cells[FLAT]['success_rate'])}."
+        if policy not in {*ideal, *real} and FLAT in cells:
+            flat += f" `{policy}` on flat ground alone: {percent(cells[FLAT]['success_rate'])}."
     shown = {name: head for name, head in heads.items() if any(row[name] != ABSENT for row in rows)}
     count, axes = counted(found["episodes"], "episode"), len(scores(found)[0].axes)
     where = f"; effort {EFFORT_ON[place]}" if set(FEW) & set(shown) else ""

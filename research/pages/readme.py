@@ -36,8 +36,8 @@ def main(options: Options) -> int:
     """Write the README and its figures; the exit code. Raises UsageError."""
     text, found = page_with(options.readme), evaluations.read(options.results)
     others = {_picture_of(path, options): evaluations.read(path) for path in options.robots}
-    about = evaluations.legend(found)
-    lines = [*([about, ""] if about else []), *evaluations.overview(found), ""]
+    said, *table = evaluations.overview(found)
+    lines = ["<br>".join(filter(None, (evaluations.legend(found), said))), *table, ""]
     lines += [evaluations.pictures(found, _seen(options.picture, options)), "", evaluations.made_by(found)]
     text = insert(text, lines)
     if others:

@@ -69,10 +69,10 @@ def page(folder, found=FOUND) -> str:
 def test_the_readme_has_policies_scores_and_figure(folder) -> None:
     text = readme(folder)
     lines = text.splitlines()
-    assert lines[2] == f"`trot`: {summary('trot')}.<br>`stand`: {summary('stand')}."
-    assert lines[4] == "Success: mean over 2 axes of disturbance, 128 episodes at each severity."
-    assert lines[6:9] == ["| policy | success |", "|---|---:|", "| `trot` | 47\u00a0% [43,\u00a053] |"]
-    assert lines[11].endswith("](docs/results/run.png)")
+    said = "Success: mean over 2 axes of disturbance, 128 episodes at each severity."
+    assert lines[2] == f"`trot`: {summary('trot')}.<br>`stand`: {summary('stand')}.<br>{said}"
+    assert lines[4:7] == ["| policy | success |", "|---|---:|", "| `trot` | 47\u00a0% [43,\u00a053] |"]
+    assert lines[9].endswith("](docs/results/run.png)")
     assert (folder / "docs/results/run.png").read_bytes().startswith(b"\x89PNG")
     unknown = FOUND | {"policies": {"my.onnx": FOUND["policies"]["trot"]}}
     assert readme(folder, unknown).splitlines()[2].startswith("Success")
@@ -91,12 +91,12 @@ def test_effort_and_the_front_stand_next_to_success(folder) -> None:
     found = FOUND | {"pareto": front, "policies": of, "hardware_scores": [SCORE | {"score": 0.3}]}
     lines = readme(folder, found, "--robots", evaluation(folder, found, "go")).replace("\u00a0", " ").splitlines()
     first = lines.index("<!-- results -->")
-    assert lines[first + 3].endswith("severity; effort at a steady 0.5 m/s. `mine` on flat ground: 50 %.")
+    assert lines[first + 1].endswith("severity; effort at a steady 0.5 m/s. `mine` on flat ground alone: 50 %.")
     heads = "policy | success | success with the hardware profile | cost of transport | step rate, 1/s | flight, %"
     rows = ["`trot` | 47 % [43, 53] | 30 % [43, 53] | 1.23 | 4.00 | 30.5", "`stand` | 10 % [43, 53] | – | – | – | –"]
-    assert lines[first + 5] == f"| {heads} |"
-    assert lines[first + 7 : first + 9] == [f"| {row} |" for row in rows]
-    assert lines[first + 10].endswith("(docs/results/run_pareto.png)")
+    assert lines[first + 3] == f"| {heads} |"
+    assert lines[first + 5 : first + 7] == [f"| {row} |" for row in rows]
+    assert lines[first + 8].endswith("(docs/results/run_pareto.png)")
     assert sum(line.endswith("(docs/results/go_pareto.png)") for line in lines) == 1
     assert "](results/run_pareto.png)" in page(folder, found)
     assert (folder / "docs/results/run_pareto.png").read_bytes().startswith(b"\x89PNG")
@@ -153,7 +153,8 @@ def test_scores_with_the_hardware_profile_stand_next_to_those_without_and_polici
     alone = FOUND["policies"] | {"article": {"scenarios": {"flat": CELL}}}
     both = FOUND | {"hardware_scores": [WORSE | {"score": 0.2, "axes": {"push": [0.2]}}], "policies": alone}
     text = readme(folder, both, "--robots", evaluation(folder, both, "one")).replace("\u00a0", " ")
-    assert "hardware profile, at the middle severity: `stand` 20 %" in text
+    assert "| policy | success | success with the hardware profile |" in text
+    assert "| `stand` | 10 % [43, 53] | 20 % [43, 53] |" in text
     assert "`article` on flat ground alone: 50 %." in text
     assert "| simple_quad, hardware profile | – | 20 %" in text
     run = page(folder, both).replace("\u00a0", " ")

@@ -27,7 +27,7 @@ def front(found: Pareto, policies: tuple[str, ...]) -> "Figure":
         ends = np.array([point.cost_ci, 100.0 * np.array(point.success_ci)])
         reach = np.where(np.isfinite(ends), np.abs(ends - middle[:, None]), 0.0)
         axes.errorbar(
-            *middle, xerr=reach[:1].T, yerr=reach[1:].T, fmt=shape, color=colour, elinewidth=1.0, markersize=6,
+            middle[0], middle[1], xerr=reach[:1].T, yerr=reach[1:].T, fmt=shape, color=colour, elinewidth=1.0,
             markerfacecolor=colour if point.policy in found.front else "white", label=short_name(point.policy),
         )  # fmt: skip
     steps = {point.policy: (point.cost, 100.0 * point.success) for point in drawn_points}
