@@ -6,6 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
+from evaluate.analysis.effort import LIMITS
+from evaluate.measures.catalogue import EFFORT
 from evaluate.measures.tracking import VELOCITY_CAP, YAW_RATE_CAP
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import (
@@ -25,6 +27,7 @@ RATES = (SUCCESS_RATE, FALL_RATE)
 CAPS = {"velocity_error": VELOCITY_CAP, "yaw_rate_error": YAW_RATE_CAP, "mean_velocity_error": VELOCITY_CAP}
 """Largest value of each error."""
 ERRORS = tuple(CAPS)
+_LARGEST = CAPS | LIMITS
 METRICS = (*RATES, *ERRORS)
 """What is compared, in the order in which it is shown."""
 SIGNIFICANT = 0.05
@@ -119,7 +122,7 @@ def paired_difference(metric: str, a: Floats, b: Floats) -> tuple[float, Interva
     if metric in RATES:
         only_a, only_b = int((a > b).sum()), int((a < b).sum())
         return difference, share_difference_interval(only_a, only_b, len(a)), mcnemar(a > 0, b > 0), "exact McNemar"
-    ci = difference_interval(a - b, (-CAPS[metric], CAPS[metric]))
+    ci = difference_interval(a - b, (-_LARGEST[metric], _LARGEST[metric]))
     return difference, ci, sign_flip_test(a - b), "paired sign-flip permutation"
 
 
@@ -138,10 +141,14 @@ class MetricDifference:
 
 
 def compare_samples(a: Mapping[str, Floats], b: Mapping[str, Floats], *, paired: bool) -> Iterator[MetricDifference]:
-    """Every metric that both runs have, from metric -> value of each episode, (n,), as of `by_episode`."""
-    for metric in METRICS:
+    """Every metric and every figure of effort that both runs have, from its value in each episode, (n,), as of
+    `by_episode` and `effort_by_episode`; episodes without one are left out."""
+    for metric in (*METRICS, *EFFORT):
         if metric in a and metric in b:
-            yield _compare(metric, a[metric], b[metric], paired=paired)
+            known = [~np.isnan(each[metric]) for each in (a, b)]
+            kept = [known[0] & known[1]] * 2 if paired else known
+            if all(each.any() for each in kept):
+                yield _compare(metric, a[metric][kept[0]], b[metric][kept[1]], paired=paired)
 
 
 def _compare(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDifference:
@@ -152,5 +159,5 @@ def _compare(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDiffer
     elif metric in RATES:
         ci, p_value, test = newcombe_interval(a > 0, b > 0), fall_rates_test(a > 0, b > 0), "Barnard"
     else:
-        ci, p_value, test = two_sample_interval(a, b, (0.0, CAPS[metric])), relabelling_test(b, a), "permutation"
+        ci, p_value, test = two_sample_interval(a, b, (0.0, _LARGEST[metric])), relabelling_test(b, a), "permutation"
     return MetricDifference(metric, a=mean_a, b=mean_b, difference=difference, ci=ci, p_value=p_value, test=test)

@@ -51,7 +51,7 @@ class Score:
 def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> list[Score]:
     """Scores, with the hardware profile or without, of the policies that ran every such scenario, the highest first;
     none of a run of one axis. The steady walk, which nothing disturbs, is no part of a score."""
-    cells = [cell for cell in cells if _counts(cell.scenario, hardware)]
+    cells = [cell for cell in cells if counts(cell.scenario, hardware)]
     axes = severity_axes(cells)
     names = {level.name for axis in axes for level in axis.levels}
     ran = {policy: {cell.scenario.name: cell for cell in cells if cell.policy == policy} for policy in _policies(cells)}
@@ -98,7 +98,7 @@ def _rate(cell: Cell) -> float:
     return float(cell.measures.succeeded.mean())
 
 
-def _counts(scenario: Scenario, hardware: bool) -> bool:
+def counts(scenario: Scenario, hardware: bool) -> bool:
     """Whether a scenario is part of the score with the profile, or of that without it."""
     return scenario.hardware == hardware and _base(scenario.name) != STEADY.name
 

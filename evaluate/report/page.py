@@ -14,6 +14,7 @@ from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
+from evaluate.report.sections.effort import effort
 from evaluate.report.sections.figures import definitions, policy_label
 from evaluate.report.sections.overview import overview, success
 from evaluate.rollouts.hardware import words as words_of
@@ -43,6 +44,8 @@ NOTES = (
     "run; those of the other pairs are families of their own. With those below 0.05 claimed, the chance of any "
     "false claim in a family is at most 5 %. Where p is larger there may still be a difference that so many episodes "
     "cannot show.",
+    "Intervals and tests of the cost of transport take the quotient's linearised values (Woodruff 1971), a value an "
+    "episode.",
     "A breaking point is where half of the episodes fail, that is fall or do not succeed: where a monotone regression, "
     "straight over the logarithm of severity between the levels, crosses one half. No shape is assumed. "
     f"{CAVEAT} What fewer and more are is shown by exact binomial tests.",
@@ -63,6 +66,7 @@ def render(results: Results, *, gates: Sequence[GateResult] = (), made_by: Origi
     with drawing.settings():
         sections = [
             success(results),
+            effort(results),
             _gates(gates),
             overview(results),
             disturbances(results),
@@ -81,7 +85,8 @@ def _head(results: Results, made_by: Origin) -> str:
     interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     warning = "" if results.complete else interrupted
     warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in warnings(results))
-    axes = listed([escape(axis.name) for axis in severity_axes(results.cells) if not axis.name.endswith(HARDWARE)])
+    names = [escape(axis.name) for axis in severity_axes(results.cells) if not axis.name.endswith(HARDWARE)]
+    axes = listed(names) if names else ""
     real = sum(cell.scenario.hardware for cell in {cell.scenario.name: cell for cell in results.cells}.values())
     axes += f"{', ' if axes else ''}{counted(real, 'scenario')} with the hardware profile" if real else ""
     command, date = map(escape, made_by)

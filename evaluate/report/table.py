@@ -14,7 +14,16 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.score import FLAT, SCORES, ranked
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes
 from evaluate.analysis.summary import Summary
-from evaluate.report.headings import FIRST, NARROW, NARROW_DIFFERENCES, shares
+from evaluate.report.headings import (
+    EFFORT_ON,
+    FEW,
+    FIRST,
+    NARROW,
+    NARROW_DIFFERENCES,
+    figure_of_effort,
+    interval_of_effort,
+    shares,
+)
 from quad_env.cli.format import broken, counted, number, p_value, percent, points, share
 
 SHOWN = "success % (falls %)"
@@ -35,6 +44,7 @@ def print_results(results: Results, console: Console) -> None:
         print_levels(results, console)
     else:
         console.print(summary_table(results, console.width))
+        _print_effort(results, console)
         if results.against_baseline:
             console.print()
             console.print(difference_table(results))
@@ -48,6 +58,7 @@ def print_levels(results: Results, console: Console) -> None:
         console.print(level_table(results, axis))
     if single := [axis for axis in axes if len(axis.levels) == 1]:
         console.print(single_table(results, single))
+    _print_effort(results, console)
     console.print(f"\n{_widest(results)}", highlight=False)
     if results.scores or results.hardware_scores:
         console.print(score_table(results))
@@ -133,6 +144,27 @@ def summary_figures(summary: Summary, end: str) -> dict[str, str]:
         value, ci = getattr(summary, metric), getattr(summary, f"{metric}_ci")
         cells[metric] = share(value, ci) if metric in RATES else f"{number(value)} ± {number((ci[1] - ci[0]) / 2)}"
     return {column: re.sub(r" (?=\[|±)", end, cell) for column, cell in cells.items()}
+
+
+def _print_effort(results: Results, console: Console) -> None:
+    if not set(EFFORT_ON).isdisjoint(results.scenarios):
+        console.print()
+        console.print(effort_table(results))
+
+
+def effort_table(results: Results) -> Table:
+    """A row for each policy at a steady speed and over the commands: effort where there is room for three figures."""
+    groups: dict[str, list[dict[str, str]]] = {name: [] for name in EFFORT_ON if name in results.scenarios}
+    for (scenario, policy), summary in results.summaries.items():
+        if scenario in groups:
+            cells = {name: f"{figure_of_effort(name, summary.effort[name])}{_ends(summary, name)}" for name in FEW}
+            groups[scenario].append({FIRST: row_name(policy), **cells})
+    return console_table("effort while upright, with 95 % intervals", {FIRST: "policy", **FEW}, groups)
+
+
+def _ends(summary: Summary, name: str) -> str:
+    ends = interval_of_effort(name, summary.effort_intervals[name])
+    return ends and f" [{ends}]"
 
 
 def difference_table(results: Results) -> Table:

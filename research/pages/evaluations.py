@@ -1,16 +1,18 @@
 """A results.json of `python -m evaluate` for README and docs: read and checked, as Markdown tables and as a figure."""
 
 import io
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evaluate.analysis.pareto import COST_ON, Pareto, ParetoPoint
 from evaluate.analysis.results import with_nan
 from evaluate.analysis.score import FLAT, SCORES, WORDS, Score, ranked
 from evaluate.commands.options import command
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
-from evaluate.report.headings import FIRST
-from evaluate.report.plots import drawing, success
+from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FEW, FIRST, figure_of_effort
+from evaluate.report.plots import drawing, pareto, success
 from evaluate.rollouts.battery import BATTERIES, resolve
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from policies.summaries import explained
@@ -18,7 +20,6 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import (
     ABSENT,
     counted,
-    listed,
     number,
     p_value,
     percent,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
 """The figure's text for readers who do not see it."""
 HARDWARE_SCORES = "hardware_scores"
+KINDS = "scores", HARDWARE_SCORES
 _KEYS = "policies", "scores", "baseline", "breaking_points", "versions", "episodes", "seed"
 
 
@@ -92,20 +94,25 @@ def legend(found: dict[str, Any]) -> str:
     return "<br>".join(f"`{name}`: {text}." for name, text in explained(found["policies"]).items())
 
 
-def headline(found: dict[str, Any]) -> str:
-    """The scores in a sentence a kind, and the success on flat ground of policies that have none."""
-    each = scores(found)
-    figures = [f"`{score.policy}` {share(score.score, score.ci)}" for score in each]
-    count, axes = counted(found["episodes"], "episode"), len(each[0].axes)
-    lines = [f"**Success, mean over {axes} axes of disturbance, {count} at each severity: {listed(figures)}.**"]
-    if real := scores(found, HARDWARE_SCORES):
-        figures = [f"`{score.policy}` {share(score.score, score.ci)}" for score in real]
-        lines.append(f"**The same with the robot's hardware profile, at the middle severity: {listed(figures)}.**")
-    scored = {score.policy for score in each}
-    for policy, of in found["policies"].items():
-        if policy not in scored and FLAT in of["scenarios"]:
-            lines.append(f"`{policy}` on flat ground alone: {percent(of['scenarios'][FLAT]['success_rate'])}.")
-    return " ".join(lines)
+def overview(found: dict[str, Any]) -> list[str]:
+    """Scores and effort, a policy a row, and the success on flat ground of policies that have no score; in lines."""
+    ideal, real = ({each.policy: share(each.score, each.ci) for each in scores(found, kind)} for kind in KINDS)
+    place = next((name for name in COST_ON if name in scenarios_of(found)), "")
+    heads = {"policy": "policy", "score": "success", "real": "success with the hardware profile"}
+    heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FEW}
+    ran, rows, flat = {policy: of["scenarios"] for policy, of in found["policies"].items()}, [], ""
+    for policy in dict.fromkeys((*ideal, *real)):
+        effort = dict.fromkeys(FEW, math.nan) | ran.get(policy, {}).get(place, {}).get("effort", {})
+        row = {"policy": f"`{policy}`", "score": ideal.get(policy, ABSENT), "real": real.get(policy, ABSENT)}
+        rows.append(row | {name: figure_of_effort(name, effort[name]) for name in FEW})
+    for policy, cells in ran.items():
+        if policy not in {*ideal, *real} and FLAT in cells:
+            flat += f" `{policy}` on flat ground alone: {percent(cells[FLAT]['success_rate'])}."
+    shown = {name: head for name, head in heads.items() if any(row[name] != ABSENT for row in rows)}
+    count, axes = counted(found["episodes"], "episode"), len(scores(found)[0].axes)
+    where = f"; effort {EFFORT_ON[place]}" if set(FEW) & set(shown) else ""
+    said = f"Success: mean over {axes} axes of disturbance, {count} at each severity{where}.{flat}"
+    return [said, "", *table(shown, rows).splitlines()]
 
 
 def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
@@ -151,9 +158,24 @@ def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:
 
 
 def draw(found: dict[str, Any], picture: Path) -> None:
-    """Write the figure, a PNG: success of every policy on every axis."""
+    """Write the figures, PNGs: success of every policy on every axis; NAME_pareto.png, the front if there is one."""
+    front = found.get("pareto", {"front": ()})
     with drawing.settings():
         write_atomically(picture, png(success.heat_map(scores(found), scores(found, HARDWARE_SCORES))))
+        if front["front"]:
+            points = tuple(ParetoPoint(**each) for each in front["points"])
+            drawn = pareto.front(Pareto(front["cost_on"], front["front"], points), tuple(found["policies"]))
+            write_atomically(picture.with_stem(f"{picture.stem}_pareto"), png(drawn))
+
+
+def pictures(found: dict[str, Any], where: str) -> str:
+    """The figures in Markdown; `where` is the place of the first, seen from the page."""
+    return f"![{ALT}]({where}) {front_picture(found, where)}".strip()
+
+
+def front_picture(found: dict[str, Any], where: str) -> str:
+    """The front alone; empty of results without one."""
+    return f"![{pareto.ALT}]({where.removesuffix('.png')}_pareto.png)" if found.get("pareto", {}).get("front") else ""
 
 
 def png(figure: "Figure") -> bytes:

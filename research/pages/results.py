@@ -69,7 +69,7 @@ def tables(found: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
     """Rows of each CSV file, by the ending of its name."""
     return {
         "": [
-            {"scenario": scenario, "policy": policy, **flat(cell)}
+            {"scenario": scenario, "policy": policy, **flat(cell.get("effort", {})), **flat(cell)}
             for policy, of_policy in found["policies"].items()
             for scenario, cell in of_policy["scenarios"].items()
         ],
@@ -89,7 +89,7 @@ def lines(name: str, found: dict[str, Any], folder: str) -> list[str]:
     return [
         *evaluations.score_table(scores, found["baseline"], real=real),
         "",
-        f"![{evaluations.ALT}]({folder}/{name}.png)",
+        evaluations.pictures(found, f"{folder}/{name}.png"),
         "",
         f"All figures: {'; '.join(files)}.",
         "",

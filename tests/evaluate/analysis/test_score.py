@@ -87,7 +87,7 @@ def test_no_interval_has_no_width_where_all_episodes_agree(made_up_cell, count) 
     ]
     found = ends(as_json(analyse(all_cells, seed=0, episodes=count, complete=True)))
     known = {place: ci for place, ci in found.items() if None not in ci}
-    assert {place.split("/")[1] for place in known} == {"scores", "policies", "comparisons"}
+    assert {place.split("/")[1] for place in known} == {"scores", "pareto", "policies", "comparisons"}
     flat = {place for place, (low, high) in known.items() if low >= high}
     assert flat == {"/scores/0/difference_ci"}  # of the baseline from itself
 

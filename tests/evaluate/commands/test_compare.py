@@ -10,8 +10,11 @@ import pytest
 
 import quad_env
 from evaluate.__main__ import main
+from evaluate.measures.catalogue import EFFORT
 from evaluate.records import manifest
 from evaluate.records.episode_table import read_table
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.scenario import on_hardware
 from tests.evaluate.altered import column, other
 
 
@@ -113,3 +116,68 @@ def test_nothing_in_common_is_said(run, tmp_path, capsys) -> None:
     b = other(run, tmp_path / "b", renamed, policies={f"old {policy}": "" for policy in ("document", "stand", "trot")})
     code, said = compare(capsys, run.folder, b)
     assert (code, "--policies ONE_OF_A ONE_OF_B" in said) == (2, True)
+
+
+def test_effort_is_compared_too_and_the_cost_is_that_of_all_episodes(run, tmp_path, capsys) -> None:
+    def wasteful(rows: pa.Table) -> pa.Table:
+        longer = column(rows, "energy", rows.column("energy").to_numpy() * np.arange(1, rows.num_rows + 1))
+        return column(longer, "flight", rows.column("flight").to_numpy() + 0.25)
+
+    b = other(run, tmp_path / "b", wasteful)
+    code, said = compare(capsys, run.folder, b, "--policies", "trot", "trot", "--json", tmp_path / "found.json")
+    assert (code, "cost of" in said, "steps" in said, "25.0" in said) == (0, True, True, True)
+    rows = read_table(b / "episodes.parquet").to_pylist()
+    for match in json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["comparisons"]:
+        found = {each["metric"]: each for each in match["contrasts"]}
+        mine = [row for row in rows if (row["policy"], row["scenario"]) == ("trot", match["scenario"])]
+        cost = sum(row["energy"] for row in mine) / sum(row["distance"] for row in mine) / (SIMPLE_QUAD.mass * 9.81)
+        assert found["cost_of_transport"]["b"] == pytest.approx(cost)
+        assert found["cost_of_transport"]["difference"] == pytest.approx(cost - found["cost_of_transport"]["a"])
+        assert found["flight"]["difference"] == pytest.approx(0.25)
+        assert set(EFFORT) <= set(found)
+
+
+def test_the_answer_whether_the_ranking_survives(run, tmp_path, capsys) -> None:
+    """Three policies of which two always fail: trot first in A, stand in B; with two there is nothing to rank."""
+
+    def swapped(rows: pa.Table) -> pa.Table:
+        policies = rows.column("policy").to_pylist()
+        outcomes = ["succeeded" if policy == "stand" else "off_command" for policy in policies]
+        return column(rows, "outcome", outcomes)
+
+    b = other(run, tmp_path / "b", swapped)
+    code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
+    assert code == 0
+    assert "does the ranking survive? no" in said
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
+    assert found["ranking"]["policies"] == ["document", "stand", "trot"]
+    assert found["ranking"]["scores"][1] == [0.0, 1.0, 0.0]
+    assert found["ranking"]["correlation"] == pytest.approx(-0.5)  # of three pairs one is tied in each, one is reversed
+    assert {match["p_value_holm"] for match in found["comparisons"]} != {None}
+    said = compare(capsys, run.folder, b, "--policies", "trot", "trot", "--json", tmp_path / "found.json")[1]
+    assert "fewer than 3 policies" in said
+    assert json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["ranking"] is None
+
+
+def test_success_that_differs_after_correction_is_named(run, tmp_path, capsys) -> None:
+    def changed(rows: pa.Table) -> pa.Table:
+        outcomes = np.array(rows.column("outcome").to_pylist(), dtype=object)
+        outcomes[np.array(rows.column("policy").to_pylist()) == "document"] = "succeeded"
+        return column(column(rows, "outcome", outcomes.tolist()), "seed", rows.column("seed").to_numpy() + 1)
+
+    said = compare(capsys, run.folder, other(run, tmp_path / "b", changed))[1]
+    assert "success differs: document on flat, 100.0 points, p" in said
+    assert "success differs: stand" not in said
+
+
+def test_runs_with_and_without_the_hardware_profile_are_matched(run, tmp_path, capsys) -> None:
+    def renamed(rows: pa.Table) -> pa.Table:
+        return column(rows, "scenario", [f"{name}+hardware" for name in rows.column("scenario").to_pylist()])
+
+    b = other(run, tmp_path / "b", renamed, scenarios=tuple(map(on_hardware, manifest.read(run.folder).scenarios)))
+    code, said = compare(capsys, run.folder, b)
+    assert code == 0
+    assert "A and B differ in: the hardware profile, which one of them has" in said
+    assert "unpaired, since push is not the same scenario in both" in said
+    assert "ranking of B: " in said
+    assert "ranking of B: " in compare(capsys, b, b)[1]

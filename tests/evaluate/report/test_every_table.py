@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from evaluate.measures.catalogue import BY_NAME
+from evaluate.measures.catalogue import BY_NAME, EFFORT
 from tests.evaluate.report.conftest import Files
 
 LEGS = ("fl", "fr", "hl", "hr")
@@ -100,6 +100,8 @@ class Report:
             if name == self.found["baseline"]:
                 return ""
             return [*(100 * each for each in (found["difference"], *found["difference_ci"])), shown_p(found["p_value"])]
+        if table.section == "effort":
+            return self.effort(name, row[first][1], head)
         if table.section == "breaking-points":
             return self.breaking(name, head, "falls" if table.heading.endswith("fall at") else "success")
         if first == "difference":
@@ -125,6 +127,12 @@ class Report:
         if head in ERRORS:
             return [of[ERRORS[head]], *of[f"{ERRORS[head]}_ci"]]
         return known(of[{"cost of transport": "cost_of_transport", "diverged": "diverged"}[head]])
+
+    def effort(self, policy: str, scenario: str, head: str) -> Said:
+        of = self.of(policy, scenario)
+        (key,) = (name for name in EFFORT if BY_NAME[name].title == head.split(", ")[0])
+        said = [of["effort"][key], *of["effort_intervals"][key]]
+        return [(100 if head.endswith("%") else 1) * each for each in said] if said[0] == said[0] else "–"
 
     def breaking(self, axis: str, policy: str, of: str) -> Said:
         point = self.one("breaking_points", axis=axis, policy=policy, of=of)
@@ -181,7 +189,7 @@ def report(four) -> Report:
 
 def test_every_cell_of_the_page_is_the_figure_that_its_heading_names(report) -> None:
     assert {table.section for table in report.tables} == {
-        "success", "breaking-points", "axis-flat", "axis-push", "axis-rough",
+        "success", "effort", "breaking-points", "axis-flat", "axis-push", "axis-rough",
         "how-it-was-measured",
     }  # fmt: skip
     assert [line for table in report.tables for line in wrong(report, table)] == []

@@ -66,9 +66,22 @@ def test_the_page_names_its_command_and_day(run, page) -> None:
     assert f"Made by <code>{words}</code>, begun on {begun}." in page
 
 
+def test_the_front_and_what_dominates_each_of_the_others_are_listed(four) -> None:
+    section = four.page.split('<section id="effort">')[1].split("</section>")[0]
+    lines = [unescape(re.sub(r"<span.*?</span>|<.*?>", "", line)) for line in re.findall("<li>(.*?)</li>", section)]
+    found = four.results["pareto"]
+    assert lines[0] == f"On the Pareto front, cost of transport on flat: {', '.join(found['front'])}"
+    others = {point["policy"]: point for point in found["points"] if point["policy"] not in found["front"]}
+    assert len(lines) == 1 + len(others) > 1
+    for line, (policy, point) in zip(lines[1:], others.items(), strict=True):
+        walks = point["cost"] == point["cost"]
+        by = f"is dominated by {', '.join(point['dominated_by'])}" if walks else "goes nowhere: no cost of transport"
+        assert line == f"{policy} {by}"
+
+
 def test_every_plot_says_what_it_shows(page) -> None:
     plots = [image for image in re.findall(r"<img [^>]*>", page) if "image/svg" in image]
-    assert len(plots) == 2  # success and outcomes: no axis of this run has several levels
+    assert len(plots) == 3  # success, outcomes and effort: no axis of this run has several levels
     assert all(re.search(r'alt="[^"]{10,}"', image) for image in plots)
 
 
