@@ -12,6 +12,7 @@ from evaluate.analysis.results import analyse
 from evaluate.report.headings import NARROW, NARROW_DIFFERENCES, TITLES, UNITS
 from evaluate.report.table import print_results
 from evaluate.rollouts.battery import resolve
+from quad_env.scenarios.axes import AXES
 
 
 def printed(results) -> list[str]:
@@ -80,3 +81,11 @@ def test_a_name_of_sixty_characters_is_whole_and_breaks_no_figure(made_up_cell) 
     assert all("".join(line[:21].strip() for line in lines).count(name) == 2 for name in names)
     for piece in ("100 %", "[91, 100]", "78 %", "[62, 88]", "22 %", "[12, 38]", "0.150", "± 0.009", "p < 0.001"):
         assert any(re.search(rf"(^| ){re.escape(piece)}( |$)", line) for line in lines), piece
+
+
+def test_what_results_under_pushes_depend_on_is_said_below_them(made) -> None:
+    for cells in (made.cells, [cell for cell in made.cells if cell.scenario.name in ("flat", "push:3")]):
+        said = " ".join(" ".join(printed(analyse(cells, seed=0, episodes=40, complete=True))).split())
+        assert f"push: {AXES['push'].note}" in said
+    flat = [cell for cell in made.cells if cell.scenario.name == "flat"]
+    assert AXES["push"].note[:20] not in " ".join(printed(analyse(flat, seed=0, episodes=40, complete=True)))
