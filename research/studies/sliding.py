@@ -83,6 +83,7 @@ SETTINGS = {
     "friction 0.5": Setting(friction=0.5),
     "push over 0.2 s": Setting(push=0.2),
     "push over 0.3 s": Setting(push=0.3),
+    "push over 0.5 s": Setting(push=0.5),
 }
 
 

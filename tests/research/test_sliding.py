@@ -11,9 +11,10 @@ from research.studies import sliding
 from research.studies.sliding import SETTINGS, Options, Setting, ball_spec, slide
 
 
-def ball(setting: Setting = SETTINGS["today"], gravity: float = GRAVITY):
+def ball(setting: Setting = SETTINGS["today"], gravity: float | None = None):
     spec = setting.apply(ball_spec(SIMPLE_QUAD))
-    spec.option.gravity[2] = -gravity
+    if gravity is not None:
+        spec.option.gravity[2] = -gravity
     return spec.compile()
 
 
