@@ -20,6 +20,7 @@ COMMANDS = {
     "jump": Command("research.studies.jump", "how high standing robots jump, and how many land standing"),
     "safety": Command("research.studies.safety", "falls that the safety layer averts, and its false alarms"),
     "ground": Command("research.studies.ground", "success on different surfaces of the same random ground"),
+    "sliding": Command("research.studies.sliding", "feet that slide, and falls under pushes, by settings of contact"),
     "estimation": Command("research.studies.estimation", "errors of estimated attitude and velocity"),
     "time-step": Command("research.studies.time_step", "effort at physics steps of 2, 1 and 0.5 ms"),
     "straight-walking": Command("research.studies.straight_walking", "speed, pushes, uneven ground and cost of a walk"),

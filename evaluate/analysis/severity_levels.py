@@ -39,6 +39,11 @@ class SeverityAxis:
         return f"{named}, {self.unit}" if self.unit else named
 
     @property
+    def note(self) -> str:
+        """What its results depend on besides the policy; empty where nothing is said."""
+        return AXES[self.name].note if self.name in AXES else ""
+
+    @property
     def falling(self) -> bool:
         """Whether a smaller severity is harder, as with friction."""
         return self.scenarios[0].severity > self.scenarios[-1].severity

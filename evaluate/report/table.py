@@ -48,6 +48,7 @@ def print_results(results: Results, console: Console) -> None:
         if results.against_baseline:
             console.print()
             console.print(difference_table(results))
+        _print_notes(results, console)
     console.print()
 
 
@@ -62,6 +63,12 @@ def print_levels(results: Results, console: Console) -> None:
     console.print(f"\n{_widest(results)}", highlight=False)
     if results.scores or results.hardware_scores:
         console.print(score_table(results))
+    _print_notes(results, console)
+
+
+def _print_notes(results: Results, console: Console) -> None:
+    for axis in (axis for axis in severity_axes(results.cells) if axis.note):
+        console.print(f"\n[bold]{escape(axis.name)}[/bold]: {escape(axis.note)}", highlight=False)
 
 
 def level_table(results: Results, axis: SeverityAxis) -> Table:

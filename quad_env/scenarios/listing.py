@@ -40,7 +40,7 @@ def text(robot: Robot = SIMPLE_QUAD) -> str:
     """Every scenario with its severities and a sentence; how severities are written."""
     lines = [f"for {robot.name}: name, its severity, the levels of its axis from mild to hard, and what happens"]
     for axis in axes_of(robot).values():
-        lines += [axis_line(axis), f"  {'':13}{axis.sentence}"]
+        lines += [axis_line(axis), *(f"  {'':13}{line}" for line in (axis.sentence, axis.note) if line)]
     lines += [f"  {STEADY.name:13}level ground, and 0.5 m/s straight ahead: where effort is compared"]
     lines += ["", "where a scenario is asked for, write"]
     return "\n".join(lines + [f"  {written:21}{meaning}" for written, meaning in EXAMPLES.items()])

@@ -49,7 +49,9 @@ def test_every_scenario_is_told_with_its_unit_its_levels_and_a_sentence(capsys) 
     for axis in quad_env.AXES.values():
         levels = " ".join(f"{level:g}" for level in axis.levels)
         unit = axis.unit if axis.unit in ("", "°") else f" {axis.unit}"
-        assert f"{axis.name} {axis.nominal:g}{unit} {axis.quantity}: {levels} {axis.sentence}" in text
+        assert (
+            f"{axis.name} {axis.nominal:g}{unit} {axis.quantity}: {levels} {axis.sentence} {axis.note}".strip() in text
+        )
         assert re.fullmatch(r"[A-Z].{15,}[a-z]\.", axis.sentence), axis.name
 
 

@@ -15,6 +15,7 @@ from evaluate.analysis.results import Results, analyse, as_json
 from evaluate.measures.outcomes import OUTCOMES, OUTCOMES_1
 from evaluate.report.page import render
 from policies import summary
+from quad_env.scenarios.axes import AXES
 from tests.live.view.test_browser import CHROMIUM, QUIET
 
 
@@ -57,6 +58,12 @@ def test_the_contents_lead_to_every_section(page) -> None:
     assert re.findall(r'href="#([^"]+)"', contents) == sections
     assert len(set(sections)) == len(sections) == page.count("<section")
     assert {"success", "axis-push", "how-it-was-measured"} <= set(sections)
+
+
+def test_what_results_under_pushes_depend_on_is_said_where_they_are(page) -> None:
+    parts = dict(zip(re.findall(r'<section id="([^"]+)">', page), page.split("<section ")[1:], strict=True))
+    said = {name for name, part in parts.items() if escape(AXES["push"].note) in part}
+    assert said == {"axis-push"}
 
 
 def test_the_page_names_its_command_and_day(run, page) -> None:

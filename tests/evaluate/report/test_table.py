@@ -14,6 +14,7 @@ from evaluate.report.sections.overview import success
 from evaluate.report.table import print_results
 from evaluate.rollouts.battery import resolve
 from quad_env.scenarios.scenario import on_hardware
+from quad_env.scenarios.axes import AXES
 
 
 def printed(results) -> list[str]:
@@ -102,3 +103,11 @@ def test_scores_of_both_worlds_stand_side_by_side_and_whoever_has_none_with_its_
     assert [line.count("[") for line in lines[first + 3 :] if "%" in line] == [2, 2, 0]
     page = success(results).replace("\u00a0", " ")
     assert [page.count(f"{words}<") for words in ("<th>score", "<th>hardware score", "flat: 100 %")] == [1, 1, 1]
+
+
+def test_what_results_under_pushes_depend_on_is_said_below_them(made) -> None:
+    for cells in (made.cells, [cell for cell in made.cells if cell.scenario.name in ("flat", "push:3")]):
+        said = " ".join(" ".join(printed(analyse(cells, seed=0, episodes=40, complete=True))).split())
+        assert f"push: {AXES['push'].note}" in said
+    flat = [cell for cell in made.cells if cell.scenario.name == "flat"]
+    assert AXES["push"].note[:20] not in " ".join(printed(analyse(flat, seed=0, episodes=40, complete=True)))
