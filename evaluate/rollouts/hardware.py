@@ -24,6 +24,9 @@ class Hardware:
     servo: str = ""
     """Stiffness/damping of the servos for all our controllers, N·m/rad and N·m·s/rad; by default each has its own."""
 
+    simulator: str = "mujoco"
+    """Simulator of the physics, one of `quad_env.physics.batch.SIMULATORS`."""
+
     @property
     def quadruped(self) -> "Robot":
         """The robot of that name, with those servos. Raises as `quad_env.robots.named.robot_of`."""
@@ -41,11 +44,12 @@ class Hardware:
     def environment(self, robot: "Robot") -> dict[str, Any]:
         """Keyword arguments of an environment of the robot, with the servo gains of one that a policy is made for."""
         own = self.quadruped.with_servo(robot.servo_stiffness, robot.servo_damping)
-        return {"actuator": self.actuator, "sensors": self.sensors, "estimator": self.estimator, "robot": own}
+        names = ("actuator", "sensors", "estimator", "simulator")
+        return {name: getattr(self, name) for name in names} | {"robot": own}
 
     def as_json(self) -> dict[str, str]:
         """The names; later ones only where they are not the usual ones, as before there were others."""
-        names, later = asdict(self), ("estimator", "robot", "servo")
+        names, later = asdict(self), ("estimator", "robot", "servo", "simulator")
         return {name: value for name, value in names.items() if name not in later or value != getattr(IDEAL, name)}
 
     def policy(self, name_or_path: str, trust: bool = False) -> "Policy":
