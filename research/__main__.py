@@ -23,6 +23,7 @@ COMMANDS = {
     "safety": Command("research.studies.safety", "falls that the safety layer averts, and its false alarms"),
     "ground": Command("research.studies.ground", "success on different surfaces of the same random ground"),
     "estimation": Command("research.studies.estimation", "errors of estimated attitude and velocity"),
+    "time-step": Command("research.studies.time_step", "effort at physics steps of 2, 1 and 0.5 ms"),
     "straight-walking": Command("research.studies.straight_walking", "speed, pushes, uneven ground and cost of a walk"),
     "prediction": Command("research.studies.prediction", "predictions of the MPCs against what happens"),
     "pictures": Command("research.studies.pictures", "strips of frames and moving pictures of policies walking"),

@@ -14,6 +14,7 @@ from evaluate.analysis.comparison import Comparison, compare, usual_baseline
 from evaluate.analysis.score import Score, scores
 from evaluate.analysis.summary import Summary, summarise
 from evaluate.analysis.training_seeds import seed_spreads
+from evaluate.measures.effort import ENERGY_1
 from evaluate.measures.outcomes import RULES, SUCCESS_1
 from evaluate.records.provenance import versions
 from evaluate.rollouts.experiment import Cell, failure_reasons
@@ -108,6 +109,7 @@ def analyse(
     robot = _hardware(made_with).quadruped
     made_by = dict(made_with.pop("versions"))
     made_by["success_rule"] = made_by.get("success_rule") or SUCCESS_1
+    made_by["energy_rule"] = made_by.get("energy_rule") or ENERGY_1
     names = RULES[made_by["success_rule"]].outcomes
     return Results(
         seed=seed,

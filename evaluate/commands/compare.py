@@ -24,7 +24,7 @@ from evaluate.analysis.comparison import (
 )
 from evaluate.analysis.results import without_nan
 from evaluate.measures.outcomes import SUCCEEDED, SUCCESS_1, SUCCESS_RULE
-from evaluate.records.episode_table import by_success_rule
+from evaluate.records.episode_table import by_energy_rule, by_success_rule
 from evaluate.records.manifest import Manifest, differences
 from evaluate.records.store import read_rows, rows_of
 from evaluate.report.headings import FIRST, NARROW_DIFFERENCES
@@ -77,6 +77,8 @@ def main(options: Options) -> int:
     rules = a[0].success_rule, b[0].success_rule
     if rules[0] != rules[1]:
         a, b = ((manifest, by_success_rule(rows, manifest.success_rule)) for manifest, rows in (a, b))
+    if a[0].energy_rule != b[0].energy_rule:
+        a, b = ((manifest, by_energy_rule(rows, manifest.energy_rule)) for manifest, rows in (a, b))
     pairs = _pairs(options, a[0], b[0])
     scenarios = dict.fromkeys(a[1].column("scenario").to_pylist())
     found = [_match(scenario, pair, a, b) for scenario in scenarios for pair in pairs]

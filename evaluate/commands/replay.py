@@ -12,7 +12,7 @@ from evaluate.commands.options import Flag
 from evaluate.film import files
 from evaluate.film.shooting import Look, Take, film
 from evaluate.records import manifest as manifests
-from evaluate.records.episode_table import by_success_rule, table
+from evaluate.records.episode_table import by_energy_rule, by_success_rule, table
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
 from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, run_cell
@@ -122,7 +122,8 @@ def differences(manifest: Manifest, found: Found, policy: LabelledPolicy) -> lis
         settings = Settings(1, lambda _, __, share: progress(share), steps=manifest.steps, hardware=manifest.hardware)
         again = run_cell(policy, found.cell.scenario, seeds, settings)
     numbers = np.array([found.number])
-    then = by_success_rule(table(found.cell), manifest.success_rule).slice(found.number, 1).to_pylist()[0]
+    rows = by_energy_rule(by_success_rule(table(found.cell), manifest.success_rule), manifest.energy_rule)
+    then = rows.slice(found.number, 1).to_pylist()[0]
     now = table(again, numbers).to_pylist()[0]
     # Not ==, for which 0.0 and -0.0 are the same.
     return [f"{name}: {then[name]} then, {now[name]} now" for name in then if repr(then[name]) != repr(now[name])]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from evaluate.measures import effort, footfalls, pushes, tracking
+from evaluate.measures import effort, footfalls, gait_quality, pushes, tracking
 from evaluate.measures.outcomes import LEAST_SHARE, REFUSED, RULES, SUCCESS_RULE, SuccessRule
 
 Scope = Literal["whole episode", "while upright"]
@@ -27,12 +27,15 @@ class Measure:
 
 
 KEY = (
-    "e, v: commanded and actual velocity; q, tau, a: angles, torques and targets of the joints; dt: control step; "
+    "e, v: commanded and actual velocity; q, a: angles and targets of the joints; tau: torques as the joints received "
+    "them, implicitly integrated damping included; h: physics step; P: tau times the mean of the speeds before and "
+    "after it; dt: control step; "
     "<x>: mean over the steps after the first second; [x]: share in which x holds. While upright: of the "
     "steps and pushes before a fall alone, which can flatter a robot that falls."
 )
 """How to read the formulas and scopes; only what is measured while upright can improve by falling."""
 WHOLE: Scope = "whole episode"
+ENERGY = f"rule {effort.ENERGY_RULE}"
 CAP, YAW_CAP = f"{tracking.VELOCITY_CAP:g} m/s", f"{tracking.YAW_RATE_CAP:g} rad/s"
 FOOTFALL = f"contact sensors; a swing lasts at least {footfalls.SHORTEST_SWING:g} s"
 
@@ -77,16 +80,28 @@ MEASURES = (
     Measure("recovery_time", "recovery time", "s", "heading",
             f"push to the start of the first gait cycle ({pushes.GAIT_CYCLE:g} s) after it whose |mean(e - v)| is at "
             f"most {pushes.RECOVERED_MARGIN:g} m/s above that of the cycle before it; mean of the recoveries"),
-    Measure("energy", "energy", "J", "joints", "sum |tau dq/dt| dt"),
+    Measure("energy", "energy", "J", "joints", "sum |P| h", ENERGY),
+    Measure("positive_work", "positive work", "J", "joints", "sum max(P, 0) h", ENERGY),
+    Measure("regeneration", "regeneration", "J", "joints", "sum max(-P, 0) h: work that the motors took up", ENERGY),
+    Measure("joule_heat", "Joule heat", "J", "joints",
+            "sum tau^2 / slope h, slope of the torque-speed curve K^2 / R; none of motors without a curve",
+            f"Seok et al. 2015; {ENERGY}"),
     Measure("distance", "distance", "m", "heading", "sum |mean v| T of the command intervals"),
     Measure("cost_of_transport", "cost of transport", "", "",
             f"energy / (weight distance), of several episodes that of all together; none below a mean distance of "
-            f"{effort.SHORTEST_DISTANCE:g} m", "Tucker 1975, with mechanical energy"),
-    Measure("mechanical_power", "mechanical power", "W", "joints", "<sum |tau dq/dt|>"),
-    Measure("peak_torque", "peak torque", "N·m", "joints", "max |tau|, of 100 readings a second"),
-    Measure("mean_torque", "mean torque", "N·m", "joints", "<|tau|>"),
+            f"{effort.SHORTEST_DISTANCE:g} m", f"Tucker 1975, with mechanical energy; {ENERGY}"),
+    Measure("mechanical_power", "mechanical power", "W", "joints", "energy / time", ENERGY),
+    Measure("peak_torque", "peak torque", "N·m", "joints", "max |tau| of all physics steps", ENERGY),
+    Measure("mean_torque", "mean torque", "N·m", "joints", "<|tau|> of all physics steps", ENERGY),
     Measure("torque_saturation", "torque at its limit", "", "joints",
-            f"[|tau| >= {effort.SATURATED:g} limit] of joints and time"),
+            f"[|tau| >= {effort.SATURATED:g} limit] of joints and time, in the last physics step of each control step"),
+    Measure("torque_share", "peak torque share", "", "joints",
+            "max |tau| / limit of all physics steps, limit: the motor's largest torque", ENERGY),
+    Measure("speed_share", "peak speed share", "", "joints",
+            "max |dq/dt| / limit of all physics steps, limit: the motor's speed without load, or without a curve the "
+            "rated one", ENERGY),
+    Measure("torque_rate", "torque rate", "N·m/s", "joints",
+            "sum |tau - tau a physics step before| / time, mean of the joints: total variation", ENERGY),
     Measure("joint_limit", "joints at a limit", "", "joints",
             f"[q within {effort.LIMIT_MARGIN:g} rad of a limit or beyond] of joints and time"),
     Measure("overspeed", "joints above rated speed", "", "joints", "[|dq/dt| > rated speed] of joints and time"),
@@ -96,6 +111,13 @@ MEASURES = (
             "path of the feet's centres while in contact / contact time; rolling of the foot included"),
     Measure("foot_clearance", "foot clearance", "m", "world, vertical",
             f"peak height of the foot above the terrain in a swing, mean of all swings; {FOOTFALL}"),
+    Measure("step_rate", "step rate", "1/s", "", f"touch-downs / (feet time); {FOOTFALL}", "Alexander & Jayes 1983"),
+    Measure("touchdown_impulse", "touch-down impulse", "s", "ground normal",
+            f"sum N h over {gait_quality.LANDING:g} s / weight, from the start of the control step of a touch-down on, "
+            f"N: force that presses the foot; mean of the touch-downs; {FOOTFALL}", ENERGY),
+    Measure("flight", "flight", "", "", f"[no foot on the ground]; {FOOTFALL}", "Alexander & Jayes 1983"),
+    Measure("trunk_height", "trunk height", "", "world, vertical",
+            "<height of the trunk's centre above the terrain> / that of the home pose"),
     Measure("phase_error", "phase error of the diagonals", "cycles", "",
             f"|touch-down of a front foot to the nearest of the hind foot across| / stride, at most 0.5; strides up to "
             f"{footfalls.LONGEST_STRIDE:g} s"),
@@ -129,3 +151,15 @@ FIGURES = tuple(
     name for name in BY_NAME if name not in ("outcome", "fell", "diverged", *_LISTS) and not name.startswith("push_")
 )
 """Measures with one number an episode: no verdicts, nor those with several values."""
+EFFORT = (
+    *("cost_of_transport", "step_rate", "duty_factor", "trunk_height", "torque_share"),
+    *("speed_share", "torque_rate", "touchdown_impulse", "flight"),
+)
+"""Measures of effort that are shown next to success everywhere."""
+OF_ENERGY_1 = "energy", "cost_of_transport", "mechanical_power", "peak_torque", "mean_torque"
+"""Measures that the rule energy/1 defined otherwise."""
+SINCE_ENERGY_2 = (
+    *("positive_work", "regeneration", "joule_heat", "torque_share", "speed_share", "torque_rate"),
+    *("step_rate", "touchdown_impulse", "flight", "trunk_height"),
+)
+"""Measures that results under energy/1 lack."""

@@ -5,9 +5,22 @@ Upright steps after the first second alone, NaN without one.
 
 import numpy as np
 
-from evaluate.measures.averages import Bools, Floats, count, over_steps, quotient, total, upright_mean, upright_share
+from evaluate.measures.averages import (
+    Bools,
+    Floats,
+    Recorded,
+    count,
+    over_steps,
+    quotient,
+    total,
+    upright_mean,
+    upright_share,
+)
 from evaluate.measures.episodes import Episodes
 
+ENERGY_RULE, ENERGY_1 = "energy/2", "energy/1"
+"""How energy, torques and their shares are measured: of every physics step, with torques as the joints received them;
+before, of one reading a control step, without what implicitly integrated damping adds."""
 SHORTEST_DISTANCE = 1.0
 """Below this distance an episode has no cost of transport, m: it would be a quotient by nearly nothing."""
 LIMIT_MARGIN = 0.01
@@ -18,6 +31,8 @@ EXHAUSTED = 0.99
 """Share of a residual's authority from which a correction counts as saturated."""
 SLIGHT = 0.05
 """Share of the authority below which a correction has no direction worth the name."""
+SUMS = "positive_work", "regeneration", "joule_heat"
+"""Sums over time and joints."""
 SLOW = 0.1
 """rad/s of the base's joint target below which the base does not move the joint."""
 
@@ -27,23 +42,41 @@ def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Fl
     robot, dt, settled = episodes.robot, episodes.dt, slice(episodes.settling, None)
     torque, speed, angle = episodes.joint_torque[settled], episodes.joint_velocity[settled], episodes.joint_position
     counted = upright[settled]
-    power = np.abs(torque * speed.astype(np.float64)).sum(axis=-1)
-    energy = total(np.where(counted, power, 0.0)) * dt
-    peak = np.where(counted, np.abs(torque).max(axis=-1), -1.0).max(axis=0).astype(np.float64)
+    sums = {name: _sum(getattr(episodes, name)[settled], counted) for name in SUMS}
+    energy = sums["positive_work"] + sums["regeneration"]
+    peak, fastest = (_peaks(signal[settled], counted) for signal in (episodes.peak_torque, episodes.peak_speed))
     low, high = robot.joint_lower + LIMIT_MARGIN, robot.joint_upper - LIMIT_MARGIN
     at_limit = (angle[settled] <= low.astype(np.float32)) | (angle[settled] >= high.astype(np.float32))
     rate = np.diff(episodes.action[episodes.settling - 1 :].astype(np.float64), axis=0) / dt
+    mean_torque, change = (
+        signal[settled].astype(np.float64).mean(axis=-1) for signal in (episodes.mean_torque, episodes.torque_change)
+    )
     return {
         "energy": energy,
+        **sums,
         "cost_of_transport": cost_of_transport(energy, distance, episodes.weight),
-        "mechanical_power": upright_mean(power, counted),
-        "peak_torque": np.where(peak < 0, np.nan, peak),
-        "mean_torque": upright_mean(np.abs(torque.astype(np.float64)).mean(axis=-1), counted),
-        "torque_saturation": upright_share(np.abs(torque) >= SATURATED * episodes.torque_limit, counted),
+        "mechanical_power": quotient(energy, count(counted) * dt),
+        "peak_torque": peak.max(axis=-1),
+        "mean_torque": upright_mean(mean_torque, counted),
+        "torque_saturation": upright_share(np.abs(torque) >= SATURATED * np.asarray(episodes.torque_limit), counted),
+        "torque_share": (peak / np.asarray(episodes.torque_limit)).max(axis=-1),
+        "speed_share": (fastest / np.asarray(episodes.speed_limit)).max(axis=-1),
+        "torque_rate": upright_mean(change, counted) / dt,
         "joint_limit": upright_share(at_limit, counted),
         "overspeed": upright_share(np.abs(speed) > robot.rated_speed, counted),
         "action_rate": np.sqrt(upright_mean((rate * rate).mean(axis=-1), counted)),
     }
+
+
+def _sum(signal: Recorded, counted: Bools) -> Floats:
+    """Of the counted steps and all joints, (n,)."""
+    return total(np.where(counted, signal.astype(np.float64).sum(axis=-1), 0.0))
+
+
+def _peaks(signal: Recorded, counted: Bools) -> Floats:
+    """Largest value of each joint in the counted steps, (n, 12); NaN without one."""
+    peak = np.where(counted[..., None], signal, -1.0).max(axis=0).astype(np.float64)
+    return np.where(peak < 0, np.nan, peak)
 
 
 def cost_of_transport(energy: Floats, distance: Floats, weight: float) -> Floats:

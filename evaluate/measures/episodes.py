@@ -8,11 +8,16 @@ from numpy.typing import NDArray
 from evaluate.measures import tracking
 from evaluate.measures.averages import Bools, Recorded
 from quad_env.config import GRAVITY
+from quad_env.physics.energy import OF_JOINTS
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
 OF_POLICY = ("phase", "correction", "base_action", "stopped")
 """Signals that only some policies have; all others are in the environment's infos."""
+METERED = (*OF_JOINTS, "foot_impulse")
+"""Signals that records before the rule energy/2 lack."""
+Limits = float | tuple[float, ...]
+"""One of all joints, or one each."""
 TRUTHS = ("foot_contact", "leg_contact", "trunk_contact", "stopped")
 """Signals of truth values; all others are single-precision numbers."""
 
@@ -38,6 +43,8 @@ def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
         "leg_contact": (),
         "trunk_contact": (),
         "push": (2,),
+        **dict.fromkeys(OF_JOINTS, (joints,)),
+        "foot_impulse": (feet,),
         "phase": (),
         "correction": (joints,),
         "base_action": (joints,),
@@ -71,6 +78,14 @@ class Episodes:
     leg_contact: Bools
     trunk_contact: Bools
     push: Recorded
+    positive_work: Recorded
+    regeneration: Recorded
+    joule_heat: Recorded
+    mean_torque: Recorded
+    peak_torque: Recorded
+    peak_speed: Recorded
+    torque_change: Recorded
+    foot_impulse: Recorded
     phase: Recorded | None
     """Phase of the policy's clock at the step's action, rad; None without a clock."""
     correction: Recorded | None
@@ -97,8 +112,10 @@ class Episodes:
     """Steps that a command lasts."""
     weight: float
     """Weight of the robot and what it carries, N."""
-    torque_limit: float
-    """Largest torque of a joint, N·m."""
+    torque_limit: Limits
+    """Largest torque of each joint, N·m."""
+    speed_limit: Limits = float("nan")
+    """Speed of each joint's motor without load, or its rated one, rad/s."""
     after_falls: bool = False
     """Whether robots went on after their fall, and their record with them."""
     failure: NDArray[np.object_] | None = None

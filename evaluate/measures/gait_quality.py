@@ -6,11 +6,24 @@ Upright steps alone, NaN without one.
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.averages import Bools, Floats, Recorded, count, planar, quotient, total, upright_rms
+from evaluate.measures.averages import (
+    Bools,
+    Floats,
+    Recorded,
+    count,
+    planar,
+    quotient,
+    total,
+    upright_mean,
+    upright_rms,
+    upright_share,
+)
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import LONGEST_STRIDE, Footfalls, footfalls
 from quad_env.config import GRAVITY
 
+LANDING = 0.02
+"""s; how long a touch-down lasts, in whole control steps, of which the first is that in which the foot lands."""
 Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Episodes and their steps."""
 
@@ -29,6 +42,11 @@ def gait(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floa
     return {
         **standing_still(episodes, upright, falls),
         "duty_factor": quotient(standing, count(counted)[:, None]),
+        "step_rate": step_rate(falls, settling, count(counted) * dt),
+        "flight": upright_share(~falls.stance[settled].any(axis=-1), counted),
+        "trunk_height": upright_mean(episodes.height[settled].astype(np.float64), counted) / episodes.robot.home_height,
+        "touchdown_impulse": touchdown_impulse(episodes.foot_impulse, falls, settling, episodes.fall_step, dt)
+        / episodes.weight,
         "foot_slip": foot_slip(feet, contact, upright[with_the_step_before], dt),
         "foot_clearance": foot_clearance(episodes.foot_height, falls.after(settling)),
         "phase_error": phase_error(falls, episodes.robot.diagonals, settling, dt),
@@ -52,6 +70,22 @@ def standing_still(episodes: Episodes, upright: Bools, falls: Footfalls) -> dict
         landed += counts * np.bincount(falls.episode[inside], minlength=episodes.count)
         time += counts * ((window.stop - window.start) * episodes.dt)
     return {"drift": quotient(moved, drifting), "needless_steps": quotient(landed, time)}
+
+
+def step_rate(falls: Footfalls, first: int, time: Floats) -> Floats:
+    """Touch-downs per foot and second from that step on, in the upright time, s, (n,); 1/s."""
+    landed = np.bincount(falls.episode[falls.touch_down >= first], minlength=len(time))
+    return quotient(landed, falls.stance.shape[-1] * time)
+
+
+def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDArray[np.int64], dt: float) -> Floats:
+    """Impulse of the ground on a foot over LANDING from a touch-down on, mean of those between the steps `first` and
+    `end`, (n,), of each episode, (n,) N·s; `impulse`, (steps, n, 4), is that of each control step."""
+    length = max(1, round(LANDING / dt))
+    whole = (falls.touch_down >= first) & (falls.touch_down + length <= end[falls.episode])
+    step, episode, foot = falls.touch_down[whole], falls.episode[whole], falls.foot[whole]
+    received = sum(impulse[step + later, episode, foot].astype(np.float64) for later in range(length))
+    return _mean_by_episode(np.asarray(received), episode, len(end))
 
 
 def foot_clearance(height: Recorded, falls: Footfalls) -> Floats:

@@ -39,17 +39,27 @@ class Measures:
     not_recovered: Floats
     recovery_time: Floats
     energy: Floats
+    positive_work: Floats
+    regeneration: Floats
+    joule_heat: Floats
     distance: Floats
     cost_of_transport: Floats
     mechanical_power: Floats
     peak_torque: Floats
     mean_torque: Floats
     torque_saturation: Floats
+    torque_share: Floats
+    speed_share: Floats
+    torque_rate: Floats
     joint_limit: Floats
     overspeed: Floats
     action_rate: Floats
     foot_slip: Floats
     foot_clearance: Floats
+    step_rate: Floats
+    touchdown_impulse: Floats
+    flight: Floats
+    trunk_height: Floats
     phase_error: Floats
     roll_rate: Floats
     pitch_rate: Floats

@@ -12,6 +12,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from evaluate.measures.catalogue import OF_ENERGY_1, SINCE_ENERGY_2
+from evaluate.measures.effort import ENERGY_1
 from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import RULES, SUCCESS_1, SUCCESS_RULE, from_success_1, outcomes
 from evaluate.records import parquet
@@ -50,11 +52,13 @@ def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> pa.Table:
 
 def cell_of(rows: pa.Table, scenario: Scenario) -> Cell:
     """The cell of a table's rows, which are of one policy and this scenario; ValueError names the columns it lacks."""
-    needed = {"policy", "seed", "fall_reason", *MEASURES}
+    needed = {"policy", "seed", "fall_reason", *MEASURES} - set(SINCE_ENERGY_2)
     if missing := sorted(needed - set(rows.column_names)):
         raise ValueError(f"it lacks the columns {', '.join(missing)}")
     try:
-        measures = Measures(**{name: _values(rows, name) for name in MEASURES})
+        absent = dict.fromkeys(SINCE_ENERGY_2, np.full(len(rows), np.nan))
+        present = {name: _values(rows, name) for name in MEASURES if name in rows.column_names}
+        measures = Measures(**absent | present)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
         raise ValueError(f"its lists are not all of one length ({error})") from error
     return Cell(
@@ -113,6 +117,12 @@ def by_success_rule(rows: pa.Table, rule: str) -> pa.Table:
     commands, velocities = _values(rows, "commands"), _values(rows, "mean_velocities")
     found = from_success_1(_values(rows, "outcome"), failed=failed, commands=commands, velocities=velocities)
     return rows.set_column(place, rows.schema.field(place), pa.array(found.tolist(), pa.string()))
+
+
+def by_energy_rule(rows: pa.Table, rule: str) -> pa.Table:
+    """Rows of a run under that rule of energy without the measures that are defined otherwise today."""
+    other = {*OF_ENERGY_1, *SINCE_ENERGY_2} if rule == ENERGY_1 else set()
+    return rows.select([name for name in rows.column_names if name not in other])
 
 
 def _array(values: NDArray[Any]) -> pa.Array:

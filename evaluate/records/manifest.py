@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from evaluate.measures.effort import ENERGY_1
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
 from evaluate.records.provenance import DIGEST, code_digest, cpu_model, model_of, policy_digest, versions
 from evaluate.rollouts import rollout
@@ -29,8 +30,8 @@ _SHA256 = "sha256"
 """Key of the hash of all else in the file."""
 _OF_NO_FIGURE = ("options", "date", "fingerprint")
 """What no figure depends on."""
-_NOT_COMPARED = {"git_revision"}
-"""Versions that may change without a figure changing: the code's digest says whether one could."""
+_NOT_COMPARED = {"git_revision", "energy_rule"}
+"""Versions that may change without a figure changing, the code's digest says whether one could; or compared apart."""
 _NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
 """Versions with which the same run may come out to the same bytes; `compare` names them where they differ."""
 
@@ -79,6 +80,11 @@ class Manifest:
     def success_rule(self) -> str:
         """Rule of success that its outcomes are by."""
         return self.versions.get("success_rule") or SUCCESS_1
+
+    @property
+    def energy_rule(self) -> str:
+        """Rule that energy and torques are by."""
+        return self.versions.get("energy_rule") or ENERGY_1
 
     def begun(self) -> "Manifest":
         """With its fingerprint."""
@@ -177,6 +183,8 @@ def differences(then: Manifest, now: Manifest) -> list[str]:
 
 
 def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
+    if then.energy_rule != now.energy_rule:
+        yield f"energy_rule was {then.energy_rule} and is {now.energy_rule}"
     for name, version in then.versions.items():
         new = now.versions.get(name, version)  # older results do not name all that newer ones do
         if name not in _NOT_COMPARED and new != version:

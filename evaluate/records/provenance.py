@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from evaluate.measures.effort import ENERGY_RULE
 from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.rollouts.hardware import Hardware
 from policies.base import Policy
@@ -38,6 +39,7 @@ def versions() -> dict[str, str | None]:
         "quad_env": _version_of("simple-quad"),
         "fall_rule": FallRule().name,
         "success_rule": SUCCESS_RULE,
+        "energy_rule": ENERGY_RULE,
         "git_revision": git_revision(REPOSITORY),
     }
 

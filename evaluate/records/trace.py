@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from evaluate.measures.episodes import OF_POLICY, TRUTHS, Episodes, blank, shapes
+from evaluate.measures.episodes import METERED, OF_POLICY, TRUTHS, Episodes, Limits, blank, shapes
 from evaluate.records import parquet
 from evaluate.rollouts.experiment import TraceWriter
 from evaluate.rollouts.hardware import IDEAL, hardware_of
@@ -89,7 +89,9 @@ def write(episodes: Episodes, header: Header, path: Path) -> None:
         rows = np.moveaxis(np.moveaxis(getattr(episodes, name), 1, 0), 1, -1)
         table[name] = pa.FixedSizeListArray.from_arrays(pa.array(rows.ravel()), rows[0].size)
     numbers = {
-        field.name: getattr(episodes, field.name) for field in fields(Episodes) if field.type in (int, float, bool)
+        field.name: getattr(episodes, field.name)
+        for field in fields(Episodes)
+        if field.type in (int, float, bool, Limits)
     }
     about = {"schema": 1, "steps": episodes.steps, "header": vars(header), "numbers": numbers}
     if (robot := str(episodes.robot.source or episodes.robot.name)) != IDEAL.robot:
@@ -126,9 +128,11 @@ def read(path: Path, kind: Kind = "full") -> tuple[Header, Episodes]:
 
 
 def _signal(table: Any, robot: Robot, name: str, steps: int, count: int) -> NDArray[np.generic] | None:
-    """A policy without a clock has no phase; what a compact trace leaves out is zero."""
+    """A policy without a clock has no phase; what a compact trace leaves out is zero, what none had
+    before was not measured."""
     if name not in table.column_names:
-        return None if name in OF_POLICY else blank(robot, name, steps, count)
+        unknown = blank(robot, name, steps, count)
+        return None if name in OF_POLICY else unknown + np.float32(np.nan) if name in METERED else unknown
     values = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
     rows: NDArray[np.generic] = values.reshape(count, *shapes(robot)[name], steps)
     return np.ascontiguousarray(np.moveaxis(np.moveaxis(rows, -1, 1), 0, 1))

@@ -9,6 +9,7 @@ from evaluate.analysis.breaking_points import CAVEAT
 from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
+from evaluate.measures.effort import ENERGY_1, ENERGY_RULE
 from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
@@ -128,6 +129,11 @@ def warnings(results: Results) -> list[str]:
         lines.append(
             f"Success is by the older rule {results.success_rule}, under which these episodes ran: standing still can "
             f"succeed at slow commands. python -m evaluate report FOLDER --success {SUCCESS_RULE} prints today's"
+        )
+    if results.versions["energy_rule"] != ENERGY_RULE:
+        lines.append(
+            f"Energy and torques are by the older rule {ENERGY_1}, one reading a control step, and depend on the time "
+            f"step; they do not compare with those by {ENERGY_RULE}"
         )
     return lines
 

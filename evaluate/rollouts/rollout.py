@@ -193,6 +193,7 @@ class Recorder:
     def episodes(self) -> Episodes:
         """The record; of steps that were not recorded, zeros."""
         env, falls = self._env, self.falls
+        meter = env.simulation.meter
         return Episodes(
             robot=env.robot,
             seeds=self._seeds,
@@ -205,7 +206,8 @@ class Recorder:
             divergence_step=falls.divergence_step,
             after_falls=not env.terminate_on_fall,
             weight=weight(env.robot, env.scenario),
-            torque_limit=float(env.simulation.model.actuator_forcerange.max()),
+            torque_limit=tuple(meter.torque_limit.tolist()),
+            speed_limit=tuple(meter.speed_limit.tolist()),
             dt=env.dt,
             command_steps=env.scenario.commands.steps(env.dt),
             failure=self._failure,

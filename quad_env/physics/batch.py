@@ -11,7 +11,9 @@ from quad_env.scenarios.terrain import Flat, Slope, Stairs
 
 MUJOCO, DRAKE = "mujoco", "drake"
 SIMULATORS = MUJOCO, DRAKE
-_KNOWN = "ideal motors, the true state, and level ground, slopes and stairs of any friction, with pushes, forces, payloads"
+_KNOWN = (
+    "ideal motors, the true state, and level ground, slopes and stairs of any friction, with pushes, forces, payloads"
+)
 
 
 class Batch(Protocol):
@@ -58,7 +60,7 @@ class Batch(Protocol):
 
 
 def check_simulator(simulator: str, scenario: Scenario, actuator: Actuator, sensors: bool = False) -> None:
-    """ValueError, one line, unless there is a simulator of that name that can do that; `sensors` are the robot's own."""
+    """ValueError, one line, unless the simulator of that name can do that; `sensors`: the robot has some of its own."""
     if simulator not in SIMULATORS:
         raise ValueError(f"unknown simulator {simulator!r}; valid: {', '.join(SIMULATORS)}")
     if simulator == MUJOCO:

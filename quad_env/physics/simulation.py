@@ -13,6 +13,7 @@ from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.runtime import actuator_models_of
 from quad_env.columns import Array, Column, Ids, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
 from quad_env.physics.batch import MUJOCO, batch_of, check_simulator
+from quad_env.physics.energy import Meter, touch_sensors
 from quad_env.physics.footsteps import Columns, Footsteps, touching
 from quad_env.physics.model import (
     PAYLOAD,
@@ -46,10 +47,10 @@ in the ground MuJoCo finds more contacts than it has memory for."""
 class Simulation:
     """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads.
 
-    With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`; with an `imu`, mounted
-    there, there is a `probe`; with `feet` they are part of the state. Servos have the gains of the
-    robot, or each robot's `servo` its own, stiffness and damping, (2, n, 12). A `simulator` other than MuJoCo has the
-    same fields, in MuJoCo's conventions.
+    With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`, and a `meter` measures
+    the motors; with an `imu`, mounted there, there is a `probe`; with `feet` they are part of the state. Servos have
+    the gains of the robot, or each robot's `servo` its own, stiffness and damping, (2, n, 12). Every `simulator` has
+    MuJoCo's fields and conventions, see `quad_env.physics.batch`.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class Simulation:
         soles = [contact_sensors(self.model, f"{leg}_foot") for leg in robot.leg_names if contacts or feet]
         links = [contact_sensors(self.model, f"{leg}_{link}") for leg in robot.leg_names for link in _LINKS if contacts]
         read = [*trunk, *itertools.chain(*soles, *links), *(() if imu is None else probed(robot))]
+        read += touch_sensors(robot) if contacts else []
         self.batch = batch_of(simulator, stepped_model(self.model, read), num_envs, nthread)
         """The robots as the simulator steps them."""
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
@@ -94,6 +96,8 @@ class Simulation:
         self._push = self.batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self.torque = self.batch.bind("actuator_force")
         """Torques of the servos in the last physics step, (n, 12), N·m."""
+        metered = (robot, self.batch, self.model, actuator, self.substeps, simulator)
+        self.meter = Meter(*metered) if contacts else None
         at = (robot, self.terrain, period, self.qpos, self.qvel)
         steps = [[self.batch.sensor(name).data for name in names] for names in soles]
         self._footsteps = Footsteps(*at, steps) if feet else None  # before the probe computes contacts again
@@ -163,8 +167,14 @@ class Simulation:
         self.qpos[ids, 2] = qpos[:, 2]
         self.batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
         self.qpos[ids, 2] += self._lift(ids, qpos)
+        self._begin_readings(ids)
+
+    def _begin_readings(self, ids: Ids) -> None:
+        """Nothing has happened to those robots yet."""
         if self._footsteps is not None:
             self._footsteps.begin(ids)
+        if self.meter is not None:
+            self.meter.begin(ids)
         if self.probe is not None:
             self.probe.keep(ids)
 
@@ -193,6 +203,8 @@ class Simulation:
         self._ctrl[ids] = targets
         if push is not None:
             self._push[ids] = push[ids] if self._force is None else push[ids] + self._force[ids]
+        if self.meter is not None:
+            self.meter.clear(ids)
         if self._actuators is None:
             self._advance(ids, self.substeps)
         else:
@@ -203,6 +215,12 @@ class Simulation:
             self.probe.keep(ids)
 
     def _advance(self, ids: Ids, substeps: int) -> None:
+        if self.meter is None:
+            self._step(ids, substeps)
+        else:
+            self.meter.advance(ids, substeps, self._step)
+
+    def _step(self, ids: Ids, substeps: int) -> None:
         try:
             self.batch.step(None if ids is ALL else ids, substeps)
         except SimulationError as error:
@@ -225,10 +243,7 @@ class Simulation:
         if self._actuators is not None:
             self._actuators.begin(ids)
         self.batch.reset(ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
-        if self._footsteps is not None:
-            self._footsteps.begin(ids)
-        if self.probe is not None:
-            self.probe.keep(ids)
+        self._begin_readings(ids)
 
     def state(self, command: Vector[Array], ids: Ids = ALL) -> QuadState[Array]:
         """Readings of those robots now; `command`, (3) is the one they were following."""

@@ -6,6 +6,7 @@ from quad_env.robots.named import robot_named
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import Axis, axes_of
+from quad_env.scenarios.named import STEADY
 
 EXAMPLES = {
     "push": "the nominal severity of the axis",
@@ -39,6 +40,7 @@ def text(robot: Robot = SIMPLE_QUAD) -> str:
     lines = [f"for {robot.name}: name, its severity, the levels of its axis from mild to hard, and what happens"]
     for axis in axes_of(robot).values():
         lines += [axis_line(axis), f"  {'':13}{axis.sentence}"]
+    lines += [f"  {STEADY.name:13}level ground, and 0.5 m/s straight ahead: where effort is compared"]
     lines += ["", "where a scenario is asked for, write"]
     return "\n".join(lines + [f"  {written:21}{meaning}" for written, meaning in EXAMPLES.items()])
 

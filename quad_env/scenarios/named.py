@@ -1,5 +1,5 @@
-"""Scenarios as they are written: `push`, its level `push:3`, a severity `push=42`, several `payload=15+slope=10`, a
-user's terrain `hill.toml`.
+"""Scenarios as they are written: `steady`, `push`, its level `push:3`, a severity `push=42`, several
+`payload=15+slope=10`, a user's terrain `hill.toml`.
 
 A scenario is never tuned to a policy. Write one with `dataclasses.replace` or the constructor and pass it to `make`.
 """
@@ -9,6 +9,7 @@ from functools import lru_cache
 from operator import attrgetter
 from pathlib import Path
 
+from quad_env.config import CommandRanges
 from quad_env.files.text import number
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
@@ -30,13 +31,15 @@ TERRAIN = ".toml"
 """End of the path of a user's terrain."""
 LARGEST = 1e6
 """Severity beyond which no unit of an axis means anything."""
+STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
+"""Level ground, and 0.5 m/s straight ahead for every robot, where effort is compared. Of no axis."""
 _LABELS = ("name", "axis", "severity", "severity_unit")
 
 
 @lru_cache(maxsize=32)
 def scenarios_of(robot: Robot) -> dict[str, Scenario]:
-    """The named scenarios, each axis at its nominal severity, as hard for the robot as for SimpleQuad."""
-    return {name: axis.scenario(axis.nominal, name) for name, axis in axes_of(robot).items()}
+    """The named scenarios: each axis at its nominal severity, as hard for the robot as for SimpleQuad, and `STEADY`."""
+    return {name: axis.scenario(axis.nominal, name) for name, axis in axes_of(robot).items()} | {STEADY.name: STEADY}
 
 
 SCENARIOS = scenarios_of(SIMPLE_QUAD)
@@ -66,7 +69,7 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
     if is_combination(name):
         return combined(name, robot)
     axis, colon, level = name.partition(":")
-    if colon and axis in SCENARIOS:
+    if colon and axis in AXES:
         if not level.isdecimal():
             valid = f"{axis}:1 to {axis}:{len(AXES[axis].levels)}, {axis}:all where several may be named"
             raise ValueError(f"'{name}' is no level of {axis}; valid: {valid}")

@@ -15,7 +15,9 @@ _VECTORS = ("position", "angular_velocity", "joint_position", "joint_velocity", 
 
 
 def readings(simulation: Simulation, state: QuadState[Array] | None = None) -> Readings:
-    """Name -> value of all n robots, of the current step; contacts and torques are those of its last substep.
+    """Name -> value of all n robots, of the current step; contacts and `joint_torque`, without what damping that is
+    integrated implicitly adds, are those of its last substep. What is over the control step is of all of its physics
+    steps, with torques as the joints received them: see `quad_env.physics.energy`.
 
     `state` is that of all robots, where it has been looked at already.
 
@@ -36,6 +38,14 @@ def readings(simulation: Simulation, state: QuadState[Array] | None = None) -> R
     leg_contact        (n,)        bool, a thigh or calf on the ground
     trunk_contact      (n,)        bool
     push               (n, 2)      force on the trunk, world, N
+    positive_work      (n, 12)     of the motors over the control step, J
+    regeneration       (n, 12)     work that the motors took up over the control step, J
+    joule_heat         (n, 12)     of the windings over the control step, J; NaN of motors without a curve
+    mean_torque        (n, 12)     mean of the torque's size over the control step, N·m
+    peak_torque        (n, 12)     largest of the control step, N·m
+    peak_speed         (n, 12)     largest of the control step, rad/s
+    torque_change      (n, 12)     sum of the sizes of the changes from physics step to physics step, N·m
+    foot_impulse       (n, 4)      of the forces that pressed each foot over the control step, N·s
     =================  ==========  =====================================================================
 
     Motors with a thermal model add `winding_temperature`, (n, 12), °C.
@@ -45,9 +55,10 @@ def readings(simulation: Simulation, state: QuadState[Array] | None = None) -> R
     rotation = np.moveaxis(np.array(state.rotation), -1, 0)
     feet, depth = feet_in_world(robot, position, rotation, joints), foot_depths(robot, rotation, joints)
     feet_contact, leg_contact = simulation.ground_contacts()
-    temperature = simulation.winding_temperature
+    temperature, metered = simulation.winding_temperature, {} if simulation.meter is None else simulation.meter.readings
     return {
         **{name: np.transpose(getattr(state, name)).copy() for name in _VECTORS},
+        **{name: reading.copy() for name, reading in metered.items()},
         "quaternion": simulation.quaternion,
         "height": state.height,
         "vertical_velocity": state.vertical_velocity,

@@ -11,7 +11,10 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
 from quad_env.columns import Array, Rows
 from quad_env.physics.drake.plant import inertia, plant_of
+from quad_env.robots.collisions import foot_geoms
 
+_Forces = Value[list[ExternallyAppliedSpatialForce]]
+_STEPPED = "qpos", "qvel", "ctrl", "actuator_force", "xfrc_applied"
 _TRUNK = 1
 """MuJoCo's id of the body with the free joint."""
 
@@ -38,9 +41,13 @@ class DrakeBatch:
         }
         self._fields = {name: np.zeros((num_envs, *shape)) for name, shape in shapes.items()}
         self._own: dict[str, Array] = {}
-        self._touches = np.zeros((num_envs, model.ngeom))
-        """Contacts of each geom with the ground in the last physics step."""
-        self._sensors: dict[str, tuple[list[int], Array]] = {}
+        self._touches, self._forces = np.zeros((2, num_envs, model.ngeom))
+        """Contacts of each geom with the ground in the last physics step, and the force of all that press it, N."""
+        self._sensors: dict[str, tuple[Array, list[int], Array]] = {}
+        """Of which of these, and of which geoms, each sensor's data are the sum."""
+        self._grounds = model.geom_bodyid == 0
+        self._inputs = [list[Any]() for _ in range(num_envs)]
+        """What the state and the inputs of each context were set to last."""
         self.warning = np.zeros((num_envs, mujoco.mjtWarning.mjNWARNING.value, 2), np.int64)
 
     def bind(self, field: str) -> Array:
@@ -53,20 +60,24 @@ class DrakeBatch:
         return self._own.setdefault(field, np.tile(values, (len(self._plants), *[1] * values.ndim)))
 
     def sensor(self, name: str) -> Any:
-        """A sensor of contact with the ground; its `data` count contacts, (n, 1)."""
-        number = self._model.sensor(name).id
-        watched = int(self._model.sensor_objid[number])
-        of_body = self._model.sensor_objtype[number] != mujoco.mjtObj.mjOBJ_GEOM
-        geoms = np.flatnonzero(self._model.geom_bodyid == watched).tolist() if of_body else [watched]
-        self._sensors.setdefault(name, (geoms, np.zeros((len(self._plants), 1))))
-        return SimpleNamespace(data=self._sensors[name][1])
+        """A sensor whose `data`, (n, 1), are a part's contacts with the ground, or the force that presses a foot, N."""
+        model, number = self._model, self._model.sensor(name).id
+        watched = int(model.sensor_objid[number])
+        if model.sensor_type[number] == mujoco.mjtSensor.mjSENS_TOUCH:
+            source, geoms = self._forces, foot_geoms(model, name.removesuffix("_foot_touch"))
+        elif model.sensor_objtype[number] == mujoco.mjtObj.mjOBJ_GEOM:
+            source, geoms = self._touches, [watched]
+        else:
+            source, geoms = self._touches, np.flatnonzero(model.geom_bodyid == watched).tolist()
+        self._sensors.setdefault(name, (source, geoms, np.zeros((len(self._plants), 1))))
+        return SimpleNamespace(data=self._sensors[name][2])
 
     def reset(self, ids: Rows, keyframe: int | None = None, *, stage: int = 0) -> None:
         """Put those robots at the model's start, or at a keyframe, at rest; nothing touches the ground yet."""
         for values in self._fields.values():
             values[ids] = 0.0
-        for _, counts in self._sensors.values():
-            counts[ids] = 0.0
+        for _, _, data in self._sensors.values():
+            data[ids] = 0.0
         model = self._model
         self._fields["qpos"][ids] = model.qpos0 if keyframe is None else model.key_qpos[keyframe]
         if keyframe is not None:
@@ -80,51 +91,62 @@ class DrakeBatch:
             self._fields["xpos"][robot], self._fields["site_xpos"][robot] = self._data.xpos, self._data.site_xpos
 
     def step(self, ids: Rows | None, nstep: int) -> None:
-        """Move those robots, or all, on by some physics steps; one that Drake gives up on stands still, with a warning."""
-        rows = range(len(self._plants)) if ids is None else ids
+        """Move those robots, or all, on by some physics steps; what Drake gives up on stands still, with a warning."""
+        rows = np.arange(len(self._plants)) if ids is None else ids
         for robot in rows:
             try:
                 self._step(int(robot), nstep)
             except RuntimeError:
                 self.warning[robot, int(mujoco.mjtWarning.mjWARN_BADQACC), 1] += 1
-        for geoms, counts in self._sensors.values():
-            counts[rows, 0] = self._touches[rows][:, geoms].sum(axis=1)
+        for source, geoms, data in self._sensors.values():
+            data[rows, 0] = source[rows][:, geoms].sum(axis=1)
 
     def _step(self, robot: int, nstep: int) -> None:
-        drake, context = self._drake, self._plants[robot]
-        plant, fields = drake.plant, {name: values[robot] for name, values in self._fields.items()}
-        plant.SetPositionsAndVelocities(context, self._to_drake(fields["qpos"], fields["qvel"]))
-        desired = np.zeros(2 * plant.num_actuators())
-        desired[drake.servos] = fields["ctrl"]
-        plant.get_desired_state_input_port(drake.trunk.model_instance()).FixValue(context, desired)
-        self._push(robot, context)
+        plant, context = self._drake.plant, self._plants[robot]
+        qpos, qvel, ctrl, torque, push = (self._fields[name][robot] for name in _STEPPED)
+        self._set(robot, np.concatenate((qpos, qvel)), ctrl, push[_TRUNK])
         for _ in range(nstep):
             coming = plant.EvalUniquePeriodicDiscreteUpdate(context)
             actuation = plant.get_net_actuation_output_port().Eval(context)
             contacts = plant.get_contact_results_output_port().Eval(context)
             context.SetDiscreteState(coming)
-        fields["actuator_force"][:] = actuation[drake.servos]
-        self._touches[robot] = self._with_ground(contacts)
-        self._from_drake(plant.GetPositionsAndVelocities(context), fields["qpos"], fields["qvel"])
+        torque[:] = actuation[self._drake.servos]
+        self._look_at(robot, contacts)
+        self._from_drake(plant.GetPositionsAndVelocities(context), qpos, qvel)
+        self._inputs[robot][0] = np.concatenate((qpos, qvel))
 
-    def _push(self, robot: int, context: Any) -> None:
-        force = ExternallyAppliedSpatialForce()
-        force.body_index, force.p_BoBq_B = self._drake.trunk.index(), self._model.body_ipos[_TRUNK]
-        pushing = self._fields["xfrc_applied"][robot, _TRUNK]
-        force.F_Bq_W = SpatialForce(pushing[3:], pushing[:3])
-        self._drake.plant.get_applied_spatial_force_input_port().FixValue(
-            context, Value[list[ExternallyAppliedSpatialForce]]([force])
+    def _set(self, robot: int, state: Array, ctrl: Array, push: Array) -> None:
+        """State, targets and the force on the trunk, as far as they have changed."""
+        drake, context, last, now = (
+            self._drake,
+            self._plants[robot],
+            self._inputs[robot],
+            [state, ctrl.copy(), push.copy()],
         )
+        fresh = [not last or not np.array_equal(*pair) for pair in zip(last, now, strict=True)] if last else [True] * 3
+        if fresh[0]:
+            drake.plant.SetPositionsAndVelocities(context, self._to_drake(*np.split(state, [self._model.nq])))
+        if fresh[1]:
+            desired = np.zeros(2 * drake.plant.num_actuators())
+            desired[drake.servos] = ctrl
+            drake.plant.get_desired_state_input_port(drake.trunk.model_instance()).FixValue(context, desired)
+        if fresh[2]:
+            pushing = ExternallyAppliedSpatialForce()
+            pushing.body_index, pushing.p_BoBq_B = drake.trunk.index(), self._model.body_ipos[_TRUNK]
+            pushing.F_Bq_W = SpatialForce(push[3:], push[:3])
+            drake.plant.get_applied_spatial_force_input_port().FixValue(context, _Forces([pushing]))
+        self._inputs[robot] = now
 
-    def _with_ground(self, contacts: Any) -> Array:
-        """How often each geom touches the ground, (ngeom,)."""
-        counts = np.zeros(self._model.ngeom)
+    def _look_at(self, robot: int, contacts: Any) -> None:
+        """How often each geom touches the ground, and how hard it is pressed."""
+        touches, forces = self._touches[robot], self._forces[robot]
+        touches[:] = forces[:] = 0.0
         for number in range(contacts.num_point_pair_contacts()):
-            pair = contacts.point_pair_contact_info(number).point_pair()
+            contact = contacts.point_pair_contact_info(number)
+            pair = contact.point_pair()
             both = [self._drake.geoms[each.get_value()] for each in (pair.id_A, pair.id_B)]
-            if 0 in self._model.geom_bodyid[both]:
-                counts[both] += 1.0
-        return counts
+            touches[both] += float(self._grounds[both].any())
+            forces[both] += abs(float(contact.contact_force() @ pair.nhat_BA_W))
 
     def _to_drake(self, qpos: Array, qvel: Array) -> Array:
         """Quaternion before place, angular velocity first and in the world frame."""

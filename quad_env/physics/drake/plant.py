@@ -39,8 +39,9 @@ from quad_env.columns import Array, Rows
 
 logging.getLogger("drake").setLevel(logging.ERROR)  # it warns of half spaces, which deformable bodies do not meet
 
-DISSIPATION = 50.0
-"""Of the force with which bodies that touch approach, s/m, by Hunt and Crossley: hardly anything bounces."""
+DISSIPATION = 10.0
+"""Hunt and Crossley's, s/m: what loads a foot by twice its share of the robot's weight is damped critically, as in
+MuJoCo, and nothing bounces off faster than at 1/d, 0.1 m/s."""
 _DRY = 0.01
 """Speed below which a joint's dry friction is viscous, rad/s."""
 _WIDE = 1000.0
@@ -69,7 +70,10 @@ def plant_of(model: mujoco.MjModel) -> Plant:
     """The plant of a robot of that model, whose trunk is its first body."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    builder, how = DiagramBuilder(), MultibodyPlantConfig(time_step=model.opt.timestep, adjacent_bodies_collision_filters=False)
+    builder, how = (
+        DiagramBuilder(),
+        MultibodyPlantConfig(time_step=model.opt.timestep, adjacent_bodies_collision_filters=False),
+    )
     how.discrete_contact_approximation, how.use_sampled_output_ports = _LAGGED, False
     plant, scene = AddMultibodyPlant(how, builder)
     plant.mutable_gravity_field().set_gravity_vector(model.opt.gravity)
@@ -123,9 +127,7 @@ def _add_joint(
     return plant.AddJoint(RevoluteJoint(name, *frames, axis, lower, upper, damping))
 
 
-def _add_servo(
-    plant: MultibodyPlant, model: mujoco.MjModel, joints: list[RevoluteJoint], servo: int
-) -> JointActuator:
+def _add_servo(plant: MultibodyPlant, model: mujoco.MjModel, joints: list[RevoluteJoint], servo: int) -> JointActuator:
     """Its stiffness and damping are both implicit; armature is inertia of a rotor."""
     joint, name = int(model.actuator_trnid[servo, 0]), model.actuator(servo).name
     added = plant.AddJointActuator(name, joints[joint - 1], model.actuator_forcerange[servo, 1])

@@ -46,9 +46,7 @@ def measured(name: str, **changes) -> float:
 
 ALL, FELL = slice(None), {"fall_step": np.array([FALL])}
 WALK = {"heading_velocity": signal("heading_velocity", lambda record: np.copyto(record, (0.5, 0.0, 0.0)))}
-BRAKING = joints("joint_torque", (ALL, 0, 20.0), (ALL, 1, -10.0)) | joints(
-    "joint_velocity", (ALL, 0, 2.0), (ALL, 1, 3.0)
-)
+BRAKING = joints("positive_work", (ALL, 0, 4.0)) | joints("regeneration", (ALL, 1, 3.0))
 """70 W: 40 W into one joint and 30 W out of another, which no spring keeps."""
 
 
@@ -70,12 +68,36 @@ def test_mechanical_power() -> None:
     assert measured("mechanical_power", **BRAKING, **FELL) == pytest.approx(70)
 
 
+def test_work_regeneration_and_heat() -> None:
+    """4 s of 40 W, 30 W and 5 W of heat in each of two joints; 2 s before the fall."""
+    warm = joints("joule_heat", (ALL, slice(2, 4), 0.5))
+    for fall, seconds in (({}, 4.0), (FELL, 2.0)):
+        for name, power in (("energy", 70), ("positive_work", 40), ("regeneration", 30), ("joule_heat", 10)):
+            assert measured(name, **BRAKING, **warm, **fall) == pytest.approx(power * seconds), name
+    no_curve = {"joule_heat": signal("joule_heat", lambda record: record.fill(np.nan))}
+    assert np.isnan(measured("joule_heat", **no_curve))
+
+
 def test_peak_and_mean_torque() -> None:
-    swinging = joints("joint_torque", (slice(0, None, 2), 0, 12.0), (slice(1, None, 2), 0, -12.0))
-    assert measured("mean_torque", **swinging) == pytest.approx(1.0)
-    late = joints("joint_torque", (20, 3, -80.0), (25, 4, 60.0), (FALL + 5, 5, 95.0), (3, 5, 99.0))
+    assert measured("mean_torque", **joints("mean_torque", (ALL, 0, 12.0))) == pytest.approx(1.0)
+    late = joints("peak_torque", (20, 3, 80.0), (25, 4, 60.0), (FALL + 5, 5, 95.0), (3, 5, 99.0))
     assert measured("peak_torque", **late) == 95
     assert measured("peak_torque", **late, **FELL) == 80
+
+
+def test_shares_of_the_motors_limits() -> None:
+    """15 N·m of 20 are a larger share than 30 of 60; 4 rad/s of 8 than 6 of 24."""
+    strong, fast = (20.0, *[60.0] * 11), (8.0, *[24.0] * 11)
+    torque = joints("peak_torque", (20, 0, 15.0), (20, 1, 30.0), (5, 0, 20.0))
+    speed = joints("peak_speed", (20, 0, 4.0), (20, 1, 6.0), (FALL, 0, 8.0))
+    assert measured("torque_share", **torque, torque_limit=strong) == pytest.approx(0.75)
+    assert measured("speed_share", **speed, speed_limit=fast, **FELL) == pytest.approx(0.5)
+    assert measured("torque_share", **torque, torque_limit=60.0) == pytest.approx(0.5)
+
+
+def test_torque_rate() -> None:
+    """One joint whose torque goes up and down by 6 N·m in every control step of 0.1 s: 120 N·m/s, of twelve joints."""
+    assert measured("torque_rate", **joints("torque_change", (ALL, 0, 12.0))) == pytest.approx(10.0)
 
 
 def test_torque_saturation() -> None:

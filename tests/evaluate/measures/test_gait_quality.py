@@ -49,6 +49,47 @@ def test_duty_factor() -> None:
     np.testing.assert_array_equal(measured("duty_factor", foot_contact=always, **FELL), 1.0)
 
 
+def test_step_rate() -> None:
+    """2.5 touch-downs per foot and second, whatever rattles; of one foot of four a quarter of it."""
+    contact = trotting()
+    contact[5::STRIDE, 0, FR] = False
+    assert measured("step_rate", foot_contact=contact) == pytest.approx(2.5)
+    assert measured("step_rate", foot_contact=contact, **FELL) == pytest.approx(2.5, rel=0.05)
+    contact[..., FR:] = True
+    assert measured("step_rate", foot_contact=contact) == pytest.approx(2.5 / 4, rel=0.05)
+
+
+def test_flight() -> None:
+    """Swings of 0.24 s of 0.4 overlap twice for 0.04 s; a foot that rattles does not leave the ground."""
+    assert measured("flight", foot_contact=trotting()) == 0.0
+    assert measured("flight", foot_contact=trotting(swing=24)) == pytest.approx(0.2, rel=0.05)
+    rattling = np.ones_like(trotting())
+    rattling[5::STRIDE] = False
+    assert measured("flight", foot_contact=rattling) == 0.0
+
+
+def test_trunk_height() -> None:
+    """Three quarters of the home pose's, but for the first second and what comes after a fall."""
+    height = blank(SIMPLE_QUAD, "height", STEPS, 1) + np.float32(0.75 * SIMPLE_QUAD.home_height)
+    height[:SETTLING], height[FALL:] = 1.0, 0.1
+    assert measured("trunk_height", height=height, **FELL) == pytest.approx(0.75)
+
+
+def test_touchdown_impulse() -> None:
+    """2 N·s in the control step of a touch-down and 1 in the next, on 142 N; more before and after, in the first second
+    and in the step after which the robot has fallen."""
+    contact, impulse = trotting(), blank(SIMPLE_QUAD, "foot_impulse", STEPS, 1)
+    for foot, first in ((FL, 16), (HR, 16), (FR, 36), (HL, 36)):
+        for after, received in ((-1, 7.0), (0, 2.0), (1, 1.0), (2, 9.0)):
+            impulse[first + after :: STRIDE, 0, foot] = received
+    impulse[:SETTLING], impulse[577:] = 50.0, 50.0
+    found = measured(
+        "touchdown_impulse", foot_contact=contact, foot_impulse=impulse, weight=142.0, fall_step=np.array([577])
+    )
+    assert found == pytest.approx(3.0 / 142.0)
+    assert np.isnan(measured("touchdown_impulse", foot_impulse=impulse))
+
+
 def test_foot_clearance() -> None:
     """Swings peak at 0.08 m, though the foot is reported higher while it stands, before the first second, and after a
     fall."""

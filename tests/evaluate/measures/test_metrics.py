@@ -20,8 +20,8 @@ COMMAND_STEPS = 50
 
 def episodes(velocity, command=(1.0, 0.0, 0.5), fall_step=STEPS, power=71.0) -> Episodes:
     """One episode with a constant, or a per-step, heading velocity."""
-    speed, torque = blank(SIMPLE_QUAD, "joint_velocity", STEPS, 1), blank(SIMPLE_QUAD, "joint_torque", STEPS, 1)
-    speed[..., :4], torque[..., 0] = (10.0, 11.0, 11.0, -11.0), power / 10  # three of twelve joints are too fast
+    speed, work = blank(SIMPLE_QUAD, "joint_velocity", STEPS, 1), blank(SIMPLE_QUAD, "positive_work", STEPS, 1)
+    speed[..., :4], work[..., 0] = (10.0, 11.0, 11.0, -11.0), power * DT  # three of twelve joints are too fast
     return uneventful(
         SIMPLE_QUAD,
         STEPS,
@@ -30,7 +30,7 @@ def episodes(velocity, command=(1.0, 0.0, 0.5), fall_step=STEPS, power=71.0) -> 
         command=np.broadcast_to(np.asarray(command, np.float32), (STEPS, 3))[:, None].copy(),
         heading_velocity=np.broadcast_to(np.asarray(velocity, np.float32), (STEPS, 3))[:, None].copy(),
         joint_velocity=speed,
-        joint_torque=torque,
+        positive_work=work,
         fall_step=np.array([fall_step]),
         fall_reason=np.array([None if fall_step == STEPS else "tilt"], dtype=object),
         weight=142.0,

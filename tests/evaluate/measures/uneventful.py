@@ -26,5 +26,6 @@ def uneventful(
         "divergence_step": np.full(count, steps, np.int64),
         "weight": robot.mass * GRAVITY,
         "torque_limit": robot.rated_torque,
+        "speed_limit": robot.rated_speed,
     }
     return Episodes(**nothing | {"dt": dt, "command_steps": command_steps} | changes)

@@ -56,7 +56,8 @@ def test_a_record_knows_what_its_scenario_gave() -> None:
     assert episodes.command_steps == 200
     np.testing.assert_allclose(np.linalg.norm(episodes.push_impulse, axis=-1), 20.0)
     weak = rollout.run(policies.make("stand"), "weak_motors=10", evaluation_seeds(0, 1), steps=1)
-    assert weak.torque_limit == pytest.approx(10.0)
+    assert weak.torque_limit == pytest.approx((10.0,) * 12)
+    assert weak.speed_limit == (weak.robot.rated_speed,) * 12
 
 
 def test_an_episode_is_the_same_in_any_company_and_on_any_threads() -> None:

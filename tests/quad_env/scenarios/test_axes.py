@@ -14,9 +14,9 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.disturbances import Dropouts, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.episode import Episode, at_reset
-from quad_env.scenarios.named import SCENARIOS
+from quad_env.scenarios.named import SCENARIOS, scenario
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
+from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs
 
 ISSUE = (
     "flat push rough force slope stairs gravel soft slippery payload weak_motors slow_motors latency noise dropout "
@@ -25,7 +25,8 @@ ISSUE = (
 
 
 def test_each_axis_has_levels_in_order_and_a_nominal_scenario_within() -> None:
-    assert sorted(AXES) == sorted(SCENARIOS) == sorted(ISSUE.split())
+    assert sorted(AXES) == sorted(ISSUE.split())
+    assert list(SCENARIOS) == [*AXES, "steady"]
     for name, axis in AXES.items():
         assert len({axis.at(severity) for severity in axis.levels}) == len(axis.levels) >= (3 if name == "slow" else 5)
         assert list(axis.levels) in (sorted(axis.levels), sorted(axis.levels, reverse=True))
@@ -66,7 +67,15 @@ def started(scenario: Scenario) -> Simulation:
     return simulation
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+def test_steady_is_the_same_half_metre_a_second_for_every_robot_and_of_no_axis() -> None:
+    for robot in (SIMPLE_QUAD, replace(SIMPLE_QUAD, thigh_length=0.1, calf_length=0.1)):
+        found = scenario("steady", robot)
+        assert (found.axis, found.terrain, found.pushes) == ("", Flat(), None)
+        episode = Episode(robot, found, 3, 0, 0.01)
+        assert [episode.next_command().tolist() for _ in range(3)] == [[0.5, 0.0, 0.0]] * 3
+
+
+@pytest.mark.parametrize("name", AXES)
 def test_one_foot_starts_just_on_the_ground_and_nothing_deep_in_it(name: str) -> None:
     scenario = AXES[name].level(min(4, len(AXES[name].levels)))
     simulation = started(scenario)

@@ -80,7 +80,7 @@ def test_an_environment_takes_every_scenario_that_commands_take(written: str) ->
 @pytest.mark.parametrize(
     ("written", "words"),
     [
-        ("flatt", "valid: flat, push, .*surprise, slow, a level .* push:3, severities .* payload=15.slope=10"),
+        ("flatt", "valid: flat, push, .*surprise, slow, steady, a level .* push:3, severities .* payload=15.slope=10"),
         ("pushh:3", "unknown scenario 'pushh:3'; valid: flat, push"),
         ("push:9", "push has levels 1 to 8, not 9"),
         ("push:hard", "valid: push:1 to push:8"),

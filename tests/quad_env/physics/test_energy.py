@@ -1,0 +1,123 @@
+"""What motors do in a control step: by hand, with rows of their own, and only where it is asked for."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from quad_env.actuation.models import Actuator, TorqueSpeed
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics.energy import OF_JOINTS, Meter
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+MEASURED = (*OF_JOINTS, "foot_impulse")
+HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
+
+
+class Batch:
+    """Two robots whose physics is written down: twelve joints each, of which the first moves."""
+
+    def __init__(self) -> None:
+        self.fields = {name: np.zeros((2, 18)) for name in ("qvel", "qDeriv")} | {"actuator_force": np.zeros((2, 12))}
+        self.touch = np.zeros((2, 1))
+
+    def bind(self, name: str) -> np.ndarray:
+        return self.fields[name]
+
+    def sensor(self, _: str) -> Any:
+        return SimpleNamespace(data=self.touch)
+
+
+def metered(actuator: Actuator) -> tuple[Batch, Meter]:
+    """Physics steps of 0.1 s, two a control step; the joints' own damping is 0.5 N·m·s/rad, the motors' 2."""
+    batch = Batch()
+    batch.fields["qDeriv"][:, 6:] = -2.5
+    model = SimpleNamespace(
+        opt=SimpleNamespace(timestep=0.1),
+        actuator_forcerange=np.tile([-80.0, 80.0], (12, 1)),
+        dof_damping=np.full(18, 0.5),
+        D_rowadr=np.arange(18),
+        D_diag=np.zeros(18, int),
+    )
+    return batch, Meter(SIMPLE_QUAD, batch, model, actuator, 2)
+
+
+def test_a_control_step_by_hand() -> None:
+    """Torques of 10 − 2 · 1 and −3 − 2 · (−4) N·m at mean speeds of 0.5 and −1 rad/s; robot 0 alone is stepped."""
+    batch, meter = metered(Actuator(TorqueSpeed(40.0, 10.0)))
+    steps = iter([(10.0, 1.0, 30.0), (-3.0, -3.0, 50.0)])
+
+    def step(ids: Any, _: int) -> None:
+        batch.fields["actuator_force"][0, 0], batch.fields["qvel"][0, 6], batch.touch[0] = next(steps)
+
+    meter.begin(np.arange(2))
+    meter.advance(np.array([0]), 2, step)
+    found = {name: reading[0, 0] for name, reading in meter.readings.items()}
+    assert found == pytest.approx(
+        {
+            "positive_work": 0.1 * 8.0 * 0.5,
+            "regeneration": 0.1 * 5.0 * 1.0,
+            "joule_heat": 0.1 * (8.0**2 + 5.0**2) / (40.0 / 10.0),
+            "mean_torque": (8.0 + 5.0) / 2,
+            "peak_torque": 8.0,
+            "peak_speed": 3.0,
+            "torque_change": 8.0 + 3.0,
+            "foot_impulse": 0.1 * (30.0 + 50.0),
+        }
+    )
+    assert not any(reading[1].any() for reading in meter.readings.values())
+    assert (meter.torque_limit.tolist(), meter.speed_limit.tolist()) == ([80.0] * 12, [10.0] * 12)
+    meter.clear(slice(None))
+    steps = iter([(4.0, -3.0, 0.0)])
+    meter.advance(slice(None), 1, step)
+    assert meter.readings["torque_change"][0, 0] == pytest.approx(1.0), "from the last torque, 5 N·m"
+
+
+def test_motors_without_a_curve_have_no_heat_and_the_rated_speed() -> None:
+    _, meter = metered(Actuator())
+    meter.advance(slice(None), 1, lambda *_: None)
+    assert np.isnan(meter.readings["joule_heat"]).all()
+    assert meter.speed_limit.tolist() == [SIMPLE_QUAD.rated_speed] * 12
+
+
+def test_physics_steps_are_taken_one_by_one_for_readings_alone(monkeypatch) -> None:
+    for readings, lengths in ((False, [5]), (True, [1] * 5)):
+        env, taken = SimpleQuadVectorEnv(2, readings=readings), []
+        env.reset(seed=0)
+        true = env.simulation._step
+        monkeypatch.setattr(env.simulation, "_step", lambda ids, n: (taken.append(n), true(ids, n)))  # noqa: B023
+        env.step(np.tile(HOME, (2, 1)))
+        assert taken == lengths
+        assert (env.simulation.meter is None) != readings
+
+
+def test_readings_are_the_same_with_sensors_that_look_at_the_physics_again() -> None:
+    """An IMU has MuJoCo compute torques and contacts of the present state."""
+    blind, sensing = (SimpleQuadVectorEnv(2, readings=True, sensors=sensors) for sensors in (None, "typical"))
+    for env in (blind, sensing):
+        env.reset(seed=1, options={"command": (0.5, 0.0, 0.0)})
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        action = HOME + rng.uniform(-0.3, 0.3, (2, 12)).astype(np.float32)
+        one, other = blind.step(action)[-1], sensing.step(action)[-1]
+        for name in MEASURED:
+            np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+
+
+def test_a_robot_that_does_not_move_keeps_its_readings_and_a_new_episode_begins_with_none() -> None:
+    env = SimpleQuadVectorEnv(2, readings=True, autoreset_mode="DISABLED", actuator="torque_speed")
+    env.reset(seed=0)
+    for _ in range(20):
+        infos = env.step(np.tile(HOME, (2, 1)))[-1]
+    env.simulation.qvel[1, 3] = 1e30  # diverges, and is parked
+    parked = env.step(np.tile(HOME, (2, 1)))[-1]
+    assert parked["diverged"].tolist() == [False, True]
+    later = env.step(np.tile(HOME, (2, 1)))[-1]
+    for name in MEASURED:
+        assert infos[name][1].any(), name
+        np.testing.assert_array_equal(parked[name][1], 0.0)
+        np.testing.assert_array_equal(later[name][1], 0.0)
+        assert later[name][0].any(), name
+    _, begun = env.reset(options={"reset_mask": np.array([True, False])})
+    assert not any(begun[name].any() for name in MEASURED)
