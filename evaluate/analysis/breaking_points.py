@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from evaluate.analysis.severity_levels import amount, mildest_first
+from evaluate.analysis.severity_levels import amount, axis_name, mildest_first
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.breaking_point import LEAST_LEVELS, Found, breaking_point
 from evaluate.statistics.intervals import Bools, Interval
@@ -49,11 +49,11 @@ class AxisBreakingPoint:
 
 def breaking_points(cells: Sequence[Cell]) -> list[AxisBreakingPoint]:
     """Breaking points on every axis with at least three severities; those of falls stand before those of success."""
-    axes = dict.fromkeys(cell.scenario.axis for cell in cells if cell.scenario.axis)
+    axes = dict.fromkeys(axis_name(cell.scenario) for cell in cells if cell.scenario.axis)
     return [
         _on_axis(levels, of)
         for of, axis in product(OF, axes)
-        for levels in _series([cell for cell in cells if cell.scenario.axis == axis])
+        for levels in _series([cell for cell in cells if axis_name(cell.scenario) == axis])
     ]
 
 
@@ -81,11 +81,11 @@ def _on_axis(levels: Sequence[Cell], of: Of) -> AxisBreakingPoint:
     """Breaking point of one policy, from its cell at each severity, the mildest first."""
     first, mildest, hardest = levels[0], levels[0].scenario, levels[-1].scenario
     if any(not np.array_equal(cell.seeds, first.seeds) for cell in levels):
-        raise ValueError(f"{first.policy} ran different episodes on the levels of {mildest.axis}: not paired")
+        raise ValueError(f"{first.policy} ran different episodes on the levels of {axis_name(mildest)}: not paired")
     severities = np.array([cell.scenario.severity for cell in levels])
     point = breaking_point(severities, np.array([_failed(cell, of) for cell in levels]))
     return AxisBreakingPoint(
-        axis=mildest.axis,
+        axis=axis_name(mildest),
         policy=first.policy,
         unit=mildest.severity_unit,
         severity50=point.severity50,

@@ -54,6 +54,8 @@ class Results:
     breaking_points: tuple[AxisBreakingPoint, ...]
     scores: tuple[Score, ...]
     """The highest first; none of a run of a single axis."""
+    hardware_scores: tuple[Score, ...]
+    """The same with the robot's hardware profile."""
     versions: Mapping[str, str | None]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
@@ -121,6 +123,7 @@ def analyse(
         comparisons=tuple(compare(cells, against)),
         breaking_points=tuple(breaking_points(cells)),
         scores=tuple(scores(cells, against)),
+        hardware_scores=tuple(scores(cells, against, hardware=True)),
         versions=made_by,
         provenance=made_with,
     )
@@ -145,6 +148,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "baseline": results.baseline,
         "policy_errors": [asdict(each) for each in results.policy_errors],
         "scores": [asdict(each) for each in results.scores],
+        "hardware_scores": [asdict(each) for each in results.hardware_scores],
         "policies": policies,
         "training_seeds": {run: asdict(seeds) for run, seeds in seed_spreads(results.cells).items()},
         "comparisons": [asdict(comparison) for comparison in results.comparisons],

@@ -13,8 +13,8 @@ from quad_env.cli.child_process import available_cores
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"
-WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "trot_integral", "residual", "robust")
-DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
+WALKING_POLICIES = ("trot", "trot_feedback", "trot_integral", "residual", "robust")
+DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
 CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "trust")
 """Options that --resume may change."""
@@ -34,7 +34,10 @@ class Options:
     scenarios: tuple[str, ...] = DEFAULT_BATTERY
     """Names of scenarios such as push, levels of severity such as push:3 or push:all, severities in their axes' units
     such as push=42 or, together, payload=15+slope=10, a battery (quick, default, full, all), a terrain of yours,
-    hill.toml, or a quad_env.Scenario in a file of yours, my_file.py:NAME."""
+    hill.toml, or a quad_env.Scenario in a file of yours, my_file.py:NAME; each with +hardware at its end for the
+    robot's hardware profile, as push:3+hardware."""
+    hardware: Flag = False
+    """Every scenario with the robot's hardware profile: motors, delays, sensors and estimator like the real ones."""
     quick: Flag = False
     """The quick battery, for a first look: --scenarios quick."""
     episodes: int = 24
@@ -51,7 +54,7 @@ class Options:
     estimator: str = "complementary"
     """Estimator of gravity and velocity from the sensors, one of quad_env.ESTIMATORS: complementary or kalman."""
     simulator: str = "mujoco"
-    """Simulator of the physics: mujoco, or drake (pip install -e ".[drake]"; about SLOWER times slower) with ideal motors
+    """Simulator of the physics: mujoco, or drake (pip install -e ".[drake]"; twelve times slower) with ideal motors
     and the true state, on flat, steady, push, force, slippery, slope, stairs, payload; of a battery it takes these."""
     seed: int = 0
     """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
@@ -72,9 +75,9 @@ class Options:
     """Episodes that a process simulates and writes together (count). No result depends on it."""
 
     @property
-    def hardware(self) -> Hardware:
-        """Hardware of the robots."""
-        return Hardware(self.actuator, self.sensors, self.estimator, self.robot, self.servo, simulator=self.simulator)
+    def equipment(self) -> Hardware:
+        """Hardware of the robots where a scenario does not bring the hardware profile."""
+        return Hardware(self.actuator, self.sensors, self.estimator, self.robot, self.servo, self.simulator)
 
     @property
     def battery(self) -> tuple[str, ...]:

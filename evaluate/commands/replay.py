@@ -15,7 +15,7 @@ from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import by_energy_rule, by_success_rule, table
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
-from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, run_cell
+from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, labelled, run_cell
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.progress import bar
 from quad_env.scenarios.height_file import check_unchanged
@@ -139,7 +139,7 @@ def _causes(then: Manifest, found: Found, trust: bool) -> list[str]:
 
 def _policy(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
     try:
-        return LabelledPolicy(label, manifest.hardware.policy(label, trust))
+        return labelled(label, manifest.hardware, manifest.scenarios, trust, manifest.only_on.get(label, ()))
     except policies.PolicyError as error:
         raise UsageError(f"the policy of that episode is not here: {error}") from error
 

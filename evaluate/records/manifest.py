@@ -118,7 +118,7 @@ def manifest(
 ) -> Manifest:
     """Manifest of a run of these here and now."""
     return Manifest(
-        policies={policy.label: policy_digest(policy.policy) for policy in policies},
+        policies={policy.label: policy_digest(*policy.versions) for policy in policies},
         scenarios=tuple(scenarios),
         seed=seed,
         episodes=episodes,

@@ -21,6 +21,7 @@ from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
 from quad_env.cli.format import counted, listed
 from quad_env.files.writing import write_atomically
+from quad_env.scenarios.scenario import HARDWARE
 
 NOTES = (
     "Every policy runs the same episodes: the same seeds, and so the same starts, commands, pushes and places on the "
@@ -83,7 +84,9 @@ def _head(results: Results, made_by: Origin) -> str:
     interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     warning = "" if results.complete else interrupted
     warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in warnings(results))
-    axes = listed([escape(axis.name) for axis in severity_axes(results.cells)])
+    axes = listed([escape(axis.name) for axis in severity_axes(results.cells) if not axis.name.endswith(HARDWARE)])
+    real = sum(cell.scenario.hardware for cell in {cell.scenario.name: cell for cell in results.cells}.values())
+    axes += f"{', ' if axes else ''}{counted(real, 'scenario')} with the hardware profile" if real else ""
     command, date = map(escape, made_by)
     begun = f", begun on {date}" if date else ""
     made = f'<p class="soft">Made by <code>{command}</code>{begun}.</p>' if command else ""

@@ -11,10 +11,11 @@ from rich.table import Table
 from evaluate.analysis.breaking_points import Of, breaking_point_text
 from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
+from evaluate.analysis.score import FLAT, SCORES, ranked
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes
 from evaluate.analysis.summary import Summary
 from evaluate.report.headings import FIRST, NARROW, NARROW_DIFFERENCES, shares
-from quad_env.cli.format import broken, counted, number, p_value, points, share
+from quad_env.cli.format import broken, counted, number, p_value, percent, points, share
 
 SHOWN = "success % (falls %)"
 MOST_SCENARIOS = 6
@@ -48,6 +49,8 @@ def print_levels(results: Results, console: Console) -> None:
     if single := [axis for axis in axes if len(axis.levels) == 1]:
         console.print(single_table(results, single))
     console.print(f"\n{_widest(results)}", highlight=False)
+    if results.scores or results.hardware_scores:
+        console.print(score_table(results))
 
 
 def level_table(results: Results, axis: SeverityAxis) -> Table:
@@ -84,6 +87,21 @@ def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:
     )
     names = {policy: escape("\n".join(broken(policy, HEAD_WIDTH))) for policy in results.policies}
     return console_table(SHOWN, {FIRST: "scenario", **names}, {"": rows})
+
+
+def score_table(results: Results) -> Table:
+    """Scores with their intervals, highest first, and the success on flat ground of policies that have none."""
+    kinds = dict(zip(SCORES, (results.scores, results.hardware_scores), strict=True))
+    found = {(name, each.policy): share(each.score, each.ci) for name, kind in kinds.items() for each in kind}
+    rest = (name for name in results.policies if not any(policy == name for _, policy in found))
+    found |= {
+        (SCORES[0], name): f"{FLAT}: {percent(flat.success_rate)}"
+        for name in rest
+        if (flat := results.summaries.get((FLAT, name)))
+    }
+    policies = dict.fromkeys([*ranked(*kinds.values()), *(policy for _, policy in found)])
+    rows = ({FIRST: row_name(p), **{name: found.get((name, p), "") for name in SCORES}} for p in policies)
+    return console_table("mean success over the axes", {FIRST: "policy", **{name: name for name in SCORES}}, {"": rows})
 
 
 def _widest(results: Results) -> str:

@@ -12,7 +12,8 @@ from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
-from quad_env.scenarios.named import SCENARIOS, TERRAIN, WRITTEN, Scenario, find, is_combination, scenarios_of
+from quad_env.scenarios.named import SCENARIOS, STEADY, TERRAIN, WRITTEN, find, is_combination, scenarios_of
+from quad_env.scenarios.scenario import HARDWARE, Scenario, on_hardware
 from quad_env.serialisation import from_plain, to_plain
 
 NOMINAL = ("flat", "push", "rough")
@@ -26,13 +27,25 @@ _FILE = ".py:"
 
 
 BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
-    "quick": lambda robot: _battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())),
-    "default": lambda robot: _battery(robot, _nominal_and_harder, tuple(AXES)),
-    "full": lambda robot: _battery(robot, lambda axis: tuple(range(1, len(axis.levels) + 1)), tuple(AXES)),
+    "quick": lambda robot: (
+        *_battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())),
+        STEADY,
+        on_hardware(scenarios_of(robot)[NOMINAL[0]]),
+    ),
+    "default": lambda robot: (
+        *_battery(robot, _nominal_and_harder, tuple(AXES)),
+        STEADY,
+        *map(on_hardware, _middle(robot)),
+    ),
+    "full": lambda robot: (
+        *_battery(robot, lambda axis: tuple(range(1, len(axis.levels) + 1)), tuple(AXES)),
+        STEADY,
+    ),
     ALL: lambda robot: tuple(scenarios_of(robot).values()),
 }
-"""Names that stand for several scenarios: a first look; every axis at its nominal severity and the next two levels;
-every axis at every level; every axis at its nominal severity."""
+"""Names that stand for several scenarios: a first look; every axis at its nominal severity and the next two levels, and
+with the hardware profile at the level after the nominal one; every axis at every level; every axis at its nominal
+severity."""
 _VALID = (
     f"{', '.join((*SCENARIOS, *BATTERIES))}, {WRITTEN}, every level of an axis such as push:all, "
     "a file of yours such as my_file.py:NAME"
@@ -61,20 +74,29 @@ def one(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 def of_file(name: str) -> bool:
     """Whether a name stands for what a file of the user's makes."""
-    return _FILE in name or name.endswith(TERRAIN)
+    return _FILE in name or name.removesuffix(HARDWARE).endswith(TERRAIN)
 
 
 def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if name in BATTERIES:
         return BATTERIES[name](robot)
+    if name.endswith(HARDWARE):
+        found = map(on_hardware, _named(name.removesuffix(HARDWARE), robot))
+        return tuple({each.name: each for each in found}.values())
     if _FILE in name:
         return _from_file(name)
     axis, colon, level = name.partition(":")
     if colon and axis in AXES and level == ALL:
         return tuple(map(axes_of(robot)[axis].level, range(1, len(AXES[axis].levels) + 1)))
-    if (found := find(name, robot)) is None:
+    if (one := find(name, robot)) is None:
         raise ValueError(f"unknown scenario {name!r}; valid: {_VALID}")
-    return (found,)
+    return (one,)
+
+
+def _middle(robot: Robot) -> tuple[Scenario, ...]:
+    """Level ground, the steady walk, and every axis at the level after its nominal one, or its last."""
+    levels = (axis.level(min(axis.nominal_level + 1, len(axis.levels))) for axis in axes_of(robot).values())
+    return (scenarios_of(robot)[NOMINAL[0]], STEADY, *levels)
 
 
 def _nominal_and_harder(axis: Axis) -> tuple[int, ...]:

@@ -17,6 +17,7 @@ from evaluate.measures.outcomes import OFF_COMMAND, SUCCEEDED, SuccessRule
 from evaluate.rollouts import rollout
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from policies.base import Policy
+from policies.foreign import Foreign
 from quad_env.scenarios.named import Scenario
 from quad_env.seeding import episode_seeds
 
@@ -33,10 +34,33 @@ class LabelledPolicy:
     policy: Policy
     only_on: tuple[str, ...] = ()
     """Names of the scenarios that it runs on; every one where none is named."""
+    real: Policy | None = None
+    """The same made for the hardware profile; None where one policy does for all of its scenarios."""
 
     def runs_on(self, scenario: Scenario) -> bool:
         """Whether that scenario is one of its own."""
         return not self.only_on or scenario.name in self.only_on
+
+    def on(self, scenario: Scenario) -> Policy:
+        """The policy for that scenario."""
+        return self.real if scenario.hardware and self.real is not None else self.policy
+
+    @property
+    def versions(self) -> tuple[Policy, ...]:
+        """The policy, and that for the hardware profile where it is another."""
+        return (self.policy,) if self.real is None else (self.policy, self.real)
+
+
+def labelled(
+    label: str, hardware: Hardware, scenarios: Sequence[Scenario], trust: bool = False, only_on: Sequence[str] = ()
+) -> LabelledPolicy:
+    """The policy of that name or path for those of these scenarios that it runs on. Raises PolicyError."""
+    real = {scenario.hardware for scenario in scenarios if not only_on or scenario.name in only_on}
+    policy = hardware.policy(label, trust, real=real == {True})
+    # A policy from outside has a process, and commands its own gains everywhere.
+    twice = len(real) > 1 and not isinstance(policy, Foreign)
+    other = hardware.policy(label, trust, real=True) if twice else None
+    return LabelledPolicy(label, policy, tuple(only_on), other)
 
 
 @dataclass(frozen=True)
@@ -176,7 +200,7 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chu
     """Outcome of a task; `progress` receives the share that is done, below 1. Raises NotKept of its trace."""
     label = task.policy.label
     episodes = rollout.run(
-        task.policy.policy,
+        task.policy.on(task.scenario),
         task.scenario,
         task.seeds,
         nthread=nthread,

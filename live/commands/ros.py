@@ -46,7 +46,9 @@ def main(options: Options) -> int:
     environment = interpreter.environment(os.environ, options.network)
     hardware, scenario = options.resolve()
     robot = hardware.quadruped
-    policy: Policy = Driven(robot=robot) if options.policy is None else hardware.policy(options.policy, options.trust)
+    policy: Policy = Driven(robot=robot)
+    if options.policy is not None:
+        policy = hardware.policy(options.policy, options.trust, real=scenario.hardware)
     command = [python, "-m", "live.ros.node", version, *robot.joint_names]
     raise_on_interrupt()
     recording = nullcontext(None) if options.record is None else recorder_for(options.record, policy)

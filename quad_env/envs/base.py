@@ -8,7 +8,8 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from quad_env.actuation.models import Actuator
+from quad_env.actuation.hardware import hardware_profile
+from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.models import actuator as find_actuator
 from quad_env.actuation.runtime import action_delay_of
 from quad_env.columns import Column, Rows, Vector
@@ -87,6 +88,12 @@ class QuadEnvBase:
         self._lowest = self.config.fall_rule.lowest(robot.leg_length)
         motors, suite = find_actuator(_setting(actuator)), sensor_suite(_setting(sensors))
         check_estimator(estimator, suite)
+        if self.scenario.hardware:
+            if motors != ACTUATORS["ideal"] or suite is not None:
+                own = f"{self.scenario.name} has the robot's hardware profile"
+                raise ValueError(f"{own}: leave out actuator, sensors and estimator, or take the scenario without it")
+            motors, named, estimator = hardware_profile(robot)
+            suite = sensor_suite(named)
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
         self._weights = step_weights(self.config.reward_weights, self.dt, self.config.reward_terms)
         feet = look_at_feet(self._weights, self.config.reward_terms)

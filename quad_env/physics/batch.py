@@ -11,6 +11,8 @@ from quad_env.scenarios.terrain import Flat, Slope, Stairs
 
 MUJOCO, DRAKE = "mujoco", "drake"
 SIMULATORS = MUJOCO, DRAKE
+SLOWNESS = {MUJOCO: 1, DRAKE: 12}
+"""Time that each takes for a control step of a robot, times MuJoCo's."""
 _KNOWN = (
     "ideal motors, the true state, and level ground, slopes and stairs of any friction, with pushes, forces, payloads"
 )
@@ -69,6 +71,7 @@ def check_simulator(simulator: str, scenario: Scenario, actuator: Actuator, sens
         raise ValueError('the simulator drake needs the package drake: pip install -e ".[drake]" (Linux and macOS)')
     beyond = {
         "sensors": sensors,
+        f"hardware profile of {scenario.name!r}": scenario.hardware,
         f"motors of {scenario.name!r}": scenario.motors != Motors(),
         "motors other than ideal ones": actuator != ACTUATORS["ideal"],
         f"ground of {scenario.name!r}": not isinstance(scenario.terrain, Flat | Slope | Stairs),

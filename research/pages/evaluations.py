@@ -1,12 +1,12 @@
 """A results.json of `python -m evaluate` for README and docs: read and checked, as Markdown tables and as a figure."""
 
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evaluate.analysis.results import with_nan
-from evaluate.analysis.score import WORDS, Score
+from evaluate.analysis.score import FLAT, SCORES, WORDS, Score, ranked
 from evaluate.commands.options import command
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
 from evaluate.report.headings import FIRST
@@ -21,6 +21,7 @@ from quad_env.cli.format import (
     listed,
     number,
     p_value,
+    percent,
     percent_interval,
     points,
     points_interval,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
 """The figure's text for readers who do not see it."""
+HARDWARE_SCORES = "hardware_scores"
 _KEYS = "policies", "scores", "baseline", "breaking_points", "versions", "episodes", "seed"
 
 
@@ -58,9 +60,9 @@ def read(path: Path) -> dict[str, Any]:
     return found
 
 
-def scores(found: dict[str, Any]) -> list[Score]:
-    """Scores of the policies, the highest first."""
-    return [Score(**each) for each in found["scores"]]
+def scores(found: dict[str, Any], kind: str = "scores") -> list[Score]:
+    """Scores of the policies, the highest first; `hardware_scores` are those with the hardware profile, if any."""
+    return [Score(**each) for each in found.get(kind, ())]
 
 
 def scenarios_of(found: dict[str, Any]) -> list[str]:
@@ -91,11 +93,19 @@ def legend(found: dict[str, Any]) -> str:
 
 
 def headline(found: dict[str, Any]) -> str:
-    """The scores in one sentence."""
+    """The scores in a sentence a kind, and the success on flat ground of policies that have none."""
     each = scores(found)
     figures = [f"`{score.policy}` {share(score.score, score.ci)}" for score in each]
     count, axes = counted(found["episodes"], "episode"), len(each[0].axes)
-    return f"**Success, mean over {axes} axes of disturbance, {count} at each severity: {listed(figures)}.**"
+    lines = [f"**Success, mean over {axes} axes of disturbance, {count} at each severity: {listed(figures)}.**"]
+    if real := scores(found, HARDWARE_SCORES):
+        figures = [f"`{score.policy}` {share(score.score, score.ci)}" for score in real]
+        lines.append(f"**The same with the robot's hardware profile, at the middle severity: {listed(figures)}.**")
+    scored = {score.policy for score in each}
+    for policy, of in found["policies"].items():
+        if policy not in scored and FLAT in of["scenarios"]:
+            lines.append(f"`{policy}` on flat ground alone: {percent(of['scenarios'][FLAT]['success_rate'])}.")
+    return " ".join(lines)
 
 
 def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
@@ -116,27 +126,32 @@ def robot_of(found: dict[str, Any]) -> Robot:
     return hardware_of(name, "the results' robot").quadruped
 
 
-def score_table(of: Iterable[Score], baseline: str, called: Mapping[str, str] | None = None) -> list[str]:
-    """Each policy's score and its difference from the baseline's, in Markdown; `called` has names to show instead."""
-    names = called or {}
-    rows = [
-        {
-            "policy": names.get(each.policy, f"`{each.policy}`"),
-            "score": f"{number(100.0 * each.score, 1)} [{percent_interval(each.ci)}]",
-            "difference": f"{points(each.difference)} [{points_interval(each.difference_ci)}], {p_value(each.p_value)}"
-            if each.policy != baseline
-            else ABSENT,
-        }
-        for each in of
-    ]
-    heads = {"policy": "policy", "score": "score, %", "difference": f"minus `{baseline}`, % points"}
-    return [WORDS, "", *table(heads, rows).splitlines()]
+def score_table(
+    of: Sequence[Score], baseline: str, called: Mapping[str, str] | None = None, real: Sequence[Score] = ()
+) -> list[str]:
+    """Each policy's score and its difference from the baseline's, in Markdown, with the hardware profile on the right;
+    `called` has names to show instead."""
+    found = {name: kind for name, kind in zip(SCORES, (of, real), strict=True) if kind}
+    heads, rows = {"policy": "policy"}, {policy: dict[str, str]() for policy in ranked(*found.values())}
+    for name, kind in found.items():
+        heads |= {name: f"{name}, %", f"{name} difference": f"minus `{baseline}`, % points"}
+        for each in kind:
+            rows[each.policy] |= _score_cells(each, baseline, name)
+    names = {policy: (called or {}).get(policy, f"`{policy}`") for policy in rows}
+    full = ({"policy": names[policy], **dict.fromkeys([*heads][1:], ABSENT), **row} for policy, row in rows.items())
+    return [WORDS, "", *table(heads, list(full)).splitlines()]
+
+
+def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:
+    score = f"{number(100.0 * each.score, 1)} [{percent_interval(each.ci)}]"
+    minus = f"{points(each.difference)} [{points_interval(each.difference_ci)}], {p_value(each.p_value)}"
+    return {name: score, f"{name} difference": minus if each.policy != baseline else ABSENT}
 
 
 def draw(found: dict[str, Any], picture: Path) -> None:
     """Write the figure, a PNG: success of every policy on every axis."""
     with drawing.settings():
-        write_atomically(picture, png(success.heat_map(scores(found))))
+        write_atomically(picture, png(success.heat_map(scores(found), scores(found, HARDWARE_SCORES))))
 
 
 def png(figure: "Figure") -> bytes:
