@@ -45,7 +45,7 @@ class DrakeBatch:
         """Contacts of each geom with the ground in the last physics step, and the force of all that press it, N."""
         self._sensors: dict[str, tuple[Array, list[int], Array]] = {}
         """Of which of these, and of which geoms, each sensor's data are the sum."""
-        self._grounds = model.geom_bodyid == 0
+        self._ground = set(np.flatnonzero(model.geom_bodyid == 0).tolist())
         self._inputs = [list[Any]() for _ in range(num_envs)]
         """What the state and the inputs of each context were set to last."""
         self.warning = np.zeros((num_envs, mujoco.mjtWarning.mjNWARNING.value, 2), np.int64)
@@ -143,10 +143,12 @@ class DrakeBatch:
         touches[:] = forces[:] = 0.0
         for number in range(contacts.num_point_pair_contacts()):
             contact = contacts.point_pair_contact_info(number)
-            pair = contact.point_pair()
+            pair, force = contact.point_pair(), contact.contact_force()
             both = [self._drake.geoms[each.get_value()] for each in (pair.id_A, pair.id_B)]
-            touches[both] += float(self._grounds[both].any())
-            forces[both] += abs(float(contact.contact_force() @ pair.nhat_BA_W))
+            grounded, pressed = any(geom in self._ground for geom in both), abs(float(force.dot(pair.nhat_BA_W)))
+            for geom in both:
+                touches[geom] += grounded
+                forces[geom] += pressed
 
     def _to_drake(self, qpos: Array, qvel: Array) -> Array:
         """Quaternion before place, angular velocity first and in the world frame."""
