@@ -96,7 +96,7 @@ class DrakeBatch:
         for robot in rows:
             try:
                 self._step(int(robot), nstep)
-            except RuntimeError:
+            except (RuntimeError, SystemExit):  # the latter where Drake's own checks fail, as of NaN
                 self.warning[robot, int(mujoco.mjtWarning.mjWARN_BADQACC), 1] += 1
         for source, geoms, data in self._sensors.values():
             data[rows, 0] = source[rows][:, geoms].sum(axis=1)

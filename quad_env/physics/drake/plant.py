@@ -79,7 +79,7 @@ def plant_of(model: mujoco.MjModel) -> Plant:
     plant.mutable_gravity_field().set_gravity_vector(model.opt.gravity)
     roots = [body for body in range(1, model.nbody) if model.body_weldid[body] == body]
     bodies = {0: plant.world_body()} | {
-        root: plant.AddRigidBody(model.body(root).name, inertia(model, data, root)) for root in roots
+        root: plant.AddRigidBody(f"body_{root}", inertia(model, data, root)) for root in roots
     }
     joints = [_add_joint(plant, model, data, bodies, joint) for joint in range(1, model.njnt)]
     servos = [_add_servo(plant, model, joints, servo) for servo in range(model.nu)]
@@ -92,8 +92,8 @@ def plant_of(model: mujoco.MjModel) -> Plant:
         plant,
         bodies[roots[0]],
         {number.get_value(): geom for geom, number, _ in geoms},
-        np.array([joint.velocity_start() - 6 for joint in joints]),
-        np.array([int(servo.index()) for servo in servos]),
+        np.array([joint.velocity_start() - 6 for joint in joints], np.intp),
+        np.array([int(servo.index()) for servo in servos], np.intp),
     )
 
 

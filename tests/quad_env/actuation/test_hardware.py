@@ -50,7 +50,9 @@ def test_each_joints_torque_lies_on_its_own_line_within_its_own_peak() -> None:
         assert far.sum() >= 8
 
 
-@pytest.mark.parametrize(("figures", "words"), [((1.0, 2.0), "a number, or 3 or 12"), ((1.0, -2.0, 3.0), "more than 0")])
+@pytest.mark.parametrize(
+    ("figures", "words"), [((1.0, 2.0), "a number, or 3 or 12"), ((1.0, -2.0, 3.0), "more than 0")]
+)
 def test_figures_that_are_none_are_refused_in_a_line(figures: tuple[float, ...], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         TorqueSpeed(figures)
