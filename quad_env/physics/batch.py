@@ -4,7 +4,7 @@ from importlib.util import find_spec
 from typing import Any, Protocol
 
 from quad_env.actuation.models import ACTUATORS, Actuator
-from quad_env.columns import Array, Rows
+from quad_env.columns import Array, Ids, Rows
 from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, Slope, Stairs
@@ -44,7 +44,7 @@ class Batch(Protocol):
         """Work out where the bodies and sites of those robots are."""
         ...
 
-    def step(self, ids: Rows | None, nstep: int) -> None:
+    def step(self, ids: Ids | None, nstep: int) -> None:
         """Move those robots, or all, on by some physics steps. Raises mujoco.batch.SimulationError."""
         ...
 
@@ -70,15 +70,15 @@ def check_simulator(simulator: str, scenario: Scenario, actuator: Actuator, sens
     if find_spec("pydrake") is None:
         raise ValueError('the simulator drake needs the package drake: pip install -e ".[drake]" (Linux and macOS)')
     beyond = {
-        "sensors": sensors,
-        f"hardware profile of {scenario.name!r}": scenario.hardware,
-        f"motors of {scenario.name!r}": scenario.motors != Motors(),
+        "sensors of the robot": sensors,
+        f"the hardware profile of {scenario.name!r}": scenario.hardware,
+        f"the motors of {scenario.name!r}": scenario.motors != Motors(),
         "motors other than ideal ones": actuator != ACTUATORS["ideal"],
-        f"ground of {scenario.name!r}": not isinstance(scenario.terrain, Flat | Slope | Stairs),
-        f"soft ground of {scenario.name!r}": scenario.ground.sink_depth > 0,
+        f"the ground of {scenario.name!r}": not isinstance(scenario.terrain, Flat | Slope | Stairs),
+        f"the soft ground of {scenario.name!r}": scenario.ground.sink_depth > 0,
     }
     if found := [what for what, asked in beyond.items() if asked]:
-        raise ValueError(f"the simulator drake knows {_KNOWN}; not the {', the '.join(found)}: leave it to mujoco")
+        raise ValueError(f"the simulator drake knows {_KNOWN}; not {' and '.join(found)}: take mujoco for that")
 
 
 def batch_of(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch:

@@ -278,12 +278,12 @@ class Simulation:
     @property
     def quaternion(self) -> Array:
         """Orientation of every trunk in the world frame, (n, 4), w x y z."""
-        return cast("Array", self.qpos[:, 3:7].copy())
+        return self.qpos[:, 3:7].copy()
 
     @property
     def push(self) -> Array:
         """Pushing force on every trunk during the last step, world frame, x and y, (n, 2), N; no steady one."""
-        return cast("Array", self._push.copy() if self._force is None else self._push - self._force)
+        return self._push.copy() if self._force is None else self._push - self._force
 
     @property
     def winding_temperature(self) -> Array | None:

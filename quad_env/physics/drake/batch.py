@@ -9,7 +9,7 @@ from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
-from quad_env.columns import Array, Rows
+from quad_env.columns import Array, Ids, Rows
 from quad_env.physics.drake.plant import inertia, plant_of
 from quad_env.robots.collisions import foot_geoms
 
@@ -90,9 +90,9 @@ class DrakeBatch:
             mujoco.mj_kinematics(self._model, self._data)
             self._fields["xpos"][robot], self._fields["site_xpos"][robot] = self._data.xpos, self._data.site_xpos
 
-    def step(self, ids: Rows | None, nstep: int) -> None:
+    def step(self, ids: Ids | None, nstep: int) -> None:
         """Move those robots, or all, on by some physics steps; what Drake gives up on stands still, with a warning."""
-        rows = np.arange(len(self._plants)) if ids is None else ids
+        rows = np.arange(len(self._plants))[slice(None) if ids is None else ids]
         for robot in rows:
             try:
                 self._step(int(robot), nstep)

@@ -186,7 +186,7 @@ def _stiffness(model: mujoco.MjModel, ground: int) -> float:
 
 def _shape(model: mujoco.MjModel, geom: int) -> Any:
     size, kind = model.geom_size[geom], mujoco.mjtGeom(int(model.geom_type[geom]))
-    shapes = {
+    shapes: dict[Any, Any] = {
         mujoco.mjtGeom.mjGEOM_PLANE: HalfSpace,
         mujoco.mjtGeom.mjGEOM_SPHERE: partial(Sphere, size[0]),
         mujoco.mjtGeom.mjGEOM_CAPSULE: partial(Capsule, size[0], 2 * size[1]),
