@@ -46,8 +46,8 @@ class DrakeBatch:
         self._sensors: dict[str, tuple[Array, list[int], Array]] = {}
         """Of which of these, and of which geoms, each sensor's data are the sum."""
         self._ground = set(np.flatnonzero(model.geom_bodyid == 0).tolist())
-        self._inputs = [list[Any]() for _ in range(num_envs)]
-        """What the state and the inputs of each context were set to last."""
+        self._known = [[b""] * 4 for _ in range(num_envs)]
+        """State and inputs of each context, as bytes."""
         self.warning = np.zeros((num_envs, mujoco.mjtWarning.mjNWARNING.value, 2), np.int64)
 
     def bind(self, field: str) -> Array:
@@ -104,7 +104,7 @@ class DrakeBatch:
     def _step(self, robot: int, nstep: int) -> None:
         plant, context = self._drake.plant, self._plants[robot]
         qpos, qvel, ctrl, torque, push = (self._fields[name][robot] for name in _STEPPED)
-        self._set(robot, np.concatenate((qpos, qvel)), ctrl, push[_TRUNK])
+        self._set(robot, qpos, qvel, ctrl, push[_TRUNK])
         for _ in range(nstep):
             coming = plant.EvalUniquePeriodicDiscreteUpdate(context)
             actuation = plant.get_net_actuation_output_port().Eval(context)
@@ -113,29 +113,23 @@ class DrakeBatch:
         torque[:] = actuation[self._drake.servos]
         self._look_at(robot, contacts)
         self._from_drake(plant.GetPositionsAndVelocities(context), qpos, qvel)
-        self._inputs[robot][0] = np.concatenate((qpos, qvel))
+        self._known[robot][:2] = qpos.tobytes(), qvel.tobytes()
 
-    def _set(self, robot: int, state: Array, ctrl: Array, push: Array) -> None:
+    def _set(self, robot: int, qpos: Array, qvel: Array, ctrl: Array, push: Array) -> None:
         """State, targets and the force on the trunk, as far as they have changed."""
-        drake, context, last, now = (
-            self._drake,
-            self._plants[robot],
-            self._inputs[robot],
-            [state, ctrl.copy(), push.copy()],
-        )
-        fresh = [not last or not np.array_equal(*pair) for pair in zip(last, now, strict=True)] if last else [True] * 3
-        if fresh[0]:
-            drake.plant.SetPositionsAndVelocities(context, self._to_drake(*np.split(state, [self._model.nq])))
-        if fresh[1]:
+        drake, context, known = self._drake, self._plants[robot], self._known[robot]
+        self._known[robot] = now = [each.tobytes() for each in (qpos, qvel, ctrl, push)]
+        if now[:2] != known[:2]:
+            drake.plant.SetPositionsAndVelocities(context, self._to_drake(qpos, qvel))
+        if now[2] != known[2]:
             desired = np.zeros(2 * drake.plant.num_actuators())
             desired[drake.servos] = ctrl
             drake.plant.get_desired_state_input_port(drake.trunk.model_instance()).FixValue(context, desired)
-        if fresh[2]:
+        if now[3] != known[3]:
             pushing = ExternallyAppliedSpatialForce()
             pushing.body_index, pushing.p_BoBq_B = drake.trunk.index(), self._model.body_ipos[_TRUNK]
             pushing.F_Bq_W = SpatialForce(push[3:], push[:3])
             drake.plant.get_applied_spatial_force_input_port().FixValue(context, _Forces([pushing]))
-        self._inputs[robot] = now
 
     def _look_at(self, robot: int, contacts: Any) -> None:
         """How often each geom touches the ground, and how hard it is pressed."""
