@@ -26,39 +26,30 @@ class Batch(Protocol):
 
     def bind(self, field: str) -> Array:
         """A field of the state or the outputs, which follow every step; what is written there moves the robots."""
-        ...
 
     def expand(self, field: str) -> Array:
         """A field of the model, of each robot its own from now on."""
-        ...
 
     def sensor(self, name: str) -> Any:
         """A sensor, whose `data`, (n, size), are of the state before the last physics step."""
-        ...
 
     def reset(self, ids: Rows, keyframe: int | None = None, *, stage: int) -> None:
         """Put those robots at the model's start, or at a keyframe, at rest."""
-        ...
 
     def forward(self, ids: Rows, *, stage: int = ...) -> None:
         """Work out where the bodies and sites of those robots are."""
-        ...
 
     def step(self, ids: Ids | None, nstep: int) -> None:
         """Move those robots, or all, on by some physics steps. Raises mujoco.batch.SimulationError."""
-        ...
 
     def set_const(self, ids: Rows) -> None:
         """Work out what depends on the expanded fields of those robots."""
-        ...
 
     def get_model(self, robot: int, model: Any) -> None:
         """Write one robot's model there."""
-        ...
 
     def get_data(self, robot: int) -> Any:
         """A copy of one robot's simulation."""
-        ...
 
 
 def check_simulator(simulator: str, scenario: Scenario, actuator: Actuator, sensors: bool = False) -> None:

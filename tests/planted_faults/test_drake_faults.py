@@ -84,9 +84,7 @@ def check_energy_is_kept_in_flight() -> None:
 
 def unmatched_friction(patch: pytest.MonkeyPatch) -> None:
     """Geoms have their own coefficients, which Drake combines by the harmonic mean."""
-    true = plant.CoulombFriction
-    patch.setattr(plant, "_friction", lambda model, geom, ground: float(model.geom_friction[geom, 0]))
-    patch.setattr(plant, "CoulombFriction", lambda a, b: true(0.5 * a, 0.5 * b))
+    patch.setattr(plant, "_frictions", lambda model, geoms, _: model.geom_friction[geoms, 0])
 
 
 def lifting_contact(patch: pytest.MonkeyPatch) -> None:
@@ -94,7 +92,7 @@ def lifting_contact(patch: pytest.MonkeyPatch) -> None:
 
 
 def gravity_of_the_moon(patch: pytest.MonkeyPatch) -> None:
-    true = plant.AddMultibodyPlant
+    true = plant.multibody.AddMultibodyPlant
 
     def add(*args: Any) -> Any:
         made, scene = true(*args)
@@ -111,7 +109,7 @@ def gravity_of_the_moon(patch: pytest.MonkeyPatch) -> None:
 
         return Moon(), scene
 
-    patch.setattr(plant, "AddMultibodyPlant", add)
+    patch.setattr(plant.multibody, "AddMultibodyPlant", add)
 
 
 FAULTS: Faults = {

@@ -29,16 +29,8 @@ class DrakeBatch:
     def __init__(self, model: mujoco.MjModel, num_envs: int) -> None:
         self._model, self._data, self._drake = model, mujoco.MjData(model), plant_of(model)
         self._contexts = [self._drake.diagram.CreateDefaultContext() for _ in range(num_envs)]
-        self._plants = [self._drake.plant.GetMyMutableContextFromRoot(each) for each in self._contexts]
-        shapes = {
-            "qpos": (model.nq,),
-            "qvel": (model.nv,),
-            "ctrl": (model.nu,),
-            "actuator_force": (model.nu,),
-            "xfrc_applied": (model.nbody, 6),
-            "xpos": (model.nbody, 3),
-            "site_xpos": (model.nsite, 3),
-        }
+        self._plants = list(map(self._drake.plant.GetMyMutableContextFromRoot, self._contexts))
+        shapes = {name: getattr(self._data, name).shape for name in (*_STEPPED, "xpos", "site_xpos")}
         self._fields = {name: np.zeros((num_envs, *shape)) for name, shape in shapes.items()}
         self._own: dict[str, Array] = {}
         self._touches, self._forces = np.zeros((2, num_envs, model.ngeom))
@@ -78,10 +70,8 @@ class DrakeBatch:
             values[ids] = 0.0
         for _, _, data in self._sensors.values():
             data[ids] = 0.0
-        model = self._model
-        self._fields["qpos"][ids] = model.qpos0 if keyframe is None else model.key_qpos[keyframe]
-        if keyframe is not None:
-            self._fields["ctrl"][ids] = model.key_ctrl[keyframe]
+        mujoco.mj_resetDataKeyframe(self._model, self._data, -1 if keyframe is None else keyframe)
+        self._fields["qpos"][ids], self._fields["ctrl"][ids] = self._data.qpos, self._data.ctrl
 
     def forward(self, ids: Rows, *, stage: int = 0) -> None:
         """Work out where the bodies and sites of those robots are."""
