@@ -101,7 +101,7 @@ MEASURES = (
             "max |dq/dt| / limit of all physics steps, limit: the motor's speed without load, or without a curve the "
             "rated one", ENERGY),
     Measure("torque_rate", "torque rate", "N·m/s", "joints",
-            "sum |tau - tau a physics step before| / time, mean of the joints: total variation", ENERGY),
+            "<|T - T a control step before| / dt>, T: mean of tau over a control step; mean of the joints", ENERGY),
     Measure("joint_limit", "joints at a limit", "", "joints",
             f"[q within {effort.LIMIT_MARGIN:g} rad of a limit or beyond] of joints and time"),
     Measure("overspeed", "joints above rated speed", "", "joints", "[|dq/dt| > rated speed] of joints and time"),

@@ -42,8 +42,8 @@ def gait(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floa
     return {
         **standing_still(episodes, upright, falls),
         "duty_factor": quotient(standing, count(counted)[:, None]),
-        "step_rate": step_rate(falls, settling, count(counted) * dt),
-        "flight": upright_share(~falls.stance[settled].any(axis=-1), counted),
+        "step_rate": step_rate(falls, settling, count(counted), dt),
+        "flight": upright_share(np.asarray(~falls.stance[settled].any(axis=-1)), counted),
         "trunk_height": upright_mean(episodes.height[settled].astype(np.float64), counted) / episodes.robot.home_height,
         "touchdown_impulse": touchdown_impulse(episodes.foot_impulse, falls, settling, episodes.fall_step, dt)
         / episodes.weight,
@@ -72,10 +72,10 @@ def standing_still(episodes: Episodes, upright: Bools, falls: Footfalls) -> dict
     return {"drift": quotient(moved, drifting), "needless_steps": quotient(landed, time)}
 
 
-def step_rate(falls: Footfalls, first: int, time: Floats) -> Floats:
-    """Touch-downs per foot and second from that step on, in the upright time, s, (n,); 1/s."""
-    landed = np.bincount(falls.episode[falls.touch_down >= first], minlength=len(time))
-    return quotient(landed, falls.stance.shape[-1] * time)
+def step_rate(falls: Footfalls, first: int, upright: NDArray[np.int64], dt: float) -> Floats:
+    """Touch-downs per foot and second from that step on, of so many upright steps, (n,); 1/s."""
+    landed = np.bincount(falls.episode[falls.touch_down >= first], minlength=len(upright))
+    return quotient(landed, falls.stance.shape[-1] * dt * upright)
 
 
 def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDArray[np.int64], dt: float) -> Floats:

@@ -58,7 +58,7 @@ def cell_of(rows: pa.Table, scenario: Scenario) -> Cell:
     try:
         absent = dict.fromkeys(SINCE_ENERGY_2, np.full(len(rows), np.nan))
         present = {name: _values(rows, name) for name in MEASURES if name in rows.column_names}
-        measures = Measures(**absent | present)  # type: ignore[arg-type]
+        measures = Measures(**absent | present)
     except (TypeError, ValueError) as error:
         raise ValueError(f"its lists are not all of one length ({error})") from error
     return Cell(

@@ -131,8 +131,8 @@ def _signal(table: Any, robot: Robot, name: str, steps: int, count: int) -> NDAr
     """A policy without a clock has no phase; what a compact trace leaves out is zero, what none had
     before was not measured."""
     if name not in table.column_names:
-        unknown = blank(robot, name, steps, count)
-        return None if name in OF_POLICY else unknown + np.float32(np.nan) if name in METERED else unknown
+        absent = blank(robot, name, steps, count)
+        return None if name in OF_POLICY else np.full_like(absent, np.nan) if name in METERED else absent
     values = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
     rows: NDArray[np.generic] = values.reshape(count, *shapes(robot)[name], steps)
     return np.ascontiguousarray(np.moveaxis(np.moveaxis(rows, -1, 1), 0, 1))

@@ -192,8 +192,8 @@ class Recorder:
 
     def episodes(self) -> Episodes:
         """The record; of steps that were not recorded, zeros."""
-        env, falls = self._env, self.falls
-        meter = env.simulation.meter
+        env, falls, meter = self._env, self.falls, self._env.simulation.meter
+        assert meter is not None, "an environment without readings"
         return Episodes(
             robot=env.robot,
             seeds=self._seeds,

@@ -20,61 +20,65 @@ changed by that, (k, 12), rad/s."""
 
 
 class Meter:
-    """Measures what motors and ground do to n robots, physics step by physics step of a control step.
+    """Measures what motors and ground do to n robots in the physics steps of a control step.
 
     A step's work is that of the torque received at the mean of the speeds before and after it, since with M (v' − v)
     for the impulse of all forces, impulse · (v + v') / 2 is the change of ½ vᵀ M v.
     """
 
-    def __init__(
-        self, robot: Robot, batch: Batch, model: Any, actuator: Actuator, substeps: int, simulator: str = MUJOCO
-    ) -> None:
+    def __init__(self, robot: Robot, batch: Batch, model: Any, actuator: Actuator, simulator: str = MUJOCO) -> None:
         self._speed = batch.bind("qvel")[:, -robot.num_joints :]
         self._received = received_torque(batch, model, robot.num_joints, simulator)
         self._touch = [batch.sensor(name).data for name in touch_sensors(robot)]
-        self._timestep, self._share = model.opt.timestep, 1 / substeps
+        self._timestep = model.opt.timestep
         line = None if actuator.curve is None else actuator.curve.on(robot)
         self._slope = np.nan if line is None else line.slope
         self.torque_limit = model.actuator_forcerange[:, 1].copy()
         """Of each joint's motor, (12,), N·m."""
         self.speed_limit = np.full(robot.num_joints, robot.rated_speed if line is None else line.no_load_speed)
         """Speed of each joint without load, of motors without a curve the rated one, (12,), rad/s."""
-        self._last = np.zeros(self._speed.shape)
+        self._steps: list[tuple[Array, ...]] = []
+        """Speeds before and after each physics step of this control step, torques, forces on the feet."""
+        self._torque = np.zeros(self._speed.shape)
+        """Mean of the last control step, N·m."""
         self.readings = {name: np.zeros(self._speed.shape) for name in OF_JOINTS}
-        """Of the control step so far, name -> (n, …)."""
+        """Of the last control step, name -> (n, …)."""
         self.readings["foot_impulse"] = np.zeros((len(self._speed), len(self._touch)))
 
     def begin(self, ids: Ids) -> None:
-        """Start those robots, whose motors have not given any torque yet."""
-        self._last[ids] = 0.0
-        self.clear(ids)
-
-    def clear(self, ids: Ids) -> None:
-        """Begin a control step of those robots."""
-        for reading in self.readings.values():
-            reading[ids] = 0.0
+        """Start those robots, whose motors have not done anything yet."""
+        for values in (self._torque, *self.readings.values()):
+            values[ids] = 0.0
 
     def advance(self, ids: Ids, count: int, step: Callable[[Ids, int], None]) -> None:
         """Take so many physics steps of those robots, one by one."""
         for _ in range(count):
             before = self._speed[ids].copy()
             step(ids, 1)
+            after, force = self._speed[ids].copy(), np.concatenate([each[ids] for each in self._touch], axis=1)
             with np.errstate(all="ignore"):  # of a robot that has diverged, which is about to be parked
-                self._add(ids, before)
+                self._steps.append((before, after, self._received(ids, after - before), force))
 
-    def _add(self, ids: Ids, before: Array) -> None:
-        after, now, time = self._speed[ids], self.readings, self._timestep
-        torque = self._received(ids, after - before)
-        size, work = np.abs(torque), time * torque * (0.5 * (before + after))
-        now["positive_work"][ids] += np.maximum(work, 0.0)
-        now["regeneration"][ids] += np.maximum(-work, 0.0)
-        now["joule_heat"][ids] += time * torque * torque / self._slope
-        now["mean_torque"][ids] += self._share * size
-        now["torque_change"][ids] += np.abs(torque - self._last[ids])
-        now["peak_torque"][ids] = np.maximum(now["peak_torque"][ids], size)
-        now["peak_speed"][ids] = np.maximum(now["peak_speed"][ids], np.abs(after))
-        now["foot_impulse"][ids] += time * np.concatenate([force[ids] for force in self._touch], axis=1)
-        self._last[ids] = torque
+    def finish(self, ids: Ids) -> None:
+        """Work out the readings of the control step that those robots have just made."""
+        before, after, torque, force = (np.array(each) for each in zip(*self._steps, strict=True))
+        self._steps.clear()
+        with np.errstate(all="ignore"):
+            time, size, mean = self._timestep, np.abs(torque), torque.mean(axis=0)
+            work = time * torque * (0.5 * (before + after))
+            found = {
+                "positive_work": np.maximum(work, 0.0).sum(axis=0),
+                "regeneration": np.maximum(-work, 0.0).sum(axis=0),
+                "joule_heat": time * (torque * torque).sum(axis=0) / self._slope,
+                "mean_torque": size.mean(axis=0),
+                "peak_torque": size.max(axis=0),
+                "peak_speed": np.abs(after).max(axis=0),
+                "torque_change": np.abs(mean - self._torque[ids]),
+                "foot_impulse": time * force.sum(axis=0),
+            }
+        self._torque[ids] = mean
+        for name, values in found.items():
+            self.readings[name][ids] = values
 
 
 def touch_sensors(robot: Robot) -> list[str]:

@@ -96,8 +96,7 @@ class Simulation:
         self._push = self.batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self.torque = self.batch.bind("actuator_force")
         """Torques of the servos in the last physics step, (n, 12), N·m."""
-        metered = (robot, self.batch, self.model, actuator, self.substeps, simulator)
-        self.meter = Meter(*metered) if contacts else None
+        self.meter = Meter(robot, self.batch, self.model, actuator, simulator) if contacts else None
         at = (robot, self.terrain, period, self.qpos, self.qvel)
         steps = [[self.batch.sensor(name).data for name in names] for names in soles]
         self._footsteps = Footsteps(*at, steps) if feet else None  # before the probe computes contacts again
@@ -203,12 +202,12 @@ class Simulation:
         self._ctrl[ids] = targets
         if push is not None:
             self._push[ids] = push[ids] if self._force is None else push[ids] + self._force[ids]
-        if self.meter is not None:
-            self.meter.clear(ids)
         if self._actuators is None:
             self._advance(ids, self.substeps)
         else:
             self._actuators.advance(targets, ids, self._advance)
+        if self.meter is not None:
+            self.meter.finish(ids)
         if self._footsteps is not None:
             self._footsteps.advance(ids)
         if self.probe is not None:

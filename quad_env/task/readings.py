@@ -44,7 +44,7 @@ def readings(simulation: Simulation, state: QuadState[Array] | None = None) -> R
     mean_torque        (n, 12)     mean of the torque's size over the control step, N·m
     peak_torque        (n, 12)     largest of the control step, N·m
     peak_speed         (n, 12)     largest of the control step, rad/s
-    torque_change      (n, 12)     sum of the sizes of the changes from physics step to physics step, N·m
+    torque_change      (n, 12)     size of the change of the mean torque since the control step before, N·m
     foot_impulse       (n, 4)      of the forces that pressed each foot over the control step, N·s
     =================  ==========  =====================================================================
 

@@ -96,7 +96,7 @@ def test_shares_of_the_motors_limits() -> None:
 
 
 def test_torque_rate() -> None:
-    """One joint whose torque goes up and down by 6 N·m in every control step of 0.1 s: 120 N·m/s, of twelve joints."""
+    """One joint of twelve whose torque changes by 12 N·m with every control step of 0.1 s: 120 N·m/s."""
     assert measured("torque_rate", **joints("torque_change", (ALL, 0, 12.0))) == pytest.approx(10.0)
 
 

@@ -9,9 +9,11 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
 
 from evaluate.__main__ import main
+from evaluate.measures.catalogue import SINCE_ENERGY_2
 from evaluate.records import manifest, provenance
 from evaluate.records.episode_table import read_table
 from evaluate.records.store import read_run
@@ -77,6 +79,31 @@ def test_outcomes_of_another_rule_are_compared_by_todays(run, tmp_path, capsys, 
     replace(manifest.read(old), versions=versions | {"success_rule": "success/9"}).begun().write(old)
     said = refused(main, "report", old)
     assert "its success rule is success/9; this version knows success/2 and success/1" in said
+
+
+def test_energy_of_the_older_rule_is_read_named_and_compared_with_none_of_todays(run, tmp_path, capsys) -> None:
+    """The same episodes as energy/1 wrote them: other energies, and fewer columns."""
+    versions = {name: version for name, version in provenance.versions().items() if name != "energy_rule"}
+
+    def as_then(rows: pa.Table) -> pa.Table:
+        kept = rows.select([name for name in rows.column_names if name not in SINCE_ENERGY_2])
+        return column(kept, "energy", [1.0] * len(rows))
+
+    old = other(run, tmp_path / "old", as_then, versions=versions)
+    assert main(["compare", str(old), str(run.folder)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "6 of 6" in said
+    assert "energy_rule was energy/1 and is energy/2" in said
+    assert main(["replay", str(old), "0"]) == 0
+    assert "identical to the bit" in capsys.readouterr().out
+    assert main(["report", str(old)]) == 0
+    assert "by the older rule energy/1" in " ".join(capsys.readouterr().out.split())
+    found = json.loads((old / "results.json").read_text())
+    assert found["versions"]["energy_rule"] == "energy/1"
+    cell = found["policies"]["trot"]["scenarios"]["flat"]
+    assert (cell["energy"], cell["figures"]["step_rate"]) == (1.0, None)
+    assert main(["compare", str(old), str(old)]) == 0
+    assert "energy_rule" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("policy", "scenario"), [("trot", "slope:6"), ("document_repaired", "push")])

@@ -30,7 +30,7 @@ class Batch:
 
 
 def metered(actuator: Actuator) -> tuple[Batch, Meter]:
-    """Physics steps of 0.1 s, two a control step; the joints' own damping is 0.5 N·m·s/rad, the motors' 2."""
+    """Physics steps of 0.1 s; the joints' own damping is 0.5 N·m·s/rad, the motors' 2."""
     batch = Batch()
     batch.fields["qDeriv"][:, 6:] = -2.5
     model = SimpleNamespace(
@@ -40,7 +40,7 @@ def metered(actuator: Actuator) -> tuple[Batch, Meter]:
         D_rowadr=np.arange(18),
         D_diag=np.zeros(18, int),
     )
-    return batch, Meter(SIMPLE_QUAD, batch, model, actuator, 2)
+    return batch, Meter(SIMPLE_QUAD, batch, model, actuator)
 
 
 def test_a_control_step_by_hand() -> None:
@@ -53,6 +53,7 @@ def test_a_control_step_by_hand() -> None:
 
     meter.begin(np.arange(2))
     meter.advance(np.array([0]), 2, step)
+    meter.finish(np.array([0]))
     found = {name: reading[0, 0] for name, reading in meter.readings.items()}
     assert found == pytest.approx(
         {
@@ -62,21 +63,23 @@ def test_a_control_step_by_hand() -> None:
             "mean_torque": (8.0 + 5.0) / 2,
             "peak_torque": 8.0,
             "peak_speed": 3.0,
-            "torque_change": 8.0 + 3.0,
+            "torque_change": (8.0 + 5.0) / 2,
             "foot_impulse": 0.1 * (30.0 + 50.0),
         }
     )
     assert not any(reading[1].any() for reading in meter.readings.values())
     assert (meter.torque_limit.tolist(), meter.speed_limit.tolist()) == ([80.0] * 12, [10.0] * 12)
-    meter.clear(slice(None))
     steps = iter([(4.0, -3.0, 0.0)])
     meter.advance(slice(None), 1, step)
-    assert meter.readings["torque_change"][0, 0] == pytest.approx(1.0), "from the last torque, 5 N·m"
+    meter.finish(slice(None))
+    assert meter.readings["torque_change"][0, 0] == pytest.approx(6.5 - 4.0)
+    assert meter.readings["foot_impulse"][0, 0] == 0.0
 
 
 def test_motors_without_a_curve_have_no_heat_and_the_rated_speed() -> None:
     _, meter = metered(Actuator())
     meter.advance(slice(None), 1, lambda *_: None)
+    meter.finish(slice(None))
     assert np.isnan(meter.readings["joule_heat"]).all()
     assert meter.speed_limit.tolist() == [SIMPLE_QUAD.rated_speed] * 12
 
