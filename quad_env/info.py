@@ -5,6 +5,7 @@ from dataclasses import asdict
 from importlib.metadata import version
 
 import quad_env
+from quad_env.actuation.hardware import hardware_profile
 from quad_env.actuation.models import ACTUATORS
 from quad_env.config import FALL_REASONS, FALL_RULE, TaskConfig
 from quad_env.robots.named import robot_named
@@ -41,6 +42,12 @@ def _head(robot: Robot) -> Iterator[str]:
         f"joints       at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:g} rad/s, servos "
         f"{robot.servo}"
     )
+    actuator, sensors, estimator = hardware_profile(robot)
+    if actuator.curve is not None:
+        _, *figures = actuator.curve.on(robot)
+        speed, torque = (" to ".join(f"{each:g}" for each in sorted({*map(float, of)})) for of in figures)
+        yield f"+hardware    at most {torque} N·m, {speed} rad/s without load;"
+        yield f"             targets {1000.0 * actuator.delay:g} ms late, sensors {sensors}, estimator {estimator}"
     yield f"time         control at {task.control_rate:g} Hz, episodes of {steps / task.control_rate:g} s"
 
 

@@ -43,6 +43,11 @@ def check(config: TrainConfig) -> None:
         raise UsageError(str(error)) from None
     _check_mixture(config)
     check_scenarios("--validation.scenarios", config.complete_validation.scenarios, config.hardware.quadruped)
+    names = (*(name for name, _ in config.mixture), *config.complete_validation.scenarios)
+    real = [name for name in dict.fromkeys(names) if scenario(name, config.hardware.quadruped).hardware]
+    if real and config.hardware.chosen:
+        which = ", ".join(real)
+        raise UsageError(f"{which}: the profile has its own --actuator, --sensors and --estimator: leave these out")
     if config.policy == "end-to-end" and config.base not in POSES:
         raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
 

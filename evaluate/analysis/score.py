@@ -15,7 +15,7 @@ from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import Floats, Interval, difference_interval, mean_share_interval
 from evaluate.statistics.significance import sign_flip_test
 from quad_env.scenarios.named import STEADY
-from quad_env.scenarios.scenario import HARDWARE
+from quad_env.scenarios.scenario import HARDWARE, Scenario
 
 FEWEST_AXES = 2
 """Axes from which on a mean over them is a score."""
@@ -51,7 +51,7 @@ class Score:
 def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> list[Score]:
     """Scores, with the hardware profile or without, of the policies that ran every such scenario, the highest first;
     none of a run of one axis. The steady walk, which nothing disturbs, is no part of a score."""
-    cells = [cell for cell in cells if cell.scenario.hardware == hardware and _base(cell.scenario.name) != STEADY.name]
+    cells = [cell for cell in cells if _counts(cell.scenario, hardware)]
     axes = severity_axes(cells)
     names = {level.name for axis in axes for level in axis.levels}
     ran = {policy: {cell.scenario.name: cell for cell in cells if cell.policy == policy} for policy in _policies(cells)}
@@ -96,6 +96,11 @@ def _by_episode(ran: dict[str, Cell], axes: Sequence[SeverityAxis]) -> Floats:
 
 def _rate(cell: Cell) -> float:
     return float(cell.measures.succeeded.mean())
+
+
+def _counts(scenario: Scenario, hardware: bool) -> bool:
+    """Whether a scenario is part of the score with the profile, or of that without it."""
+    return scenario.hardware == hardware and _base(scenario.name) != STEADY.name
 
 
 def _base(name: str) -> str:

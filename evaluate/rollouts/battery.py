@@ -27,20 +27,9 @@ _FILE = ".py:"
 
 
 BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
-    "quick": lambda robot: (
-        *_battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())),
-        STEADY,
-        on_hardware(scenarios_of(robot)[NOMINAL[0]]),
-    ),
-    "default": lambda robot: (
-        *_battery(robot, _nominal_and_harder, tuple(AXES)),
-        STEADY,
-        *map(on_hardware, _middle(robot)),
-    ),
-    "full": lambda robot: (
-        *_battery(robot, lambda axis: tuple(range(1, len(axis.levels) + 1)), tuple(AXES)),
-        STEADY,
-    ),
+    "quick": lambda robot: (*_battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())), *_real(robot)[:1]),
+    "default": lambda robot: (*_battery(robot, _nominal_and_harder, tuple(AXES)), *_real(robot)),
+    "full": lambda robot: _battery(robot, lambda axis: tuple(range(1, len(axis.levels) + 1)), tuple(AXES)),
     ALL: lambda robot: tuple(scenarios_of(robot).values()),
 }
 """Names that stand for several scenarios: a first look; every axis at its nominal severity and the next two levels, and
@@ -93,10 +82,10 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     return (one,)
 
 
-def _middle(robot: Robot) -> tuple[Scenario, ...]:
-    """Level ground, the steady walk, and every axis at the level after its nominal one, or its last."""
+def _real(robot: Robot) -> tuple[Scenario, ...]:
+    """With the hardware profile: level ground, the steady walk, and every axis at the level after its nominal one."""
     levels = (axis.level(min(axis.nominal_level + 1, len(axis.levels))) for axis in axes_of(robot).values())
-    return (scenarios_of(robot)[NOMINAL[0]], STEADY, *levels)
+    return tuple(map(on_hardware, (scenarios_of(robot)[NOMINAL[0]], STEADY, *levels)))
 
 
 def _nominal_and_harder(axis: Axis) -> tuple[int, ...]:
@@ -107,14 +96,14 @@ def _nominal_and_harder(axis: Axis) -> tuple[int, ...]:
 def _battery(
     robot: Robot, levels: Callable[[Axis], tuple[int, ...]], nominal: tuple[str, ...] = NOMINAL
 ) -> tuple[Scenario, ...]:
-    """A robot's nominal scenarios of those axes and those levels of each axis, none twice."""
+    """A robot's nominal scenarios of those axes and those levels of each axis, none twice, and the steady walk."""
     chosen = [scenarios_of(robot)[name] for name in nominal]
     for axis in axes_of(robot).values():
         for level in levels(axis):
             new = axis.level(min(level, len(axis.levels)))
             if not any(replace(new, name=known.name) == known for known in chosen):
                 chosen.append(new)
-    return tuple(chosen)
+    return (*chosen, STEADY)
 
 
 def _from_file(reference: str) -> tuple[Scenario, ...]:

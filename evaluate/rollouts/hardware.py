@@ -60,7 +60,7 @@ class Hardware:
         import policies
         from quad_env.actuation.hardware import hardware_profile
 
-        made = {"robot": self.quadruped, "actuator": self.actuator, "sensors": self.sensors}
+        made: dict[str, Any] = {"robot": self.quadruped, "actuator": self.actuator, "sensors": self.sensors}
         if real:
             profile = hardware_profile(self.quadruped)
             made = {"robot": self.quadruped.with_servo(), "actuator": profile.actuator, "sensors": profile.sensors}

@@ -21,7 +21,7 @@ from quad_env.robots.robot import Robot, servo_gains
 from quad_env.scenarios.episode import Episode, at_reset
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.estimators import Estimator, check_estimator
+from quad_env.sensing.estimators import COMPLEMENTARY, Estimator, check_estimator
 from quad_env.sensing.height_scan import HeightScan, scanner_of, table_with
 from quad_env.sensing.observation import SensedObservation, shown_by
 from quad_env.sensing.suite import SensorSuite, sensor_suite
@@ -87,13 +87,13 @@ class QuadEnvBase:
         """Control period, s."""
         self._lowest = self.config.fall_rule.lowest(robot.leg_length)
         motors, suite = find_actuator(_setting(actuator)), sensor_suite(_setting(sensors))
-        check_estimator(estimator, suite)
         if self.scenario.hardware:
-            if motors != ACTUATORS["ideal"] or suite is not None:
-                own = f"{self.scenario.name} has the robot's hardware profile"
-                raise ValueError(f"{own}: leave out actuator, sensors and estimator, or take the scenario without it")
+            if (motors, suite, estimator) != (ACTUATORS["ideal"], None, COMPLEMENTARY):
+                has = f"{self.scenario.name} has the robot's hardware profile"
+                raise ValueError(f"{has}: leave out actuator, sensors and estimator, or take the scenario without it")
             motors, named, estimator = hardware_profile(robot)
             suite = sensor_suite(named)
+        check_estimator(estimator, suite)
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
         self._weights = step_weights(self.config.reward_weights, self.dt, self.config.reward_terms)
         feet = look_at_feet(self._weights, self.config.reward_terms)

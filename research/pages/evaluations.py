@@ -109,14 +109,16 @@ def headline(found: dict[str, Any]) -> str:
 
 
 def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
-    """Lines of the table of other robots, a robot a row: the score of each policy that all of them have."""
+    """Lines of the table of other robots: the score of each policy that all of them have, and below it, where it was
+    evaluated, that with the hardware profile."""
     of_each = [{score.policy: score for score in scores(one)} for one in found]
-    names = [name for name in of_each[0] if all(name in each for each in of_each)]
-    rows = [
-        {FIRST: f"{robot.name}, {robot.mass:.1f} kg on legs of {robot.leg_length:.2f} m"}
-        | {name: share(policies[name].score, policies[name].ci) for name in names}
-        for robot, policies in zip(map(robot_of, found), of_each, strict=True)
-    ]
+    names, rows = [name for name in of_each[0] if all(name in each for each in of_each)], []
+    for one, ideal, robot in zip(found, of_each, map(robot_of, found), strict=True):
+        about = f"{robot.name}, {robot.mass:.1f} kg on legs of {robot.leg_length:.2f} m"
+        real = {score.policy: score for score in scores(one, HARDWARE_SCORES)}
+        for words, of in ((about, ideal), (f"{robot.name}, hardware profile", real)):
+            shown = {name: share(of[name].score, of[name].ci) if name in of else ABSENT for name in names}
+            rows += [{FIRST: words, **shown}] if of else []
     return table({FIRST: "robot", **{name: f"`{name}`" for name in names}}, rows).splitlines()
 
 

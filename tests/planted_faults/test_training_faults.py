@@ -14,7 +14,7 @@ from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import PURPOSES, episode_seeds
 from tests.batches import Batch, begun
 from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
-from train import validation
+from train import training_robots, validation
 from train.config import PUSHES, PpoConfig, TrainConfig, ValidationConfig
 from train.run import make_env
 from train.search import subject as searches
@@ -94,6 +94,24 @@ def check_training_robots_have_their_own_episodes_ground_and_pushes() -> None:
     assert len(set(seeds)) == 6
 
 
+def check_validation_and_training_have_the_hardware_profile() -> None:
+    mixture = (("flat+hardware", 0.5), ("push+hardware", 0.5))
+    config = replace(SMALL, curriculum=0.4, mixture=mixture, validation=ValidationConfig(episodes=1))
+    with begun() as starts, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(validation, "run", partial(validation.run, steps=BRIEF))
+        validation.validate(policies.make("stand"), config.complete_validation, 1, config.hardware)
+        env = make_env(config)
+        env.reset()
+        env.close()
+    assert [start.purpose for start in starts] == ["validation", "validation", "training", "training"]
+    assert [(start.sensed, start.warms) for start in starts] == [(True, True)] * 4
+    assert starts[3].env.scenario.severity < starts[1].env.scenario.severity, "eased"
+
+
+def without_profile(original: Any) -> Any:
+    return lambda *args, **kwargs: replace(original(*args, **kwargs), hardware=False)
+
+
 def seeds_of_evaluation(module: str) -> Plant:
     """The module draws its episodes from the evaluation's family."""
     return lambda patch: patch.setattr(
@@ -118,6 +136,14 @@ FAULTS: Faults = {
     "validation on evaluation ground": (
         ground_of_evaluation("train.validation"),
         check_validation_is_on_its_own_episodes_and_ground,
+    ),
+    "profile not passed to validation": (
+        lambda patch: patch.setattr(validation, "practice", without_profile(validation.practice)),
+        check_validation_and_training_have_the_hardware_profile,
+    ),
+    "profile lost where a scenario is eased": (
+        lambda patch: patch.setattr(training_robots, "eased", without_profile(training_robots.eased)),
+        check_validation_and_training_have_the_hardware_profile,
     ),
     "searches on evaluation seeds": (
         seeds_of_evaluation("train.search.subject"),

@@ -121,6 +121,23 @@ def test_a_battery_is_called_by_its_name(battery, words, folder) -> None:
     assert f"\n`python -m evaluate{words}`;" in readme(folder, FOUND | {"policies": of, "episodes": 24})
 
 
+def test_scores_with_the_hardware_profile_stand_next_to_those_without_and_policies_without_any_in_a_sentence(
+    folder,
+) -> None:
+    alone = FOUND["policies"] | {"article": {"scenarios": {"flat": CELL}}}
+    both = FOUND | {"hardware_scores": [WORSE | {"score": 0.2, "axes": {"push": [0.2]}}], "policies": alone}
+    text = readme(folder, both, "--robots", evaluation(folder, both, "one")).replace("\u00a0", " ")
+    assert "hardware profile, at the middle severity: `stand` 20 %" in text
+    assert "`article` on flat ground alone: 50 %." in text
+    assert "| simple_quad, hardware profile | – | 20 %" in text
+    run = page(folder, both).replace("\u00a0", " ")
+    assert "| hardware score, % | minus `trot`, % points |" in run
+    assert "| `trot` | 47.1 [43.2 … 53.4 %] | – | – | – |" in run
+    assert "| 20.0 [43.2 … 53.4 %] | −37.1 [–], p = 1.00 |" in run
+    assert "](results/run_hardware_scores.csv)" in run
+    assert "stand,0.2," in (folder / "docs/results/run_hardware_scores.csv").read_text(encoding="utf-8")
+
+
 def test_other_robots_have_a_row_each(folder) -> None:
     def of_robot(robot: str, *policies: str) -> dict:
         scores = [SCORE | {"policy": policy} for policy in policies]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ROW, COLUMN, GAP, APART = 0.22, 0.3, 0.12, 0.06
+ROW, COLUMN, GAP, APART = 0.22, 0.3, 0.24, 0.12
 """Height and width of a cell of the heat map, room between two policies, and before the hardware profile, in."""
 NAME_WIDTH, NAME_SIZE, NAME_LINE = 12, 8.0, 0.135
 """Characters of a policy's name in a line above its block, its size, pt, and the height of a line, in."""

@@ -40,6 +40,7 @@ def once(read: Callable[[Batch], Any]) -> Reading:
 
 
 SCENARIOS, COUNT = once(lambda each: each.env.scenario.name), once(lambda each: len(each.seeds))
+HARDWARE = once(lambda each: (each.env.scenario.name, each.sensed, each.env.scenario.hardware))
 SEEDS, THREADS = once(lambda each: each.seeds), once(lambda each: each.threads)
 
 
@@ -109,9 +110,10 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "quick": Effect(
             "--quick",
             SCENARIOS,
-            ["flat", "push", "rough", "push:4", "rough:4"],
+            ["flat", "push", "rough", "push:4", "rough:4", "steady", "flat+hardware"],
             given=SHORT.replace("--scenarios flat ", ""),
         ),
+        "hardware": Effect("--hardware", HARDWARE, [("flat+hardware", True, True)], given=SHORT),
     },
     "report": {
         "folder": Effect("FOLDER/a", written("a/results.json"), True),
@@ -143,6 +145,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "episodes": Effect("--episodes 2", COUNT, [2]),
         "seed": Effect("--seed 5", SEEDS, drawn(5, 2)),
         "robot": Effect("--robot FOLDER/mine.xml", once(lambda each: each.env.robot.name), ["mine"]),
+        "hardware": Effect("--hardware", lambda made: {real for *_, real in HARDWARE(made)}, {True}),
         "out": Effect("--out FOLDER/new", written("new/results.json"), True),
         "threads": Effect("--threads 1", THREADS, [1]),
     },

@@ -22,16 +22,16 @@ from quad_env.serialisation import from_plain, to_plain
 PER_JOINT = TorqueSpeed((20.0, 30.0, 40.0), (10.0, 20.0, 5.0), (15.0, 30.0, 35.0))
 
 
-def limits(curve: TorqueSpeed, motors: Motors = Motors()) -> np.ndarray:
+def limits(curve: TorqueSpeed, torque_limit: float | None = None) -> np.ndarray:
     """Largest torque of each joint in the compiled model, (12,), N·m."""
-    model = compile_model(SIMPLE_QUAD, Scenario("made", motors=motors), Actuator(curve))
+    model = compile_model(SIMPLE_QUAD, Scenario("made", motors=Motors(torque_limit)), Actuator(curve))
     np.testing.assert_array_equal(model.actuator_forcerange[:, 0], -model.actuator_forcerange[:, 1])
     return model.actuator_forcerange[:, 1]
 
 
 def test_three_figures_are_those_of_hip_thigh_and_calf_and_twelve_of_every_joint() -> None:
     np.testing.assert_array_equal(limits(PER_JOINT), np.tile((15.0, 30.0, 35.0), 4))
-    np.testing.assert_array_equal(limits(PER_JOINT, Motors(torque_limit=32.0)), np.tile((15.0, 30.0, 32.0), 4))
+    np.testing.assert_array_equal(limits(PER_JOINT, 32.0), np.tile((15.0, 30.0, 32.0), 4))
     np.testing.assert_array_equal(limits(TorqueSpeed(tuple(range(1, 13)))), np.arange(1.0, 13.0))
     np.testing.assert_array_equal(PER_JOINT.on(SIMPLE_QUAD).slope, np.tile((2.0, 1.5, 8.0), 4))
     assert from_plain(to_plain(Actuator(PER_JOINT))) == Actuator(PER_JOINT)
@@ -78,7 +78,7 @@ def test_the_profile_reaches_the_compiled_model_and_the_observations(make) -> No
     ideal.close()
 
 
-@pytest.mark.parametrize("given", [{"actuator": "motor"}, {"sensors": "ideal"}, {"sensors": "typical"}])
+@pytest.mark.parametrize("given", [{"actuator": "motor"}, {"sensors": "ideal"}, {"estimator": "kalman"}])
 def test_other_hardware_beside_the_profile_is_refused_in_a_line(given) -> None:
     for make in (SimpleQuadEnv, SimpleQuadVectorEnv):
         with pytest.raises(ValueError, match=r"^flat\+hardware has the robot's hardware profile: leave out actuator"):
