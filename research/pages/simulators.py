@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 import pyarrow as pa
 import tyro
+from numpy.typing import NDArray
 
 from evaluate.analysis.comparison import paired_difference
 from evaluate.records.manifest import Manifest
@@ -74,8 +75,14 @@ def _rows(a: tuple[Manifest, pa.Table], b: pa.Table) -> Iterator[dict[str, str |
             "high": ci[1],
             "p_value": p_value,
             **{f"falls_{side}": fell for side, fell in zip("ab", falls, strict=True)},
-            **{f"{COST}_{side}": float(np.nanmean(cost)) for side, cost in zip("ab", costs, strict=True)},
+            **{f"{COST}_{side}": _mean(cost) for side, cost in zip("ab", costs, strict=True)},
         }
+
+
+def _mean(values: NDArray[np.float64]) -> float:
+    """Mean of those that exist; NaN where none does, such as the cost of a robot that stands."""
+    found = values[np.isfinite(values)]
+    return float(found.mean()) if len(found) else np.nan
 
 
 def _heads(names: list[str]) -> dict[str, str]:
@@ -91,7 +98,7 @@ def _heads(names: list[str]) -> dict[str, str]:
 
 def _shown(row: dict[str, str | float | int]) -> dict[str, str]:
     def pair(name: str, places: int) -> str:
-        return f"{row[f'{name}_a']:.{places}f}, {row[f'{name}_b']:.{places}f}"
+        return ", ".join(number(float(row[f"{name}_{side}"]), places) for side in "ab")
 
     ends = interval((float(row["low"]), float(row["high"])))
     return {

@@ -152,7 +152,8 @@ def _frictions(model: mujoco.MjModel, geoms: Rows, ground: int) -> NDArray[np.fl
     grounds, rank = model.geom_friction[ground, 0], model.geom_priority[ground]
     pair = np.where(priority == rank, np.maximum(own, grounds), np.where(priority > rank, own, grounds))
     largest = pair[model.geom_bodyid[geoms] != 0].max()
-    return np.where(model.geom_bodyid[geoms] == 0, largest, pair * largest / (2 * largest - pair))
+    matched = np.where(model.geom_bodyid[geoms] == 0, largest, pair * largest / (2 * largest - pair))
+    return np.asarray(matched)
 
 
 def _stiffness(model: mujoco.MjModel, ground: int) -> float:
