@@ -27,6 +27,7 @@ COMMANDS = {
     "pictures": Command("research.studies.pictures", "strips of frames and moving pictures of policies walking"),
     "calibration": Command("research.statistics.calibration", "error rates of the intervals and tests"),
     "results": Command("research.pages.results", "CSV files and figures of docs/results, and the pages that show them"),
+    "simulators": Command("research.pages.simulators", "the same episodes in two simulators, as a table"),
     "leaderboard": Command("research.pages.leaderboard", "policies of a list evaluated, and the page of their results"),
     "readme": Command("research.pages.readme", "the README's scores, figure and table of robots"),
     "search": Command("research.training.search", "parameters of policies with feedback, searched by CMA-ES"),

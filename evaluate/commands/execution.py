@@ -20,6 +20,7 @@ from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.program import words_of
 from quad_env.cli.progress import show_progress
 from quad_env.files.writing import sole_use
+from quad_env.physics.batch import MUJOCO, SLOWNESS
 
 
 def execute(plan: Plan, show: Show = print_results) -> int:
@@ -43,6 +44,8 @@ def _execute(plan: Plan, show: Show) -> int:
         print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
     if not plan.options.resume:  # else it was done as the run began
         _check_descriptions(plan)
+    if (slower := SLOWNESS[manifest.hardware.simulator]) > 1:
+        print(f"{manifest.hardware.simulator} takes about {slower} times as long as {MUJOCO}", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
     done, interrupted = _simulate(plan, store)
     try:

@@ -54,6 +54,9 @@ class Options:
     """Source of the observations: truth, or one of quad_env.SENSORS: ideal or typical."""
     estimator: str = "complementary"
     """Estimator of gravity and velocity from the sensors, one of quad_env.ESTIMATORS: complementary or kalman."""
+    simulator: str = "mujoco"
+    """Simulator of the physics: mujoco, or drake (pip install -e ".[drake]"; twelve times slower) with ideal motors
+    and the true state, on flat, steady, push, force, slippery, slope, stairs, payload; of a battery it takes these."""
     seed: int = 0
     """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
     out: Path = Path("results/evaluation")
@@ -72,7 +75,7 @@ class Options:
     @property
     def equipment(self) -> Hardware:
         """Hardware of the robots where a scenario does not bring the hardware profile."""
-        return Hardware(self.actuator, self.sensors, self.estimator, self.robot, self.servo)
+        return Hardware(self.actuator, self.sensors, self.estimator, self.robot, self.servo, self.simulator)
 
     @property
     def battery(self) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """What a command line asks for, checked: everything that can be wrong is found before anything is simulated."""
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from evaluate.rollouts.experiment import LabelledPolicy, labelled
 from evaluate.rollouts.hardware import Hardware
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import make_writable_folder, sole_use
+from quad_env.physics.batch import MUJOCO
 from quad_env.scenarios.scenario import Scenario, on_hardware
 
 LIMITS = {"episodes": (1, 1_000_000), "seed": (0, 2**63 - 1), "threads": (1, 256), "at_once": (1, 65_536)}
@@ -46,6 +48,8 @@ def check(options: Options) -> Plan:
     check_numbers(options, LIMITS)
     if options.quick and options.scenarios != DEFAULT_BATTERY:
         raise UsageError("--quick and --scenarios both name the scenarios: give one of them")
+    if options.simulator != MUJOCO and options.trace != "none":
+        raise UsageError(f"--trace: traces are of {MUJOCO}'s episodes alone; leave --trace or --simulator out")
     try:
         hardware.check(options.equipment)
     except ValueError as error:
@@ -78,6 +82,8 @@ def scenarios_asked_for(options: Options) -> tuple[Scenario, ...]:
     Raises ValueError, and UsageError where both are asked for."""
     robot = options.equipment.quadruped
     found = battery.resolve(options.battery, robot)
+    if options.simulator != MUJOCO:
+        return _simulated(options, tuple(map(on_hardware, found)) if options.hardware else found)
     if not options.equipment.chosen:
         return tuple({each.name: each for each in map(on_hardware, found)}.values()) if options.hardware else found
     named = tuple(name for name in options.battery if name not in battery.BATTERIES)
@@ -86,6 +92,23 @@ def scenarios_asked_for(options: Options) -> tuple[Scenario, ...]:
         which = "--hardware" if options.hardware else f"--scenarios {' '.join(asked)}"
         raise UsageError(f"{which}: the profile has its own --actuator, --sensors and --estimator: leave these out")
     return tuple(each for each in found if not each.hardware)
+
+
+def _simulated(options: Options, scenarios: Sequence[Scenario]) -> tuple[Scenario, ...]:
+    """Of a battery the scenarios that the simulator can do, the others named on stderr. Raises UsageError for any
+    scenario that is asked for by name."""
+    beyond = {}
+    for scenario in scenarios:
+        try:
+            hardware.check(options.equipment, scenario)
+        except ValueError as error:
+            beyond[scenario.name] = error
+    left, words = [each for each in scenarios if each.name not in beyond], ", ".join(beyond)
+    if beyond and (not left or not set(options.battery) <= set(battery.BATTERIES)):
+        raise UsageError(f"--scenarios {words}: {next(iter(beyond.values()))}")
+    if beyond:
+        print(f"left out, since {options.simulator} cannot simulate them: {words}", file=sys.stderr)
+    return tuple(left)
 
 
 def policies_asked_for(

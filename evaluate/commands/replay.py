@@ -16,9 +16,11 @@ from evaluate.records.episode_table import by_energy_rule, by_success_rule, tabl
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
 from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, labelled, run_cell
+from evaluate.rollouts.hardware import check
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.progress import bar
 from quad_env.scenarios.height_file import check_unchanged
+from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, Terrain
 
 DIFFERS = 1
@@ -65,6 +67,7 @@ def main(options: Options) -> int:
     """Run the command; the exit code: 0, or 1 if the episode is not the stored one. Raises UsageError."""
     run = read_run(options.results)
     found = find(run, options)
+    _check_simulator(run.manifest, found.cell.scenario)
     policy = _policy(found.cell.policy, run.manifest, options.trust)
     _check_terrain(found.cell.scenario.terrain)
     if options.video is not None:
@@ -142,6 +145,13 @@ def _policy(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
         return labelled(label, manifest.hardware, manifest.scenarios, trust, manifest.only_on.get(label, ()))
     except policies.PolicyError as error:
         raise UsageError(f"the policy of that episode is not here: {error}") from error
+
+
+def _check_simulator(manifest: Manifest, scenario: Scenario) -> None:
+    try:
+        check(manifest.hardware, scenario)
+    except ValueError as error:
+        raise UsageError(f"that episode cannot be simulated here: {error}") from error
 
 
 def _check_terrain(terrain: Terrain) -> None:

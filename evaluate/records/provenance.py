@@ -67,8 +67,10 @@ def _kernels() -> set[str]:
 
 
 def model_of(hardware: Hardware) -> dict[str, str]:
-    """The SHA-256 of the robot's model, where it is none of the code's."""
-    return {} if hardware.robot == Hardware.robot else {"robot": hardware.quadruped.sha256}
+    """The SHA-256 of the robot's model, where it is none of the code's, and the version of an unusual simulator."""
+    robot = {} if hardware.robot == Hardware.robot else {"robot": hardware.quadruped.sha256}
+    usual = hardware.simulator == Hardware.simulator
+    return robot if usual else robot | {hardware.simulator: metadata.version(hardware.simulator)}
 
 
 def git_revision(folder: Path) -> str | None:

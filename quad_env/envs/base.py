@@ -63,6 +63,7 @@ class QuadEnvBase:
         robot: str | Robot,
         height_scan: HeightScan | None,
         servo: Any,
+        simulator: str,
         readings: bool = False,
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
         """Make the parts of n robots; the spaces of observations and of actions of one.
@@ -99,6 +100,7 @@ class QuadEnvBase:
         self.simulation = Simulation(
             *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet, self.config.timestep),
             servo=gains if differ else None,
+            simulator=simulator,
         )
         self._action_delay = action_delay_of(robot, self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, estimator, self.simulation, self.scenario, num_envs, rate)

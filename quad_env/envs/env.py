@@ -55,6 +55,8 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         height_scan: the `quad_env.HeightScan` that is the observation's last term, `height_scan`; None: there is none.
         servo: stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos, each a number or (12,) in the joints'
             order, in a batch also (n, 12); None: those of the robot.
+        simulator: "mujoco", or "drake" for ideal motors and level or sloping ground and stairs: see
+            docs/second-simulator.md.
 
     Version history of figures; SimpleQuad's on flat and pushed ground have the same bits since 2026-11-21.
 
@@ -84,11 +86,14 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         estimator: str = COMPLEMENTARY,
         height_scan: HeightScan | None = None,
         servo: Any = None,
+        simulator: str = "mujoco",
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         check_frame(width, height)
-        spaces = self._assemble(1, 1, scenario, config, actuator, sensors, estimator, robot, height_scan, servo)
+        spaces = self._assemble(
+            *(1, 1, scenario, config, actuator, sensors, estimator, robot, height_scan, servo, simulator)
+        )
         self.observation_space, self.action_space = spaces
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall

@@ -13,8 +13,8 @@ from evaluate.report.headings import NARROW, NARROW_DIFFERENCES, TITLES, UNITS
 from evaluate.report.sections.overview import success
 from evaluate.report.table import print_results
 from evaluate.rollouts.battery import resolve
-from quad_env.scenarios.scenario import on_hardware
 from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.scenario import on_hardware
 
 
 def printed(results) -> list[str]:
