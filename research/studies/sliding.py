@@ -179,7 +179,8 @@ def settled(model: Any) -> Any:
 
 def walks(setting: Setting, options: Options) -> dict[str, float]:
     """Success, share, and falls, count, of the policy on each scenario."""
-    seeds, found = episode_seeds("search", options.seed, options.episodes), {}
+    seeds = episode_seeds("search", options.seed, options.episodes)
+    found: dict[str, float] = {}
     hardware = Hardware(**({} if options.simulator == "mujoco" else {"simulator": options.simulator}))
     policy = LabelledPolicy(options.policy, policies.resolve(options.policy))
     with ExitStack() as patches:
