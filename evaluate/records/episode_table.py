@@ -13,7 +13,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from evaluate.measures.catalogue import OF_ENERGY_1, SINCE_ENERGY_2
-from evaluate.measures.effort import ENERGY_1
+from evaluate.measures.effort import ENERGY_RULE
 from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import RULES, SUCCESS_1, SUCCESS_RULE, from_success_1, outcomes
 from evaluate.records import parquet
@@ -121,7 +121,7 @@ def by_success_rule(rows: pa.Table, rule: str) -> pa.Table:
 
 def by_energy_rule(rows: pa.Table, rule: str) -> pa.Table:
     """Rows of a run under that rule of energy without the measures that are defined otherwise today."""
-    other = {*OF_ENERGY_1, *SINCE_ENERGY_2} if rule == ENERGY_1 else set()
+    other = set() if rule == ENERGY_RULE else {*OF_ENERGY_1, *SINCE_ENERGY_2}
     return rows.select([name for name in rows.column_names if name not in other])
 
 

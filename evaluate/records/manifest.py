@@ -30,8 +30,8 @@ _SHA256 = "sha256"
 """Key of the hash of all else in the file."""
 _OF_NO_FIGURE = ("options", "date", "fingerprint")
 """What no figure depends on."""
-_NOT_COMPARED = {"git_revision", "energy_rule"}
-"""Versions that may change without a figure changing, the code's digest says whether one could; or compared apart."""
+_NOT_COMPARED = {"git_revision"}
+"""Versions that may change without a figure changing: the code's digest says whether one could."""
 _NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
 """Versions with which the same run may come out to the same bytes; `compare` names them where they differ."""
 
@@ -183,10 +183,9 @@ def differences(then: Manifest, now: Manifest) -> list[str]:
 
 
 def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
-    if then.energy_rule != now.energy_rule:
-        yield f"energy_rule was {then.energy_rule} and is {now.energy_rule}"
-    for name, version in then.versions.items():
-        new = now.versions.get(name, version)  # older results do not name all that newer ones do
+    before, after = ({"energy_rule": ENERGY_1, **each.versions} for each in (then, now))
+    for name, version in before.items():
+        new = after.get(name, version)  # older results do not name all that newer ones do
         if name not in _NOT_COMPARED and new != version:
             yield f"{name} was {version} and is {new}"
     if then.code != now.code:
