@@ -13,7 +13,7 @@ DELAY = 0.005
 """s from a policy to the servos, rounded up to whole physics steps; the way back is that of the sensors."""
 SENSORS, ESTIMATOR = "typical", "complementary"
 """Names of `quad_env.SENSORS`, each reading a control step late, and of `quad_env.ESTIMATORS`: the one with which more
-validation episodes succeed under pushes and on rough ground."""
+validation episodes succeed under pushes, and as many on rough ground."""
 _PEAK, _SPEED = (23.7, 23.7, 35.55), (30.1, 30.1, 20.06)
 _STALL = (36.7, 36.7, 55.1)
 CURVES: dict[str, TorqueSpeed] = {

@@ -79,7 +79,7 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--mixture flat -1.0", "not negative"),
         ("--mixture flat 0.5 flat 0.5", "twice"),
         ("--actuator steam", "unknown actuator 'steam'; valid: ideal, torque_speed, motor"),
-        ("--sensors typical --mixture flat 0.5 push+hardware 0.5", r"push\+hardware: the profile has its own --actuator"),
+        ("--sensors typical --mixture push+hardware 1.0", r"push\+hardware: the profile has its own --actuator"),
         ("--resume --out no-such-folder", "no run in no-such-folder"),
     ],
 )
