@@ -15,6 +15,8 @@ from quad_env.robots.collisions import foot_geoms
 
 _Forces = Value[list[ExternallyAppliedSpatialForce]]
 _STEPPED = "qpos", "qvel", "ctrl", "actuator_force", "xfrc_applied"
+_FAILED = "Failure at"
+"""Beginning of the SystemExit by which Drake's own checks fail, as of NaN."""
 _TRUNK = 1
 """MuJoCo's id of the body with the free joint."""
 
@@ -86,7 +88,9 @@ class DrakeBatch:
         for robot in rows:
             try:
                 self._step(int(robot), nstep)
-            except (RuntimeError, SystemExit):  # the latter where Drake's own checks fail, as of NaN
+            except (RuntimeError, SystemExit) as error:
+                if isinstance(error, SystemExit) and not str(error).startswith(_FAILED):
+                    raise
                 self.warning[robot, int(mujoco.mjtWarning.mjWARN_BADQACC), 1] += 1
         for source, geoms, data in self._sensors.values():
             data[rows, 0] = source[rows][:, geoms].sum(axis=1)
