@@ -65,7 +65,7 @@ class Foreign(Policy):
         self.sha256 = hashlib.sha256(found.content).hexdigest()
         self._deadline = DEADLINE if deadline is None else deadline
         served = partial(serve, found, robot=robot, control_period=control_period, deadline=self._deadline)
-        make = partial(_on_stderr, served)
+        make: Any = partial(_on_stderr, served)  # a Served answers as a Policy does
         self._process = Watched(make, name=self.name, robot=self.robot, control_period=control_period)
         self._stepped = False
         _try_out(self._process)
