@@ -16,7 +16,7 @@ if __name__ == "__main__":  # before the imports that take time
 from quad_env.cli.program import Command, Program
 
 _EVERY = {
-    "info": Command("quad_env.info", "robot, spaces, scenarios, actuators and sensors of the environment"),
+    "info": Command("quad_env.info", "robot, spaces, actuators and sensors of the environment"),
     "describe": Command(
         "quad_env.describe", "what a robot's model says of its legs, joints and servos, and whether the robot stands"
     ),

@@ -1,4 +1,4 @@
-"""The environment as text: the robot, spaces, scenarios, actuators and sensors; `python -m quad_env info`."""
+"""The environment as text: the robot, spaces, actuators and sensors; `python -m quad_env info`."""
 
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -11,8 +11,7 @@ from quad_env.config import FALL_REASONS, FALL_RULE, TaskConfig
 from quad_env.robots.named import robot_named
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.axes import axes_of
-from quad_env.scenarios.listing import Options, axis_line
+from quad_env.scenarios.listing import Options
 from quad_env.sensing.estimators import ESTIMATORS
 from quad_env.sensing.suite import SENSORS, TRUTH
 from quad_env.task.observations import observation_table
@@ -26,9 +25,7 @@ def main(options: Options) -> int:
 
 def text(robot: Robot = SIMPLE_QUAD) -> str:
     """Everything, in parts with a line between."""
-    return "\n\n".join(
-        "\n".join(part) for part in (_head(robot), _action(robot), _observation(robot), _rest(), _axes(robot))
-    )
+    return "\n\n".join("\n".join(part) for part in (_head(robot), _action(robot), _observation(robot), _rest()))
 
 
 def _head(robot: Robot) -> Iterator[str]:
@@ -79,8 +76,4 @@ def _rest() -> Iterator[str]:
     yield f"actuator=    {', '.join(ACTUATORS)}"
     yield f"sensors=     {', '.join((TRUTH, *SENSORS))}"
     yield f"estimator=   {', '.join(ESTIMATORS)}"
-
-
-def _axes(robot: Robot) -> Iterator[str]:
-    yield "scenario=    name, its severity, and the levels of its axis (push:3 is the third)"
-    yield from map(axis_line, axes_of(robot).values())
+    yield "scenario=    see python -m quad_env scenarios"
