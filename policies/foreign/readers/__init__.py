@@ -4,7 +4,7 @@ from pathlib import Path
 
 from policies.base import PolicyError
 from policies.foreign.description import PolicyDescription
-from policies.foreign.readers import isaac_lab, mjlab_onnx, rl_sar, toml_file, unitree_deploy
+from policies.foreign.readers import isaac_lab, legged_gym, mjlab_onnx, rl_sar, toml_file, unitree_deploy
 from policies.foreign.readers.settings import BY_HAND, Settings, load
 from policies.foreign.readers.toml_file import write_toml
 
@@ -49,11 +49,13 @@ def _settings(found: Settings) -> PolicyDescription:
         return unitree_deploy.describe(found)
     if {"scene", "observations", "actions"} <= keys:
         return isaac_lab.describe(found)
+    if {"init_state", "control"} <= keys:
+        return legged_gym.describe(found)
     if len(keys) == 1 and any("model_name" in each.values for _, each in found.groups()):
         return rl_sar.describe(found)
     raise PolicyError(
         "it is no deployment file that is read: a deploy.yaml of Unitree, Isaac Lab's params/env.yaml, rl_sar's "
-        "config.yaml",
+        "config.yaml, settings of legged_gym",
         BY_HAND,
     )
 

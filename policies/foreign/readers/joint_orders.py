@@ -1,8 +1,10 @@
 """Orders of the twelve joints in the makers' own names, where a file gives no names or no order.
 
-Isaac Sim imports links by name: legs are in alphabetical order. Isaac Lab's joints, with PhysX, then go breadth first,
-so kind by kind (`Articulation.joint_names`).
+Isaac Gym and Isaac Sim import links by name: legs are in alphabetical order. Isaac Gym's joints then go leg by leg
+(`gym.get_asset_dof_names`), Isaac Lab's, with PhysX, breadth first, so kind by kind (`Articulation.joint_names`).
 """
+
+from collections.abc import Iterable
 
 Joints = tuple[str, ...]
 
@@ -23,6 +25,12 @@ def by_leg(legs: str, kinds: str = "hip_joint thigh_joint calf_joint") -> Joints
 def by_kind(legs: str, kinds: str) -> Joints:
     """Joints kind by kind, each in the order of the legs."""
     return tuple(f"{leg}_{kind}" for kind in kinds.split() for leg in legs.split())
+
+
+def isaac_gym(names: Iterable[str]) -> Joints | None:
+    """Isaac Gym's order of joints; None for names of no known family."""
+    given = set(names)
+    return next((order for each in FAMILIES.values() if set(order := by_leg(*each)) == given), None)
 
 
 UNITREE_MOTORS = by_leg("FR FL RR RL")

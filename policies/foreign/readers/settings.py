@@ -20,8 +20,8 @@ LARGEST, LINES = 2**20, 20_000
 BY_HAND = "write a TOML (docs/deployment-files.md)"
 """What to do about what a file does not say."""
 _TAG = "tag:yaml.org,2002:python/"
-NAMES = ("policy.onnx", "policy.pt")
-"""Of Isaac Lab, mjlab and Unitree (`exported/policy.*`)."""
+NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/policy_lstm_1.pt", "policy_1.pt")
+"""Of Isaac Lab, mjlab and Unitree (`exported/policy.*`) and of legged_gym (`exported/policies/policy_1.pt`)."""
 PAIR = "_env", "_policy.pt"
 """Ends of Isaac Sim's samples, such as `spot_env.yaml` and `spot_policy.pt`."""
 

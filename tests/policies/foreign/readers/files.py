@@ -124,6 +124,33 @@ def rl_sar(mapping: list[int]) -> tuple[dict[str, Any], dict[str, Any]]:
     return {"go2/robot_lab": config}, {"go2": base}
 
 
+def legged_gym() -> dict[str, Any]:
+    return {
+        "env": {"num_observations": 48},
+        "terrain": {"measure_heights": False, "measured_points_x": [-0.1, 0.0, 0.1], "measured_points_y": [0.0, 0.2]},
+        "init_state": {"default_joint_angles": {name: OF[name] for name in reversed(MOTORS)}},
+        "control": {
+            "control_type": "P",
+            "stiffness": {"hip": 20.0, "thigh": 30.0, "calf": 40.0},
+            "damping": {"joint": 0.5},
+            "action_scale": 0.25,
+            "decimation": 4,
+        },
+        "normalization": {
+            "obs_scales": {
+                "lin_vel": 2.0,
+                "ang_vel": 0.25,
+                "dof_pos": 1.0,
+                "dof_vel": 0.05,
+                "height_measurements": 5.0,
+            },
+            "clip_observations": 100.0,
+            "clip_actions": 50.0,
+        },
+        "sim": {"dt": 0.005},
+    }
+
+
 def mjlab(names: tuple[str, ...]) -> dict[str, str]:
     """Metadata of mjlab's exporter."""
 

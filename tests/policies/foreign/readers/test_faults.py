@@ -103,6 +103,13 @@ RL_SAR = [
     (path("model_name", "other.pt"), "there is no network"),
     (path("clip_actions_upper", list(range(12))), "must be alike for all joints"),
 ]
+LEGGED_GYM = [
+    (path("control/control_type", "T"), "`control.control_type` in settings.yaml must be P"),
+    (path("control/stiffness/hip", None), "`control.stiffness` in settings.yaml has nothing for FL_hip_joint"),
+    (path("env/num_observations", 45), "the observation is 45 numbers, and legged_gym's terms are 48"),
+    (path("init_state/default_joint_angles/tail", 0.0), "the order of the joints RL_calf_joint, "),
+    (path("normalization/obs_scales/dof_vel", "fast"), "`normalization.obs_scales.dof_vel` in settings.yaml must be a"),
+]
 MJLAB = [
     (path("joint_stiffness", None), "policy.onnx has no `joint_stiffness`"),
     (path("joint_stiffness", "much"), "`joint_stiffness` in policy.onnx must be 12 numbers, not 'much'"),
@@ -139,6 +146,13 @@ def test_a_faulty_rl_sar_file(tmp_path: Path, change: Callable[..., None], line:
     written(tmp_path / "go2/base.yaml", base)
     network(tmp_path, "go2/robot_lab/policy.pt")
     assert line in refusal(written(tmp_path / "go2/robot_lab/config.yaml", config))
+
+
+@cases(LEGGED_GYM)
+def test_faulty_settings_of_legged_gym(tmp_path: Path, change: Callable[..., None], line: str) -> None:
+    change(found := files.legged_gym())
+    network(tmp_path)
+    assert line in refusal(written(tmp_path / "settings.yaml", found))
 
 
 @cases(MJLAB)

@@ -11,7 +11,7 @@ pytest.importorskip("yaml")
 pytest.importorskip("onnx")
 
 from tests.policies.foreign.readers import files
-from tests.policies.foreign.readers.files import ISAAC, MOTORS, network, of, permuted, written
+from tests.policies.foreign.readers.files import ISAAC, MOTORS, OF, network, of, permuted, written
 
 
 def described(file: Path) -> PolicyDescription:
@@ -166,6 +166,34 @@ def test_an_rl_sar_file_without_base_names_the_joints_in_the_policys_order(tmp_p
     policy = described(written(tmp_path / "config.yaml", config))
     assert policy.joints == ISAAC
     assert (policy.history_layout, policy.history_newest) == ("term", "last")
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".json"])
+def test_legged_gym_joints_are_in_isaac_gyms_order(tmp_path: Path, suffix: str) -> None:
+    network(tmp_path, "exported/policies/policy_1.pt")
+    found = files.legged_gym()
+    found["terrain"]["measure_heights"], found["env"]["num_observations"] = True, 48 + 6
+    policy = described(written(tmp_path / f"settings{suffix}", found))
+    assert policy.joints == tuple(f"{leg}_{kind}" for leg in ("FL", "FR", "RL", "RR") for kind in files.KINDS)
+    assert policy.default_position == tuple(OF[name] for name in policy.joints)
+    assert policy.stiffness == (20.0, 30.0, 40.0) * 4
+    assert policy.terms[0] == Term("linear_velocity", (2.0,))
+    assert policy.terms[3] == Term("command", (2.0, 2.0, 0.25))
+    grid = HeightGrid((-0.1, 0.0, 0.1), (0.0, 0.2), x_first=False, offset=0.5)
+    assert policy.terms[-1] == Term("height_scan", (5.0,), (-1.0, 1.0), grid=grid)
+    assert (policy.width, policy.action_clip) == (54, (-50.0, 50.0))
+
+
+def test_himloco_shows_six_steps_the_newest_first_and_scales_hips_less(tmp_path: Path) -> None:
+    found = files.legged_gym()
+    found["env"] = {"num_observations": 270, "num_one_step_observations": 45}
+    found["control"]["hip_reduction"] = 0.5
+    network(tmp_path, "policy.pt")
+    policy = described(written(tmp_path / "settings.yaml", found))
+    assert policy.terms[0] == Term("command", (2.0, 2.0, 0.25), history=6)
+    assert (policy.history_layout, policy.history_newest, policy.history_start) == ("time", "first", "zero")
+    assert policy.action_scale == (0.125, 0.25, 0.25) * 4
+    assert policy.width == 270
 
 
 @pytest.mark.parametrize("seed", range(2))
