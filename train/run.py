@@ -12,7 +12,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from quad_env.files.writing import sole_use
 from train.config import TrainConfig
-from train.residual_env import ResidualVectorEnv
+from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import CHECKPOINTS, new_run, refuse_folder_in_use, writing
 from train.run_record import write_settings
 from train.sb3 import checkpoint
@@ -56,7 +56,7 @@ def _resume(config: TrainConfig, found: checkpoint.Checkpoint) -> None:
             notices = [f"skipped a checkpoint: {damage}" for damage in found.damaged]
             notices += [f"the result may differ from an uninterrupted run; {change}" for change in changed]
             notices.append(f"continuing at {done:,} steps")
-            _learn(config, env, model, state, notices)
+            _learn(config, env, model, state, notices, found.actions)
 
 
 def _learn(
@@ -65,8 +65,9 @@ def _learn(
     model: PPO,
     state: CallbackState,
     notices: Sequence[str] = (),
+    actions: Sequence[FloatArray] = (),
 ) -> None:
-    """Learn to the last step."""
+    """Learn to the last step, after the robots have repeated the actions of an unfinished segment."""
     done = model.num_timesteps
     with (
         run_logger(config.folder, done) as logger,
@@ -77,7 +78,7 @@ def _learn(
             display.note(notice)
         model.set_logger(logger)
         session = Session(config, env, display, interrupt, state)
-        segments = Segments(session)
+        segments = Segments(session, actions)
         callbacks: list[BaseCallback] = [RolloutFigures(session), Schedules(session), Curriculum(session, segments)]
         callbacks += [ValidateAndSave(session, segments), segments]
         # Without SB3's own log, whose means reach back beyond the last checkpoint.

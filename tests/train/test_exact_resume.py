@@ -167,18 +167,27 @@ def test_a_run_that_is_stopped_between_its_final_files_ends_with_the_same_bits(
 
 
 @pytest.mark.parametrize("steps", [9, 20])  # at the end of a segment; within the second
-def test_after_ctrl_c_the_run_goes_on_from_its_last_segment_and_ends_with_the_same_bits(steps, runs, tmp_path, capsys):
+def test_ctrl_c_keeps_every_rollout_that_is_complete_and_the_run_ends_with_the_same_bits(steps, runs, tmp_path, capsys):
     folder = tmp_path / "run"
     interrupted_after(steps, [*OPTIONS.split(), "--out", str(folder)])
-    done, taken = steps_done(folder), -(-steps // ROLLOUT) * ROLLOUT * 16
-    assert done == 16 * SEGMENT
-    kept = (
-        f"{done:,} steps are kept" if taken == done else f"{taken - done:,} steps since its checkpoint will be repeated"
+    done = -(-steps // ROLLOUT) * ROLLOUT * 16
+    assert (
+        f"--out {folder}; {done:,} steps are kept; the policy until now is {folder / 'last'}" in capsys.readouterr().err
     )
-    assert f"--out {folder}; {kept}; the policy until now is {folder / 'last'}" in capsys.readouterr().err
+    assert steps_done(folder) == done
     assert policies.load(folder / "last").network
     resume(folder)
     assert f"continuing at {done:,} steps" in capsys.readouterr().out
+    assert bits(folder) == bits(runs / "whole")
+
+
+def test_ctrl_c_again_and_again_loses_nothing(runs, tmp_path):
+    folder = tmp_path / "run"
+    interrupted_after(3, [*OPTIONS.split(), "--out", str(folder)])
+    for steps in (2, ROLLOUT + 1, 1):  # in what is repeated; after it; from the beginning of a segment
+        interrupted_after(steps, ["--resume", "--threads", "1", "--out", str(folder)])
+    assert steps_done(folder) == 3 * ROLLOUT * 16
+    resume(folder)
     assert bits(folder) == bits(runs / "whole")
 
 

@@ -2,12 +2,12 @@
 
 SB3 calls `_on_rollout_start` after the update of the last rollout: the one place where learner and random generators
 can be saved together. The state of the robots is not saved: a run is a chain of segments, all robots start each with
-new episodes, and checkpoints lie between segments. A run that was stopped anywhere and resumed is the uninterrupted
-one, bit for bit, on the same machine with the same packages.
+new episodes, and checkpoints lie between segments (after Ctrl-C within one, see `Segments`). A run that was stopped
+anywhere and resumed is the uninterrupted one, bit for bit, on the same machine with the same packages.
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, cast
 
@@ -23,7 +23,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig
 from train.config_file import decode, to_dict
-from train.residual_env import ResidualVectorEnv
+from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.run_record import write_validations
 from train.sb3 import checkpoint
@@ -137,17 +137,28 @@ def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
 class Segments(BetweenRollouts):
     """Starts new episodes of all robots at the start of each segment.
 
-    The last of the callbacks, so that the others see the state between two segments.
+    The last of the callbacks, so that the others see the state between two segments. A segment that Ctrl-C interrupted
+    is continued: the robots first repeat its `actions`.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, actions: Sequence[FloatArray] = ()) -> None:
         super().__init__(session)
+        self._actions = actions
         self._end = 0
 
     @property
     def over(self) -> bool:
         """Whether the last segment is complete."""
         return self.num_timesteps >= self._end
+
+    def _on_training_start(self) -> None:
+        if not self._actions:
+            return
+        learner, env = self._learner, self._session.env
+        self._end = self.num_timesteps - len(self._actions) * env.num_envs + segment_steps(self._config)
+        seeds = training_seeds(self._config, self._state.segments - 1)
+        learner._last_obs, learner._last_episode_starts = env.repeat(seeds, self._actions)
+        self._session.robots.take_statistics()  # of rollouts that were logged already
 
     def _on_rollout_start(self) -> None:
         if self.over:
@@ -209,8 +220,10 @@ class ValidateAndSave(BetweenRollouts):
             self._end()
 
     def _end(self) -> None:
-        """Save the policy, and end."""
+        """Save everything, and end."""
         self._save(current_policy(self._config, self._learner), LAST)
+        if not self._segments.over:
+            self._keep(self._session.env.taken)
         again = self.num_timesteps - self._kept
         kept = f"{again:,} steps since its checkpoint will be repeated" if again else f"{self._kept:,} steps are kept"
         raise KeyboardInterrupt(f"{kept}; the policy until now is {self._config.folder / LAST}")
@@ -251,12 +264,12 @@ class ValidateAndSave(BetweenRollouts):
     def _seconds(self) -> float:
         return self._earlier_seconds + time.monotonic() - self._began
 
-    def _keep(self) -> None:
+    def _keep(self, actions: Sequence[FloatArray] = ()) -> None:
         self._state.seconds = self._seconds
         if self.num_timesteps:  # no bundle before the first checkpoint: a folder without one holds nothing to lose
             self._save(current_policy(self._config, self._learner), LAST)
         # The checkpoint last: a resumed run repeats only what follows its checkpoint.
-        state = checkpoint.capture(self._learner, vars(self._state))
+        state = checkpoint.capture(self._learner, vars(self._state), actions)
         checkpoint.save(self._config.folder / CHECKPOINTS, state)
         self._kept = self.num_timesteps
 

@@ -1,20 +1,23 @@
 """Checkpoints of a run at a rollout boundary: safetensors for arrays, JSON for the rest, no pickle anywhere.
 
 Learner, schedules and random generators are restored exactly. The robots start new episodes wherever a checkpoint is
-written, whether the run is stopped there or not. A checkpoint is two files, STEPS.safetensors and then STEPS.json with
-the hash of the first: it exists once the second does, so that a run killed at any moment leaves the one before
-complete. The last two are kept.
+written, whether the run is stopped there or not; a checkpoint after Ctrl-C may lie within an episode, and holds the
+actions of the robots since their start, which are repeated. A checkpoint is two files, STEPS.safetensors and then
+STEPS.json with the hash of the first: it exists once the second does, so that a run killed at any moment leaves the one
+before complete. The last two are kept.
 """
 
 import hashlib
 import json
 import random
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
@@ -28,8 +31,8 @@ SCHEMA = 2
 KEPT = 2
 _POLICY = "policy."
 _OPTIMISER = "optimiser."
+_ACTIONS = "robots.actions"
 _UNDER_WAY = "under_way"
-"""Key of checkpoints within an episode, which older versions wrote after Ctrl-C."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +46,14 @@ class Checkpoint:
     damaged: tuple[str, ...] = ()
     """Newer checkpoints that could not be read, one line each."""
 
+    @property
+    def actions(self) -> list[NDArray[np.float32]]:
+        """The robots' actions since their start, each (n, k); empty where they start."""
+        return list(self.tensors[_ACTIONS].numpy()) if _ACTIONS in self.tensors else []
 
-def capture(model: PPO, remembered: dict[str, Any]) -> Checkpoint:
-    """The run's state now; call it between an update and a rollout."""
+
+def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np.float32]] = ()) -> Checkpoint:
+    """The run's state now, with the robots' actions since their start; call it between an update and a rollout."""
     tensors = {_POLICY + name: value for name, value in model.policy.state_dict().items()}
     for index, moments in model.policy.optimizer.state_dict()["state"].items():
         tensors |= {f"{_OPTIMISER}{index}.{name}": torch.as_tensor(value) for name, value in moments.items()}
@@ -59,6 +67,8 @@ def capture(model: PPO, remembered: dict[str, Any]) -> Checkpoint:
         "numpy_random_position": int(numpy_state["pos"]),
         "remembered": remembered,
     }
+    if actions:
+        tensors[_ACTIONS], progress[_UNDER_WAY] = torch.from_numpy(np.stack(actions)), True
     return Checkpoint({name: value.detach().clone().contiguous() for name, value in tensors.items()}, progress)
 
 
@@ -92,16 +102,26 @@ def _restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torc
 
 
 def save(folder: Path, checkpoint: Checkpoint) -> None:
-    """Add a checkpoint to `folder`; remove all but the last two."""
+    """Add a checkpoint to `folder`; remove all but the last two, and earlier ones after a Ctrl-C."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = f"{checkpoint.progress['steps']:012d}"
     tensors = save_tensors(checkpoint.tensors)
     write_atomically(folder / f"{stem}.safetensors", tensors)
     record = {"schema": SCHEMA, "sha256": hashlib.sha256(tensors).hexdigest(), **checkpoint.progress}
     write_atomically(folder / f"{stem}.json", json.dumps(record).encode())
-    for record_path in sorted(folder.glob("*.json"))[:-KEPT]:
-        record_path.unlink()
-        record_path.with_suffix(".safetensors").unlink(missing_ok=True)
+    records = sorted(folder.glob("*.json"))
+    kept = [path for path in records if path.stem == stem or not _is_under_way(path)][-KEPT:]
+    for record_path in records:
+        if record_path not in kept:
+            record_path.unlink()
+            record_path.with_suffix(".safetensors").unlink(missing_ok=True)
+
+
+def _is_under_way(record_path: Path) -> bool:
+    try:
+        return bool(json.loads(record_path.read_bytes()).get(_UNDER_WAY))
+    except (OSError, ValueError, AttributeError):
+        return False
 
 
 def load(folder: Path) -> Checkpoint:
@@ -125,8 +145,6 @@ def _read(record_path: Path) -> Checkpoint:
         raise UsageError(f"{record_path.name} cannot be read: {error}") from None
     if not isinstance(record, dict) or record.pop("schema", None) != SCHEMA:
         raise UsageError(f"{record_path.name} is not a checkpoint of schema {SCHEMA}")
-    if record.get(_UNDER_WAY):
-        raise UsageError(f"{record_path.name} lies within an episode, as older versions wrote it")
     if record.pop("sha256", None) != hashlib.sha256(content).hexdigest():
         raise UsageError(f"{record_path.stem}.safetensors is damaged")
     if type(record.get("steps")) is not int or not isinstance(record.get("remembered"), dict):

@@ -38,10 +38,13 @@ class TrainingVecEnv(VecEnv):
         self.env = env
         self._episode_seeds = seeds
         self._reward_scale = reward_scale
+        self.taken: list[FloatArray] = []
+        """Actions since the start of the robots, each (n, k)."""
         self._no_infos: list[dict[str, Any]] = [{}] * env.num_envs
 
     def reset(self) -> FloatArray:
         """Start every robot's first episode; shape (n, m)."""
+        self.taken = []
         observation, infos = self.env.reset(seed=self._episode_seeds)  # type: ignore[arg-type]  # our batches take one each
         return self._shown(observation, infos)
 
@@ -50,9 +53,18 @@ class TrainingVecEnv(VecEnv):
         self._episode_seeds = seeds
         return self.reset()
 
+    def repeat(self, seeds: Sequence[int], actions: Sequence[FloatArray]) -> tuple[FloatArray, BoolArray]:
+        """Start with those seeds and repeat those actions; the last observation, (n, m), and new episodes, (n,)."""
+        observation, finished = self.begin(seeds), np.ones(self.num_envs, np.bool_)
+        for each in actions:
+            self.step_async(each)
+            observation, _, finished, _ = self.step_wait()
+        return observation, finished
+
     def step_async(self, actions: FloatArray) -> None:
         """Take the corrections, (n, 12)."""
         self._actions = actions
+        self.taken.append(actions)
 
     def step_wait(self) -> tuple[FloatArray, FloatArray, BoolArray, list[dict[str, Any]]]:
         """Move the robots; features, rewards, ends of episodes, and infos of the robots that ended one."""
