@@ -75,6 +75,7 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
     interrupted = False
     try:
         launcher.raise_on_interrupt()
+        launcher.hold_memory_where_limited()
         with Interrupt() as interrupt, show_progress(len(plan.manifest.cells)) as progress:
 
             def report(policy: str, scenario: str, share: float) -> None:

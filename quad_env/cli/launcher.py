@@ -5,6 +5,7 @@ A launcher calls `leave_on_interrupt` before its slow imports, and then `launch`
 """
 
 import errno
+import mmap
 import os
 import signal
 import sys
@@ -28,7 +29,11 @@ _MEMORY_SIGNS = (
     "failed to map segment",  # of a library that is loaded
     "can't start new thread",  # whose stack has no room
 )
-OUT_OF_MEMORY = "out of memory: end other programs, or give this one more"
+_OF_CPP = "caught an unknown exception"
+"""What MuJoCo's compiler gives where it cannot start its threads, and after whatever else it does not expect."""
+_BLAS_BUFFER = 2**26
+"""Bytes that OpenBLAS wants at its first large product, at most."""
+OUT_OF_MEMORY = "out of memory: end other programs, or raise the limit of `ulimit -v` if there is one"
 
 
 def leave_on_interrupt() -> None:
@@ -37,6 +42,7 @@ def leave_on_interrupt() -> None:
     A KeyboardInterrupt out of an import can turn into an ImportError, or get lost in a callback, so none is raised.
     """
     sys.excepthook = _end_by
+    save_memory_where_limited()
     # A shell starts background jobs deaf to Ctrl-C; that stays.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
@@ -133,6 +139,22 @@ def _leave(number: int, frame: FrameType | None) -> None:
     leave(NOTHING_KEPT)
 
 
+def memory_is_limited() -> bool:
+    """Whether this process may have only so much address space, as `ulimit -v` sets it."""
+    if sys.platform == "win32":
+        return False
+    import resource
+
+    return resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
+
+
+def save_memory_where_limited() -> None:
+    """To be called before NumPy is loaded: its OpenBLAS, which reserves memory for each of its threads and ends the
+    process or waits for ever where it gets none, has one thread where memory is limited."""
+    if memory_is_limited():
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
 def is_out_of_memory(error: BaseException) -> bool:
     """Whether an exception comes from too little memory, whatever its type."""
     if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
@@ -143,4 +165,16 @@ def is_out_of_memory(error: BaseException) -> bool:
         text = str(error).lower()
     except Exception:  # of a user
         return False
-    return any(sign in text for sign in _MEMORY_SIGNS)
+    return any(sign in text for sign in _MEMORY_SIGNS) or (_OF_CPP in text and memory_is_limited())
+
+
+def hold_memory_where_limited() -> None:
+    """To be called once everything is loaded: OpenBLAS takes now what it would end the process for later.
+
+    Raises OSError where there is too little for it.
+    """
+    if memory_is_limited():
+        import numpy as np
+
+        mmap.mmap(-1, _BLAS_BUFFER).close()
+        np.ones((256, 256)) @ np.ones((256, 256))

@@ -4,11 +4,20 @@ import errno
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import mujoco
 import pytest
 
 from quad_env.cli.launcher import is_out_of_memory
+
+LITTLE = """
+import resource
+resource.setrlimit(resource.RLIMIT_AS, ({0}, {0}))
+from quad_env.cli import launcher
+launcher.leave_on_interrupt()
+{1}
+"""
 
 
 @pytest.mark.parametrize(
@@ -39,8 +48,26 @@ def test_what_is_none(error: BaseException) -> None:
     assert not is_out_of_memory(error)
 
 
-def test_a_fault_of_the_program_is_a_traceback_still() -> None:
-    code = "from quad_env.cli import launcher\nlauncher.leave_on_interrupt()\nraise ValueError('a bug')"
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits memory")
+@pytest.mark.parametrize("megabytes", [250, 400])
+def test_an_evaluation_without_memory_ends_in_one_line_and_leaves_nothing(megabytes: int, tmp_path: Path) -> None:
+    """While modules are loaded, where a library ends the process, waits for ever or fails to be mapped."""
+    begin = "from evaluate.__main__ import main\nraise SystemExit(launcher.launch(lambda: main({!r})))"
+    words = ["trot", "--scenarios", "flat", "--episodes", "2", "--out", str(tmp_path / "out")]
+    code = LITTLE.format(megabytes * 10**6, begin.format(words))
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120, env=environment
+    )
+    assert ended.returncode == 2, ended.stderr
+    assert ended.stderr.startswith("error: out of memory: ")
+    assert ended.stderr.count("\n") == 1
+    assert not (tmp_path / "out" / "manifest.json").exists()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits memory")
+def test_a_fault_of_the_program_is_a_traceback_still(tmp_path: Path) -> None:
+    code = LITTLE.format(10**12, "raise ValueError('a bug')")
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
     assert ended.returncode == 1
     assert ended.stderr.startswith("Traceback")
