@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from pydrake import geometry
-from pydrake.common.eigen_geometry import Quaternion
+from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody import plant as multibody
 from pydrake.multibody import tree
@@ -26,9 +26,6 @@ _DRY = 0.01
 """Speed below which a joint's dry friction is viscous, rad/s."""
 _WIDE = 1000.0
 """Edge of the cube that stands for a plane among boxes, m: half spaces among many geometries crash Drake 1.51."""
-_LAGGED = "lagged"
-"""Drake's approximation of contact in which friction goes by the normal force of the last step: convex ones lift what
-slides."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +47,8 @@ def plant_of(model: mujoco.MjModel) -> Plant:
     """The plant of a robot of that model, whose trunk is its first body."""
     data, builder = mujoco.MjData(model), DiagramBuilder()
     mujoco.mj_kinematics(model, data)
-    config = multibody.MultibodyPlantConfig(time_step=model.opt.timestep, discrete_contact_approximation=_LAGGED)
+    # "lagged": friction goes by the normal force of the last step; convex approximations lift what slides.
+    config = multibody.MultibodyPlantConfig(time_step=model.opt.timestep, discrete_contact_approximation="lagged")
     config.use_sampled_output_ports = config.adjacent_bodies_collision_filters = False
     plant, scene = multibody.AddMultibodyPlant(config, builder)
     plant.mutable_gravity_field().set_gravity_vector(model.opt.gravity)
@@ -77,9 +75,8 @@ def inertia(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> tree.Spati
     """Of a body and all that is welded to it, about its origin and in its axes."""
     total, axes = tree.SpatialInertia.Zero(), data.xmat[root].reshape(3, 3)
     for body in np.flatnonzero((model.body_weldid == root) & (model.body_mass > 0)):
-        turned = axes.T @ data.ximat[body].reshape(3, 3)
-        moments = turned @ np.diag(model.body_inertia[body]) @ turned.T
-        about_centre = tree.RotationalInertia(*np.diag(moments), moments[0, 1], moments[0, 2], moments[1, 2])
+        turned = RotationMatrix(axes.T @ data.ximat[body].reshape(3, 3))
+        about_centre = tree.RotationalInertia(*model.body_inertia[body]).ReExpress(turned)
         centre = axes.T @ (data.xipos[body] - data.xpos[root])
         total += tree.SpatialInertia.MakeFromCentralInertia(model.body_mass[body], centre, about_centre)
     return total
@@ -88,14 +85,9 @@ def inertia(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> tree.Spati
 def _add_joint(plant: Any, model: mujoco.MjModel, data: mujoco.MjData, bodies: dict[int, Any], joint: int) -> Any:
     """A hinge, whose angle is that of `qpos`."""
     child, axis, place = int(model.jnt_bodyid[joint]), model.jnt_axis[joint], int(model.jnt_qposadr[joint])
-    parent, name, turn = int(model.body_weldid[model.body_parentid[child]]), model.joint(joint).name, np.zeros(4)
-    mujoco.mju_axisAngle2Quat(turn, axis, -model.qpos0[place])
-    at = RigidTransform(model.jnt_pos[joint])
-    fixed = (
-        _pose(data, parent).InvertAndCompose(_pose(data, child))
-        @ at
-        @ RigidTransform(Quaternion(turn), [0.0, 0.0, 0.0])
-    )
+    parent, name = int(model.body_weldid[model.body_parentid[child]]), model.joint(joint).name
+    at, turn = RigidTransform(model.jnt_pos[joint]), RigidTransform(AngleAxis(-model.qpos0[place], axis), np.zeros(3))
+    fixed = _pose(data, parent).InvertAndCompose(_pose(data, child)) @ at @ turn
     frames = [
         plant.AddFrame(tree.FixedOffsetFrame(f"{name}_{end}", bodies[body].body_frame(), pose))
         for end, body, pose in (("parent", parent, fixed), ("child", child, at))
@@ -145,15 +137,13 @@ def _add_geoms(
 def _frictions(model: mujoco.MjModel, geoms: Rows, ground: int) -> NDArray[np.float64]:
     """Coefficients of these geoms with which Drake's friction on the ground is MuJoCo's.
 
-    MuJoCo's of a pair, µ, is that of the one with the higher priority, else the larger; Drake's the harmonic mean
+    MuJoCo's of a pair, µ, is the ground's where that has priority, else the larger; Drake's the harmonic mean
     2 a g / (a + g). With g the largest µ of all on that ground, a = µ g / (2 g − µ).
     """
-    own, priority = model.geom_friction[geoms, 0], model.geom_priority[geoms]
-    grounds, rank = model.geom_friction[ground, 0], model.geom_priority[ground]
-    pair = np.where(priority == rank, np.maximum(own, grounds), np.where(priority > rank, own, grounds))
+    own, grounds = model.geom_friction[geoms, 0], model.geom_friction[ground, 0]
+    pair = np.full_like(own, grounds) if model.geom_priority[ground] else np.maximum(own, grounds)
     largest = pair[model.geom_bodyid[geoms] != 0].max()
-    matched = np.where(model.geom_bodyid[geoms] == 0, largest, pair * largest / (2 * largest - pair))
-    return np.asarray(matched)
+    return np.where(model.geom_bodyid[geoms] == 0, largest, pair * largest / (2 * largest - pair))
 
 
 def _stiffness(model: mujoco.MjModel, ground: int) -> float:
@@ -194,14 +184,12 @@ def _filter(scene: Any, model: mujoco.MjModel, geoms: dict[int, Any]) -> None:
 def _collide(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Which geoms collide with which, (ngeom, ngeom): bits match, no rule says otherwise, and no joint alone is
     between their bodies."""
-    type_, affinity, body = model.geom_contype, model.geom_conaffinity, model.geom_bodyid
-    bits = (type_[:, None] & affinity) | (affinity[:, None] & type_)
-    weld = model.body_weldid[body]
-    parent = model.body_weldid[model.body_parentid[weld]]
-    related = ((parent[:, None] == weld) | (parent == weld[:, None])) & (weld != 0) & (weld != 0)[:, None]
-    signatures = (body[:, None] << 16) + body
-    excluded = np.isin(signatures, model.exclude_signature) | np.isin(signatures.T, model.exclude_signature)
-    meet = (bits != 0) & (weld[:, None] != weld) & ~related & ~excluded
+    body, weld = model.geom_bodyid, model.body_weldid[model.geom_bodyid]
+    bits = (model.geom_contype[:, None] & model.geom_conaffinity) != 0
+    below = (model.body_weldid[model.body_parentid[weld]][:, None] == weld) & (weld != 0)
+    excluded = np.isin((body[:, None] << 16) + body, model.exclude_signature)
+    apart = below | excluded | (weld[:, None] == weld)
+    meet = (bits | bits.T) & ~(apart | apart.T)
     pairs = model.pair_geom1, model.pair_geom2
     meet[pairs] = meet[pairs[::-1]] = True
     return np.asarray(meet)
