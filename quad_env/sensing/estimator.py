@@ -56,23 +56,11 @@ class Read(NamedTuple):
         return Read._make(readings[which] for readings in self)
 
 
-class Estimate(NamedTuple):
-    """What is estimated of n robots."""
-
-    gravity: Array
-    """Unit vectors, (n, 3)"""
-    velocity: Array
-    """Of the trunk's centre, m/s, (n, 3)"""
-
-
 class ComplementaryFilter:
     """Estimates of n robots, base frame, moved on by `dt`, s, at a time; `spacing`, s, is between encoder samples.
 
     They are of the moment that all sensors have reported; what the gyroscope says is taken as it is.
     """
-
-    covariance = None
-    """Of the error of the estimate: not known"""
 
     def __init__(self, robot: Robot, num_envs: int, dt: float, spacing: float) -> None:
         self._robot, self._dt, self._spacing = robot, dt, spacing
@@ -83,11 +71,6 @@ class ComplementaryFilter:
         self.gyro_bias = np.zeros((num_envs, 3))
         """Not looked for: 0 rad/s"""
         self._gyro = np.zeros((num_envs, 3))
-
-    @property
-    def then(self) -> Estimate:
-        """The same that is shown now."""
-        return Estimate(self.gravity.copy(), self.velocity.copy())
 
     def begin(self, rows: Rows, at_rest: Array, read: Read) -> None:
         """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""

@@ -33,7 +33,7 @@ from quad_env.sensing.error_state import (
     rotation,
     times,
 )
-from quad_env.sensing.estimator import Estimate, Read, unit
+from quad_env.sensing.estimator import Read, unit
 from quad_env.sensing.suite import SensorSuite
 
 BETWEEN = 0.35
@@ -136,11 +136,6 @@ class KalmanFilter:
         self._force = np.zeros((num_envs, 3))
         self._jacobians = np.zeros((num_envs, legs, 3, 3))
         """Of the feet by `_joints`, m/rad"""
-
-    @property
-    def then(self) -> Estimate:
-        """Of the moment of the readings."""
-        return Estimate(self.motion.gravity.copy(), self.motion.velocity.copy())
 
     @property
     def covariance(self) -> Array:

@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ from quad_env.seeding import episode_seeds
 from quad_env.sensing.channel import steps_late
 from quad_env.sensing.error_state import TILT, VELOCITY
 from quad_env.sensing.estimators import ESTIMATORS
+from quad_env.sensing.kalman import KalmanFilter
 from research.pages.places import RESULTS, page_with, put
 from research.studies import policies_on_estimates
 from research.studies.ground import elsewhere
@@ -219,12 +220,13 @@ class _Watch:
         self._truths.append((gravity, velocity))
         if step.number <= SETTLING:
             return
-        then, (true_gravity, true_velocity) = estimator.then, self._truths[0]
+        then: Any = estimator.motion if isinstance(estimator, KalmanFilter) else estimator
+        true_gravity, true_velocity = self._truths[0]
         turned, moved = np.cross(then.gravity, true_gravity), true_velocity - then.velocity
         tilt = roll_pitch(true_gravity) - roll_pitch(then.gravity)
         nees = np.full(count, np.nan)
-        if (covariance := estimator.covariance) is not None:
-            nees = normalised(then.gravity, turned, moved, covariance)
+        if isinstance(estimator, KalmanFilter):
+            nees = normalised(then.gravity, turned, moved, estimator.covariance)
         self._rows.append((tilt, moved, velocity - estimator.velocity, nees))
 
     def errors(self, fall_step: NDArray[np.int64]) -> Errors:
