@@ -1,5 +1,7 @@
 """Texts that others write, as lines that may be printed whatever is in them."""
 
+from traceback import TracebackException
+
 LONGEST = 2000
 """Characters of a line that is printed."""
 
@@ -15,10 +17,4 @@ def described(error: BaseException) -> str:
 
     Code of a user can raise an exception whose `__str__` fails; then the line says so.
     """
-    try:
-        text = f"{type(error).__name__}: {error}"
-    except KeyboardInterrupt:
-        raise
-    except BaseException:
-        text = f"{type(error).__name__}, whose text cannot be had"
-    return one_line(text)
+    return one_line(f"{type(error).__name__}: {TracebackException.from_exception(error)}")

@@ -4,7 +4,7 @@ import contextlib
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 
@@ -42,28 +42,18 @@ def sole_use(folder: Path) -> Iterator[None]:
     A lock of the system, which ends with its process however that ends. Some network drives have no locks: there no
     process is kept out. OSError if the folder is not there.
     """
-    release = _locked(folder)
-    if release is None:
-        raise FolderInUse(
-            f"{folder} is being written to by another process: wait until it ends, or name another folder with --out"
-        )
-    try:
-        yield
-    finally:
-        release()
-
-
-def _locked(folder: Path) -> Callable[[], None] | None:
-    """Lock the folder by a file elsewhere, since runs want a folder to themselves; gives what unlocks it, or None while
-    another process has it."""
     from filelock import FileLock, Timeout
 
     name = hashlib.sha256(os.path.normcase(folder.resolve(strict=True)).encode()).hexdigest()[:16]
-    lock = FileLock(Path(tempfile.gettempdir()) / f"simple_quad-{name}.lock", timeout=0)
+    lock = FileLock(Path(tempfile.gettempdir()) / f"simple_quad-{name}.lock", timeout=0)  # runs want an empty folder
     try:
         lock.acquire()
     except Timeout:
-        return None
+        remedy = "wait until it ends, or name another folder with --out"
+        raise FolderInUse(f"{folder} is being written to by another process: {remedy}") from None
     except OSError:  # no locks here
         pass
-    return lock.release
+    try:
+        yield
+    finally:
+        lock.release()
