@@ -16,6 +16,7 @@ from evaluate.rollouts import rollout
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from policies.base import Policy
 from policies.foreign import Foreign
+from quad_env.cli.progress import CellProgress
 from quad_env.scenarios.named import Scenario
 from quad_env.seeding import episode_seeds
 
@@ -92,15 +93,9 @@ class Store(Protocol):
 
     def load(self, policy: str, scenario: Scenario) -> Sequence[Chunk]:
         """Chunks of that cell that are done already; no episode in two of them."""
-        ...
 
     def save(self, chunk: Chunk) -> None:
         """Keep a chunk that has just been simulated."""
-        ...
-
-
-CellProgress = Callable[[str, str, float], None]
-"""Progress callback: policy, scenario and the share of their cell that is done; 1 exactly once."""
 
 
 @dataclass(frozen=True)

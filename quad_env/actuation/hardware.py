@@ -14,17 +14,11 @@ DELAY = 0.005
 SENSORS, ESTIMATOR = "typical", "complementary"
 """Names of `quad_env.SENSORS`, each reading a control step late, and of `quad_env.ESTIMATORS`: the one with which more
 validation episodes succeed under pushes, and as many on rough ground."""
-_PEAK, _SPEED = (23.7, 23.7, 35.55), (30.1, 30.1, 20.06)
-_STALL = (36.7, 36.7, 55.1)
-CURVES: dict[str, TorqueSpeed] = {
-    # Peak torques and speeds: unitreerobotics/unitree_ros, go1_description/xacro/const.xacro. The calf's linkage gives
-    # 1.5 times the torque. The line: as of go2, whose motor has the same peak torque and speed.
-    "go1": TorqueSpeed(_STALL, _SPEED, _PEAK),
-    # Peak torques and speeds: unitreerobotics/unitree_ros, go2_description/xacro/const.xacro. The line: its maker's
-    # unitree_rl_lab, assets/robots/unitree_actuators.py, Go2HV: 20.2 N·m up to 13.5 rad/s, none at 30 rad/s, which
-    # meets standstill at 20.2 · 30 / (30 - 13.5) N·m; the calf's times 1.5.
-    "go2": TorqueSpeed(_STALL, _SPEED, _PEAK),
-}
+# Peak torques and speeds: unitreerobotics/unitree_ros, go1_description and go2_description, xacro/const.xacro; a calf's
+# linkage gives 1.5 times the torque. The line: the maker's unitree_rl_lab, assets/robots/unitree_actuators.py, Go2HV:
+# 20.2 N·m up to 13.5 rad/s, none at 30 rad/s, which meets standstill at 20.2 · 30 / (30 - 13.5) N·m.
+_GO = TorqueSpeed(stall_torque=(36.7, 36.7, 55.1), no_load_speed=(30.1, 30.1, 20.06), peak_torque=(23.7, 23.7, 35.55))
+CURVES = {"go1": _GO, "go2": _GO}
 """Hip, thigh and calf of robots whose makers publish them. Of others the line leads from the rated torque at standstill
 to none at the rated speed."""
 
