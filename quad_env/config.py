@@ -117,10 +117,7 @@ FALL_REASONS = ("none", "trunk_contact", "tilt", "height")
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weight of each reward term; the terms are functions of the same names in `quad_env.task.rewards`.
-
-    The feet are looked at only where a term of theirs has a weight.
-    """
+    """Weight of each reward term; the terms are functions of the same names in `quad_env.task.rewards`."""
 
     linear_velocity_tracking: float = 1.2
     yaw_rate_tracking: float = 0.8
@@ -132,9 +129,6 @@ class RewardWeights:
     action_rate: float = -0.02
     torque: float = -2e-5
     foot_air_time: float = 0.0
-    foot_clearance: float = 0.0
-    foot_slip: float = 0.0
-    foot_impact: float = 0.0
     fall: float = -1.0
 
 

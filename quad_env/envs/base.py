@@ -26,7 +26,7 @@ from quad_env.sensing.height_scan import HeightScan, scanner_of, table_with
 from quad_env.sensing.observation import SensedObservation, shown_by
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
-from quad_env.task.rewards import look_at_feet, step_weights
+from quad_env.task.rewards import step_weights
 
 
 class QuadEnvBase:
@@ -96,7 +96,7 @@ class QuadEnvBase:
         check_estimator(estimator, suite)
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
         self._weights = step_weights(self.config.reward_weights, self.dt)
-        feet = look_at_feet(self._weights)
+        feet = self.config.reward_weights.foot_air_time != 0.0
         self.simulation = Simulation(
             *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet, self.config.timestep),
             servo=gains if differ else None,

@@ -48,9 +48,9 @@ class Simulation:
     """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads.
 
     With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`, and a `meter` measures
-    the motors; with an `imu`, mounted there, there is a `probe`; with `feet` they are part of the state. Servos have
-    the gains of the robot, or each robot's `servo` its own, stiffness and damping, (2, n, 12). Every `simulator` has
-    MuJoCo's fields and conventions, see `quad_env.physics.batch`.
+    the motors; with an `imu`, mounted there, there is a `probe`; with `feet` their swings are part of the state. Servos
+    have the gains of the robot, or each robot's `servo` its own, stiffness and damping, (2, n, 12). Every `simulator`
+    has MuJoCo's fields and conventions, see `quad_env.physics.batch`.
     """
 
     def __init__(
@@ -97,9 +97,8 @@ class Simulation:
         self.torque = self.batch.bind("actuator_force")
         """Torques of the servos in the last physics step, (n, 12), N·m."""
         self.meter = Meter(robot, self.batch, self.model, actuator, simulator) if contacts else None
-        at = (robot, self.terrain, period, self.qpos, self.qvel)
         steps = [[self.batch.sensor(name).data for name in names] for names in soles]
-        self._footsteps = Footsteps(*at, steps) if feet else None  # before the probe computes contacts again
+        self._footsteps = Footsteps(period, steps) if feet else None  # before the probe computes contacts again
         self.probe = None if imu is None else Probe(robot, self.batch, period)
         if self.probe is not None:  # which computes the outputs of the last substep again
             self.torque = self.probe.copy(self.torque)
@@ -271,7 +270,7 @@ class Simulation:
             command=command,
             action=columns(self._action),
             previous_action=columns(self._previous_action),
-            feet=None if self._footsteps is None else self._footsteps.feet(columns),
+            swing_time=None if self._footsteps is None else columns(self._footsteps.swing_time),
         )
 
     @property

@@ -16,9 +16,7 @@ from quad_env.scenarios.axes import AXES
 from quad_env.sensing.height_scan import HeightScan
 
 STEPS, FIRST_SEED = 260, 11
-FEET = TaskConfig(
-    reward_weights=RewardWeights(foot_air_time=1.0, foot_clearance=-1.0, foot_slip=-0.1, foot_impact=-0.1)
-)
+FEET = TaskConfig(reward_weights=RewardWeights(foot_air_time=1.0))
 
 
 def random_actions(robot: int) -> np.ndarray:
