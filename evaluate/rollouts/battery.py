@@ -1,7 +1,7 @@
 """The batteries: the scenarios that every policy runs on, and what a name on the command line stands for."""
 
 import runpy
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -28,8 +28,11 @@ _FILE = ".py:"
 
 BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
     "quick": lambda robot: (*_battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())), *_real(robot)[:1]),
-    "default": lambda robot: (*_battery(robot, _nominal_and_harder, tuple(AXES)), *_real(robot)),
-    "full": lambda robot: _battery(robot, lambda axis: tuple(range(1, len(axis.levels) + 1)), tuple(AXES)),
+    "default": lambda robot: (
+        *_battery(robot, lambda axis: range(axis.nominal_level, axis.nominal_level + HARDER + 1), tuple(AXES)),
+        *_real(robot),
+    ),
+    "full": lambda robot: _battery(robot, lambda axis: range(1, len(axis.levels) + 1), tuple(AXES)),
     ALL: lambda robot: tuple(scenarios_of(robot).values()),
 }
 """Names that stand for several scenarios: a first look; every axis at its nominal severity and the next two levels, and
@@ -88,13 +91,8 @@ def _real(robot: Robot) -> tuple[Scenario, ...]:
     return tuple(map(on_hardware, (scenarios_of(robot)[NOMINAL[0]], STEADY, *levels)))
 
 
-def _nominal_and_harder(axis: Axis) -> tuple[int, ...]:
-    """Levels of the default battery."""
-    return tuple(range(axis.nominal_level, axis.nominal_level + HARDER + 1))
-
-
 def _battery(
-    robot: Robot, levels: Callable[[Axis], tuple[int, ...]], nominal: tuple[str, ...] = NOMINAL
+    robot: Robot, levels: Callable[[Axis], Iterable[int]], nominal: tuple[str, ...] = NOMINAL
 ) -> tuple[Scenario, ...]:
     """A robot's nominal scenarios of those axes and those levels of each axis, none twice, and the steady walk."""
     chosen = [scenarios_of(robot)[name] for name in nominal]

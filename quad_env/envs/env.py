@@ -58,14 +58,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         simulator: "mujoco", or "drake" for ideal motors and level or sloping ground and stairs: see
             docs/second-simulator.md.
 
-    Version history of figures; SimpleQuad's on flat and pushed ground have the same bits since 2026-11-21.
-
-    * v0 of 2026-11-26: the servos of named robots have their makers' gains.
-    * v0 of 2026-11-25: a fall is the contact of any colliding geom of the trunk, or of a body welded to it.
-    * v0 of 2026-11-24: scenarios, commands and the fall rule are scaled to the size and mass of other robots.
-    * v0 of 2026-11-23: the mass of `payload` is at its drawn cube; `kalman` allows for ground that yields.
-    * v0 of 2026-11-22: each episode on random ground has a surface drawn by its seed.
-    * v0 of 2026-11-21: first registered; the reward weights of today came later that day.
+    docs/environment.md says what has changed its figures since it was first registered.
     """
 
     _KEPT = ("spec", "_seed", "_next_episode")

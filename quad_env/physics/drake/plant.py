@@ -143,7 +143,7 @@ def _frictions(model: mujoco.MjModel, geoms: Rows, ground: int) -> NDArray[np.fl
     own, grounds = model.geom_friction[geoms, 0], model.geom_friction[ground, 0]
     pair = np.full_like(own, grounds) if model.geom_priority[ground] else np.maximum(own, grounds)
     largest = pair[model.geom_bodyid[geoms] != 0].max()
-    return np.where(model.geom_bodyid[geoms] == 0, largest, pair * largest / (2 * largest - pair))
+    return np.asarray(np.where(model.geom_bodyid[geoms] == 0, largest, pair * largest / (2 * largest - pair)))
 
 
 def _stiffness(model: mujoco.MjModel, ground: int) -> float:
