@@ -7,7 +7,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -70,7 +70,8 @@ def text(robot: Robot) -> Iterator[str]:
         f"legs         {', '.join(robot.leg_names)}: thigh {robot.thigh_length:.3f} m, calf {robot.calf_length:.3f} m, "
         f"foot {robot.foot_radius:.3f} m; knees bend {_knees(robot)}"
     )
-    centre = "" if np.allclose(robot.trunk_centre, 0.0, atol=5e-3) else f" about {_place(robot.trunk_centre)} m"
+    place = ", ".join(f"{value:.2f}" for value in robot.trunk_centre)
+    centre = "" if np.allclose(robot.trunk_centre, 0.0, atol=5e-3) else f" about ({place}) m"
     size = " × ".join(f"{size:.2f}" for size in robot.trunk_size)
     yield f"trunk        {size} m{centre}, {robot.home_height:.3f} m high"
     yield (f"servos       {robot.servo}, at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s")
@@ -81,10 +82,6 @@ def text(robot: Robot) -> Iterator[str]:
     yield from (f"warning      {line}" for line in warnings_of(robot))
     yield from joint_table(robot)
     yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
-
-
-def _place(place: Iterable[float]) -> str:
-    return f"({', '.join(f'{value:.2f}' for value in place)})"
 
 
 def _knees(robot: Robot) -> str:

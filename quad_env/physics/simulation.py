@@ -97,13 +97,12 @@ class Simulation:
         self.torque = self.batch.bind("actuator_force")
         """Torques of the servos in the last physics step, (n, 12), N·m."""
         self.meter = Meter(robot, self.batch, self.model, actuator, simulator) if contacts else None
-        steps = [[self.batch.sensor(name).data for name in names] for names in soles]
-        self._footsteps = Footsteps(period, steps) if feet else None  # before the probe computes contacts again
         self.probe = None if imu is None else Probe(robot, self.batch, period)
         if self.probe is not None:  # which computes the outputs of the last substep again
             self.torque = self.probe.copy(self.torque)
         self._trunk_contacts = self._sensed(trunk)
         self._foot_contacts = [self._sensed(names) for names in soles]
+        self._footsteps = Footsteps(period, self._foot_contacts) if feet else None
         self._link_contacts = self._sensed(itertools.chain(*links))
         self._warnings = self.batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in robot.leg_names]
@@ -207,10 +206,10 @@ class Simulation:
             self._actuators.advance(targets, ids, self._advance)
         if self.meter is not None:
             self.meter.finish(ids)
-        if self._footsteps is not None:
-            self._footsteps.advance(ids)
         if self.probe is not None:
             self.probe.keep(ids)
+        if self._footsteps is not None:
+            self._footsteps.advance(ids)
 
     def _advance(self, ids: Ids, substeps: int) -> None:
         if self.meter is None:

@@ -108,13 +108,7 @@ def sensor_errors(suite: SensorSuite) -> SensorErrors:
 
 
 class KalmanFilter:
-    """Estimates of n robots, base frame, moved on by `dt`, s, at a time.
-
-    Args:
-        robot, num_envs, dt: what they are of.
-        suite: sensors that they are from.
-        late: control steps from the moment of the readings to now.
-    """
+    """Estimates of n robots, base frame, moved on by `dt`, s, at a time; readings are `late` control steps old."""
 
     def __init__(self, robot: Robot, suite: SensorSuite, num_envs: int, dt: float, late: int) -> None:
         legs = len(robot.leg_names)

@@ -37,7 +37,6 @@ class DrakeBatch:
         """Contacts of each geom with the ground in the last physics step, and the force of all that press it, N."""
         self._sensors: dict[str, tuple[Array, list[int], Array]] = {}
         """Of which of these, and of which geoms, each sensor's data are the sum."""
-        self._ground = set(np.flatnonzero(model.geom_bodyid == 0).tolist())
         self._known = [(b"", b"")] * num_envs
         """Positions and velocities of each context, as bytes."""
         self.warning = np.zeros((num_envs, mujoco.mjtWarning.mjNWARNING.value, 2), np.int64)
@@ -126,10 +125,8 @@ class DrakeBatch:
             contact = contacts.point_pair_contact_info(number)
             pair, force = contact.point_pair(), contact.contact_force()
             both = [self._drake.geoms[each.get_value()] for each in (pair.id_A, pair.id_B)]
-            grounded, pressed = any(geom in self._ground for geom in both), abs(float(force.dot(pair.nhat_BA_W)))
-            for geom in both:
-                touches[geom] += grounded
-                forces[geom] += pressed
+            touches[both] += (self._model.geom_bodyid[both] == 0).any()
+            forces[both] += abs(float(force.dot(pair.nhat_BA_W)))
 
     def _to_drake(self, qpos: Array, qvel: Array) -> Array:
         """Quaternion before place, angular velocity first and in the world frame."""
