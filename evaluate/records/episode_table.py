@@ -121,7 +121,7 @@ def by_success_rule(rows: pa.Table, rule: str) -> pa.Table:
 
 def by_energy_rule(rows: pa.Table, rule: str) -> pa.Table:
     """Rows of a run under that rule of energy without the measures that are defined otherwise today."""
-    other = set() if rule == ENERGY_RULE else {*OF_ENERGY_1, *SINCE_ENERGY_2}
+    other: set[str] = set() if rule == ENERGY_RULE else {*OF_ENERGY_1, *SINCE_ENERGY_2}
     return rows.select([name for name in rows.column_names if name not in other])
 
 
