@@ -45,7 +45,7 @@ def _execute(plan: Plan, show: Show) -> int:
     if not plan.options.resume:  # else it was done as the run began
         _check_descriptions(plan)
     if (slower := SLOWNESS[manifest.hardware.simulator]) > 1:
-        print(f"{manifest.hardware.simulator} takes about {slower} times as long as {MUJOCO}", file=sys.stderr)
+        print(f"{manifest.hardware.simulator} takes about {slower:g} times as long as {MUJOCO}", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
     done, interrupted = _simulate(plan, store)
     try:

@@ -69,7 +69,7 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
     return execute
 
 
-def cost(task: Task) -> int:
+def cost(task: Task) -> float:
     """Control steps in MuJoCo, of all its robots together, that take as long as a task."""
     return len(task.numbers) * task.steps * SLOWNESS[task.hardware.simulator]
 

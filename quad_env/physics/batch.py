@@ -11,7 +11,7 @@ from quad_env.scenarios.terrain import Flat, Slope, Stairs
 
 MUJOCO, DRAKE = "mujoco", "drake"
 SIMULATORS = MUJOCO, DRAKE
-SLOWNESS = {MUJOCO: 1, DRAKE: 12}
+SLOWNESS = {MUJOCO: 1.0, DRAKE: 12.0}
 """Time that each takes for a control step of a robot, times MuJoCo's."""
 _KNOWN = (
     "ideal motors, the true state, and level ground, slopes and stairs of any friction, with pushes, forces, payloads"

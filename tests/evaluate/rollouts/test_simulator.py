@@ -62,7 +62,7 @@ def test_a_run_says_that_it_is_slow_comes_again_and_is_told_apart(
     monkeypatch.setattr(rollout, "STEPS", 110)
     run = ["--policies", "trot", "--scenarios", "push=35", "--episodes", "1", "--threads", "1", "--out", str(tmp_path)]
     assert main([*run, "--simulator", DRAKE]) == 0
-    assert f"about {SLOWNESS[DRAKE]} times as long" in capsys.readouterr().err
+    assert f"about {SLOWNESS[DRAKE]:g} times as long" in capsys.readouterr().err
     made = manifests.read(tmp_path)
     assert made.versions["drake"]
     assert manifests.differences(made, replace(made, hardware=IDEAL)) == ["simulator was drake and is mujoco"]
