@@ -88,7 +88,9 @@ def unmatched_friction(patch: pytest.MonkeyPatch) -> None:
 
 
 def lifting_contact(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(plant, "_LAGGED", "sap")
+    true = plant.multibody.MultibodyPlantConfig
+    sap = {"discrete_contact_approximation": "sap"}
+    patch.setattr(plant.multibody, "MultibodyPlantConfig", lambda **settings: true(**settings | sap))
 
 
 def gravity_of_the_moon(patch: pytest.MonkeyPatch) -> None:
