@@ -43,7 +43,7 @@ class Match:
     """Every column of every episode that is compared is the same to the bit."""
     contrasts: tuple[MetricDifference, ...]
     p_value_holm: float = np.nan
-    """Of its difference of success, corrected over all matches; NaN where one of them has no outcomes."""
+    """Of its difference of success, corrected over all matches."""
 
 
 def matches(pairs: Pairs, a: Stored, b: Stored) -> list[Match]:
@@ -52,8 +52,6 @@ def matches(pairs: Pairs, a: Stored, b: Stored) -> list[Match]:
     each = (_match(scenario, pair, a, b) for scenario in scenarios for pair in pairs)
     found = [match for match in each if match]
     p_values = [one.p_value for match in found for one in match.contrasts if one.metric == SUCCESS_RATE]
-    if len(p_values) < len(found):
-        return found
     return [replace(match, p_value_holm=p) for match, p in zip(found, holm(p_values), strict=True)]
 
 
@@ -85,9 +83,7 @@ def _weight(manifest: Manifest, scenario: str) -> float:
 def _values(rows: pa.Table, weighs: float) -> dict[str, Floats]:
     """Metric -> value of each episode, of those that the run has; the robot weighs so much, N."""
     errors = {name: rows.column(name).to_numpy() for name in ERRORS if name in rows.column_names}
-    rates = {FALL_RATE: rows.column("fell").to_numpy()}
-    if "outcome" in rows.column_names:
-        rates[SUCCESS_RATE] = rows.column("outcome").to_numpy() == SUCCEEDED
+    rates = {SUCCESS_RATE: rows.column("outcome").to_numpy() == SUCCEEDED, FALL_RATE: rows.column("fell").to_numpy()}
     effort: dict[str, Floats] = {}
     if {*EFFORT, "energy", "distance"} <= set(rows.column_names):
         effort = effort_by_episode(lambda name: np.array(rows.column(name).to_pylist(), np.float64), weighs)
@@ -102,14 +98,13 @@ def _identical(a: pa.Table, b: pa.Table) -> bool:
 
 def ranking_of(found: Sequence[Match], a: Stored, b: Stored) -> Ranking | None:
     """Rankings by the scenarios that a score counts, those with the hardware profile where there are no others; None
-    of too few policies that ran all of them, or without outcomes."""
+    of too few policies that ran all of them."""
     scenarios = {each.name: each for each in a[0].scenarios}
     real = not any(counts(scenarios[match.scenario], hardware=False) for match in found)
     counted = [match for match in found if counts(scenarios[match.scenario], hardware=real)]
     axes, ran = {m.scenario: axis_name(scenarios[m.scenario]) for m in counted}, [(m.a, m.b) for m in counted]
     pairs = [pair for pair in dict.fromkeys(ran) if ran.count(pair) == len(axes)]
-    known = all("outcome" in rows.column_names for _, rows in (a, b))
-    return ranking(pairs, axes, a[1], b[1]) if known and len(pairs) >= LEAST_POLICIES else None
+    return ranking(pairs, axes, a[1], b[1]) if len(pairs) >= LEAST_POLICIES else None
 
 
 def without_profile(run: Stored) -> Stored:

@@ -102,7 +102,7 @@ def _pairs(options: Options, a: Manifest, b: Manifest) -> list[tuple[str, str]]:
 
 def _survives(ranked: Ranking | None, found: Sequence[Match]) -> Iterator[str]:
     """Whether the ranking survives, and the cells of which success differs."""
-    few = f"fewer than {LEAST_POLICIES} policies with outcomes ran every scenario of both: too few to rank"
+    few = f"fewer than {LEAST_POLICIES} policies ran every scenario of both: too few to rank"
     yield from ranked.lines() if ranked else (f"does the ranking survive? {few}",)
     for match in found:
         if match.p_value_holm < SIGNIFICANT:
