@@ -94,18 +94,8 @@ def compare_pair(a: Cell, b: Cell) -> Iterator[Comparison]:
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
     for metric in METRICS:
-        difference, ci, p_value, test = paired_difference(metric, by_episode(a, metric), by_episode(b, metric))
-        yield Comparison(
-            scenario=a.scenario.name,
-            a=a.policy,
-            b=b.policy,
-            metric=metric,
-            difference=difference,
-            ci=ci,
-            p_value=p_value,
-            test=test,
-            p_value_holm=p_value,
-        )
+        found = paired_difference(metric, by_episode(a, metric), by_episode(b, metric))
+        yield Comparison(a.scenario.name, a.policy, b.policy, metric, *found, p_value_holm=found[2])
 
 
 def by_episode(cell: Cell, metric: str) -> Floats:
