@@ -123,7 +123,10 @@ def sliding(setting: Setting) -> dict[str, float]:
 def slide(model: Any, speed: float, seconds: float, exact: bool) -> tuple[float, float, float]:
     """Largest height of the lowest foot, mm; mean deceleration of the centre of mass over the first 50 ms, and until a
     twentieth of the speed is left or the time is over, units of µg."""
-    data, timestep, feet = settled(model), model.opt.timestep, model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
+    data, timestep, feet = mujoco.MjData(model), model.opt.timestep, model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
+    if model.nkey:  # the home pose
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    _step(model, data, False, 0.5)  # it settles
     data.qvel[0] += speed
     heights, speeds = [], []
     for _ in range(round(seconds / timestep)):
@@ -146,14 +149,6 @@ def ball_spec(robot: Robot) -> Any:
         ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
     ball.add_geom(name="foot", type=foot.type, size=foot.size, mass=robot.mass / len(robot.leg_names), **_law(foot))
     return spec
-
-
-def settled(model: Any) -> Any:
-    """At rest after half a second, from the home pose where there is one."""
-    data = mujoco.MjData(model)
-    if model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-    return _step(model, data, False, 0.5)
 
 
 def walks(setting: Setting, options: Options) -> dict[str, float]:

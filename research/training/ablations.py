@@ -49,6 +49,8 @@ VARIANTS: Mapping[str, str] = {
     "no curriculum": "--curriculum 1",
 }
 """Name of each variant -> the options in which it differs from the default command."""
+VALIDATED_ON = DEFAULTS["residual"].complete_validation.scenarios
+"""Scenarios of the validation of all variants: those that the default trains on."""
 
 
 @dataclass(frozen=True)
@@ -92,16 +94,11 @@ def main(options: Options) -> int:
     return 0
 
 
-def validation_scenarios() -> tuple[str, ...]:
-    """Scenarios of the validation: those that the default trains on, for all variants."""
-    return DEFAULTS["residual"].complete_validation.scenarios
-
-
 def config(options: Options, name: str, seed: int) -> TrainConfig:
     """Settings of one run."""
     words = f"{VARIANTS[name]} --steps {options.steps} --seed {seed} --threads {options.threads}".split()
     words += ["--validation.interval", "0", "--validation.episodes", str(options.episodes)]
-    words += ["--validation.scenarios", *validation_scenarios()]
+    words += ["--validation.scenarios", *VALIDATED_ON]
     folder = "".join(letter if letter.isalnum() else "-" for letter in name)
     return replace(parse(words), out=options.out / folder / f"seed-{seed}")
 
