@@ -48,8 +48,6 @@ def check(options: Options) -> Plan:
     check_numbers(options, LIMITS)
     if options.quick and options.scenarios != DEFAULT_BATTERY:
         raise UsageError("--quick and --scenarios both name the scenarios: give one of them")
-    if options.simulator != MUJOCO and options.trace != "none":
-        raise UsageError(f"--trace: traces are of {MUJOCO}'s episodes alone; leave --trace or --simulator out")
     try:
         hardware.check(options.equipment)
     except ValueError as error:

@@ -57,14 +57,13 @@ def check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains() -> Non
 
 
 def without_worlds(patch: pytest.MonkeyPatch) -> None:
-    for module in (severity_levels, breaking_points):
-        patch.setattr(module, "axis_name", lambda scenario: scenario.axis or scenario.name)
+    patch.setattr(severity_levels, "axis_name", lambda scenario: scenario.axis or scenario.name)
 
 
 FAULTS: Faults = {
     "grouping by the axis's name alone": (without_worlds, check_axes_and_their_breaking_points_are_of_one_world),
     "a score over both worlds": (
-        lambda patch: patch.setattr("evaluate.analysis.score._counts", lambda *_: True),
+        lambda patch: patch.setattr("evaluate.analysis.score.counts", lambda *_: True),
         check_a_score_is_of_one_world,
     ),
     "profile not passed": (

@@ -46,7 +46,6 @@ def test_of_a_battery_it_takes_what_it_knows_and_names_the_rest(capsys: pytest.C
         ({"scenarios": ("push",), "hardware": True}, "the hardware profile of 'push"),
         ({"actuator": "motor"}, "motors other than ideal ones"),
         ({"sensors": "typical"}, "sensors"),
-        ({"trace": "full"}, "--trace"),
         ({"simulator": "bullet"}, "unknown simulator 'bullet'; valid: mujoco, drake"),
     ],
 )
