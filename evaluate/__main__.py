@@ -32,9 +32,10 @@ COMMANDS = {
     "compare": Command("evaluate.commands.compare", "two results folders, such as those of two commits"),
     "axes": Command("evaluate.commands.axes", "success and falls along the axes of disturbance"),
 }
-_RESEARCH = "calibration estimation gaits ground jump pictures readme recovery safety"
+_RESEARCH = "calibration estimation gaits jump pictures readme recovery safety"
 MOVED = {name: f"now `python -m research {name}`" for name in (*_RESEARCH.split(), "straight-walking")}
-MOVED |= dict.fromkeys(("gait-diagram", "prediction"), "gone: revision 59ce5e8 has it as `python -m research`")
+_OLD = "gone: revision 59ce5e8 has it as `python -m research`"
+MOVED |= dict.fromkeys(("gait-diagram", "ground", "prediction"), _OLD)
 MOVED["rescore"] = "gone, with --trace: `python -m evaluate report FOLDER --success RULE` has other rules of success"
 """Where commands of older versions are."""
 

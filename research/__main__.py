@@ -19,7 +19,6 @@ COMMANDS = {
     "recovery": Command("research.studies.recovery", "getting up from any pose"),
     "jump": Command("research.studies.jump", "how high standing robots jump, and how many land standing"),
     "safety": Command("research.studies.safety", "falls that the safety layer averts, and its false alarms"),
-    "ground": Command("research.studies.ground", "success on different surfaces of the same random ground"),
     "sliding": Command("research.studies.sliding", "feet that slide, and falls under pushes, by settings of contact"),
     "estimation": Command("research.studies.estimation", "errors of estimated attitude and velocity"),
     "time-step": Command("research.studies.time_step", "effort at physics steps of 2, 1 and 0.5 ms"),
@@ -32,7 +31,6 @@ COMMANDS = {
     "readme": Command("research.pages.readme", "the README's scores, figure and table of robots"),
     "search": Command("research.training.search", "parameters of policies with feedback, searched by CMA-ES"),
     "ablations": Command("research.training.ablations", "the effect of each choice of the training"),
-    "trials": Command("research.training.trials", "training runs of different settings, compared"),
     "publish": Command("research.training.publish", "finished runs evaluated, and that of seed 0 shipped"),
 }
 PROGRAM = Program("python -m research", COMMANDS)

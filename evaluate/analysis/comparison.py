@@ -1,4 +1,4 @@
-"""Comparisons of policies, and of two runs of one: episode by episode where they ran the same, else two samples."""
+"""Comparisons of policies, and of two runs of one, episode by episode."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,11 +14,9 @@ from evaluate.statistics.intervals import (
     Floats,
     Interval,
     difference_interval,
-    newcombe_interval,
     share_difference_interval,
-    two_sample_interval,
 )
-from evaluate.statistics.significance import fall_rates_test, holm, mcnemar, relabelling_test, sign_flip_test
+from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 
 BASELINE = "trot"
 SUCCESS_RATE, FALL_RATE = "success_rate", "fall_rate"
@@ -96,18 +94,8 @@ def compare_pair(a: Cell, b: Cell) -> Iterator[Comparison]:
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
     for metric in METRICS:
-        difference, ci, p_value, test = paired_difference(metric, by_episode(a, metric), by_episode(b, metric))
-        yield Comparison(
-            scenario=a.scenario.name,
-            a=a.policy,
-            b=b.policy,
-            metric=metric,
-            difference=difference,
-            ci=ci,
-            p_value=p_value,
-            test=test,
-            p_value_holm=p_value,
-        )
+        found = paired_difference(metric, by_episode(a, metric), by_episode(b, metric))
+        yield Comparison(a.scenario.name, a.policy, b.policy, metric, *found, p_value_holm=found[2])
 
 
 def by_episode(cell: Cell, metric: str) -> Floats:
@@ -140,24 +128,12 @@ class MetricDifference:
     test: str
 
 
-def compare_samples(a: Mapping[str, Floats], b: Mapping[str, Floats], *, paired: bool) -> Iterator[MetricDifference]:
-    """Every metric and every figure of effort that both runs have, from its value in each episode, (n,), as of
-    `by_episode` and `effort_by_episode`; episodes without one are left out."""
-    for metric in (*METRICS, *EFFORT):
-        if metric in a and metric in b:
-            known = [~np.isnan(each[metric]) for each in (a, b)]
-            kept = [known[0] & known[1]] * 2 if paired else known
-            if all(each.any() for each in kept):
-                yield _compare(metric, a[metric][kept[0]], b[metric][kept[1]], paired=paired)
-
-
-def _compare(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDifference:
-    mean_a, mean_b = float(a.mean()), float(b.mean())
-    difference = mean_b - mean_a
-    if paired:
-        difference, ci, p_value, test = paired_difference(metric, b, a)
-    elif metric in RATES:
-        ci, p_value, test = newcombe_interval(a > 0, b > 0), fall_rates_test(a > 0, b > 0), "Barnard"
-    else:
-        ci, p_value, test = two_sample_interval(a, b, (0.0, _LARGEST[metric])), relabelling_test(b, a), "permutation"
-    return MetricDifference(metric, a=mean_a, b=mean_b, difference=difference, ci=ci, p_value=p_value, test=test)
+def differences_of(a: Mapping[str, Floats], b: Mapping[str, Floats]) -> Iterator[MetricDifference]:
+    """Every metric and every figure of effort that both runs have, from its value in each of the same episodes, (n,),
+    as of `by_episode` and `effort_by_episode`; episodes without one are left out."""
+    for metric in (metric for metric in (*METRICS, *EFFORT) if metric in a and metric in b):
+        known = ~(np.isnan(a[metric]) | np.isnan(b[metric]))
+        if known.any():
+            first, second = a[metric][known], b[metric][known]
+            compared = paired_difference(metric, second, first)
+            yield MetricDifference(metric, float(first.mean()), float(second.mean()), *compared)

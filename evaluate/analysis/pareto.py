@@ -9,7 +9,7 @@ from evaluate.analysis.effort import COST, cost_by_episode, mean_and_interval
 from evaluate.analysis.score import Score
 from evaluate.measures.episodes import weight
 from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.intervals import Interval, mean_share_interval
+from evaluate.statistics.intervals import Interval
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import HARDWARE
 
@@ -23,7 +23,7 @@ class ParetoPoint:
 
     policy: str
     success: float
-    """Its score; in a run without scores the mean success over the scenarios."""
+    """Its score."""
     success_ci: Interval
     cost: float
     """Cost of transport; NaN of a policy that goes nowhere."""
@@ -34,7 +34,7 @@ class ParetoPoint:
 
 @dataclass(frozen=True)
 class Pareto:
-    """Every policy that ran all scenarios. The fields are the keys of results.json."""
+    """Every policy with a score. The fields are the keys of results.json."""
 
     cost_on: str
     """Scenario of the cost of transport; empty for all together."""
@@ -45,14 +45,13 @@ class Pareto:
 
 
 def pareto(cells: Sequence[Cell], scores: Sequence[Score], robot: Robot) -> Pareto:
-    """The front of policies, by their scores where there are any; cells all have the hardware profile, or none has."""
+    """The front of policies that have a score; cells all have the hardware profile, or none has."""
     names = {cell.scenario.name for cell in cells}
     cost_on = next((name for name in COST_ON if name in names), "")
-    success = {each.policy: (each.score, each.ci) for each in scores} or _mean_success(cells, len(names))
     points = []
-    for policy, (share, ci) in success.items():
-        counted = [cell for cell in cells if cell.policy == policy and cost_on in ("", cell.scenario.name)]
-        points.append(ParetoPoint(policy, share, ci, *_cost(counted, robot)))
+    for each in scores:
+        counted = [cell for cell in cells if cell.policy == each.policy and cost_on in ("", cell.scenario.name)]
+        points.append(ParetoPoint(each.policy, each.score, each.ci, *_cost(counted, robot)))
     return front_of(cost_on, points)
 
 
@@ -68,17 +67,6 @@ def front_of(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
 def _dominates(a: ParetoPoint, b: ParetoPoint) -> bool:
     no_worse = a.success >= b.success and a.cost <= b.cost
     return no_worse and (a.success > b.success or a.cost < b.cost)
-
-
-def _mean_success(cells: Sequence[Cell], scenarios: int) -> dict[str, tuple[float, Interval]]:
-    """Mean success over the scenarios, with its interval over episodes, of the policies that ran all of them."""
-    ran = {name: [cell for cell in cells if cell.policy == name] for name in dict.fromkeys(c.policy for c in cells)}
-    shares = {
-        name: np.mean([cell.measures.succeeded for cell in of], axis=0)
-        for name, of in ran.items()
-        if len(of) == scenarios
-    }
-    return {name: (float(each.mean()), mean_share_interval(each)) for name, each in shares.items()}
 
 
 def _cost(cells: Sequence[Cell], robot: Robot) -> tuple[float, Interval]:

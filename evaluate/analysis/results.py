@@ -161,8 +161,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "comparisons": [asdict(comparison) for comparison in results.comparisons],
         "breaking_points": [asdict(point) for point in results.breaking_points],
     }
-    plain: dict[str, Any] = without_nan(contents)
-    return plain
+    return dict(without_nan(contents))
 
 
 def write_json(results: Results, path: Path) -> None:

@@ -54,7 +54,9 @@ def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> l
     cells = [cell for cell in cells if counts(cell.scenario, hardware)]
     axes = severity_axes(cells)
     names = {level.name for axis in axes for level in axis.levels}
-    ran = {policy: {cell.scenario.name: cell for cell in cells if cell.policy == policy} for policy in _policies(cells)}
+    ran: dict[str, dict[str, Cell]] = {}
+    for cell in cells:
+        ran.setdefault(cell.policy, {})[cell.scenario.name] = cell
     whole = {policy: of for policy, of in ran.items() if names <= set(of)}
     if len(axes) < FEWEST_AXES or not whole:
         return []
@@ -81,7 +83,10 @@ def _score(
         policy=policy,
         score=float(values.mean()),
         ci=mean_share_interval(values),
-        axes={_base(axis.name): tuple(_rate(ran[level.name]) for level in axis.levels) for axis in axes},
+        axes={
+            _base(axis.name): tuple(float(ran[level.name].measures.succeeded.mean()) for level in axis.levels)
+            for axis in axes
+        },
         difference=float(difference.mean()),
         difference_ci=difference_interval(difference, (-1.0, 1.0)) if compared else (difference[0], difference[0]),
         p_value=float("nan") if base is None else sign_flip_test(difference),
@@ -94,10 +99,6 @@ def _by_episode(ran: dict[str, Cell], axes: Sequence[SeverityAxis]) -> Floats:
     return np.asarray(np.mean(of_axes, axis=0), np.float64)
 
 
-def _rate(cell: Cell) -> float:
-    return float(cell.measures.succeeded.mean())
-
-
 def counts(scenario: Scenario, hardware: bool) -> bool:
     """Whether a scenario is part of the score with the profile, or of that without it."""
     return scenario.hardware == hardware and _base(scenario.name) != STEADY.name
@@ -105,7 +106,3 @@ def counts(scenario: Scenario, hardware: bool) -> bool:
 
 def _base(name: str) -> str:
     return name.removesuffix(HARDWARE)
-
-
-def _policies(cells: Sequence[Cell]) -> list[str]:
-    return list(dict.fromkeys(cell.policy for cell in cells))

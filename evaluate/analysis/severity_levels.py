@@ -56,7 +56,7 @@ def severity_axes(cells: Sequence[Cell]) -> tuple[SeverityAxis, ...]:
     for scenario in scenarios.values():
         groups.setdefault(axis_name(scenario), []).append(scenario)
     return tuple(
-        SeverityAxis(name, group[0].severity_unit, tuple(mildest_first(group))) for name, group in groups.items()
+        SeverityAxis(name, group[0].severity_unit, tuple(_mildest_first(group))) for name, group in groups.items()
     )
 
 
@@ -65,7 +65,7 @@ def axis_name(scenario: Scenario) -> str:
     return scenario.axis + (HARDWARE if scenario.hardware else "") if scenario.axis else scenario.name
 
 
-def mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
+def _mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
     """Scenarios of one axis in the order of their hardness; an axis that is not of `AXES` hardens as it is run."""
     axis = scenarios[0].axis
     levels = AXES[axis].levels if axis in AXES else [each.severity for each in scenarios]

@@ -21,7 +21,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.progress import bar
 from quad_env.scenarios.height_file import check_unchanged
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import HeightField, Terrain
+from quad_env.scenarios.terrain import HeightField
 
 DIFFERS = 1
 """Exit code where the episode did not come out as stored."""
@@ -67,9 +67,8 @@ def main(options: Options) -> int:
     """Run the command; the exit code: 0, or 1 if the episode is not the stored one. Raises UsageError."""
     run = read_run(options.results)
     found = find(run, options)
-    _check_simulator(run.manifest, found.cell.scenario)
+    _check(run.manifest, found.cell.scenario)
     policy = _policy(found.cell.policy, run.manifest, options.trust)
-    _check_terrain(found.cell.scenario.terrain)
     if options.video is not None:
         files.check(options.video)
     differing = differences(run.manifest, found, policy)
@@ -147,19 +146,14 @@ def _policy(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
         raise UsageError(f"the policy of that episode is not here: {error}") from error
 
 
-def _check_simulator(manifest: Manifest, scenario: Scenario) -> None:
+def _check(manifest: Manifest, scenario: Scenario) -> None:
+    """Raise UsageError where the simulator or the terrain is not here."""
     try:
         check(manifest.hardware, scenario)
+        if isinstance(scenario.terrain, HeightField):
+            check_unchanged(scenario.terrain.file, scenario.terrain.sha256)
     except ValueError as error:
         raise UsageError(f"that episode cannot be simulated here: {error}") from error
-
-
-def _check_terrain(terrain: Terrain) -> None:
-    try:
-        if isinstance(terrain, HeightField):
-            check_unchanged(terrain.file, terrain.sha256)
-    except ValueError as error:
-        raise UsageError(f"the terrain of that episode is not here: {error}") from error
 
 
 def _film(video: Path, manifest: Manifest, found: Found, policy: LabelledPolicy) -> None:

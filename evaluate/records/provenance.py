@@ -24,7 +24,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 SOURCES = ("quad_env", "policies", "evaluate")
 """Packages that the figures depend on."""
 DIGEST = "2-"
-"""Start of every policy's digest; older digests lack it and include names of modules."""
+"""Start of every policy's digest: by which rule it was made."""
 _KINDS = {".py", ".xml", ".json"}
 
 

@@ -46,6 +46,12 @@ def interval_of_effort(name: str, ends: tuple[float, float]) -> str:
     return "" if ABSENT in (low, high) else f"{low}{NO_BREAK}… {high}"
 
 
+def effort_with_interval(name: str, summary: Summary, form: str) -> str:
+    """The figure, and after it its interval, if it has one, in the place {} of the form."""
+    ends = interval_of_effort(name, summary.effort_intervals[name])
+    return figure_of_effort(name, summary.effort[name]) + (form.format(ends) if ends else "")
+
+
 def shares(summary: Summary) -> str:
     """Successes, and in brackets falls, in per cent."""
     return f"{number(100.0 * summary.success_rate, 0)}{NO_BREAK}({number(100.0 * summary.fall_rate, 0)})"

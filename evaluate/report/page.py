@@ -5,7 +5,6 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from evaluate.analysis.breaking_points import CAVEAT
 from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
@@ -26,17 +25,9 @@ from quad_env.scenarios.scenario import HARDWARE
 NOTES = (
     "Every policy runs the same episodes: the same seeds, and so the same starts, commands, pushes and places on the "
     "terrain. They come from a family of seeds that training and parameter searches never draw from.",
-    "Velocity and yaw-rate error are means over the control steps after an episode's first second, in the heading "
-    "frame. A step's error is capped at 2 m/s and 3 rad/s, and every step from a fall to the time limit is "
-    "assigned the cap, so that a fall never improves an error.",
-    "Mean velocity error compares the command with the mean velocity over each command interval after its first "
-    "second, so that swaying within a stride does not count. After a fall it is the cap too.",
-    "A divergence of the simulation counts as a fall. A time-out does not.",
-    "Cost of transport is the energy of all episodes, ∑|torque · joint speed| before a fall, over weight times "
-    "distance, where the distance of a command interval is its time times its mean planar speed: swaying on the spot "
-    "covers none.",
     "Intervals are 95 %: Wilson for successes and falls, for scores Wilson with the effective number of episodes (Korn "
-    "and Graubard 1998), bootstrap (BCa) over episodes for means, Tango's score interval for differences of successes "
+    "and Graubard 1998), bootstrap (BCa) over episodes for means (of the cost of transport "
+    "over the quotient's linearised values, Woodruff 1971), Tango's score interval for differences of successes "
     "and falls, bootstrap over pairs (percentiles, widened to Student's t) for those of means. Where all episodes "
     "agree, others may have the share that Wilson's interval has for none of so many, and any value up to the cap.",
     "Tests are paired by episode and two-sided: exact McNemar for falls, sign-flip permutation for means. p-values are "
@@ -44,11 +35,8 @@ NOTES = (
     "run; those of the other pairs are families of their own. With those below 0.05 claimed, the chance of any "
     "false claim in a family is at most 5 %. Where p is larger there may still be a difference that so many episodes "
     "cannot show.",
-    "Intervals and tests of the cost of transport take the quotient's linearised values (Woodruff 1971), a value an "
-    "episode.",
-    "A breaking point is where half of the episodes fail, that is fall or do not succeed: where a monotone regression, "
-    "straight over the logarithm of severity between the levels, crosses one half. No shape is assumed. "
-    f"{CAVEAT} What fewer and more are is shown by exact binomial tests.",
+    "A breaking point is where a monotone regression, straight over the logarithm of severity between the levels, "
+    "crosses one half. No shape is assumed. What fewer and more are is shown by exact binomial tests.",
     "The intervals speak of episodes, not of training: another training seed gives another policy.",
 )
 Origin = tuple[str, str]

@@ -20,8 +20,7 @@ from evaluate.report.headings import (
     FIRST,
     NARROW,
     NARROW_DIFFERENCES,
-    figure_of_effort,
-    interval_of_effort,
+    effort_with_interval,
     shares,
 )
 from quad_env.cli.format import broken, counted, number, p_value, percent, points, share
@@ -31,8 +30,6 @@ MOST_SCENARIOS = 6
 """Scenarios of which every figure is printed."""
 NAME_WIDTH, HEAD_WIDTH = 20, 9
 """Characters of a name in a line, at the head of a row and of a column; the rest goes on below."""
-FIGURES_WIDTH = 72
-"""Columns of a summary's figures with their intervals in a line."""
 
 
 def print_results(results: Results, console: Console) -> None:
@@ -43,7 +40,7 @@ def print_results(results: Results, console: Console) -> None:
     if len(results.scenarios) > MOST_SCENARIOS:
         print_levels(results, console)
     else:
-        console.print(summary_table(results, console.width))
+        console.print(summary_table(results))
         _print_effort(results, console)
         if results.against_baseline:
             console.print()
@@ -131,16 +128,14 @@ def _widest(results: Results) -> str:
     return f"95 % intervals of these shares (Wilson): at most {reach} points to either side; each is in the report"
 
 
-def summary_table(results: Results, width: int) -> Table:
-    """A row for each policy on each scenario; intervals below their figures where names leave no room in a line."""
-    longest = max(len(line) for policy in results.policies for line in row_name(policy).splitlines())
-    end = " " if longest + FIGURES_WIDTH <= width else "\n"
+def summary_table(results: Results) -> Table:
+    """A row for each policy on each scenario, intervals below their figures."""
     title = f"{counted(results.episodes, 'episode')} each, with 95 % intervals (± half of one)"
     shown = (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")
     heads = {FIRST: "policy", **{metric: NARROW[metric] for metric in shown}, "cost_of_transport": "cost of\ntransport"}
     groups: dict[str, list[dict[str, str]]] = {scenario: [] for scenario in results.scenarios}
     for (scenario, policy), summary in results.summaries.items():
-        groups[scenario].append({FIRST: row_name(policy), **summary_figures(summary, end)})
+        groups[scenario].append({FIRST: row_name(policy), **summary_figures(summary, "\n")})
     return console_table(title, heads, groups)
 
 
@@ -164,14 +159,9 @@ def effort_table(results: Results) -> Table:
     groups: dict[str, list[dict[str, str]]] = {name: [] for name in EFFORT_ON if name in results.scenarios}
     for (scenario, policy), summary in results.summaries.items():
         if scenario in groups:
-            cells = {name: f"{figure_of_effort(name, summary.effort[name])}{_ends(summary, name)}" for name in FEW}
+            cells = {name: effort_with_interval(name, summary, " [{}]") for name in FEW}
             groups[scenario].append({FIRST: row_name(policy), **cells})
     return console_table("effort while upright, with 95 % intervals", {FIRST: "policy", **FEW}, groups)
-
-
-def _ends(summary: Summary, name: str) -> str:
-    ends = interval_of_effort(name, summary.effort_intervals[name])
-    return ends and f" [{ends}]"
 
 
 def difference_table(results: Results) -> Table:

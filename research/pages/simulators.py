@@ -8,9 +8,9 @@ from typing import Annotated
 import numpy as np
 import pyarrow as pa
 import tyro
-from numpy.typing import NDArray
 
 from evaluate.analysis.comparison import paired_difference
+from evaluate.analysis.effort import COST, mean_and_interval
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import read_rows, rows_of
 from quad_env.cli.command_line import UsageError
@@ -21,7 +21,7 @@ from research.pages.markdown import table
 from research.pages.places import put
 
 PLACE = "simulators"
-ERROR, COST = "mean_velocity_error", "cost_of_transport"
+ERROR = "mean_velocity_error"
 
 
 @dataclass(frozen=True)
@@ -75,14 +75,8 @@ def _rows(a: tuple[Manifest, pa.Table], b: pa.Table) -> Iterator[dict[str, str |
             "high": ci[1],
             "p_value": p_value,
             **{f"falls_{side}": fell for side, fell in zip("ab", falls, strict=True)},
-            **{f"{COST}_{side}": _mean(cost) for side, cost in zip("ab", costs, strict=True)},
+            **{f"{COST}_{side}": mean_and_interval(cost, COST)[0] for side, cost in zip("ab", costs, strict=True)},
         }
-
-
-def _mean(values: NDArray[np.float64]) -> float:
-    """Mean of those that exist; NaN where none does, such as the cost of a robot that stands."""
-    found = values[np.isfinite(values)]
-    return float(found.mean()) if len(found) else np.nan
 
 
 def _heads(names: list[str]) -> dict[str, str]:

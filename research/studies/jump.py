@@ -14,7 +14,7 @@ from policies.base import Floats
 from policies.behaviour import Behaviour
 from quad_env.cli.command_line import check_numbers
 from quad_env.seeding import episode_seeds
-from research.studies.standing import standing
+from research.studies.recovery import standing
 
 SETTLING, WATCHED = 0.8, 3.5
 """s before the jump is asked for, and of the whole episode."""
@@ -39,7 +39,7 @@ class Outcome:
     rise: Floats
     """m, (n,)."""
     stands: NDArray[np.bool_]
-    """Whether it stands at the end, by the rule of `research.studies.standing`, (n,)."""
+    """Whether it stands at the end, by `standing`, (n,)."""
     peak_torque: float
     """Largest joint torque at the end of any control step, N·m."""
     rated_torque: float

@@ -6,8 +6,6 @@ foot that lands stops slipping. One setting is exact: each contact's reference a
 µ times the tangential residual (G. de Saxcé and Z.-Q. Feng, The bipotential method, Math. Comput. Modelling 28, 1998).
 """
 
-import math
-import time
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -21,7 +19,6 @@ from mujoco.batch import Batch
 
 import policies
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, run_cell
-from evaluate.rollouts.hardware import Hardware
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.config import GRAVITY
 from quad_env.files.writing import write_atomically
@@ -43,8 +40,6 @@ class Setting:
     options: Mapping[str, float] = field(default_factory=dict)
     """Fields of MuJoCo's `mjOption`."""
     solref: tuple[float, float] | None = None
-    slip: float | None = None
-    """Time constant of friction alone, s: `solreffriction`, which only explicit pairs of geoms have."""
     friction: float | None = None
     push: float = 0.1
     """Duration of the pushes, s; their impulse is the scenario's."""
@@ -56,11 +51,6 @@ class Setting:
             setattr(spec.option, name, value)
         for geom in spec.geoms:
             geom.solref, geom.friction[0] = self.solref or geom.solref, self.friction or geom.friction[0]
-        for geom in (each for each in spec.geoms if self.slip and each.contype and each.parent != spec.worldbody):
-            for ground in spec.worldbody.geoms:
-                friction = [max(geom.friction[0], ground.friction[0])] * 2 + [0.005, 1e-4, 1e-4]
-                law = {"solref": ground.solref, "solimp": ground.solimp, "solreffriction": (self.slip, 1.0)}
-                spec.add_pair(geomname1=ground.name, geomname2=geom.name, condim=3, friction=friction, **law)
         return spec
 
 
@@ -76,8 +66,6 @@ SETTINGS = {
     "time constant 0.02 s": Setting(solref=(0.02, 1.0)),
     "damping ratio 0.5": Setting(solref=(0.01, 0.5)),
     "damping 50 1/s, impratio 40": Setting({"impratio": 40}, solref=(-11080.0, -50.0)),  # as stiff as today
-    "friction's time constant 0.05 s, impratio 50": Setting({"impratio": 50}, slip=0.05),
-    "friction's time constant 0.1 s, impratio 100": Setting({"impratio": 100}, slip=0.1),
     "exact Coulomb friction": Setting(_NEWTON, exact=True),
     "friction 0.6": Setting(friction=0.6),
     "friction 0.5": Setting(friction=0.5),
@@ -101,8 +89,6 @@ class Options:
     """Search episodes of 10 s on each (count)."""
     seed: int = 38
     """Which set of search episodes (whole number from 0)."""
-    simulator: str = "mujoco"
-    """Simulator of the walks; the time step and friction are all that another one takes from a setting."""
     table: Path = Path("docs/results/sliding.csv")
     """CSV file to write."""
 
@@ -131,20 +117,16 @@ def sliding(setting: Setting) -> dict[str, float]:
             lift, brief, whole = slide(model, speed, seconds, setting.exact)
             found |= {f"{name} lift, mm, {speed:g} m/s": lift, f"{name} braking, µg, {speed:g} m/s": brief}
             found |= {f"{name} braking to rest, µg, {speed:g} m/s": whole} if name == "ball" else {}
-    data = settled(ball)
-    found["sinks, mm"] = -1e3 * data.qpos[1]
-    data.qfrc_applied[0] = 0.5 * _friction(ball) * GRAVITY * ball.body_mass.sum()
-    found["creep, mm/s"] = 1e3 * _step(ball, data, setting.exact, 0.5).qvel[0]
-    data = mujoco.MjData(ball)
-    data.qpos[1] = 0.5 / GRAVITY  # falls at 1 m/s onto the ground
-    rising = [_step(ball, data, setting.exact).qvel[1] for _ in range(round(1.0 / ball.opt.timestep))]
-    return found | {"bounce": max(rising), "speed": math.nan if setting.exact else _speed(robot)}
+    return found
 
 
 def slide(model: Any, speed: float, seconds: float, exact: bool) -> tuple[float, float, float]:
     """Largest height of the lowest foot, mm; mean deceleration of the centre of mass over the first 50 ms, and until a
     twentieth of the speed is left or the time is over, units of µg."""
-    data, timestep, feet = settled(model), model.opt.timestep, model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
+    data, timestep, feet = mujoco.MjData(model), model.opt.timestep, model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
+    if model.nkey:  # the home pose
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    _step(model, data, False, 0.5)  # it settles
     data.qvel[0] += speed
     heights, speeds = [], []
     for _ in range(round(seconds / timestep)):
@@ -169,19 +151,10 @@ def ball_spec(robot: Robot) -> Any:
     return spec
 
 
-def settled(model: Any) -> Any:
-    """At rest after half a second, from the home pose where there is one."""
-    data = mujoco.MjData(model)
-    if model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-    return _step(model, data, False, 0.5)
-
-
 def walks(setting: Setting, options: Options) -> dict[str, float]:
     """Success, share, and falls, count, of the policy on each scenario."""
     seeds = episode_seeds("search", options.seed, options.episodes)
     found: dict[str, float] = {}
-    hardware = Hardware(**({} if options.simulator == "mujoco" else {"simulator": options.simulator}))
     policy = LabelledPolicy(options.policy, policies.resolve(options.policy))
     with ExitStack() as patches:
         patches.enter_context(patch("quad_env.physics.model.spec_of", lambda robot: setting.apply(spec_of(robot))))
@@ -190,7 +163,7 @@ def walks(setting: Setting, options: Options) -> dict[str, float]:
         for name in options.scenarios:
             where = scenario(name)
             where = replace(where, pushes=where.pushes and replace(where.pushes, duration=setting.push))
-            measures = run_cell(policy, where, seeds, Settings(1, lambda *_: None, hardware=hardware)).measures
+            measures = run_cell(policy, where, seeds, Settings(1, lambda *_: None)).measures
             found |= {f"{name} success": measures.succeeded.mean(), f"{name} falls": measures.fell.sum()}
     return found
 
@@ -201,17 +174,6 @@ def _law(geom: Any) -> dict[str, Any]:
 
 def _friction(model: Any) -> float:
     return float(model.geom("ground").friction[0])
-
-
-def _speed(model: Any) -> float:
-    """Speed of the standing robot as a ratio to today's, by processor time, the best of five in turns."""
-    taken: list[list[float]] = [[], []]
-    for _ in range(5):
-        for each, times in zip((spec_of(SIMPLE_QUAD).compile(), model), taken, strict=True):
-            data, start = settled(each), time.process_time()
-            _step(each, data, False, 1.0)
-            times.append(time.process_time() - start)
-    return min(taken[0]) / min(taken[1])
 
 
 def _step(model: Any, data: Any, exact: bool, seconds: float | None = None) -> Any:

@@ -57,8 +57,7 @@ def check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains() -> Non
 
 
 def without_worlds(patch: pytest.MonkeyPatch) -> None:
-    for module in (severity_levels, breaking_points):
-        patch.setattr(module, "axis_name", lambda scenario: scenario.axis or scenario.name)
+    patch.setattr(severity_levels, "axis_name", lambda scenario: scenario.axis or scenario.name)
 
 
 FAULTS: Faults = {

@@ -13,7 +13,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
 from research.studies import jump, recovery, safety
-from research.studies.standing import standing
+from research.studies.recovery import standing
 
 
 def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch) -> None:

@@ -24,7 +24,6 @@ RUNS = {
         {drawn(5000 + level, 2, "validation") for level in range(8)} | {drawn(5500, 4, "validation")},
         "false alarms",
     ),
-    "ground --policies stand --scenarios rough:2 --episodes 2 --threads 1": ({drawn(5, 2)}, "1 of 1"),
 }
 
 
@@ -47,14 +46,11 @@ def test_a_study_runs_the_episodes_of_its_options(words: str, monkeypatch, capsy
         ("calibration --episodes", "--episodes and --fall-probabilities must each have at least one value"),
         ("calibration --only nothing --episodes 8", "--only: no row is named like nothing"),
         ("gaits --gaits gallop", "--gaits: name each once; there are"),
-        ("ground --scenarios flat", "--scenarios: the ground of flat is not random"),
-        ("ground --other 0", "--other: 0 is the ground of rough itself"),
         ("estimation --sensors truth", "--sensors: the estimator kalman has no sensors"),
         ("estimation --page nowhere.md", "cannot read the page nowhere.md"),
         ("pictures --frames 1000000000", "the last frame must lie within the episode's 10 s"),
         ("pictures --out strip.nonsense", "--out must be a .png, or a .webp or .gif"),
         ("publish no-such-run", "no run in no-such-run"),
-        ("trials .", "no run in ."),
         ("ablations --variants brainless", "--variants: unknown 'brainless'; valid:"),
     ],
 )

@@ -6,7 +6,7 @@ from html import escape
 from evaluate.analysis.pareto import Pareto
 from evaluate.analysis.results import Results
 from evaluate.measures.catalogue import EFFORT
-from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FIRST, figure_of_effort, interval_of_effort
+from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FIRST, effort_with_interval
 from evaluate.report.html import breakable, grid, heading, image, note, section, table
 from evaluate.report.plots import pareto as plots
 from evaluate.report.plots.drawing import svg
@@ -43,7 +43,7 @@ def _figures(results: Results) -> Iterator[str]:
     """A row for each policy over the commands and at a steady speed."""
     rows = [
         {FIRST: f"{policy_label(results, policy)}<small>{escape(scenario)}</small>"}
-        | {name: _cell(name, one.effort[name], one.effort_intervals[name]) for name in EFFORT}
+        | {name: effort_with_interval(name, one, "<small>{}</small>") for name in EFFORT}
         for scenario in EFFORT_ON
         for policy in results.policies
         if (one := results.summaries.get((scenario, policy)))
@@ -52,8 +52,3 @@ def _figures(results: Results) -> Iterator[str]:
         places = "; ".join(f"{name}: {words}" for name, words in EFFORT_ON.items() if name in results.scenarios)
         yield table({FIRST: "policy", **{name: heading(*EFFORT_TITLES[name]) for name in EFFORT}}, rows)
         yield note(f"{places}. {MOTION}")
-
-
-def _cell(name: str, value: float, ends: tuple[float, float]) -> str:
-    below = interval_of_effort(name, ends)
-    return figure_of_effort(name, value) + (f"<small>{below}</small>" if below else "")

@@ -71,12 +71,12 @@ def test_scores_stand_against_the_cost_at_a_steady_speed(cells) -> None:
     assert (both.pareto.front, both.hardware_pareto.points) == (found.front, ())
 
 
-def test_without_scores_success_is_that_of_all_scenarios_and_cost_counts_every_load(cells) -> None:
+def test_the_cost_of_all_scenarios_counts_every_load(cells) -> None:
     made = [
         *cells("trot", push=(4, 100, 2), payload=(2, 300, 4)),
         *cells("stand", push=(0, 100, 2)),  # that missed one
     ]
-    (found,) = pareto(made, [], SIMPLE_QUAD).points
+    (found,) = pareto(made, scores(made, "trot"), SIMPLE_QUAD).points
     assert (found.policy, found.success) == ("trot", pytest.approx((4 + 6) / 16))
     own, carried = SIMPLE_QUAD.mass * 9.81, made[1].scenario.payload.mass * 9.81
     assert found.cost == pytest.approx(400.0 / (own * 2.0 + (own + carried) * 4.0))

@@ -6,7 +6,6 @@ import pytest
 from scipy.stats import kendalltau
 
 from evaluate.analysis.ranking import Ranking, rank_correlation, ranking
-from evaluate.statistics.significance import sign_flip_test
 
 EPISODES = 40
 AXES = {"flat": "flat", "push:1": "push", "push:2": "push"}
@@ -45,7 +44,7 @@ def test_every_axis_and_every_scenario_of_it_counts_alike_in_the_scores() -> Non
     a = rows({"flat": first(40, 20, 0), "push:1": first(0, 20, 40), "push:2": first(20, 20, 20)})
     found = of(a, a)
     assert found.scores == (pytest.approx((0.625, 0.5, 0.375)),) * 2
-    assert (found.correlation, found.reversals) == (pytest.approx(1.0), ())
+    assert found.correlation == pytest.approx(1.0)
 
 
 def test_episodes_of_the_same_seeds_stay_paired() -> None:
@@ -53,9 +52,12 @@ def test_episodes_of_the_same_seeds_stay_paired() -> None:
     generator = np.random.default_rng(0)
     succeeded = {name: {policy: generator.random(EPISODES) < 0.5 for policy in POLICIES} for name in AXES}
     assert of(rows(succeeded), rows(succeeded)).ci == pytest.approx((1.0, 1.0))
-    low, high = of(rows(succeeded), rows(succeeded, first_seed=1000)).ci
+    shuffled = {
+        name: {p: generator.permutation(each) for p, each in of_it.items()} for name, of_it in succeeded.items()
+    }
+    low, high = of(rows(succeeded), rows(shuffled)).ci
     assert (low < 0.0, high) == (True, pytest.approx(1.0))
-    assert "not shown" in next(of(rows(succeeded), rows(succeeded, first_seed=1000)).lines())
+    assert "not shown" in next(of(rows(succeeded), rows(shuffled)).lines())
 
 
 def test_common_seeds_alone_count() -> None:
@@ -63,21 +65,6 @@ def test_common_seeds_alone_count() -> None:
     fewer = {name: {policy: each[20:] for policy, each in of_it.items()} for name, of_it in more.items()}
     found = of(rows(more), rows(fewer, first_seed=20))
     assert found.scores == (pytest.approx((1.0, 0.5, 0.0)),) * 2
-
-
-def test_a_reversal_takes_a_significant_difference_in_both_after_correction() -> None:
-    a = rows({"flat": first(40, 30, 20), "push:1": first(40, 10, 20), "push:2": first(40, 20, 20)})
-    b = rows({"flat": first(40, 30, 20), "push:1": first(40, 30, 20), "push:2": first(20, 40, 22)})
-    found = of(a, b)
-    (push,) = [each for each in found.reversals if each.scenario == "push:2" and each.better_in_b == "b"]
-    assert (push.better_in_a, push.differences) == ("a", (pytest.approx(0.5), pytest.approx(-0.5)))
-    # The smallest p-value of three pairs on three scenarios and in score: the larger one of A and B twelve fold.
-    in_both = (sign_flip_test(np.repeat(each, 20)) for each in ([1.0, 0.0], [0.0, -1.0]))
-    assert push.p_value_holm == pytest.approx(12 * max(in_both))
-    (other,) = [each for each in found.reversals if each.scenario == "push:1"]
-    assert (other.better_in_a, other.better_in_b) == ("c", "b")
-    assert not [each for each in found.reversals if {each.better_in_a, each.better_in_b} == {"a", "c"}]  # by 2 episodes
-    assert "reversed on push:2: a minus b is 50.0 points in A and −50.0 in B" in "".join(found.lines())
 
 
 def test_the_answer_in_a_line() -> None:

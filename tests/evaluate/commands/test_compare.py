@@ -1,4 +1,4 @@
-"""Two results folders: paired where they ran the same episodes, and said to be unpaired where not."""
+"""Two results folders, paired by the episodes of the same seeds."""
 
 import dataclasses
 import json
@@ -29,7 +29,6 @@ def test_a_run_and_itself_are_the_same_to_the_bit(run, capsys) -> None:
     assert code == 0
     assert "6 of 6" in said
     assert "paired by episode" in said
-    assert "unpaired" not in said
     assert "differ in: nothing that is known" in said
 
 
@@ -47,7 +46,7 @@ def test_a_difference_is_b_minus_a_paired_by_episode(run, tmp_path, capsys) -> N
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
     for match in found["comparisons"]:
         success, falls, velocity = match["contrasts"][:3]
-        assert (match["paired"], match["identical"]) == (True, match["a"] != "trot")
+        assert match["identical"] == (match["a"] != "trot")
         assert (success["metric"], success["difference"], success["p_value"]) == ("success_rate", 0.0, 1.0)
         assert (falls["metric"], falls["test"], falls["p_value"]) == ("fall_rate", "exact McNemar", 1.0)
         expected = 0.125 if match["a"] == "trot" else 0.0
@@ -61,18 +60,14 @@ def test_a_difference_is_b_minus_a_paired_by_episode(run, tmp_path, capsys) -> N
         assert velocity["p_value"] == (pytest.approx(2 / 32) if expected else 1.0)
 
 
-def test_other_seeds_and_another_definition_of_a_scenario_are_compared_unpaired(run, tmp_path, capsys) -> None:
+def test_another_definition_of_a_scenario_is_named_and_other_seeds_are_refused(run, tmp_path, capsys) -> None:
     softer = dataclasses.replace(quad_env.SCENARIOS["push"], pushes=quad_env.Pushes(impulse=5.0))
     _, said = compare(capsys, run.folder, other(run, tmp_path / "c", scenarios=(quad_env.SCENARIOS["flat"], softer)))
-    assert "push is not the same scenario in both" in said
-    assert "3 of 6" in said
+    assert "A and B differ in: the scenario push has changed" in said
+    assert "6 of 6" in said
     b = other(run, tmp_path / "b", lambda rows: column(rows, "seed", np.arange(rows.num_rows)))
-    code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
-    assert code == 0
-    assert "unpaired, since their episodes have different seeds" in said
-    assert "(=)" not in said
-    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
-    assert {c["test"] for match in found["comparisons"] for c in match["contrasts"]} == {"Barnard", "permutation"}
+    code, said = compare(capsys, run.folder, b)
+    assert (code, "no episodes of the same --seed, in common" in said) == (2, True)
 
 
 def test_of_runs_of_one_seed_the_common_episodes_are_paired(run, tmp_path, capsys) -> None:
@@ -81,11 +76,10 @@ def test_of_runs_of_one_seed_the_common_episodes_are_paired(run, tmp_path, capsy
     code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
     assert code == 0
     assert "of A's 5 episodes and B's 3, the 3 of the same seeds are compared" in said
-    assert "unpaired" not in said
     assert "6 of 6" in said
     rows = read_table(run.folder / "episodes.parquet").to_pylist()
     for match in json.loads((tmp_path / "found.json").read_text())["comparisons"]:
-        assert (match["episodes"], match["common"], match["paired"]) == ([5, 3], 3, True)
+        assert (match["episodes"], match["common"]) == ([5, 3], 3)
         errors = [
             row["velocity_error"]
             for row in rows
@@ -159,14 +153,17 @@ def test_the_answer_whether_the_ranking_survives(run, tmp_path, capsys) -> None:
     assert json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["ranking"] is None
 
 
-def test_success_that_differs_after_correction_is_named(run, tmp_path, capsys) -> None:
+def test_success_that_differs_after_correction_is_named(run, tmp_path, capsys, monkeypatch) -> None:
+    """Five of five in B alone: p is 2 / 2^5 times six matches, and no less with five episodes."""
+    monkeypatch.setattr("evaluate.commands.compare.SIGNIFICANT", 0.376)
+
     def changed(rows: pa.Table) -> pa.Table:
         outcomes = np.array(rows.column("outcome").to_pylist(), dtype=object)
         outcomes[np.array(rows.column("policy").to_pylist()) == "document"] = "succeeded"
-        return column(column(rows, "outcome", outcomes.tolist()), "seed", rows.column("seed").to_numpy() + 1)
+        return column(rows, "outcome", outcomes.tolist())
 
     said = compare(capsys, run.folder, other(run, tmp_path / "b", changed))[1]
-    assert "success differs: document on flat, 100.0 points, p" in said
+    assert "success differs: document on flat, 100.0 points, p\u00a0=\u00a00.3" in said
     assert "success differs: stand" not in said
 
 
@@ -178,6 +175,6 @@ def test_runs_with_and_without_the_hardware_profile_are_matched(run, tmp_path, c
     code, said = compare(capsys, run.folder, b)
     assert code == 0
     assert "A and B differ in: the hardware profile, which one of them has" in said
-    assert "unpaired, since push is not the same scenario in both" in said
+    assert "paired by episode: same seeds" in said
     assert "ranking of B: " in said
     assert "ranking of B: " in compare(capsys, b, b)[1]

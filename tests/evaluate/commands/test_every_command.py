@@ -147,6 +147,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
 ELSEWHERE = {
     "": {
         "resume": test_resume.test_a_killed_run_goes_on_to_the_same_files,
+        "simulator": "tests.evaluate.rollouts.test_simulator, where there is pydrake",
     },
     "report": {
         "success": test_command.test_a_report_by_another_rule_of_success_is_printed_and_leaves_the_files_alone,

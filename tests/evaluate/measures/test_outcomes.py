@@ -32,7 +32,8 @@ def judged(commands, velocities, **changes):
     """The outcome of one upright episode with these commands and mean velocities, an interval a row."""
     no = np.zeros(1, np.bool_)
     arrays = {"commands": np.array([commands], float), "velocities": np.array([velocities], float)}
-    return outcomes(**{"fell": no, "diverged": no, "stopped": no} | arrays | changes)[0]
+    arrays["durations"] = np.ones(len(commands))
+    return outcomes(**dict.fromkeys(("fell", "diverged", "stopped", "failed"), no) | arrays | changes)[0]
 
 
 @pytest.mark.parametrize(
