@@ -99,10 +99,6 @@ class Safe(Policy):
         """The latest changes of mode, oldest first."""
         return list(self._log)
 
-    def failures(self) -> list[str]:
-        """The latest exceptions of the policy in words, oldest first."""
-        return list(self._failures)
-
     def emergency_stop(self, mask: ArrayLike | None = None, *, damp: bool = False) -> None:
         """Stop those robots, all without a mask, from their next action on until a reset: under control, or damped."""
         self._enter(chosen(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, "emergency stop requested")
@@ -118,7 +114,7 @@ class Safe(Policy):
         self._entered = np.zeros(num_envs, np.bool_)
         self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
         self._reference, self._recent = np.zeros((num_envs, 2)), np.zeros((num_envs, 2))
-        self._log, self._failures = deque[Event](maxlen=LOG_CAPACITY), deque[str](maxlen=64)
+        self._log = deque[Event](maxlen=LOG_CAPACITY)
         self._brace.reset(num_envs)
         for motion in self._motions.values():
             motion.reset(num_envs)
@@ -158,8 +154,7 @@ class Safe(Policy):
             try:
                 answer = self.policy.act(self._slowed(observation))
             except Exception as error:
-                self._failures.append(f"step {self._step}: {described(error)}")
-                self._enter(following, Mode.STOP, "policy raised an exception")
+                self._enter(following, Mode.STOP, f"policy raised {described(error)}")
             else:
                 self._accept(answer, following, targets)
         return targets
