@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Mask, chosen
 from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, conditions
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -39,15 +38,12 @@ class BehaviourMachine:
     def __init__(
         self,
         num_envs: int = 1,
-        start: State = State.PASSIVE,
+        start: State = State.STAND,
         *,
-        robot: str | Robot = SIMPLE_QUAD,
+        robot: Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        robot = robot_of(robot)
-        self._robot, self._period = robot, control_period
-        self._start = start
-        self._capacity = LOG_CAPACITY
+        self._robot, self._period, self._start = robot, control_period, start
         self.reset(num_envs)
 
     def reset(self, num_envs: int) -> None:
@@ -58,11 +54,11 @@ class BehaviourMachine:
         """Control steps that each robot has been in its state, (n,)."""
         self._changed = np.ones(num_envs, np.bool_)
         self._conditions = {guard: np.zeros(num_envs, np.bool_) for guard in GUARDS}
-        self._log = deque[Change](maxlen=self._capacity)
+        self._log = deque[Change](maxlen=LOG_CAPACITY)
 
     def restart(self, mask: Mask) -> None:
         """Restart those robots; logged."""
-        for robot in np.flatnonzero(mask)[-self._capacity :]:
+        for robot in np.flatnonzero(mask)[-LOG_CAPACITY:]:
             source = State(self._state[robot])
             self._log.append(Change(self.step, int(robot), source, self._start, "restarted"))
         self._enter(mask, self._start)
@@ -117,7 +113,7 @@ class BehaviourMachine:
         moving = rows >= 0
         if not moving.any():
             return
-        for robot in np.flatnonzero(moving)[-self._capacity :]:
+        for robot in np.flatnonzero(moving)[-LOG_CAPACITY:]:
             row = TRANSITIONS[rows[robot]]
             self._log.append(Change(self.step, int(robot), State(self._state[robot]), row.target, row.reason))
         self._enter(moving, _TARGET[rows[moving]])

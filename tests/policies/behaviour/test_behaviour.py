@@ -13,7 +13,7 @@ from policies.behaviour.transitions import TIME_LIMIT, conditions
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.policies.readings import reading
 
-RESTING = {State.PASSIVE, State.STAND, State.WALK, State.RUN, State.EMERGENCY_STOP}
+RESTING = {State.STAND, State.WALK, State.RUN}
 
 
 def seen(n=1, up=1.0, turning=0.0, speed=0.0, joints=0.0, command=(0.0, 0.0, 0.0)):
@@ -23,9 +23,6 @@ def seen(n=1, up=1.0, turning=0.0, speed=0.0, joints=0.0, command=(0.0, 0.0, 0.0
 
 
 WITH = {  # a reading under which a guard holds, and steps to wait for it
-    "still": (seen(), 1),
-    "upright": (seen(), 1),
-    "tilted": (seen(up=0.0), 1),
     "in home pose": (seen(), 12),
     "toppling": (seen(up=0.2, turning=9.0), 1),
     "landed": (seen(), 95),
@@ -34,9 +31,6 @@ WITH = {  # a reading under which a guard holds, and steps to wait for it
     "": (seen(up=0.9, turning=9.0), 1),
 }
 WITHOUT = {  # a reading under which it does not
-    "still": seen(speed=1.0),
-    "upright": seen(up=0.5),
-    "tilted": seen(),
     "in home pose": seen(joints=0.5),
     "toppling": seen(),
     "landed": seen(speed=1.0),
@@ -96,7 +90,7 @@ def test_every_request_that_the_table_lacks_is_refused():
             machine = machine_in(state)
             assert machine.request(request).all()
             assert machine.state[0] == state
-    with pytest.raises(ValueError, match="emergency_stop, passive, stand"):
+    with pytest.raises(ValueError, match="stand, walk, run, jump"):
         BehaviourMachine(1).request("gallop")
 
 
@@ -109,7 +103,7 @@ def test_batch_request_moves_those_that_may_and_gives_the_mask_of_those_that_ref
     assert machine.state.tolist() == [State.RUN, State.STAND, State.STAND]
 
 
-def test_every_state_leads_to_standing_and_every_state_but_a_stop_can_be_left_without_waiting_for_a_person():
+def test_every_state_leads_to_every_other_and_none_but_those_of_rest_waits_for_a_person():
     ahead = {state: {row.target for row in TRANSITIONS if state in row.sources} for state in State}
     for state in State:
         reached, frontier = {state}, {state}
@@ -135,10 +129,9 @@ events = st.one_of(
 @settings(max_examples=20)
 @given(st.lists(events, max_size=15), st.sampled_from(State), st.integers(0, 3))
 def test_random_commands_never_break_the_machine(script, start, robot):
-    """Never in two states, never stuck, every change in the table, an emergency stop obeyed at once and kept."""
+    """Never in two states, never stuck, every change in the table."""
     machine = BehaviourMachine(4, start=start)
     legal = {(source, row.target) for row in TRANSITIONS for source in row.sources}
-    stopped = np.zeros(4, bool)
     for kind, what, number in script:
         before = machine.state
         if kind == "ask":
@@ -146,18 +139,11 @@ def test_random_commands_never_break_the_machine(script, start, robot):
             refused = machine.request(what, mask)
             assert not (refused & ~mask).any()
             assert (machine.state[~mask | refused] == before[~mask | refused]).all()
-            if what == "emergency_stop":
-                assert not refused.any()
-                assert (machine.state[mask] == State.EMERGENCY_STOP).all()
-                stopped |= mask
-            elif what == "passive":
-                stopped &= ~(mask & ~refused)
         else:
             for _ in range(number):
                 machine.observe(what)
         assert machine.state.shape == (4,)
         assert set(machine.state.tolist()) <= set(State)
-        assert (machine.state[stopped] == State.EMERGENCY_STOP).all()
     assert all((change.source, change.target) in legal for change in machine.changes())
     path = [change for change in machine.changes() if change.robot == robot]
     assert all(a.target == b.source for a, b in itertools.pairwise(path))
@@ -181,28 +167,26 @@ def test_the_page_of_the_behaviours_has_every_transition_and_no_other():
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if line.startswith("|")]
     expected = []
     for row in TRANSITIONS:
-        sources = "any" if len(row.sources) == len(State) else ", ".join(source.name.lower() for source in row.sources)
+        sources = ", ".join(source.name.lower() for source in row.sources)
         expected.append([sources, row.request, row.guard, row.target.name.lower(), row.reason])
     assert rows[2:] == expected
     arrows = [line.split("-->")[1].split(":")[0].strip() for line in page.splitlines() if "-->" in line]
     assert set(arrows) == {row.target.name.lower() for row in TRANSITIONS}
 
 
-def test_policy_that_follows_walks_runs_and_stands_by_the_command_until_an_emergency_stop():
+def test_policy_that_follows_walks_runs_and_stands_by_the_command_and_goes_limp_when_it_topples():
     policy = policies.make("behaviour")
     policy.reset(2)
     for command, expected in (((0.0, 0, 0), State.STAND), ((0.4, 0, 0), State.WALK), ((1.2, 0, 0), State.RUN)):
         for _ in range(30):
             policy.act(seen(2, command=command))
         assert policy.state.tolist() == [expected] * 2
-    policy.request("emergency_stop", np.array([True, False]))
     joints = np.linspace(-0.3, 0.3, 12).astype(np.float32)
-    damped, running = policy.act(seen(2, joints=joints, command=(1.2, 0, 0)))
+    lying, upright = (seen(1, up=up, joints=joints, command=(1.2, 0, 0)) for up in (0.2, 1.0))
+    damped, running = policy.act(np.concatenate((lying, upright)))
     np.testing.assert_allclose(damped, np.clip(SIMPLE_QUAD.home_pose + joints, -2.5, 1.5), atol=1e-6)
     assert np.abs(running - damped).max() > 0.1
-    for _ in range(30):
-        policy.act(seen(2))
-    assert policy.state.tolist() == [State.EMERGENCY_STOP, State.STAND]
+    assert policy.state.tolist() == [State.FALL, State.RUN]
 
 
 def test_changing_behaviour_makes_no_target_jump():
