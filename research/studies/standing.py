@@ -16,7 +16,7 @@ STANDING_SPEED = 0.3
 
 
 def standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray[np.bool_]:
-    """Which robots stand, (n,), after a jump as after getting up: upright, high and still.
+    """Which robots stand, (n,), after getting up: upright, high and still.
 
     One that has diverged is parked in its home pose and does not.
 
