@@ -24,7 +24,6 @@ from packaging.utils import canonicalize_name
 EVALUATION = ("quad_env", "policies", "evaluate")
 PACKAGES = (*EVALUATION, "train")
 VIEW = "live/view"  # what a clone shows with the base dependencies alone; other commands of live say what they lack
-INDIRECT = {"tensorboard"}  # imported by torch.utils.tensorboard when a training run logs
 MAKE = """
 import sys, gymnasium
 env = gymnasium.make("quad_env:SimpleQuad-v0")
@@ -167,7 +166,7 @@ import policies
 assert "mujoco" not in sys.modules
 class NotInstalled:
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in ("torch", "stable_baselines3", "tensorboard"):
+        if name.partition(".")[0] in ("torch", "stable_baselines3"):
             raise ModuleNotFoundError(name)
 sys.meta_path.insert(0, NotInstalled())
 runpy.run_module("evaluate", run_name="__main__", alter_sys=True)
@@ -203,5 +202,5 @@ def test_every_import_is_a_declared_dependency_and_every_dependency_is_imported(
     assert [name for name, providing in training.items() if not providing & declared] == []
     used = set().union(*evaluation.values())
     assert base <= used
-    assert extra <= used.union(INDIRECT, *training.values())
+    assert extra <= used.union(*training.values())
     assert optional(repository) <= set(imported(repository / "evaluate"))
