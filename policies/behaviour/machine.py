@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Mask, chosen
-from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, conditions
+from policies.behaviour.transitions import REQUESTS, TRANSITIONS, State, conditions
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -34,13 +34,10 @@ class BehaviourMachine:
         self.ticks = np.zeros(num_envs, np.int64)
         """Control steps that each robot has been in its state, (n,)."""
         self._changed = np.ones(num_envs, np.bool_)
-        self._conditions = {guard: np.zeros(num_envs, np.bool_) for guard in GUARDS}
 
     def restart(self, mask: Mask) -> None:
         """Restart those robots."""
         self._enter(mask, self._start)
-        for holds in self._conditions.values():
-            holds[mask] = False
 
     @property
     def state(self) -> NDArray[np.int8]:
@@ -53,31 +50,29 @@ class BehaviourMachine:
         return changed
 
     def request(self, name: str, mask: ArrayLike | None = None) -> Mask:
-        """Ask the robots of `mask`, (n,) bool, or all, for a behaviour; the mask of those to which the table does not
-        allow it under the conditions of the latest observation. ValueError for a name or mask that does not exist.
-        """
+        """Ask the robots of `mask`, (n,) bool, or all; the mask of those that refuse. ValueError for an unknown name."""
         if name not in REQUESTS:
             raise ValueError(f"unknown request {name!r}; valid: {', '.join(REQUESTS)}")
         asked = chosen(mask, len(self._state))
-        rows = self._rows(name, asked)
+        rows = self._rows(name, asked, {})
         self._apply(rows)
         return np.asarray(asked & (rows < 0))
 
     def observe(self, observation: NDArray[np.float32]) -> None:
         """One control step: look at the observations (n, k) and let happen what happens by itself."""
         self.ticks += 1
-        self._conditions = conditions(self._robot, self._period, observation, self._state, self.ticks)
-        self._apply(self._rows("", np.ones(len(self._state), np.bool_)))
+        holds = conditions(self._robot, self._period, observation, self._state, self.ticks)
+        self._apply(self._rows("", np.ones(len(self._state), np.bool_), holds))
 
-    def _rows(self, request: str, asked: Mask) -> NDArray[np.int64]:
-        """Number of the row that each robot asked takes, (n,); -1 for none."""
+    def _rows(self, request: str, asked: Mask, holds: dict[str, Mask]) -> NDArray[np.int64]:
+        """Number of the row that each robot asked takes under those conditions, (n,); -1 for none."""
         taken = np.full(len(self._state), -1, np.int64)
         for number, row in reversed([*enumerate(TRANSITIONS)]):
             if row.request != request:
                 continue
             applies = asked & _SOURCE[number][self._state]
             if row.guard:
-                applies &= self._conditions[row.guard]
+                applies &= holds[row.guard]
             taken[applies] = number
         return taken
 

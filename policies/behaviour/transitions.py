@@ -34,7 +34,7 @@ class Transition:
     request: str
     """The request that it answers; empty for one that happens by itself."""
     guard: str
-    """One of `conditions` that must hold; empty for none."""
+    """One of `conditions` that must hold; empty for a request."""
     target: State
 
 
@@ -53,8 +53,6 @@ TRANSITIONS = (
 
 REQUESTS = tuple(dict.fromkeys(row.request for row in TRANSITIONS if row.request))
 """What may be asked for."""
-GUARDS = tuple(dict.fromkeys(row.guard for row in TRANSITIONS if row.guard))
-"""Conditions that the table looks at."""
 
 TIME_LIMIT: dict[State, float] = {State.FALL: 0.5, State.RECOVER: 8.0}
 """s in a state after which it is `late`; in the others it never is."""
