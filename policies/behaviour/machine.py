@@ -50,7 +50,7 @@ class BehaviourMachine:
         return changed
 
     def request(self, name: str, mask: ArrayLike | None = None) -> Mask:
-        """Ask the robots of `mask`, (n,) bool, or all; the mask of those that refuse. ValueError for an unknown name."""
+        """Ask the robots of `mask`, (n,), or all; the mask of those that refuse. ValueError for an unknown name."""
         if name not in REQUESTS:
             raise ValueError(f"unknown request {name!r}; valid: {', '.join(REQUESTS)}")
         asked = chosen(mask, len(self._state))

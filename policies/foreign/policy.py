@@ -34,7 +34,6 @@ class Foreign(Policy):
         reference: names it.
         robot: whose joints it moves; its own `robot` has the servo gains of its description.
         trust: whether a file may be loaded in which code can be hidden.
-        deadline: for one call, s; by default DEADLINE.
         description: in place of what the file says of how its network is run.
 
     Raises PolicyError, one line, for what is no policy.
@@ -60,7 +59,6 @@ class Foreign(Policy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         trust: bool = False,
-        deadline: float | None = None,
         description: PolicyDescription | None = None,
     ) -> None:
         robot, found = robot_of(robot), checked(reference, trust, description)
@@ -70,8 +68,7 @@ class Foreign(Policy):
         super().__init__(robot=robot, control_period=control_period)
         self.name = str(reference)
         self.sha256 = hashlib.sha256(found.content).hexdigest()
-        self._deadline = DEADLINE if deadline is None else deadline
-        served = partial(serve, found, robot=robot, control_period=control_period, deadline=self._deadline)
+        served = partial(serve, found, robot=robot, control_period=control_period, deadline=DEADLINE)
         make: Any = partial(_on_stderr, served)  # a Served answers as a Policy does
         self._process = Watched(make, name=self.name, robot=self.robot, control_period=control_period)
         self._stepped = False
@@ -115,7 +112,7 @@ class Foreign(Policy):
 
     def _asked(self, call: str, *arguments: object) -> Any:
         """What its process answers; None, and no robot has a policy any more, if the process is gone."""
-        patience = self._deadline * (1 if self._stepped else PATIENCE_AT_FIRST)
+        patience = DEADLINE * (1 if self._stepped else PATIENCE_AT_FIRST)
         try:
             answer = self._process.ask((call, *arguments), patience + GRACE)
             self._stepped |= call == "step"

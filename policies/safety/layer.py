@@ -59,20 +59,13 @@ class Safe(Policy):
     Args:
         policy: what to guard; put it into `policies.safety.Watched` if it might hang.
         limits: of every target.
-        alarm_above: `velocity_deviation` at which a fall is predicted, m/s.
     """
 
-    def __init__(
-        self,
-        policy: Policy,
-        limits: SafetyLimits | None = None,
-        alarm_above: float = ALARM_ABOVE,
-    ) -> None:
+    def __init__(self, policy: Policy, limits: SafetyLimits | None = None) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
         self.policy = policy
         self.name, self.height_scan = f"safe:{policy.name}", policy.height_scan
         self._limits = limits or SafetyLimits.of(self.robot)
-        self._alarm_above = alarm_above
         self._motions: dict[Mode, Motion] = {
             Mode.STOP: Stop(self.robot, self.control_period),
             Mode.DAMP: Damp(self.robot, self.control_period),
@@ -183,7 +176,7 @@ class Safe(Policy):
     def _watch(self, observation: NDArray[np.float32], rows: Floats) -> None:
         """Catch where a fall is predicted, follow again where it is at rest or past catching."""
         self._reference = next_reference(self._reference, observation, self.control_period)
-        alarm = velocity_deviation(observation, self._reference, self._recent) > self._alarm_above
+        alarm = velocity_deviation(observation, self._reference, self._recent) > ALARM_ABOVE
         self._recent = next_recent(self._recent, observation, self.control_period)
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(TOO_FAR)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
