@@ -53,7 +53,6 @@ class Mpc(GaitedPolicy):
     Args:
         parameters: gait, cost and gains; None for those of `parameters_of`.
         gait: whose footfalls it has, by name.
-        solver: of its programs.
         late: control steps by which joints are older than the moment at which it is shown them.
 
     A robot without a solution, or without a finite observation, goes on with what it had, and after `PATIENCE` stops.
@@ -69,7 +68,6 @@ class Mpc(GaitedPolicy):
         *,
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
-        solver: Solver = solve,
         late: int = 0,
     ) -> None:
         robot = robot_of(robot)
@@ -90,7 +88,7 @@ class Mpc(GaitedPolicy):
         self._horizon = Horizon(HORIZON, p.horizon_step, weights)
         self._plans = Plans(HORIZON, p.horizon_step, robot.mass * GRAVITY)
         self._stop = Stop(robot, control_period)
-        self._solver = solver
+        self._solver: Solver = solve
         table = table_with(robot, self.height_scan)
         self._at_rest = np.zeros(table.size, np.float32)
         self._at_rest[table.slices.get("height_scan", slice(0))] = UNSEEN

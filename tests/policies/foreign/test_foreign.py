@@ -166,9 +166,10 @@ def test_a_process_that_gives_no_answer_is_ended_within_a_deadline_whatever_the_
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("policies.foreign.policy.GRACE", 0.5)
+    monkeypatch.setattr("policies.foreign.policy.DEADLINE", 1.0)
     robots = 256
     observations = np.resize(OBSERVATIONS, (robots, OBSERVATION_SIZE))
-    with closing(Foreign(f"{file}:Hangs", robot="simple_quad", deadline=1.0)) as policy:
+    with closing(Foreign(f"{file}:Hangs", robot="simple_quad")) as policy:
         policy.reset(robots)
         for _ in range(2):
             policy.act(observations)
@@ -182,8 +183,9 @@ def test_many_robots_that_are_each_answered_for_in_time_may_take_longer_together
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("policies.foreign.policy.GRACE", 0.2)
+    monkeypatch.setattr("policies.foreign.policy.DEADLINE", 1.0)
     robots = 100
-    with closing(Foreign(f"{file}:Slow", deadline=1.0)) as policy:
+    with closing(Foreign(f"{file}:Slow")) as policy:
         policy.reset(robots)
         for step in (1, 2):
             action = policy.act(np.zeros((robots, OBSERVATION_SIZE), np.float32))

@@ -50,7 +50,7 @@ def test_a_network_gives_a_robot_the_same_bits_in_any_batch(tmp_path: Path, shap
     [
         ({"shape": [4, 48]}, r"\[4, 48\]: it must read one observation"),
         ({"shape": ["n", 48], "width": 3}, r"must give an action \(12,\)"),
-        ({"shape": ["n", 48], "inputs": 2}, "inputs seen0, seen1"),
+        ({"shape": ["n", 48], "inputs": 2}, "reads seen1 besides the observation"),
     ],
     ids=lambda value: str(value)[:24],
 )

@@ -74,7 +74,8 @@ def test_robots_that_nobody_asks_for_cost_no_plans_and_change_none_of_the_others
         solved.append(len(programs.hessian))
         return solve(programs)
 
-    every, some, rows = MpcWbc(), MpcWbc(solver=counted), observations(3)
+    every, some, rows = MpcWbc(), MpcWbc(), observations(3)
+    some._solver = counted
     every.reset(num_envs=3), some.reset(num_envs=3)
     some.needed = np.array([True, False, True])
     for _ in range(10):
@@ -116,7 +117,8 @@ class Interrupted(MpcWbc):
 
     def __init__(self, kind: str, wrong: int, of: int) -> None:
         self.unreliable, self.wrong, self.of = Unreliable(kind), wrong, of
-        super().__init__(solver=self.unreliable)
+        super().__init__()
+        self._solver = self.unreliable
 
     def _act(self, observation: np.ndarray) -> np.ndarray:
         self.unreliable.out_of_order = int(self._ticks.max()) % self.of >= self.of - self.wrong
@@ -133,7 +135,8 @@ def test_late_solutions_do_not_fell_the_robot(kind: str, wrong: int, of: int) ->
 
 def test_plans_may_be_older_than_a_control_step() -> None:
     solver = Unreliable("plans")
-    policy = MpcWbc(MpcParameters(plan_period=0.03), solver=solver)
+    policy = MpcWbc(MpcParameters(plan_period=0.03))
+    policy._solver = solver
     assert not walked(policy).fell.any()
     assert not policy.failures.any()
     # One in three steps, and those in which other feet come to stand: five times a second, sometimes twice.
@@ -144,7 +147,8 @@ def test_without_the_whole_body_s_program_each_leg_goes_by_itself() -> None:
     """To the bit as with a program that has no solution, until that one is given up."""
     unreliable, never_asked = Unreliable("torques"), Unreliable("torques")
     unreliable.out_of_order = True
-    alone, failing, rows = Mpc(solver=never_asked), MpcWbc(solver=unreliable), observations(2)
+    alone, failing, rows = Mpc(), MpcWbc(), observations(2)
+    alone._solver, failing._solver = never_asked, unreliable
     alone.reset(num_envs=2)
     failing.reset(num_envs=2)
     for _ in range(int(PATIENCE / alone.control_period)):
@@ -156,7 +160,8 @@ def test_without_the_whole_body_s_program_each_leg_goes_by_itself() -> None:
 @pytest.mark.parametrize("kind", ["plans", "torques"])
 def test_a_robot_without_solutions_is_stopped_on_its_feet(kind: str) -> None:
     solver = Unreliable(kind)
-    policy, vec = MpcWbc(solver=solver), gym.make_vec("quad_env:SimpleQuad-v0", num_envs=2, readings=True)
+    policy, vec = MpcWbc(), gym.make_vec("quad_env:SimpleQuad-v0", num_envs=2, readings=True)
+    policy._solver = solver
     rows, _ = vec.reset(seed=[3, 4], options={"command": (0.5, 0.0, 0.0)})
     policy.reset(num_envs=2)
     for step in range(250):
