@@ -24,6 +24,7 @@ from packaging.utils import canonicalize_name
 EVALUATION = ("quad_env", "policies", "evaluate")
 PACKAGES = (*EVALUATION, "train")
 VIEW = "live/view"  # what a clone shows with the base dependencies alone; other commands of live say what they lack
+INDIRECT = {"tensorboard"}  # imported by torch.utils.tensorboard when a training run logs
 MAKE = """
 import sys, gymnasium
 env = gymnasium.make("quad_env:SimpleQuad-v0")
@@ -166,7 +167,7 @@ import policies
 assert "mujoco" not in sys.modules
 class NotInstalled:
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in ("torch", "stable_baselines3"):
+        if name.partition(".")[0] in ("torch", "stable_baselines3", "tensorboard"):
             raise ModuleNotFoundError(name)
 sys.meta_path.insert(0, NotInstalled())
 runpy.run_module("evaluate", run_name="__main__", alter_sys=True)

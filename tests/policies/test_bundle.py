@@ -250,7 +250,7 @@ def test_a_training_run_is_found_as_its_best_bundle(folder, tmp_path):
 @pytest.mark.parametrize(
     ("files", "remedy"),
     [
-        (("config.json", "metrics.jsonl"), "its first validation"),
+        (("config.json", "tensorboard/events"), "its first validation"),
         (("notes.txt",), "name the folder of a trained policy, such as models/residual, or of a training run"),
         (("config.json", "best/policy.json"), "best: policy.json is not JSON"),
     ],

@@ -9,7 +9,9 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+import numpy as np
 import pytest
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 import policies
 from quad_env.files.writing import sole_use
@@ -92,6 +94,17 @@ def test_a_disk_that_fills_up_on_the_way_says_how_to_go_on(tmp_path, monkeypatch
     assert checkpoint.load(tmp_path / "run" / "checkpoints").progress["steps"] == 0
 
 
+def test_a_disk_that_fills_up_under_tensorboard_is_one_line_too(tmp_path, monkeypatch, capsys):
+    """Its events are written by a thread of its own."""
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("tensorboard.summary.writer.record_writer.RecordWriter.write", full)
+    assert main([*TINY, "--steps", "256", "--out", str(tmp_path / "run")]) == 2
+    assert "(No space left on device)" in one_line(capsys)
+
+
 @pytest.mark.parametrize("how", [[], ["--resume"]])
 def test_a_folder_that_another_run_writes_to_is_refused_and_left_alone(how, copied_run, capsys):
     if not how:
@@ -114,22 +127,23 @@ def test_a_finished_run_says_how_to_extend_it_and_can_be(copied_run, capsys):
     assert load_config(copied_run).steps == 512
 
 
-def test_the_metrics_have_every_validation_and_update_at_the_step_it_was_made(tmp_path, monkeypatch):
+def test_tensorboard_has_every_validation_and_update_at_the_step_it_was_made(tmp_path, monkeypatch):
     errors = iter([0.5, 0.25, 0.75])
     flat = {"success_rate": 0.5, "yaw_rate_error": 0.0, "fall_rate": 0.0}
     monkeypatch.setattr("train.sb3.callbacks.validate", lambda *_: {"flat": flat | {"velocity_error": next(errors)}})
     folder = tmp_path / "run"
     words = ["--ppo.hold", "1", "--validation.interval", "256", "--steps", "640"]
     assert main([*TINY, *words, "--out", str(folder)]) == 0
-    metrics = [json.loads(line) for line in (folder / METRICS_FILE).read_text(encoding="utf-8").splitlines()]
-    logged: dict[str, list] = {name: [] for each in metrics for name in each}
-    for each in metrics:
-        for name, value in each.items():
-            logged[name].append((each["steps"], value))
+    events = EventAccumulator(str(folder / "tensorboard")).Reload()
+    logged = {tag: [(event.step, event.value) for event in events.Scalars(tag)] for tag in events.Tags()["scalars"]}
     assert logged["validation/score"] == [(256, 0.5), (512, 0.25), (640, 0.75)]
     assert logged["validation/flat/velocity_error"] == logged["validation/score"]
     for name in ("train/loss", "rollout/velocity_error", "reward/tilt"):
         assert [step for step, _ in logged[name]] == [128, 256, 384, 512, 640], name
+    metrics = [json.loads(line) for line in (folder / METRICS_FILE).read_text(encoding="utf-8").splitlines()]
+    for name, values in logged.items():
+        expected = [(each["steps"], each[name]) for each in metrics if each.get(name) is not None]
+        assert expected == [(step, pytest.approx(value)) for step, value in values if np.isfinite(value)], name
     found = json.loads((folder / VALIDATIONS_FILE).read_text(encoding="utf-8"))
     assert [(each["steps"], each["score"]) for each in found["validations"]] == logged["validation/score"]
     assert found["best"] == 512
@@ -155,7 +169,8 @@ def test_the_record_of_a_run_repeats_it_and_says_who_carried_it_on(copied_run, m
 def test_what_a_run_leaves_that_never_reached_a_checkpoint_is_no_obstacle(tmp_path):
     """As after SIGKILL in the first rollout."""
     folder = tmp_path / "run"
-    (folder / "checkpoints").mkdir(parents=True)
+    for name in ("tensorboard", "checkpoints"):
+        (folder / name).mkdir(parents=True)
     (folder / "checkpoints" / "000000000000.safetensors").write_bytes(b"of no use without its record")
     (folder / CONFIG_FILE).write_text('{"steps": 7', encoding="utf-8")
     (folder / f".{RECORD_FILE}.a1b2c3").write_text("{", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What happens between two rollouts: progress, metrics, validation, checkpoints, and a clean end on Ctrl-C.
+"""What happens between two rollouts: progress, TensorBoard, validation, checkpoints, and a clean end on Ctrl-C.
 
 SB3 calls `_on_rollout_start` after the update of the last rollout: the one place where learner and random generators
 can be saved together. The state of the robots is not saved: a run is a chain of segments, all robots start each with

@@ -1,17 +1,27 @@
-"""Where SB3's logger writes the figures of each rollout: one line of JSON in a plain file."""
+"""Where SB3's logger writes the figures of each rollout: TensorBoard's events, and one line of JSON in a plain file."""
 
 import contextlib
 import json
 import math
+import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from stable_baselines3.common.logger import KVWriter, Logger
+from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
+from torch.utils.tensorboard import SummaryWriter
 
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
-from train.run_folder import METRICS_FILE
+from train.run_folder import METRICS_FILE, TENSORBOARD
+
+
+class _Events(TensorBoardOutputFormat):
+    """TensorBoard's events; those of an earlier session after so many steps are hidden."""
+
+    def __init__(self, folder: Path, steps: int) -> None:
+        self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
+        self._is_closed = False
 
 
 class _Metrics(KVWriter):
@@ -47,6 +57,19 @@ def cut_metrics(folder: Path, steps: int) -> None:
 
 @contextlib.contextmanager
 def run_logger(folder: Path, steps: int) -> Iterator[Logger]:
-    """The logger of a run that starts, or continues, after so many steps."""
-    with contextlib.closing(Logger(str(folder), [_Metrics(folder, steps)])) as logger:
-        yield logger
+    """The logger of a run that starts, or continues, after so many steps.
+
+    A failure of TensorBoard's thread, such as a full disk, is raised by the next write and not printed by the thread.
+    """
+
+    def report(failure: threading.ExceptHookArgs) -> None:
+        if not issubclass(failure.exc_type, OSError):
+            hook(failure)
+
+    hook, threading.excepthook = threading.excepthook, report
+    try:
+        logger = Logger(str(folder), [_Events(folder / TENSORBOARD, steps), _Metrics(folder, steps)])
+        with contextlib.closing(logger):
+            yield logger
+    finally:
+        threading.excepthook = hook

@@ -17,7 +17,7 @@ if __name__ == "__main__":
     runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
 """
 COMMANDS = [
-    ("stable_baselines3", "train --out {}/run"),
+    ("tensorboard", "train --out {}/run"),
     ("cma", "train search trot --out {}/found.json"),
     ("onnxruntime", "evaluate {}/mine.onnx --scenarios flat --out {}/out"),
     ("stable_baselines3", "evaluate {}/mine.zip --trust --scenarios flat --out {}/out"),
