@@ -32,7 +32,7 @@ COMMANDS = {
     "compare": Command("evaluate.commands.compare", "two results folders, such as those of two commits"),
     "axes": Command("evaluate.commands.axes", "success and falls along the axes of disturbance"),
 }
-_RESEARCH = "calibration estimation gaits pictures readme recovery safety"
+_RESEARCH = "calibration estimation gaits jump pictures readme recovery safety"
 MOVED = {name: f"now `python -m research {name}`" for name in (*_RESEARCH.split(), "straight-walking")}
 _OLD = "gone: revision 59ce5e8 has it as `python -m research`"
 MOVED |= dict.fromkeys(("gait-diagram", "ground", "prediction"), _OLD)

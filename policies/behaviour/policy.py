@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, to_actions
 from policies.behaviour.machine import BehaviourMachine
-from policies.behaviour.motion import Damp, Hold, Motion
+from policies.behaviour.motion import Damp, Hold, Jump, Motion
 from policies.behaviour.recovery import Recovery
 from policies.behaviour.transitions import State
 from policies.trot.open_loop import Trot
@@ -26,7 +26,7 @@ _COMMAND = OBSERVATION["command"]
 
 
 class Behaviour(Policy):
-    """n robots, each in one `State`: ask with `request`, read `state`.
+    """n robots, each in one `State`: ask with `request`, read `state` and `machine.changes()`.
 
     Args:
         start: state after a reset.
@@ -53,6 +53,7 @@ class Behaviour(Policy):
             (State.FALL, Damp(robot, control_period)),
             (State.STAND, Hold(robot, control_period)),
             (State.RECOVER, Recovery(robot, control_period)),
+            (State.JUMP, Jump(robot, control_period)),
         )
         self._allocate(1)
 

@@ -20,9 +20,10 @@ class State(IntEnum):
     STAND = 0
     WALK = 1
     RUN = 2
-    FALL = 3
+    JUMP = 3
+    FALL = 4
     """Joints damped until the tumbling is over."""
-    RECOVER = 4
+    RECOVER = 5
     """Turning over and getting up."""
 
 
@@ -34,27 +35,34 @@ class Transition:
     request: str
     """The request that it answers; empty for one that happens by itself."""
     guard: str
-    """One of `conditions` that must hold; empty for a request."""
+    """One of `conditions` that must hold; empty for none."""
     target: State
+    reason: str
+    """What the log says."""
 
 
-ON_ITS_LEGS = (State.STAND, State.WALK, State.RUN)
+ON_ITS_LEGS = (State.STAND, State.WALK, State.RUN, State.JUMP)
 
 TRANSITIONS = (
-    Transition((State.WALK,), "stand", "", State.STAND),
-    Transition((State.STAND, State.RUN), "walk", "", State.WALK),
-    Transition((State.WALK,), "run", "", State.RUN),
-    Transition(ON_ITS_LEGS, "", "toppling", State.FALL),
-    Transition((State.FALL,), "", "settled", State.RECOVER),
-    Transition((State.FALL,), "", "late", State.RECOVER),
-    Transition((State.RECOVER,), "", "in home pose", State.STAND),
-    Transition((State.RECOVER,), "", "late", State.FALL),
+    Transition((State.WALK,), "stand", "", State.STAND, "stand requested"),
+    Transition((State.STAND, State.RUN), "walk", "", State.WALK, "walk requested"),
+    Transition((State.WALK,), "run", "", State.RUN, "run requested"),
+    Transition((State.STAND,), "jump", "in home pose", State.JUMP, "jump requested"),
+    Transition(ON_ITS_LEGS, "", "toppling", State.FALL, "fell"),
+    Transition((State.JUMP,), "", "landed", State.STAND, "landed"),
+    Transition((State.JUMP,), "", "late", State.FALL, "did not land standing in time"),
+    Transition((State.FALL,), "", "settled", State.RECOVER, "fall is over"),
+    Transition((State.FALL,), "", "late", State.RECOVER, "waited long enough for the fall to end"),
+    Transition((State.RECOVER,), "", "in home pose", State.STAND, "stands"),
+    Transition((State.RECOVER,), "", "late", State.FALL, "did not stand up in time"),
 )
 
 REQUESTS = tuple(dict.fromkeys(row.request for row in TRANSITIONS if row.request))
 """What may be asked for."""
+GUARDS = tuple(dict.fromkeys(row.guard for row in TRANSITIONS if row.guard))
+"""Conditions that the table looks at."""
 
-TIME_LIMIT: dict[State, float] = {State.FALL: 0.5, State.RECOVER: 8.0}
+TIME_LIMIT: dict[State, float] = {State.JUMP: 3.0, State.FALL: 0.5, State.RECOVER: 8.0}
 """s in a state after which it is `late`; in the others it never is."""
 
 TOPPLING_TILT = np.deg2rad(60.0)
@@ -69,7 +77,9 @@ STILL_LINEAR, STILL_ANGULAR = 0.3, 0.5
 SETTLED_ANGULAR = 1.5
 """Turning speed below which a fall is over, rad/s."""
 MINIMUM_TIME = 0.1
-"""s in a state before a fall or a getting up may be over."""
+"""s in a state before a fall, a jump or a getting up may be over."""
+JUMP_TIME = 0.9
+"""s after which a jump that was made has landed."""
 
 _NEVER = 2**62
 
@@ -100,6 +110,7 @@ def conditions(
     return {
         "in home pose": at_home & begun,
         "toppling": (up < np.cos(TOPPLING_TILT)) | (height < _FALL_RULE.lowest(robot.leg_length)),
+        "landed": at_home & (ticks >= round(JUMP_TIME / control_period)),
         "settled": begun & (turning < SETTLED_ANGULAR),
         "late": ticks >= _limit_ticks(control_period)[state],
     }

@@ -1,16 +1,47 @@
-"""Gaits, recovery and safety layer do on a few episodes what the studies report of many."""
+"""Gaits, jump, recovery and safety layer do on a few episodes what the studies report of many."""
 
 import numpy as np
 import pytest
 
 import policies
+from policies.behaviour import Behaviour
+from policies.behaviour.motion import keyframes_of
 from policies.safety import Safe
 from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.physics.simulation import ALL, Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
-from research.studies import recovery, safety
+from research.studies import jump, recovery, safety
 from research.studies.recovery import standing
+
+
+def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch) -> None:
+    policy = Behaviour(follow=False)
+    outcome = jump.jumped(policy, episode_seeds("search", 9, 4))
+    assert outcome.rise.min() >= 0.15
+    assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque
+    assert {change.reason for change in policy.machine.changes()} == {"jump requested", "landed"}
+    assert "landed standing: 4 of 4" in jump.report(outcome)
+    crouch, *_, stand = keyframes_of(SIMPLE_QUAD)
+    monkeypatch.setattr("policies.behaviour.motion.keyframes_of", lambda _: (crouch, stand))
+    outcome = jump.jumped(Behaviour(follow=False), episode_seeds("search", 9, 2))
+    assert outcome.rise.max() < 0.05
+    assert "landed standing: 0 of 2" in jump.report(outcome)
+
+
+def test_a_robot_whose_simulation_diverges_in_the_air_has_not_landed(monkeypatch) -> None:
+    """It is parked in the home pose, where it looks as if it stood."""
+    found = Simulation.diverged
+
+    def first_one_diverges(self, ids=ALL):
+        first = np.arange(len(self.qpos))[ids] == 0
+        return found(self, ids) | (first & (self.qpos[ids, 2] > SIMPLE_QUAD.home_height + 0.16))
+
+    monkeypatch.setattr(Simulation, "diverged", first_one_diverges)
+    outcome = jump.jumped(Behaviour(follow=False), episode_seeds("search", 9, 2))
+    assert outcome.rise.min() >= 0.15
+    assert "landed standing: 1 of 2" in jump.report(outcome)
 
 
 def test_nearly_every_robot_gets_up_from_any_pose() -> None:

@@ -19,6 +19,7 @@ def drawn(seed: int, count: int, purpose: str = "evaluation") -> tuple[int, ...]
 RUNS = {
     "gaits --gaits walk stand --robots 2 --seconds 4 --threads 1": ({drawn(5, 2), drawn(6, 2)}, "from \\ to"),
     "recovery --robots 2 --seeds search": ({drawn(5, 2, "search")}, "standing within 5 s"),
+    "jump --robots 2": ({drawn(5, 2)}, "landed standing"),
     "safety --episodes 2 --hours 0.0015 --seeds validation": (
         {drawn(5000 + level, 2, "validation") for level in range(8)} | {drawn(5500, 4, "validation")},
         "false alarms",
@@ -40,7 +41,7 @@ def test_a_study_runs_the_episodes_of_its_options(words: str, monkeypatch, capsy
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("recovery --robots 100000000000", "--robots must be from 1 to 65536, not 100000000000"),
+        ("jump --robots 100000000000", "--robots must be from 1 to 65536, not 100000000000"),
         ("safety --policy gallop", "no policy 'gallop': name one of"),
         ("calibration --episodes", "--episodes and --fall-probabilities must each have at least one value"),
         ("calibration --only nothing --episodes 8", "--only: no row is named like nothing"),

@@ -29,7 +29,7 @@ from policies.shipped import MODELS
         ("repaly", ("did you mean the command replay?",)),
         ("trot --resume", ("leave --resume out",)),
         ("rescore results", ("gone", "report FOLDER --success")),
-        ("gaits --robots 3", ("`python -m evaluate gaits` is now `python -m research gaits`",)),
+        ("jump --robots 3", ("`python -m evaluate jump` is now `python -m research jump`",)),
         ("axes ice", ("slippery",)),
         ("report RUN --baseline gallop", ("--baseline: gallop is not among the policies",)),
         ("replay RUN 30", ("rows 0 to 29", "30")),

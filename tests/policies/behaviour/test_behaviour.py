@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import policies
+from policies.base import CONTROL_PERIOD
 from policies.behaviour import REQUESTS, TRANSITIONS, Behaviour, BehaviourMachine, State
-from policies.behaviour.transitions import TIME_LIMIT
+from policies.behaviour.transitions import TIME_LIMIT, conditions
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.policies.readings import reading
 
@@ -24,6 +25,7 @@ def seen(n=1, up=1.0, turning=0.0, speed=0.0, joints=0.0, command=(0.0, 0.0, 0.0
 WITH = {  # a reading under which a guard holds, and steps to wait for it
     "in home pose": (seen(), 12),
     "toppling": (seen(up=0.2, turning=9.0), 1),
+    "landed": (seen(), 95),
     "settled": (seen(up=0.2), 12),
     "late": (seen(up=0.9, turning=9.0), 900),
     "": (seen(up=0.9, turning=9.0), 1),
@@ -31,6 +33,7 @@ WITH = {  # a reading under which a guard holds, and steps to wait for it
 WITHOUT = {  # a reading under which it does not
     "in home pose": seen(joints=0.5),
     "toppling": seen(),
+    "landed": seen(speed=1.0),
     "settled": seen(up=0.2, turning=9.0),
 }
 
@@ -44,7 +47,7 @@ def machine_in(state, n=1):
 EVERY_WAY = [(row, source) for row in TRANSITIONS for source in row.sources]
 
 
-def test_every_transition_happens_where_the_table_says():
+def test_every_transition_happens_where_the_table_says_and_is_logged_with_its_reason():
     for row, source in EVERY_WAY:
         machine = machine_in(source)
         observation, steps = WITH[row.guard]
@@ -54,8 +57,15 @@ def test_every_transition_happens_where_the_table_says():
                     break
                 machine.observe(observation)
         else:
+            for _ in range(min(steps, 12)):
+                machine._conditions = conditions(
+                    SIMPLE_QUAD, CONTROL_PERIOD, observation, machine._state, np.full(1, steps)
+                )
             machine.request(row.request)
         assert machine.state[0] == row.target
+        change = machine.changes()[-1]
+        assert (change.robot, change.source, change.target, change.reason) == (0, source, row.target, row.reason)
+        assert change.step == machine.step
 
 
 def test_no_transition_happens_while_its_guard_does_not_hold():
@@ -65,9 +75,13 @@ def test_no_transition_happens_while_its_guard_does_not_hold():
         machine = machine_in(source)
         for _ in range(20):
             machine.observe(WITHOUT[row.guard])
-            assert machine.state[0] != row.target
             if machine.state[0] != source:
                 break
+        taken = {(change.source, change.reason) for change in machine.changes()}
+        if row.request and machine.state[0] == source:
+            machine.request(row.request)
+        taken |= {(change.source, change.reason) for change in machine.changes()}
+        assert (source, row.reason) not in taken
 
 
 def test_every_request_that_the_table_lacks_is_refused():
@@ -76,7 +90,7 @@ def test_every_request_that_the_table_lacks_is_refused():
             machine = machine_in(state)
             assert machine.request(request).all()
             assert machine.state[0] == state
-    with pytest.raises(ValueError, match="stand, walk, run"):
+    with pytest.raises(ValueError, match="stand, walk, run, jump"):
         BehaviourMachine(1).request("gallop")
 
 
@@ -113,15 +127,11 @@ events = st.one_of(
 
 
 @settings(max_examples=20)
-@given(st.lists(events, max_size=15), st.sampled_from(State))
-def test_random_commands_never_break_the_machine(script, start):
+@given(st.lists(events, max_size=15), st.sampled_from(State), st.integers(0, 3))
+def test_random_commands_never_break_the_machine(script, start, robot):
     """Never in two states, never stuck, every change in the table."""
     machine = BehaviourMachine(4, start=start)
     legal = {(source, row.target) for row in TRANSITIONS for source in row.sources}
-
-    def as_the_table_says(before):
-        assert all(a == b or (a, b) in legal for a, b in zip(before, machine.state, strict=True))
-
     for kind, what, number in script:
         before = machine.state
         if kind == "ask":
@@ -129,18 +139,27 @@ def test_random_commands_never_break_the_machine(script, start):
             refused = machine.request(what, mask)
             assert not (refused & ~mask).any()
             assert (machine.state[~mask | refused] == before[~mask | refused]).all()
-            as_the_table_says(before)
         else:
             for _ in range(number):
-                before = machine.state
                 machine.observe(what)
-                as_the_table_says(before)
         assert machine.state.shape == (4,)
         assert set(machine.state.tolist()) <= set(State)
+    assert all((change.source, change.target) in legal for change in machine.changes())
+    path = [change for change in machine.changes() if change.robot == robot]
+    assert all(a.target == b.source for a, b in itertools.pairwise(path))
     patience = sum(round(limit / 0.01) for limit in TIME_LIMIT.values())
     while not set(machine.state.tolist()) <= RESTING:
         machine.observe(seen(4))
         assert (patience := patience - 1) > 0
+
+
+def test_the_log_is_bounded_and_keeps_the_latest(monkeypatch):
+    monkeypatch.setattr("policies.behaviour.machine.LOG_CAPACITY", 4)
+    machine = BehaviourMachine(9, start=State.STAND)
+    machine.request("walk")
+    assert [change.robot for change in machine.changes()] == [5, 6, 7, 8]
+    machine.restart(np.arange(9) < 2)
+    assert [change.robot for change in machine.changes()] == [7, 8, 0, 1]
 
 
 def test_the_page_of_the_behaviours_has_every_transition_and_no_other():
@@ -149,7 +168,7 @@ def test_the_page_of_the_behaviours_has_every_transition_and_no_other():
     expected = []
     for row in TRANSITIONS:
         sources = ", ".join(source.name.lower() for source in row.sources)
-        expected.append([sources, row.request, row.guard, row.target.name.lower()])
+        expected.append([sources, row.request, row.guard, row.target.name.lower(), row.reason])
     assert rows[2:] == expected
     arrows = [line.split("-->")[1].split(":")[0].strip() for line in page.splitlines() if "-->" in line]
     assert set(arrows) == {row.target.name.lower() for row in TRANSITIONS}

@@ -1,0 +1,84 @@
+"""The jump, measured: `python -m research jump` has standing robots jump and counts those that land standing.
+
+The trunk's rise is that of its centre above its height in the home pose, at the end of any control step.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import roll_out
+from policies.base import Floats
+from policies.behaviour import Behaviour
+from quad_env.cli.command_line import check_numbers
+from quad_env.seeding import episode_seeds
+from research.studies.recovery import standing
+
+SETTLING, WATCHED = 0.8, 3.5
+"""s before the jump is asked for, and of the whole episode."""
+WANTED_RISE = 0.15
+"""m"""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Measure the jump."""
+
+    robots: int = 256
+    """Robots (count), each with start noise of its own."""
+    seed: int = 0
+    """Which set of starts (whole number from 0)."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of n robots."""
+
+    rise: Floats
+    """m, (n,)."""
+    stands: NDArray[np.bool_]
+    """Whether it stands at the end, by the rule of `research.studies.standing`, (n,)."""
+    peak_torque: float
+    """Largest joint torque at the end of any control step, N·m."""
+    rated_torque: float
+    """Largest torque that the joints can have, N·m."""
+    diverged: int
+    """How many simulations diverged."""
+
+
+def main(options: Options) -> int:
+    """Measure and print; the exit code."""
+    check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
+    print(report(jumped(Behaviour(follow=False), episode_seeds("evaluation", options.seed, options.robots))))
+    return 0
+
+
+def jumped(policy: Behaviour, seeds: NDArray[np.int64]) -> Outcome:
+    """One robot for each seed, on flat ground, all side by side."""
+    robot, period = policy.robot, policy.control_period
+    peak, torque = np.zeros(len(seeds)), 0.0
+    stands = diverged = np.zeros(len(seeds), np.bool_)
+
+    def watch(step: Step) -> None:
+        nonlocal peak, torque, stands, diverged
+        if step.number == round(SETTLING / period):
+            policy.request("jump")
+        peak = np.maximum(peak, step.infos["height"])
+        torque = max(torque, float(np.abs(step.infos["joint_torque"]).max()))
+        stands, diverged = standing(step.observation, step.infos), step.infos["diverged"]
+
+    steps = round(WATCHED / period)
+    roll_out(policy, "flat", seeds, watch, steps=steps, command=(0.0, 0.0, 0.0), terminate_on_fall=False)
+    return Outcome(peak - robot.home_height, stands, torque, robot.rated_torque, int(diverged.sum()))
+
+
+def report(outcome: Outcome) -> str:
+    """The measured figures as lines of text."""
+    done = outcome.stands & (outcome.rise >= WANTED_RISE)
+    return (
+        f"rose {WANTED_RISE:g} m or more and landed standing: {done.sum()} of {len(done)}\n"
+        f"rise: lowest {outcome.rise.min():.3f} m, median {np.median(outcome.rise):.3f} m\n"
+        f"largest torque {outcome.peak_torque:.1f} N·m of {outcome.rated_torque:g}; {outcome.diverged} diverged"
+    )
