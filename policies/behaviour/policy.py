@@ -26,7 +26,7 @@ _COMMAND = OBSERVATION["command"]
 
 
 class Behaviour(Policy):
-    """n robots, each in one `State`: ask with `request`, read `state` and `machine.changes()`.
+    """n robots, each in one `State`: ask with `request`, read `state`.
 
     Args:
         start: state after a reset.

@@ -37,24 +37,22 @@ class Transition:
     guard: str
     """One of `conditions` that must hold; empty for none."""
     target: State
-    reason: str
-    """What the log says."""
 
 
 ON_ITS_LEGS = (State.STAND, State.WALK, State.RUN, State.JUMP)
 
 TRANSITIONS = (
-    Transition((State.WALK,), "stand", "", State.STAND, "stand requested"),
-    Transition((State.STAND, State.RUN), "walk", "", State.WALK, "walk requested"),
-    Transition((State.WALK,), "run", "", State.RUN, "run requested"),
-    Transition((State.STAND,), "jump", "in home pose", State.JUMP, "jump requested"),
-    Transition(ON_ITS_LEGS, "", "toppling", State.FALL, "fell"),
-    Transition((State.JUMP,), "", "landed", State.STAND, "landed"),
-    Transition((State.JUMP,), "", "late", State.FALL, "did not land standing in time"),
-    Transition((State.FALL,), "", "settled", State.RECOVER, "fall is over"),
-    Transition((State.FALL,), "", "late", State.RECOVER, "waited long enough for the fall to end"),
-    Transition((State.RECOVER,), "", "in home pose", State.STAND, "stands"),
-    Transition((State.RECOVER,), "", "late", State.FALL, "did not stand up in time"),
+    Transition((State.WALK,), "stand", "", State.STAND),
+    Transition((State.STAND, State.RUN), "walk", "", State.WALK),
+    Transition((State.WALK,), "run", "", State.RUN),
+    Transition((State.STAND,), "jump", "in home pose", State.JUMP),
+    Transition(ON_ITS_LEGS, "", "toppling", State.FALL),
+    Transition((State.JUMP,), "", "landed", State.STAND),
+    Transition((State.JUMP,), "", "late", State.FALL),
+    Transition((State.FALL,), "", "settled", State.RECOVER),
+    Transition((State.FALL,), "", "late", State.RECOVER),
+    Transition((State.RECOVER,), "", "in home pose", State.STAND),
+    Transition((State.RECOVER,), "", "late", State.FALL),
 )
 
 REQUESTS = tuple(dict.fromkeys(row.request for row in TRANSITIONS if row.request))

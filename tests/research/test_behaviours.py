@@ -21,7 +21,6 @@ def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch)
     outcome = jump.jumped(policy, episode_seeds("search", 9, 4))
     assert outcome.rise.min() >= 0.15
     assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque
-    assert {change.reason for change in policy.machine.changes()} == {"jump requested", "landed"}
     assert "landed standing: 4 of 4" in jump.report(outcome)
     crouch, *_, stand = keyframes_of(SIMPLE_QUAD)
     monkeypatch.setattr("policies.behaviour.motion.keyframes_of", lambda _: (crouch, stand))

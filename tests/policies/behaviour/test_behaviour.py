@@ -47,7 +47,7 @@ def machine_in(state, n=1):
 EVERY_WAY = [(row, source) for row in TRANSITIONS for source in row.sources]
 
 
-def test_every_transition_happens_where_the_table_says_and_is_logged_with_its_reason():
+def test_every_transition_happens_where_the_table_says():
     for row, source in EVERY_WAY:
         machine = machine_in(source)
         observation, steps = WITH[row.guard]
@@ -63,9 +63,6 @@ def test_every_transition_happens_where_the_table_says_and_is_logged_with_its_re
                 )
             machine.request(row.request)
         assert machine.state[0] == row.target
-        change = machine.changes()[-1]
-        assert (change.robot, change.source, change.target, change.reason) == (0, source, row.target, row.reason)
-        assert change.step == machine.step
 
 
 def test_no_transition_happens_while_its_guard_does_not_hold():
@@ -75,13 +72,9 @@ def test_no_transition_happens_while_its_guard_does_not_hold():
         machine = machine_in(source)
         for _ in range(20):
             machine.observe(WITHOUT[row.guard])
+            assert machine.state[0] != row.target
             if machine.state[0] != source:
                 break
-        taken = {(change.source, change.reason) for change in machine.changes()}
-        if row.request and machine.state[0] == source:
-            machine.request(row.request)
-        taken |= {(change.source, change.reason) for change in machine.changes()}
-        assert (source, row.reason) not in taken
 
 
 def test_every_request_that_the_table_lacks_is_refused():
@@ -127,11 +120,15 @@ events = st.one_of(
 
 
 @settings(max_examples=20)
-@given(st.lists(events, max_size=15), st.sampled_from(State), st.integers(0, 3))
-def test_random_commands_never_break_the_machine(script, start, robot):
+@given(st.lists(events, max_size=15), st.sampled_from(State))
+def test_random_commands_never_break_the_machine(script, start):
     """Never in two states, never stuck, every change in the table."""
     machine = BehaviourMachine(4, start=start)
     legal = {(source, row.target) for row in TRANSITIONS for source in row.sources}
+
+    def as_the_table_says(before):
+        assert all(a == b or (a, b) in legal for a, b in zip(before, machine.state, strict=True))
+
     for kind, what, number in script:
         before = machine.state
         if kind == "ask":
@@ -139,27 +136,18 @@ def test_random_commands_never_break_the_machine(script, start, robot):
             refused = machine.request(what, mask)
             assert not (refused & ~mask).any()
             assert (machine.state[~mask | refused] == before[~mask | refused]).all()
+            as_the_table_says(before)
         else:
             for _ in range(number):
+                before = machine.state
                 machine.observe(what)
+                as_the_table_says(before)
         assert machine.state.shape == (4,)
         assert set(machine.state.tolist()) <= set(State)
-    assert all((change.source, change.target) in legal for change in machine.changes())
-    path = [change for change in machine.changes() if change.robot == robot]
-    assert all(a.target == b.source for a, b in itertools.pairwise(path))
     patience = sum(round(limit / 0.01) for limit in TIME_LIMIT.values())
     while not set(machine.state.tolist()) <= RESTING:
         machine.observe(seen(4))
         assert (patience := patience - 1) > 0
-
-
-def test_the_log_is_bounded_and_keeps_the_latest(monkeypatch):
-    monkeypatch.setattr("policies.behaviour.machine.LOG_CAPACITY", 4)
-    machine = BehaviourMachine(9, start=State.STAND)
-    machine.request("walk")
-    assert [change.robot for change in machine.changes()] == [5, 6, 7, 8]
-    machine.restart(np.arange(9) < 2)
-    assert [change.robot for change in machine.changes()] == [7, 8, 0, 1]
 
 
 def test_the_page_of_the_behaviours_has_every_transition_and_no_other():
@@ -168,7 +156,7 @@ def test_the_page_of_the_behaviours_has_every_transition_and_no_other():
     expected = []
     for row in TRANSITIONS:
         sources = ", ".join(source.name.lower() for source in row.sources)
-        expected.append([sources, row.request, row.guard, row.target.name.lower(), row.reason])
+        expected.append([sources, row.request, row.guard, row.target.name.lower()])
     assert rows[2:] == expected
     arrows = [line.split("-->")[1].split(":")[0].strip() for line in page.splitlines() if "-->" in line]
     assert set(arrows) == {row.target.name.lower() for row in TRANSITIONS}
