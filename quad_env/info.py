@@ -35,10 +35,8 @@ def _head(robot: Robot) -> Iterator[str]:
         f"robot        {robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, "
         f"trunk {robot.home_height:.2f} m high in the home pose"
     )
-    yield (
-        f"joints       at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:g} rad/s, servos "
-        f"{robot.servo}"
-    )
+    joints = f"at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:g} rad/s, servos {robot.servo}"
+    yield f"joints       {joints}"
     actuator, sensors, estimator = hardware_profile(robot)
     if actuator.curve is not None:
         _, *figures = actuator.curve.on(robot)

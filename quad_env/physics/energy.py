@@ -10,9 +10,7 @@ from quad_env.columns import Array, Ids
 from quad_env.physics.batch import MUJOCO, Batch
 from quad_env.robots.robot import Robot
 
-OF_JOINTS = (
-    *("positive_work", "regeneration", "joule_heat", "mean_torque", "peak_torque", "peak_speed", "torque_change"),
-)
+OF_JOINTS = "positive_work", "regeneration", "joule_heat", "mean_torque", "peak_torque", "peak_speed", "torque_change"
 """Readings of a `Meter` with a value a joint; see `quad_env.task.readings`."""
 Received = Callable[[Ids, Array], Array]
 """Torques that the joints of those robots received in the last physics step, (k, 12), N·m, in which their speeds have
