@@ -41,7 +41,7 @@ class Options:
     """Every scenario with the robot's hardware profile: motors, delays, sensors and estimator like the real ones."""
     quick: Flag = False
     """The quick battery, for a first look: --scenarios quick."""
-    episodes: int = 24
+    episodes: int = 20
     """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
     robot: str = "simple_quad"
     """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
