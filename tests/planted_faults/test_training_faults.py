@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,9 @@ from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
 from train import training_robots, validation
 from train.config import PUSHES, PpoConfig, TrainConfig, ValidationConfig
 from train.run import make_env
-from train.search import subject as searches
 from train.search import trot
 from train.search.command import evolve
-from train.search.subject import Effort, unit_cube
+from train.search.subject import Effort, Subject
 
 JUDGED = ValidationConfig(episodes=1, scenarios=("flat", "push", "rough"))
 SMALL = TrainConfig(
@@ -74,8 +74,8 @@ def check_searches_are_on_their_own_episodes_and_ground() -> None:
 
     effort = Effort(generations=2, candidates=4, episodes=3, steps=BRIEF, spread=0.1)
     ranges = {"frequency": (2.0, 4.0), "duty": (0.4, 0.6)}
-    space = unit_cube(trot.TrotParameters(), ranges, costs, searches.generations(effort))
-    list(evolve(effort, space))
+    unused: dict[str, Any] = {"conclude": lambda _: ("", ""), "file": Path("unused.json"), "account": "unused.md"}
+    list(evolve(effort, Subject(trot.TrotParameters(), ranges, costs, **unused)))
     assert {PURPOSES[seed >> 48] for seed in seen} == {"search"}
     assert len(set(seen)) == 6, "every generation has new episodes"
 

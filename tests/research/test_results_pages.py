@@ -134,7 +134,7 @@ def test_the_command_and_versions_that_made_the_results_are_named(folder) -> Non
     hardware = {"hardware": {"actuator": "motor", "sensors": "truth"}}
     for changes, words in (
         ({"provenance": hardware}, f"{same} --episodes 128 --actuator motor`; MuJoCo 4.0.0, Python 3.11.7."),
-        ({"seed": 3, "episodes": 24}, f"{same} --seed 3`;"),
+        ({"seed": 3, "episodes": 20}, f"{same} --seed 3`;"),
         ({"versions": {"mujoco": "3", "python": "3"}}, "Python 3; success by the older rule success/1."),
     ):
         assert words in readme(folder, FOUND | changes)
@@ -144,7 +144,7 @@ def test_the_command_and_versions_that_made_the_results_are_named(folder) -> Non
 def test_a_battery_is_called_by_its_name(battery, words, folder) -> None:
     cells = dict.fromkeys((scenario.name for scenario in BATTERIES[battery](SIMPLE_QUAD)), CELL)
     of = {policy: {"scenarios": cells} for policy in DEFAULT_POLICIES}
-    assert f"\n`python -m evaluate{words}`;" in readme(folder, FOUND | {"policies": of, "episodes": 24})
+    assert f"\n`python -m evaluate{words}`;" in readme(folder, FOUND | {"policies": of, "episodes": 20})
 
 
 def test_scores_with_the_hardware_profile_stand_next_to_those_without_and_policies_without_any_in_a_sentence(
