@@ -24,7 +24,7 @@ from policies.base import CONTROL_PERIOD, Policy
 from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import launch
 
-FILES = {"MCAP": "walk.mcap", "ROS 2 bag": "walk"}
+FILES = {"MCAP": "walk.mcap"}
 CLOCKS = ("wall", "processor", "until closed")
 
 

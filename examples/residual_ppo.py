@@ -95,7 +95,7 @@ class Learner(nn.Module):
         """The mean of the policy as the NumPy network that a bundle holds."""
         layers = [layer for layer in self.actor if isinstance(layer, nn.Linear)]
         weights = tuple(np.ascontiguousarray(layer.weight.detach().numpy().T) for layer in layers)
-        return Network(weights, tuple(layer.bias.detach().numpy().copy() for layer in layers), "elu")
+        return Network(weights, tuple(layer.bias.detach().numpy().copy() for layer in layers))
 
 
 def _network(inputs: int, outputs: int, hidden: int = 128) -> nn.Sequential:

@@ -169,21 +169,6 @@ class GaitedPolicy(Policy):
         return weight * targets + (1.0 - weight) * self.robot.home_pose
 
 
-class ShiftableFootholds(GaitedPolicy):
-    """A policy on a clock whose footholds can be shifted robot by robot, between two actions."""
-
-    foothold_shift: Floats
-    """Added to where the feet of each robot are to land, x ahead and y left, m, (n, 2); zero at first."""
-
-    def _allocate(self, num_envs: int) -> None:
-        super()._allocate(num_envs)
-        self.foothold_shift = np.zeros((num_envs, 2))
-
-    def _restart(self, mask: Mask) -> None:
-        super()._restart(mask)
-        self.foothold_shift = np.where(mask[:, None], 0.0, self.foothold_shift)
-
-
 def chosen(mask: ArrayLike | None, num_envs: int) -> Mask:
     """The mask of robots, (num_envs,) of bool, all of them for None; ValueError for another shape or type."""
     rows = np.ones(num_envs, np.bool_) if mask is None else np.asarray(mask)

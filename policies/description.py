@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, PolicyError
 from policies.history import Inputs
-from policies.network import ACTIVATIONS, Network
+from policies.network import ACTIVATION, Network
 from policies.parameters import is_number
-from policies.residual import NO_SHIFT, Features, ResidualPolicy, check_shiftable, correction_width
+from policies.residual import Features, ResidualPolicy
 from policies.residual_bases import describe, described
 from quad_env import ENV_ID
 from quad_env.files.reading import parse_json
@@ -49,17 +49,17 @@ _LATER_FIELDS: dict[str, Any] = {
     "control_period": CONTROL_PERIOD,
     "inputs": {},
     "hold": 1,
-    "foothold_authority": NO_SHIFT.tolist(),
     "servo": None,
 }
 """Fields that older bundles lack, and what these were made for."""
 _REMOVED_FIELDS = {
     "command_authority": [0.0] * 3,
+    "foothold_authority": [0.0] * 2,
     "gait_authority": [0.0] * 3,
     "space": "joints",
     "shift_time": 0.0,
 }
-"""Fields of bundles of version 0.1.0, and the only values that policies can still have."""
+"""Fields of bundles of older versions, and the only values that policies can still have."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
 _LARGEST_WEIGHT = 1e6
 _LARGEST_AUTHORITY = math.pi
@@ -82,10 +82,9 @@ def description_of(
         "control_period": policy.control_period,
         "observation": _layout(policy.robot),
         "observation_scale": observation_table(policy.robot).scale.tolist(),
-        "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
+        "network": {"sizes": list(policy.network.sizes), "activation": ACTIVATION},
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
-        "foothold_authority": policy.shift_authority.tolist(),
         "inputs": asdict(policy.features.inputs),
         "hold": policy.hold,
         "servo": [policy.robot.servo_stiffness.tolist(), policy.robot.servo_damping.tolist()],
@@ -110,7 +109,7 @@ def parsed(place: Path, content: bytes) -> dict[str, Any]:
         fail(place, f"{DESCRIPTION} lacks {', '.join(missing)}")
     for field, only in _REMOVED_FIELDS.items():
         if (value := description.pop(field, only)) != only:
-            fail(place, f"its {field} is {value!r:.80}, which this version cannot do; version 0.1.0 can")
+            fail(place, f"its {field} is {value!r:.80}, which this version cannot do; an older one can")
     if unknown := sorted(set(description) - _FIELDS - set(_LATER_FIELDS)):
         fail(place, f"{DESCRIPTION} has unknown fields {', '.join(unknown)}")
     return _LATER_FIELDS | description
@@ -128,19 +127,14 @@ def assembled(
     except ValueError as error:
         fail(place, str(error))
     inputs = _inputs(place, description["inputs"])
-    shifts = _authority(place, "foothold_authority", description["foothold_authority"], len(NO_SHIFT))
-    try:
-        check_shiftable(base, shifts)
-    except ValueError as error:
-        fail(place, str(error))
-    corrects = network(Features(base, inputs, shifts).width, correction_width(robot, shifts))
+    corrects = network(Features(base, inputs).width, robot.num_joints)
     if type(hold := description["hold"]) is not int or not 1 <= hold <= _LONGEST_HOLD:
         fail(place, f"hold must be a whole number from 1 to {_LONGEST_HOLD}")
     name = description["name"]
     if not isinstance(name, str) or not name or not name.isprintable():
         fail(place, "name must be a text of printable characters")
-    authority = _authority(place, "authority", description["authority"], robot.num_joints)
-    return ResidualPolicy(base, corrects, authority, name, inputs, hold, shifts)
+    authority = _authority(place, description["authority"], robot.num_joints)
+    return ResidualPolicy(base, corrects, authority, name, inputs, hold)
 
 
 def _check_environment(folder: Path, description: dict[str, Any], robot: Robot) -> None:
@@ -199,13 +193,13 @@ def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]], in
     """The network of a description and of tensors by name. Raises PolicyError."""
     if not isinstance(shape, dict) or set(shape) != {"sizes", "activation"}:
         fail(folder, "network must have sizes and activation")
-    sizes, activation = shape["sizes"], shape["activation"]
+    sizes = shape["sizes"]
     if not isinstance(sizes, list) or not all(type(s) is int and 0 < s <= _LARGEST_WIDTH for s in sizes):
         fail(folder, f"network sizes must be whole numbers from 1 to {_LARGEST_WIDTH}")
     if not 2 <= len(sizes) <= _MOST_LAYERS + 1 or sizes[0] != inputs or sizes[-1] != outputs:
         fail(folder, f"network sizes must lead from {inputs} inputs to {outputs} outputs")
-    if not isinstance(activation, str) or activation not in ACTIVATIONS:
-        fail(folder, f"activation must be one of {', '.join(sorted(ACTIVATIONS))}")
+    if shape["activation"] != ACTIVATION:
+        fail(folder, f"activation must be {ACTIVATION}")
     layers = list(enumerate(pairwise(sizes)))
     expected = {f"{i}.weight": pair for i, pair in layers} | {f"{i}.bias": pair[1:] for i, pair in layers}
     if {key: value.shape for key, value in tensors.items()} != expected:
@@ -215,14 +209,14 @@ def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]], in
     if not all(np.abs(value).max() <= _LARGEST_WEIGHT for value in tensors.values()):
         fail(folder, f"weights must lie within ±{_LARGEST_WEIGHT:g}")
     weights, biases = (tuple(tensors[f"{i}.{kind}"] for i, _ in layers) for kind in ("weight", "bias"))
-    return Network(weights, biases, activation)
+    return Network(weights, biases)
 
 
-def _authority(folder: Path, field: str, values: Any, count: int) -> Actions:
+def _authority(folder: Path, values: Any, count: int) -> Actions:
     if not isinstance(values, list) or len(values) != count:
-        fail(folder, f"{field} must be {count} numbers")
+        fail(folder, f"authority must be {count} numbers")
     if not all(is_number(value) and 0.0 <= value <= _LARGEST_AUTHORITY for value in values):
-        fail(folder, f"{field} must be finite numbers from 0 to π")
+        fail(folder, "authority must be finite numbers from 0 to π")
     return np.array(values, dtype=np.float32)
 
 

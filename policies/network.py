@@ -5,14 +5,13 @@ inputs are multiples of 2^-20 within ±2^6, and each column of weights is on a g
 sum of its magnitudes. All products and partial sums are then multiples of the product of the two grids, at most 2^53
 times as large, which float64 holds exactly. The outputs differ from those in float32 by some 1e-6.
 
-The last bits of a library's exp and tanh depend on the processor too, so the functions between the layers are made of
+The last bits of a library's exp depend on the processor too, so the function between the layers is made of
 additions, multiplications and divisions alone, which IEEE 754 rounds everywhere alike. A piece is all float32 numbers
 with the same sign, exponent and first nine bits of the fraction; on each piece the function is replaced by the chord
 between its ends, within 3e-7.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 Doubles = NDArray[np.float64]
 LIMIT = 64.0
-"""Beyond ±LIMIT the functions are constant: some ten times as far as the sums in the layers of our networks reach."""
+"""Beyond ±LIMIT the function is constant: some ten times as far as the sums in the layers of our networks reach."""
 _PIECE_BITS = 9
 _SHIFT = np.array(23 - _PIECE_BITS, np.int32)  # an array, which NumPy takes faster than a number
 _PIECES = 1 << (8 + _PIECE_BITS)
@@ -37,27 +36,22 @@ def _exp_minus_1(x: Doubles) -> Doubles:
     return value
 
 
+ACTIVATION = "elu"
+"""The function between layers, as bundles name it."""
+
+
 def _elu(x: Doubles) -> Doubles:
     return np.where(x > 0.0, x, _exp_minus_1(np.minimum(x, 0.0)))
 
 
-def _tanh(x: Doubles) -> Doubles:
-    falling = _exp_minus_1(-2.0 * np.abs(x))
-    return np.copysign(falling / (falling + 2.0), x)
-
-
-ACTIVATIONS: dict[str, Callable[[Doubles], Doubles]] = {"elu": _elu, "tanh": _tanh}
-"""The functions, by the name that a bundle gives."""
-
-
 @cache
-def lines_of(activation: str) -> tuple[Doubles, Doubles]:
+def lines() -> tuple[Doubles, Doubles]:
     """Slopes and intercepts of the pieces, by what `piece` gives."""
     last = int(np.float32(LIMIT).view(np.int32) >> _SHIFT)
     ends = (np.arange(last + 1, dtype=np.int32) << _SHIFT).view(np.float32).astype(np.float64)
     slopes, intercepts = np.zeros((2, 2, _PIECES))
     for side, slope, intercept in ((ends, slopes[0], intercepts[0]), (-ends, slopes[1], intercepts[1])):
-        values = ACTIVATIONS[activation](side)
+        values = _elu(side)
         slope[:last] = np.diff(values) / np.diff(side)
         intercept[:last] = values[:-1] - slope[:last] * side[:-1]
         intercept[last:] = values[-1]
@@ -83,15 +77,12 @@ _PRODUCTS = 500_000
 
 @dataclass(frozen=True)
 class Network:
-    """Layers of float32 weights (inputs, outputs) and biases (outputs,), with an activation between them."""
+    """Layers of float32 weights (inputs, outputs) and biases (outputs,), with an ELU between them."""
 
     weights: tuple[Weights, ...]
     biases: tuple[Weights, ...]
-    activation: str = "tanh"
 
     def __post_init__(self) -> None:
-        if self.activation not in ACTIVATIONS:
-            raise ValueError(f"unknown activation {self.activation!r}; there are {', '.join(sorted(ACTIVATIONS))}")
         if not self.weights or len(self.weights) != len(self.biases):
             raise ValueError("a network needs at least one layer, and a bias for each")
         for weight, bias, width in zip(self.weights, self.biases, self.sizes[:-1], strict=True):
@@ -136,7 +127,7 @@ class Network:
 
     @cached_property
     def _lines(self) -> tuple[Doubles, Doubles]:
-        slopes, intercepts = lines_of(self.activation)
+        slopes, intercepts = lines()
         return slopes, intercepts + _TO_GRID
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Actions, Floats, GaitedPolicy, Policy, ShiftableFootholds, within_limits
+from policies.base import Actions, Floats, GaitedPolicy, Policy, within_limits
 from policies.history import History, Inputs
 from policies.network import Network
 from quad_env.robots.robot import Robot
@@ -11,8 +11,6 @@ from quad_env.task.observations import observation_table
 
 PRESENT = Inputs()
 """Those of a network that sees the present observation and its base alone."""
-NO_SHIFT = np.zeros(2, np.float32)
-"""Authority of a residual over joints alone over where the feet of its base land, forward and lateral, m."""
 
 
 def authority_of(robot: Robot, hip: float = 0.15, joint: float = 0.3) -> Actions:
@@ -26,20 +24,17 @@ class Features:
     """What the network over a base sees of n robots, about unit size.
 
     The scaled observation; over a gaited base the sine and cosine of its phase, and its action minus the home pose;
-    sine and cosine of a clock of its own; what is remembered of the scaled observations before; then what the base
-    is shifted by, in shares of the authority, of a residual that has authority over that.
+    sine and cosine of a clock of its own; what is remembered of the scaled observations before.
     """
 
-    def __init__(self, base: Policy, inputs: Inputs = PRESENT, shift_authority: Actions = NO_SHIFT) -> None:
+    def __init__(self, base: Policy, inputs: Inputs = PRESENT) -> None:
         self.base, self.inputs = base, inputs
         self._table = observation_table(base.robot)
         self._history = History(inputs, self._table.size, base.control_period)
         self.ticks = np.zeros(1)
         """Observations that each robot has been seen with since it began, (n,)."""
-        self._shifted = np.flatnonzero(shift_authority)
-        self._shift_scale = 1.0 / shift_authority[self._shifted]
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
-        self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width + len(self._shifted)
+        self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
         """Numbers of a row."""
 
     def reset(self, num_envs: int) -> None:
@@ -52,11 +47,8 @@ class Features:
         self._history.reset_where(mask)
         self.ticks[mask] = 0.0
 
-    def see(
-        self, observation: NDArray[np.float32], base_action: Actions, shift: NDArray[np.float32] = NO_SHIFT
-    ) -> NDArray[np.float32]:
-        """Features (n, `width`) of observations (n, k) that the base, shifted by (n, 2), has just answered
-        with its action, (n, 12)."""
+    def see(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
+        """Features (n, `width`) of observations (n, k) that the base has just answered with its action, (n, 12)."""
         self.ticks += 1.0
         scaled = observation * self._table.scale
         seen = [scaled]
@@ -66,39 +58,7 @@ class Features:
             seen += [_hands(2.0 * np.pi * self.inputs.clock * self.base.control_period * self.ticks)]
         if self._history.width:
             seen += [self._history.see(scaled)]
-        if len(self._shifted):
-            seen += [shift[:, self._shifted] * self._shift_scale]
         return np.concatenate(seen, axis=-1) if len(seen) > 1 else scaled
-
-
-def correction_width(robot: Robot, shift_authority: Actions) -> int:
-    """How many numbers a correction has: one a joint, and one for each thing that may be shifted."""
-    return robot.num_joints + int(np.count_nonzero(shift_authority))
-
-
-def parted(
-    robot: Robot, correction: NDArray[np.float32], shift_authority: Actions
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """What a correction (n, k) of any size does within -1 … 1: shares of the joints' authority, (n, 12), and the shift
-    of the footholds, (n, 2), m."""
-    one = np.float32(1.0)
-    joints, shares = np.split(np.clip(correction, -one, one), [robot.num_joints], axis=1)
-    shift, shiftable = np.zeros((len(joints), len(NO_SHIFT)), np.float32), np.flatnonzero(shift_authority)
-    shift[:, shiftable] = shift_authority[shiftable] * shares
-    return joints, shift
-
-
-def check_shiftable(base: Policy, shift_authority: Actions) -> None:
-    """Raise ValueError, one line, if the base cannot shift its footholds by so much, (2,), m."""
-    if shift_authority.any() and not isinstance(base, ShiftableFootholds):
-        raise ValueError(f"the footholds of {base.name} cannot be shifted; those of mpc and mpc_wbc can")
-
-
-def answer(base: Policy, observation: NDArray[np.float32], shift: NDArray[np.float32]) -> Actions:
-    """Actions (n, 12) of the base for observations (n, k), its footholds shifted by (n, 2), m."""
-    if isinstance(base, ShiftableFootholds):
-        base.foothold_shift = shift.astype(np.float64)
-    return base.act(observation)
 
 
 def compose(robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions) -> Actions:
@@ -123,8 +83,6 @@ class ResidualPolicy(Policy):
     """The latest correction, in shares of the authority, -1 … 1, shape (n, 12); zero before the first action."""
     base_action: Actions
     """The base's latest action, rad, shape (n, 12); the home pose before the first."""
-    shift: NDArray[np.float32]
-    """What the base's footholds are shifted by next, forward and lateral, m, shape (n, 2); zero at first."""
 
     def __init__(
         self,
@@ -134,19 +92,14 @@ class ResidualPolicy(Policy):
         name: str = "residual",
         inputs: Inputs = PRESENT,
         hold: int = 1,
-        shift_authority: Actions = NO_SHIFT,
     ) -> None:
         robot = base.robot
-        check_shiftable(base, shift_authority)
-        self.features = Features(base, inputs, shift_authority)
-        self.shift_authority = shift_authority
-        """Largest shift of the base's footholds, forward and lateral, m, (2,)."""
-        outputs = correction_width(robot, shift_authority)
+        self.features = Features(base, inputs)
         self.hold = hold
         """Control steps that a correction is held, while the base goes on at every one."""
-        if network.sizes[0] != self.features.width or network.sizes[-1] != outputs:
+        if network.sizes[0] != self.features.width or network.sizes[-1] != robot.num_joints:
             raise ValueError(
-                f"a network over {base.name} needs {self.features.width} inputs and {outputs} outputs, "
+                f"a network over {base.name} needs {self.features.width} inputs and {robot.num_joints} outputs, "
                 f"not {network.sizes[0]} and {network.sizes[-1]}"
             )
         self.base = base
@@ -170,21 +123,17 @@ class ResidualPolicy(Policy):
     def _allocate(self, num_envs: int) -> None:
         self.correction = np.zeros((num_envs, self.robot.num_joints), np.float32)
         self.base_action = np.tile(_home(self.robot), (num_envs, 1))
-        self.shift = np.zeros((num_envs, len(NO_SHIFT)), np.float32)
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         self.base.reset_where(mask)
         self.features.reset_where(mask)
         self.correction = np.where(mask[:, None], np.float32(0.0), self.correction)
         self.base_action = np.where(mask[:, None], _home(self.robot), self.base_action)
-        self.shift = np.where(mask[:, None], np.float32(0.0), self.shift)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        self.base_action = answer(self.base, observation, self.shift)
-        seen = self.features.see(observation, self.base_action, self.shift)
+        self.base_action = self.base.act(observation)
+        seen = self.features.see(observation, self.base_action)
         if (due := (self.features.ticks - 1.0) % self.hold == 0.0).any():
-            corrected = self.network(seen)
-            joints, shift = parted(self.robot, corrected, self.shift_authority)
-            self.correction = np.where(due[:, None], joints, self.correction)
-            self.shift = np.where(due[:, None], shift, self.shift)
+            corrected = np.clip(self.network(seen), np.float32(-1.0), np.float32(1.0))
+            self.correction = np.where(due[:, None], corrected, self.correction)
         return compose(self.robot, self.base_action, self.correction, self.authority)

@@ -71,11 +71,8 @@ def describe(policy: Policy) -> dict[str, Any]:
 
 
 def described(description: Any, robot: Robot, control_period: float) -> Policy:
-    """The policy of a description, for that robot and control period, s. Raises ValueError, one line.
-
-    Older descriptions lack the SHA-256.
-    """
-    if not isinstance(description, dict) or not {"name", "parameters"} <= set(description) <= _FIELDS:
+    """The policy of a description, for that robot and control period, s. Raises ValueError, one line."""
+    if not isinstance(description, dict) or set(description) != {"name", "parameters", "sha256"}:
         raise ValueError("base must have name and parameters, and a sha256 of these")
     name, parameters = description["name"], description["parameters"]
     if not isinstance(name, str) or name not in BASES:
@@ -83,12 +80,9 @@ def described(description: Any, robot: Robot, control_period: float) -> Policy:
     if not isinstance(parameters, dict):
         raise ValueError("the base's parameters must be an object")
     arguments = _arguments(BASES[name], parameters)
-    if description.get("sha256", digest := _digest(parameters)) != digest:
+    if description["sha256"] != _digest(parameters):
         raise ValueError("the base's parameters are not those that it was trained on (SHA-256 differs)")
     return BASES[name].make(robot=robot, control_period=control_period, **arguments)
-
-
-_FIELDS = {"name", "parameters", "sha256"}
 
 
 def _arguments(base: Base, parameters: dict[str, Any]) -> dict[str, Any]:

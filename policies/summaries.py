@@ -24,9 +24,7 @@ SUMMARIES = {
         'any of these gaits, the trot or standing, robot by robot; starts as the trot; request("walk", mask) changes '
         "the gait under way"
     ),
-    "behaviour": (
-        "states (passive, stand up, stand, walk, run, jump, fall, recover, emergency stop) and one table of transitions"
-    ),
+    "behaviour": "states (stand, walk, run, jump, fall, recover) and one table of transitions",
     "mpc": (
         "model-predictive control of a trot: each leg bears the force that is planned for it and follows its path by "
         "itself"

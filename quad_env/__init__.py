@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from quad_env.config import AnyPose as AnyPose
     from quad_env.config import CommandRanges as CommandRanges
     from quad_env.config import FallRule as FallRule
-    from quad_env.config import RewardTerm as RewardTerm
     from quad_env.config import RewardWeights as RewardWeights
     from quad_env.config import StartNoise as StartNoise
     from quad_env.config import TaskConfig as TaskConfig
@@ -62,7 +61,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "actuation.models": "ACTUATORS Actuator Gear Thermal TorqueSpeed",
-    "config": "FALL_REASONS FALL_RULE AnyPose CommandRanges FallRule RewardTerm RewardWeights StartNoise TaskConfig",
+    "config": "FALL_REASONS FALL_RULE AnyPose CommandRanges FallRule RewardWeights StartNoise TaskConfig",
     "robots.anatomy": "ModelError",
     "robots.named": "ROBOTS",
     "robots.robot": "Robot",

@@ -16,7 +16,7 @@ if __name__ == "__main__":  # before the imports that take time
 from quad_env.cli.program import Command, Program
 
 _EVERY = {
-    "info": Command("quad_env.info", "robot, spaces, scenarios, actuators and sensors of the environment"),
+    "info": Command("quad_env.info", "robot, spaces, actuators and sensors of the environment"),
     "describe": Command(
         "quad_env.describe", "what a robot's model says of its legs, joints and servos, and whether the robot stands"
     ),
@@ -29,7 +29,7 @@ _EVERY = {
     "policies": Command("live.commands.policies", "the policies by name, what each is, what was trained on what"),
     "view": Command("live.commands.view", "robots in the browser, to watch, steer and push"),
     "film": Command("live.commands.film", "an episode as a film, policies side by side"),
-    "record": Command("live.commands.record", "an episode as an MCAP file or a ROS 2 bag"),
+    "record": Command("live.commands.record", "an episode as an MCAP file"),
     "ros": Command("live.commands.ros", "the simulated robot as a ROS node, in real time"),
 }
 _OF_A_WHEEL = {"doctor": Command("quad_env.doctor.command", _EVERY["doctor"].summary)}

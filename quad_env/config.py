@@ -1,10 +1,7 @@
 """Settings of the environment as frozen dataclasses; units in each docstring."""
 
-import inspect
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from functools import cached_property
 from typing import Any, get_args
 
 GRAVITY = 9.81
@@ -20,11 +17,7 @@ def check_kinds(settings: Any) -> None:
     for each in fields(settings):
         value, kinds = getattr(settings, each.name), get_args(each.type) or (each.type,)
         names = [f"quad_env.{kind.__name__}" for kind in kinds if isinstance(kind, type) and is_dataclass(kind)]
-        if names and kinds[1:] == (...,):
-            if not isinstance(value, tuple) or not all(isinstance(entry, kinds[0]) for entry in value):
-                what = f"{type(settings).__name__}.{each.name}"
-                raise ValueError(f"{what} is a tuple of {names[0]}, got {value!r}; write ({names[0]}(…),)")
-        elif names and not isinstance(value, kinds):
+        if names and not isinstance(value, kinds):
             valid = " or ".join(names + ["None"] * (type(None) in kinds))
             what = f"{type(settings).__name__}.{each.name}"
             raise ValueError(f"{what} is a {valid}, got {value!r}; write {names[0]}(…)")
@@ -124,10 +117,7 @@ FALL_REASONS = ("none", "trunk_contact", "tilt", "height")
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weight of each reward term; the terms are functions of the same names in `quad_env.task.rewards`.
-
-    The feet are looked at only where a term of theirs has a weight.
-    """
+    """Weight of each reward term; the terms are functions of the same names in `quad_env.task.rewards`."""
 
     linear_velocity_tracking: float = 1.2
     yaw_rate_tracking: float = 0.8
@@ -139,44 +129,7 @@ class RewardWeights:
     action_rate: float = -0.02
     torque: float = -2e-5
     foot_air_time: float = 0.0
-    foot_clearance: float = 0.0
-    foot_slip: float = 0.0
-    foot_impact: float = 0.0
     fall: float = -1.0
-
-
-@dataclass(frozen=True)
-class RewardTerm:
-    """A reward term of your own, added to those of `RewardWeights`."""
-
-    name: str
-    """`reward_<name>` in the infos"""
-    function: Callable[[Any], Any]
-    """From the `quad_env.physics.state.QuadState` of n robots, columns (n,), to the term's value for each, (n,); a
-    single environment's state holds floats, and wants one. One that takes `feet` besides is given the
-    `quad_env.physics.state.Feet` of these robots"""
-    weight: float
-    """A rate, as in `RewardWeights`: a step pays weight times value times control period"""
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name.isidentifier():
-            raise ValueError(f"a reward term's name is a word such as joint_speed, got {self.name!r}")
-        if self.name in (own := [each.name for each in fields(RewardWeights)]):
-            raise ValueError(
-                f"{self.name} is a reward term of quad_env's; call yours differently than {', '.join(own)}"
-            )
-        if not callable(self.function):
-            raise ValueError(f"the reward term {self.name} must be a function of the state, got {self.function!r:.80}")
-        if not math.isfinite(self.weight):
-            raise ValueError(f"the weight of the reward term {self.name} must be finite, got {self.weight}")
-
-    @cached_property
-    def takes_feet(self) -> bool:
-        """Whether the function has a parameter `feet`."""
-        try:
-            return "feet" in inspect.signature(self.function).parameters
-        except ValueError:  # of some functions that are written in C
-            return False
 
 
 @dataclass(frozen=True)
@@ -189,13 +142,8 @@ class TaskConfig:
     """s a step of the physics and the joint servo; None for that of the robot's MJCF"""
     fall_rule: FallRule = field(default_factory=FallRule)
     reward_weights: RewardWeights = field(default_factory=RewardWeights)
-    reward_terms: tuple[RewardTerm, ...] = ()
-    """Terms of your own, added to the others"""
 
     def __post_init__(self) -> None:
         check_kinds(self)
         if self.timestep is not None and not 0.0 < self.timestep < math.inf:
             raise ValueError(f"the timestep must be positive, s, or None, got {self.timestep!r}")
-        names = [term.name for term in self.reward_terms]
-        if len(set(names)) < len(names):
-            raise ValueError(f"every reward term needs a name of its own, got {', '.join(names)}")

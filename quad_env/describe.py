@@ -7,13 +7,14 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
+from numpy.typing import NDArray
 
 from quad_env.cli.command_line import UsageError
 from quad_env.info import joint_table
@@ -69,7 +70,8 @@ def text(robot: Robot) -> Iterator[str]:
         f"legs         {', '.join(robot.leg_names)}: thigh {robot.thigh_length:.3f} m, calf {robot.calf_length:.3f} m, "
         f"foot {robot.foot_radius:.3f} m; knees bend {_knees(robot)}"
     )
-    centre = "" if np.allclose(robot.trunk_centre, 0.0, atol=5e-3) else f" about {_place(robot.trunk_centre)} m"
+    place = ", ".join(f"{value:.2f}" for value in robot.trunk_centre)
+    centre = "" if np.allclose(robot.trunk_centre, 0.0, atol=5e-3) else f" about ({place}) m"
     size = " × ".join(f"{size:.2f}" for size in robot.trunk_size)
     yield f"trunk        {size} m{centre}, {robot.home_height:.3f} m high"
     yield (f"servos       {robot.servo}, at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s")
@@ -82,10 +84,6 @@ def text(robot: Robot) -> Iterator[str]:
     yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
 
 
-def _place(place: Iterable[float]) -> str:
-    return f"({', '.join(f'{value:.2f}' for value in place)})"
-
-
 def _knees(robot: Robot) -> str:
     """Which way the knees bend, leg by leg where they differ."""
     ways = ["backward" if direction < 0 else "forward" for direction in robot.knee_direction]
@@ -96,17 +94,13 @@ def _knees(robot: Robot) -> str:
 
 def standing(robot: Robot, picture: Path | None = None) -> str:
     """Sentence about a robot that holds its home pose for a while. Raises ModelError where it does not stand."""
-    from quad_env.config import TaskConfig
     from quad_env.envs.env import SimpleQuadEnv
 
     env = SimpleQuadEnv(
         robot=robot.stiffer, render_mode=None if picture is None else "rgb_array", terminate_on_fall=False
     )
     env.reset(seed=0, options={"command": np.zeros(3)})
-    steps = round(STAND_TIME * TaskConfig().control_rate)
-    for _ in range(steps):
-        observation, *_ = env.step(robot.home_pose.astype(np.float32))
-    height, tilt = env.simulation.state_of_one((0.0, 0.0, 0.0)).height, math.acos(min(max(-observation[2], -1.0), 1.0))
+    height, tilt = height_and_tilt(states(env, robot.home_pose, STAND_TIME)[-1])
     if picture is not None:
         from PIL import Image
 
@@ -116,6 +110,20 @@ def standing(robot: Robot, picture: Path | None = None) -> str:
     if tilt > LARGEST_TILT or height < (1.0 - LARGEST_SINK) * robot.home_height:
         raise ModelError(f"the robot does not stand in its home pose: {end}; give another home_pose or stiffer servos")
     return f"It stands: {end}."
+
+
+def states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
+    """States of the robot of a single environment while it holds a target for so long."""
+    found = []
+    for _ in range(round(seconds / env.dt)):
+        env.step(target.astype(np.float32))
+        found.append(env.simulation.state_of_one((0.0, 0.0, 0.0)))
+    return found
+
+
+def height_and_tilt(state: Any) -> tuple[float, float]:
+    """Of the trunk in a state of one robot, m and rad."""
+    return float(state.height), math.acos(min(max(float(state.rotation[2][2]), -1.0), 1.0))
 
 
 def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:

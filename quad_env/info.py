@@ -1,17 +1,17 @@
-"""The environment as text: the robot, spaces, scenarios, actuators and sensors; `python -m quad_env info`."""
+"""The environment as text: the robot, spaces, actuators and sensors; `python -m quad_env info`."""
 
 from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.metadata import version
 
 import quad_env
+from quad_env.actuation.hardware import hardware_profile
 from quad_env.actuation.models import ACTUATORS
 from quad_env.config import FALL_REASONS, FALL_RULE, TaskConfig
 from quad_env.robots.named import robot_named
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.axes import axes_of
-from quad_env.scenarios.listing import Options, axis_line
+from quad_env.scenarios.listing import Options
 from quad_env.sensing.estimators import ESTIMATORS
 from quad_env.sensing.suite import SENSORS, TRUTH
 from quad_env.task.observations import observation_table
@@ -25,9 +25,7 @@ def main(options: Options) -> int:
 
 def text(robot: Robot = SIMPLE_QUAD) -> str:
     """Everything, in parts with a line between."""
-    return "\n\n".join(
-        "\n".join(part) for part in (_head(robot), _action(robot), _observation(robot), _rest(), _axes(robot))
-    )
+    return "\n\n".join("\n".join(part) for part in (_head(robot), _action(robot), _observation(robot), _rest()))
 
 
 def _head(robot: Robot) -> Iterator[str]:
@@ -37,10 +35,14 @@ def _head(robot: Robot) -> Iterator[str]:
         f"robot        {robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, "
         f"trunk {robot.home_height:.2f} m high in the home pose"
     )
-    yield (
-        f"joints       at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:g} rad/s, servos "
-        f"{robot.servo}"
-    )
+    joints = f"at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:g} rad/s, servos {robot.servo}"
+    yield f"joints       {joints}"
+    actuator, sensors, estimator = hardware_profile(robot)
+    if actuator.curve is not None:
+        _, *figures = actuator.curve.on(robot)
+        speed, torque = (" to ".join(f"{each:g}" for each in sorted({*map(float, of)})) for of in figures)
+        yield f"+hardware    at most {torque} N·m, {speed} rad/s without load;"
+        yield f"             targets {1000.0 * actuator.delay:g} ms late, sensors {sensors}, estimator {estimator}"
     yield f"time         control at {task.control_rate:g} Hz, episodes of {steps / task.control_rate:g} s"
 
 
@@ -72,8 +74,4 @@ def _rest() -> Iterator[str]:
     yield f"actuator=    {', '.join(ACTUATORS)}"
     yield f"sensors=     {', '.join((TRUTH, *SENSORS))}"
     yield f"estimator=   {', '.join(ESTIMATORS)}"
-
-
-def _axes(robot: Robot) -> Iterator[str]:
-    yield "scenario=    name, its severity, and the levels of its axis (push:3 is the third)"
-    yield from map(axis_line, axes_of(robot).values())
+    yield "scenario=    see python -m quad_env scenarios"

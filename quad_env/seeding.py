@@ -64,8 +64,6 @@ class EpisodeStreams:
     """Biases, offsets and noise of the sensors."""
     scan_noise = _stream(8)
     """Noise of the height scan."""
-    scan_dropouts = _stream(9)
-    """Points that the height scan does not see."""
 
 
 def seeds_of(seed: int | Sequence[int], num_envs: int) -> list[Any]:

@@ -15,27 +15,23 @@ if __name__ == "__main__":  # before the imports that take time
 from quad_env.cli.program import Command, Program
 
 COMMANDS = {
-    "rescore": Command("research.studies.rescore", "falls of a traced run under the rules of other projects"),
     "gaits": Command("research.studies.gaits", "what the gaits, and changes between them, do on flat ground"),
-    "gait-diagram": Command("research.studies.gait_diagram", "when the feet stand, commanded and measured"),
     "recovery": Command("research.studies.recovery", "getting up from any pose"),
     "jump": Command("research.studies.jump", "how high standing robots jump, and how many land standing"),
     "safety": Command("research.studies.safety", "falls that the safety layer averts, and its false alarms"),
-    "ground": Command("research.studies.ground", "success on different surfaces of the same random ground"),
+    "sliding": Command("research.studies.sliding", "feet that slide, and falls under pushes, by settings of contact"),
     "estimation": Command("research.studies.estimation", "errors of estimated attitude and velocity"),
     "time-step": Command("research.studies.time_step", "effort at physics steps of 2, 1 and 0.5 ms"),
     "straight-walking": Command("research.studies.straight_walking", "speed, pushes, uneven ground and cost of a walk"),
-    "prediction": Command("research.studies.prediction", "predictions of the MPCs against what happens"),
     "causes": Command("research.studies.causes", "rules of causes against episodes made to fail, and films of falls"),
     "pictures": Command("research.studies.pictures", "strips of frames and moving pictures of policies walking"),
     "calibration": Command("research.statistics.calibration", "error rates of the intervals and tests"),
     "results": Command("research.pages.results", "CSV files and figures of docs/results, and the pages that show them"),
+    "simulators": Command("research.pages.simulators", "the same episodes in two simulators, as a table"),
     "leaderboard": Command("research.pages.leaderboard", "policies of a list evaluated, and the page of their results"),
     "readme": Command("research.pages.readme", "the README's scores, figure and table of robots"),
     "search": Command("research.training.search", "parameters of policies with feedback, searched by CMA-ES"),
-    "sweep": Command("research.training.sweep", "settings of the training, searched by Optuna"),
     "ablations": Command("research.training.ablations", "the effect of each choice of the training"),
-    "trials": Command("research.training.trials", "training runs of different settings, compared"),
     "publish": Command("research.training.publish", "finished runs evaluated, and that of seed 0 shipped"),
 }
 PROGRAM = Program("python -m research", COMMANDS)

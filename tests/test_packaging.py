@@ -74,8 +74,8 @@ def requirements(repository: Path, extra: str | None = None) -> set[str]:
 
 
 def optional(repository: Path) -> set[str]:
-    """Import names of the extras that evaluation can do without: films as .mp4."""
-    return {name.replace("-", "_") for name in requirements(repository, "video")}
+    """Import names of the extras that evaluation can do without: films as .mp4, a second simulator."""
+    return {name.replace("-", "_") for name in requirements(repository, "video")} | {"pydrake"}
 
 
 def build(folder: Path, kind: str, out: Path) -> Path:
@@ -204,4 +204,6 @@ def test_every_import_is_a_declared_dependency_and_every_dependency_is_imported(
     used = set().union(*evaluation.values())
     assert base <= used
     assert extra <= used.union(INDIRECT, *training.values())
-    assert optional(repository) <= set(imported(repository / "evaluate"))
+    assert optional(repository) <= {
+        name for package in ("evaluate", "quad_env") for name in imported(repository / package)
+    }

@@ -16,6 +16,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 REPOSITORY = Path(__file__).resolve().parents[1]
 PACKAGES = ("quad_env", "policies", "evaluate", "train")
 OF_SIMPLE_QUAD = {
+    "quad_env/actuation/hardware.py": "its article has its motors",
     "quad_env/scenarios/axes.py": "severities are chosen for it",
     "quad_env/scenarios/named.py": "and so are the named scenarios",
     "quad_env/scenarios/scenario.py": "which are not scaled for itself",

@@ -10,7 +10,7 @@ from evaluate.rollouts.hardware import Hardware
 from policies.history import Inputs
 from policies.parameters import number
 from quad_env.scenarios.named import scaled_name
-from train.option_types import REWARDS, Count, OwnTerm, Weights
+from train.option_types import REWARDS, Count, Weights
 
 PolicyKind = Literal["residual", "end-to-end"]
 BaseName = Literal[
@@ -37,8 +37,6 @@ TIMESTEP = 0.005
 """Physics step in training, s; half the time of the robot's own 2 ms, by which validation and evaluation go."""
 PUSHES = 4
 """Pushes in a training episode of a scenario that has any."""
-ACTIVATION = "elu"
-"""Of the hidden layers."""
 MIXTURE = (
     ("flat", 0.09),
     ("flat=3", 0.06),
@@ -157,9 +155,6 @@ class TrainConfig:
     and the value network's extra inputs stay the truth."""
     estimator: str = "complementary"
     """Estimator of gravity and velocity from the sensors, one of quad_env.ESTIMATORS: complementary or kalman."""
-    reward_terms: tuple[OwnTerm, ...] = ()
-    """Your own reward terms: a function in a Python file, from the state of n robots to the term's n values; each
-    control step is rewarded with weight x value x control period."""
     rewards: Weights = REWARDS
     """Weights of reward terms of `quad_env.task.rewards` by name, such as fall=-10 tilt=-1; the others stay."""
     ppo: PpoConfig = dataclasses.field(default_factory=PpoConfig)

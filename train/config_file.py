@@ -8,9 +8,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from policies.network import ACTIVATION
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
-from train.config import ACTIVATION, PUSHES, TIMESTEP, TrainConfig
+from train.config import PUSHES, TIMESTEP, TrainConfig
 from train.run_folder import CONFIG_FILE
 
 _NOT_OF_THE_RUN = ("out", "resume", "threads")
@@ -24,11 +25,12 @@ def to_dict(config: TrainConfig) -> dict[str, Any]:
 
 _REMOVED: Mapping[str, Mapping[str, Any]] = {
     "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0}
-    | {"foothold_authority": 0.0}
+    | {"foothold_authority": 0.0, "reward_terms": []}
     | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}}
     | {"pushes": PUSHES, "hardness": 1.0, "timestep": TIMESTEP},
     "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
     | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
+    "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
 }
 """Settings of older versions, by group, and the only value with which a run still loads; None: any."""
 
@@ -43,9 +45,9 @@ def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
 
 def _of_today(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Settings without those that were removed. Raises ValueError where a run depends on one of them."""
-    found = {**settings, "ppo": dict(settings.get("ppo", {}))}
+    found = {**settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
     for group, removed in _REMOVED.items():
-        values = found[group] if group else found
+        values = found.get(group, {}) if group else found
         for name, only in removed.items():
             if values.pop(name, only) != only and only is not None:
                 raise ValueError(f"{name} was removed")

@@ -62,7 +62,8 @@ def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scena
     mildest, hardest = np.log(axis.levels[0]), np.log(scenario.severity)
     if (hardest - mildest) * (-1.0 if axis.falling else 1.0) <= 0.0:
         return scenario
-    return axis.scenario(float(np.exp(mildest + share * (hardest - mildest))), scenario.name)
+    found = axis.scenario(float(np.exp(mildest + share * (hardest - mildest))), scenario.name)
+    return dataclasses.replace(found, hardware=scenario.hardware)
 
 
 @dataclasses.dataclass

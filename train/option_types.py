@@ -1,4 +1,4 @@
-"""Types of options that are written in a way of their own: whole numbers as 1e6, reward weights and reward terms."""
+"""Types of options that are written in a way of their own: whole numbers as 1e6, and reward weights."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -7,7 +7,6 @@ from typing import Annotated
 from tyro.constructors import PrimitiveConstructorSpec
 
 from quad_env.config import RewardWeights
-from train.reward_term import FileTerm
 
 REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, fall=-5.0)
 """The environment's, and a slope where the robot is so far off its command that the tracking rewards are flat. A second
@@ -32,17 +31,6 @@ Count = Annotated[
     ),
 ]
 """A whole number that may be written as 1e6."""
-OwnTerm = Annotated[
-    FileTerm,
-    PrimitiveConstructorSpec(
-        nargs=1,
-        metavar="FILE.py:FUNCTION=WEIGHT",
-        instance_from_str=lambda words: FileTerm.parse(words[0]),
-        is_instance=lambda value: isinstance(value, FileTerm),
-        str_from_instance=lambda value: [str(value)],
-    ),
-]
-"""A reward term in a user's file."""
 
 
 def weights(words: Sequence[str]) -> RewardWeights:

@@ -13,7 +13,6 @@ from quad_env.cli.interrupt import Interrupt
 from quad_env.files.writing import sole_use
 from train.config import TrainConfig
 from train.residual_env import FloatArray, ResidualVectorEnv
-from train.reward_term import reported
 from train.run_folder import CHECKPOINTS, new_run, refuse_folder_in_use, writing
 from train.run_record import write_settings
 from train.sb3 import checkpoint
@@ -83,8 +82,7 @@ def _learn(
         callbacks: list[BaseCallback] = [RolloutFigures(session), Schedules(session), Curriculum(session, segments)]
         callbacks += [ValidateAndSave(session, segments), segments]
         # Without SB3's own log, whose means reach back beyond the last checkpoint.
-        with reported():
-            model.learn(config.steps - done, callbacks, log_interval=config.steps + 1, reset_num_timesteps=False)
+        model.learn(config.steps - done, callbacks, log_interval=config.steps + 1, reset_num_timesteps=False)
 
 
 def make_env(config: TrainConfig) -> TrainingVecEnv:

@@ -13,7 +13,6 @@ from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
 from train.config import DEFAULTS, TrainConfig, for_robot
 from train.config_file import differences, to_dict
-from train.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 LEARNER = ("stable-baselines3", "torch", "safetensors")
@@ -38,8 +37,6 @@ def command(config: TrainConfig) -> str:
 
 def words(value: Any) -> str:
     """A setting's value, a JSON one, as words of a command line."""
-    if isinstance(value, dict):
-        return shlex.quote(str(FileTerm(**value)))
     return " ".join(words(entry) for entry in value) if isinstance(value, list) else str(value)
 
 

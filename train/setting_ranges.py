@@ -10,8 +10,6 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
 from train.config import TrainConfig
-from train.reward_term import OPTION
-from train.reward_term import check as check_terms
 
 POSES = ("crouch", "stand")
 """Bases of an end-to-end policy."""
@@ -31,9 +29,6 @@ def check(config: TrainConfig) -> None:
                 _check_range(prefix + name, value, low, high)
     for name, weight in dataclasses.asdict(config.rewards).items():
         _check_range(f"--rewards {name}", weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
-    for term in config.reward_terms:
-        _check_range(f"a weight of {OPTION}", term.weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
-    check_terms(config.reward_terms)
     _check_layers("--ppo.actor", config.ppo.actor)
     _check_layers("--ppo.critic", config.ppo.critic)
     _check_rollout(config)
@@ -43,6 +38,11 @@ def check(config: TrainConfig) -> None:
         raise UsageError(str(error)) from None
     _check_mixture(config)
     check_scenarios("--validation.scenarios", config.complete_validation.scenarios, config.hardware.quadruped)
+    names = (*(name for name, _ in config.mixture), *config.complete_validation.scenarios)
+    real = [name for name in dict.fromkeys(names) if scenario(name, config.hardware.quadruped).hardware]
+    if real and config.hardware.chosen:
+        which = ", ".join(real)
+        raise UsageError(f"{which}: the profile has its own --actuator, --sensors and --estimator: leave these out")
     if config.policy == "end-to-end" and config.base not in POSES:
         raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
 

@@ -22,7 +22,6 @@ from quad_env.task.rewards import REWARD
 from train.config import PUSHES, TIMESTEP, TrainConfig
 from train.curriculum import Intervals, Kept, eased
 from train.residual_env import BoolArray, FloatArray, Infos, Step
-from train.reward_term import load
 from train.scenarios import practice
 
 PUSH = 500.0
@@ -237,8 +236,8 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
 
 def side_by_side(config: TrainConfig) -> bool:
     """Whether each thread steps a batch of its own, instead of all threads one batch after the other: where there are
-    enough batches, and no reward term of a user, which may not be thread-safe."""
-    return len(robots_per_scenario(config)) >= config.threads and not config.reward_terms
+    enough batches."""
+    return len(robots_per_scenario(config)) >= config.threads
 
 
 def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVectorEnv:
@@ -252,7 +251,7 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
         nthread=1 if side_by_side(config) else config.threads,
         autoreset_mode=AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps,
-        config=TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards, reward_terms=load(config.reward_terms)),
+        config=TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards),
         **config.hardware.environment(robot.stiffer),
     )
 

@@ -1,14 +1,14 @@
 """Breaking points of policies on axes, of falls and of success, and how people read them."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
 
 import numpy as np
 
-from evaluate.analysis.severity_levels import amount, mildest_first
+from evaluate.analysis.severity_levels import amount, severity_axes
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.breaking_point import LEAST_LEVELS, Found, breaking_point
 from evaluate.statistics.intervals import Bools, Interval
@@ -49,27 +49,14 @@ class AxisBreakingPoint:
 
 def breaking_points(cells: Sequence[Cell]) -> list[AxisBreakingPoint]:
     """Breaking points on every axis with at least three severities; those of falls stand before those of success."""
-    axes = dict.fromkeys(cell.scenario.axis for cell in cells if cell.scenario.axis)
-    return [
-        _on_axis(levels, of)
-        for of, axis in product(OF, axes)
-        for levels in _series([cell for cell in cells if cell.scenario.axis == axis])
-    ]
-
-
-def _series(cells: Sequence[Cell]) -> list[list[Cell]]:
-    """Cells of each policy on one axis, a cell a severity, the mildest first, where there are severities enough."""
-    policies = dict.fromkeys(cell.policy for cell in cells)
-    series = [_levels(cell for cell in cells if cell.policy == policy) for policy in policies]
-    return [levels for levels in series if len(levels) >= LEAST_LEVELS]
-
-
-def _levels(cells: Iterable[Cell]) -> list[Cell]:
-    """One cell of each severity, the mildest first."""
-    first: dict[float, Cell] = {}
-    for cell in cells:
-        first.setdefault(cell.scenario.severity, cell)
-    return [first[each.severity] for each in mildest_first([cell.scenario for cell in first.values()])]
+    ran = {(cell.scenario.name, cell.policy): cell for cell in cells}
+    axes = [axis for axis in severity_axes(cells) if axis.scenarios[0].axis]
+    found = []
+    for of, axis, policy in product(OF, axes, dict.fromkeys(cell.policy for cell in cells)):
+        levels = [ran[level.name, policy] for level in axis.levels if (level.name, policy) in ran]
+        if len(levels) >= LEAST_LEVELS:
+            found.append(_on_axis(axis.name, levels, of))
+    return found
 
 
 def _failed(cell: Cell, of: Of) -> Bools:
@@ -77,20 +64,18 @@ def _failed(cell: Cell, of: Of) -> Bools:
     return cell.measures.fell if of == "falls" else ~cell.measures.succeeded
 
 
-def _on_axis(levels: Sequence[Cell], of: Of) -> AxisBreakingPoint:
-    """Breaking point of one policy, from its cell at each severity, the mildest first."""
+def _on_axis(axis: str, levels: Sequence[Cell], of: Of) -> AxisBreakingPoint:
+    """Breaking point of one policy on that axis, from its cell at each severity, the mildest first."""
     first, mildest, hardest = levels[0], levels[0].scenario, levels[-1].scenario
     if any(not np.array_equal(cell.seeds, first.seeds) for cell in levels):
-        raise ValueError(f"{first.policy} ran different episodes on the levels of {mildest.axis}: not paired")
+        raise ValueError(f"{first.policy} ran different episodes on the levels of {axis}: not paired")
     severities = np.array([cell.scenario.severity for cell in levels])
     point = breaking_point(severities, np.array([_failed(cell, of) for cell in levels]))
     return AxisBreakingPoint(
-        axis=mildest.axis,
+        axis=axis,
         policy=first.policy,
         unit=mildest.severity_unit,
-        severity50=point.severity50,
-        ci=point.ci,
-        found=point.found,
+        **vars(point),
         lowest=min(mildest.severity, hardest.severity),
         highest=max(mildest.severity, hardest.severity),
         hardest=hardest.severity,

@@ -1,4 +1,4 @@
-"""Comparisons of policies, and of two runs of one: episode by episode where they ran the same, else two samples."""
+"""Comparisons of policies, and of two runs of one, episode by episode."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -6,17 +6,17 @@ from itertools import combinations
 
 import numpy as np
 
+from evaluate.analysis.effort import LIMITS
+from evaluate.measures.catalogue import EFFORT
 from evaluate.measures.tracking import VELOCITY_CAP, YAW_RATE_CAP
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import (
     Floats,
     Interval,
     difference_interval,
-    newcombe_interval,
     share_difference_interval,
-    two_sample_interval,
 )
-from evaluate.statistics.significance import fall_rates_test, holm, mcnemar, relabelling_test, sign_flip_test
+from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 
 BASELINE = "trot"
 SUCCESS_RATE, FALL_RATE = "success_rate", "fall_rate"
@@ -25,6 +25,7 @@ RATES = (SUCCESS_RATE, FALL_RATE)
 CAPS = {"velocity_error": VELOCITY_CAP, "yaw_rate_error": YAW_RATE_CAP, "mean_velocity_error": VELOCITY_CAP}
 """Largest value of each error."""
 ERRORS = tuple(CAPS)
+_LARGEST = CAPS | LIMITS
 METRICS = (*RATES, *ERRORS)
 """What is compared, in the order in which it is shown."""
 SIGNIFICANT = 0.05
@@ -93,18 +94,8 @@ def compare_pair(a: Cell, b: Cell) -> Iterator[Comparison]:
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
     for metric in METRICS:
-        difference, ci, p_value, test = paired_difference(metric, by_episode(a, metric), by_episode(b, metric))
-        yield Comparison(
-            scenario=a.scenario.name,
-            a=a.policy,
-            b=b.policy,
-            metric=metric,
-            difference=difference,
-            ci=ci,
-            p_value=p_value,
-            test=test,
-            p_value_holm=p_value,
-        )
+        found = paired_difference(metric, by_episode(a, metric), by_episode(b, metric))
+        yield Comparison(a.scenario.name, a.policy, b.policy, metric, *found, p_value_holm=found[2])
 
 
 def by_episode(cell: Cell, metric: str) -> Floats:
@@ -119,7 +110,7 @@ def paired_difference(metric: str, a: Floats, b: Floats) -> tuple[float, Interva
     if metric in RATES:
         only_a, only_b = int((a > b).sum()), int((a < b).sum())
         return difference, share_difference_interval(only_a, only_b, len(a)), mcnemar(a > 0, b > 0), "exact McNemar"
-    ci = difference_interval(a - b, (-CAPS[metric], CAPS[metric]))
+    ci = difference_interval(a - b, (-_LARGEST[metric], _LARGEST[metric]))
     return difference, ci, sign_flip_test(a - b), "paired sign-flip permutation"
 
 
@@ -137,20 +128,12 @@ class MetricDifference:
     test: str
 
 
-def compare_samples(a: Mapping[str, Floats], b: Mapping[str, Floats], *, paired: bool) -> Iterator[MetricDifference]:
-    """Every metric that both runs have, from metric -> value of each episode, (n,), as of `by_episode`."""
-    for metric in METRICS:
-        if metric in a and metric in b:
-            yield _compare(metric, a[metric], b[metric], paired=paired)
-
-
-def _compare(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDifference:
-    mean_a, mean_b = float(a.mean()), float(b.mean())
-    difference = mean_b - mean_a
-    if paired:
-        difference, ci, p_value, test = paired_difference(metric, b, a)
-    elif metric in RATES:
-        ci, p_value, test = newcombe_interval(a > 0, b > 0), fall_rates_test(a > 0, b > 0), "Barnard"
-    else:
-        ci, p_value, test = two_sample_interval(a, b, (0.0, CAPS[metric])), relabelling_test(b, a), "permutation"
-    return MetricDifference(metric, a=mean_a, b=mean_b, difference=difference, ci=ci, p_value=p_value, test=test)
+def differences_of(a: Mapping[str, Floats], b: Mapping[str, Floats]) -> Iterator[MetricDifference]:
+    """Every metric and every figure of effort that both runs have, from its value in each of the same episodes, (n,),
+    as of `by_episode` and `effort_by_episode`; episodes without one are left out."""
+    for metric in (metric for metric in (*METRICS, *EFFORT) if metric in a and metric in b):
+        known = ~(np.isnan(a[metric]) | np.isnan(b[metric]))
+        if known.any():
+            first, second = a[metric][known], b[metric][known]
+            compared = paired_difference(metric, second, first)
+            yield MetricDifference(metric, float(first.mean()), float(second.mean()), *compared)

@@ -8,11 +8,12 @@ from dataclasses import dataclass, fields
 from typing import get_type_hints
 
 from evaluate.analysis.comparison import FALL_RATE, RATES, SUCCESS_RATE
+from evaluate.analysis.effort import LIMITS
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
+from evaluate.measures.catalogue import EFFORT
 from quad_env.cli.format import number as figure
 from quad_env.cli.format import percent
-from quad_env.files.text import number
 
 SHARES = {"success": SUCCESS_RATE, "falls": FALL_RATE}
 """What a gate calls the shares of episodes -> their fields of Summary."""
@@ -29,7 +30,7 @@ class Gate:
     text: str
     policy: str
     metric: str
-    """A field of Summary."""
+    """A field of Summary, or one of EFFORT."""
     relation: str
     bound: float
     scenarios: tuple[str, ...]
@@ -50,7 +51,7 @@ def measures() -> tuple[str, ...]:
     """Every measure that a gate may name."""
     hints = get_type_hints(Summary)
     scalar = [field.name for field in fields(Summary) if hints[field.name] in (int, float)]
-    return (*SHARES, *(name for name in scalar if name not in _NOT_MEASURED))
+    return tuple(dict.fromkeys((*SHARES, *(name for name in scalar if name not in _NOT_MEASURED), *EFFORT)))
 
 
 def parse(text: str) -> Gate:
@@ -62,11 +63,11 @@ def parse(text: str) -> Gate:
     if measure not in measures():
         raise ValueError(f"gate '{text}': unknown measure {measure}; valid: {', '.join(measures())}")
     try:
-        bound = number(right)
+        bound = float(right)
     except ValueError as error:
         raise ValueError(f"gate '{text}': {right} is no number; write {GRAMMAR}") from error
-    if math.isnan(bound) or (measure in SHARES and not sign and bound > 1.0):
-        raise ValueError(f"gate '{text}': {right} is no share of episodes; write 0.05 or 5 %")
+    if math.isnan(bound) or (LIMITS.get(measure, 1.0 if measure in SHARES else math.inf) < bound and not sign):
+        raise ValueError(f"gate '{text}': {right} is no share; write 0.05 or 5 %")
     scenarios = tuple(re.findall(r"[^\s,]+", on or ""))
     return Gate(text, policy, SHARES.get(measure, measure), relation, bound / 100.0 if sign else bound, scenarios)
 
@@ -88,11 +89,11 @@ def evaluate(gate: Gate, results: Results) -> GateResult:
     sign = -1.0 if gate.relation.startswith("<") else 1.0
     worst = min(values, key=lambda name: -math.inf if math.isnan(values[name]) else sign * values[name])
     passed = all(RELATIONS[gate.relation](value, gate.bound) for value in values.values())
-    shown = percent(values[worst]) if gate.metric in RATES else figure(values[worst])
+    shown = percent(values[worst]) if gate.metric in RATES or "%" in gate.text else figure(values[worst])
     return GateResult(gate, passed, f"{'passed' if passed else 'failed'}: {gate.text} ({shown} on {worst})")
 
 
 def _value(gate: Gate, results: Results, scenario: str) -> float:
     """The figure on one scenario; NaN where the policy did not run."""
     summary = results.summaries.get((scenario, gate.policy))
-    return math.nan if summary is None else float(getattr(summary, gate.metric))
+    return math.nan if summary is None else float({**vars(summary), **summary.effort}[gate.metric])

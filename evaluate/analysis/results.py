@@ -11,9 +11,9 @@ import numpy as np
 
 from evaluate.analysis.breaking_points import AxisBreakingPoint, breaking_points
 from evaluate.analysis.comparison import Comparison, compare, usual_baseline
+from evaluate.analysis.pareto import Pareto, pareto
 from evaluate.analysis.score import Score, scores
 from evaluate.analysis.summary import Summary, summarise
-from evaluate.analysis.training_seeds import seed_spreads
 from evaluate.measures.effort import ENERGY_1
 from evaluate.measures.outcomes import RULES, SUCCESS_1
 from evaluate.records.provenance import versions
@@ -54,6 +54,11 @@ class Results:
     breaking_points: tuple[AxisBreakingPoint, ...]
     scores: tuple[Score, ...]
     """The highest first; none of a run of a single axis."""
+    hardware_scores: tuple[Score, ...]
+    """The same with the robot's hardware profile."""
+    pareto: Pareto
+    """Success against cost of transport."""
+    hardware_pareto: Pareto
     versions: Mapping[str, str | None]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
@@ -111,6 +116,7 @@ def analyse(
     made_by["success_rule"] = made_by.get("success_rule") or SUCCESS_1
     made_by["energy_rule"] = made_by.get("energy_rule") or ENERGY_1
     names = RULES[made_by["success_rule"]].outcomes
+    ideal, real = (tuple(scores(cells, against, hardware=hardware)) for hardware in (False, True))
     return Results(
         seed=seed,
         episodes=episodes,
@@ -120,7 +126,10 @@ def analyse(
         summaries={(cell.scenario.name, cell.policy): summarise(cell, robot, names) for cell in cells},
         comparisons=tuple(compare(cells, against)),
         breaking_points=tuple(breaking_points(cells)),
-        scores=tuple(scores(cells, against)),
+        scores=ideal,
+        hardware_scores=real,
+        pareto=pareto([cell for cell in cells if not cell.scenario.hardware], ideal, robot),
+        hardware_pareto=pareto([cell for cell in cells if cell.scenario.hardware], real, robot),
         versions=made_by,
         provenance=made_with,
     )
@@ -145,13 +154,14 @@ def as_json(results: Results) -> dict[str, Any]:
         "baseline": results.baseline,
         "policy_errors": [asdict(each) for each in results.policy_errors],
         "scores": [asdict(each) for each in results.scores],
+        "hardware_scores": [asdict(each) for each in results.hardware_scores],
+        "pareto": asdict(results.pareto),
+        "hardware_pareto": asdict(results.hardware_pareto),
         "policies": policies,
-        "training_seeds": {run: asdict(seeds) for run, seeds in seed_spreads(results.cells).items()},
         "comparisons": [asdict(comparison) for comparison in results.comparisons],
         "breaking_points": [asdict(point) for point in results.breaking_points],
     }
-    plain: dict[str, Any] = without_nan(contents)
-    return plain
+    return dict(without_nan(contents))
 
 
 def write_json(results: Results, path: Path) -> None:

@@ -1,4 +1,5 @@
-"""The score of a policy: its mean success over the axes of a run, each axis and each of its severities alike.
+"""The score of a policy: its mean success over the axes of a run, each axis and each of its severities alike. Scenarios
+with the robot's hardware profile have a score of their own.
 
 An episode has the same start and commands on every scenario, so that the episodes are what chance draws: intervals
 count them, each with all of its scenarios, and differences are paired by episode.
@@ -13,12 +14,19 @@ from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import Floats, Interval, difference_interval, mean_share_interval
 from evaluate.statistics.significance import sign_flip_test
+from quad_env.scenarios.named import STEADY
+from quad_env.scenarios.scenario import HARDWARE, Scenario
 
 FEWEST_AXES = 2
 """Axes from which on a mean over them is a score."""
+SCORES = "score", "hardware score"
+"""What tables call the two."""
+FLAT = "flat"
+"""Scenario whose success is shown of a policy without a score."""
 WORDS = (
     "The score is the mean success over the axes, each axis and each of its severities alike; its interval counts "
-    "episodes, each with all of its scenarios. p is not corrected."
+    "episodes, each with all of its scenarios. p is not corrected. The hardware score is that of the scenarios with "
+    "the robot's hardware profile."
 )
 
 
@@ -31,7 +39,7 @@ class Score:
     ci: Interval
     """95 %, see `mean_share_interval`."""
     axes: dict[str, tuple[float, ...]]
-    """Axis -> success at each of its severities in the run, the mildest first."""
+    """Axis, by one name in both scores -> success at each of its severities in the run, the mildest first."""
     difference: float
     """From the baseline's score; 0 of the baseline itself, NaN where the baseline has none."""
     difference_ci: Interval
@@ -40,11 +48,15 @@ class Score:
     """Of that difference, paired sign-flip permutation; not corrected."""
 
 
-def scores(cells: Sequence[Cell], baseline: str) -> list[Score]:
-    """Scores of the policies that ran every scenario, the highest first; none of a run of one axis."""
+def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> list[Score]:
+    """Scores, with the hardware profile or without, of the policies that ran every such scenario, the highest first;
+    none of a run of one axis. The steady walk, which nothing disturbs, is no part of a score."""
+    cells = [cell for cell in cells if counts(cell.scenario, hardware)]
     axes = severity_axes(cells)
     names = {level.name for axis in axes for level in axis.levels}
-    ran = {policy: {cell.scenario.name: cell for cell in cells if cell.policy == policy} for policy in _policies(cells)}
+    ran: dict[str, dict[str, Cell]] = {}
+    for cell in cells:
+        ran.setdefault(cell.policy, {})[cell.scenario.name] = cell
     whole = {policy: of for policy, of in ran.items() if names <= set(of)}
     if len(axes) < FEWEST_AXES or not whole:
         return []
@@ -57,6 +69,11 @@ def scores(cells: Sequence[Cell], baseline: str) -> list[Score]:
     return sorted(found, key=lambda each: -each.score)
 
 
+def ranked(*kinds: Sequence[Score]) -> list[str]:
+    """Policies by their scores of the first kind, then those that have others alone."""
+    return list(dict.fromkeys(score.policy for kind in kinds for score in kind))
+
+
 def _score(
     policy: str, ran: dict[str, Cell], axes: Sequence[SeverityAxis], values: Floats, base: Floats | None
 ) -> Score:
@@ -66,7 +83,10 @@ def _score(
         policy=policy,
         score=float(values.mean()),
         ci=mean_share_interval(values),
-        axes={axis.name: tuple(_rate(ran[level.name]) for level in axis.levels) for axis in axes},
+        axes={
+            _base(axis.name): tuple(float(ran[level.name].measures.succeeded.mean()) for level in axis.levels)
+            for axis in axes
+        },
         difference=float(difference.mean()),
         difference_ci=difference_interval(difference, (-1.0, 1.0)) if compared else (difference[0], difference[0]),
         p_value=float("nan") if base is None else sign_flip_test(difference),
@@ -79,9 +99,10 @@ def _by_episode(ran: dict[str, Cell], axes: Sequence[SeverityAxis]) -> Floats:
     return np.asarray(np.mean(of_axes, axis=0), np.float64)
 
 
-def _rate(cell: Cell) -> float:
-    return float(cell.measures.succeeded.mean())
+def counts(scenario: Scenario, hardware: bool) -> bool:
+    """Whether a scenario is part of the score with the profile, or of that without it."""
+    return scenario.hardware == hardware and _base(scenario.name) != STEADY.name
 
 
-def _policies(cells: Sequence[Cell]) -> list[str]:
-    return list(dict.fromkeys(cell.policy for cell in cells))
+def _base(name: str) -> str:
+    return name.removesuffix(HARDWARE)

@@ -6,14 +6,18 @@ from dataclasses import dataclass
 from evaluate.rollouts.experiment import Cell
 from quad_env.cli.format import NO_BREAK
 from quad_env.scenarios.axes import AXES
-from quad_env.scenarios.named import Scenario
+from quad_env.scenarios.scenario import HARDWARE, Scenario
 
 
 @dataclass(frozen=True)
 class SeverityAxis:
-    """Scenarios of one axis, from the mildest to the hardest; a scenario without an axis stands alone."""
+    """Scenarios of one axis, from the mildest to the hardest; a scenario without an axis stands alone.
+
+    With the hardware profile and without it they are two axes, told apart by their names.
+    """
 
     name: str
+    """As of `axis_name`."""
     unit: str
     scenarios: tuple[Scenario, ...]
 
@@ -30,8 +34,14 @@ class SeverityAxis:
     @property
     def quantity(self) -> str:
         """What its severity is, with its unit."""
-        named = AXES[self.name].quantity if self.name in AXES else self.name
+        axis = self.scenarios[0].axis
+        named = AXES[axis].quantity if axis in AXES else self.name
         return f"{named}, {self.unit}" if self.unit else named
+
+    @property
+    def note(self) -> str:
+        """What its results depend on besides the policy; empty where nothing is said."""
+        return AXES[self.name].note if self.name in AXES else ""
 
     @property
     def falling(self) -> bool:
@@ -44,13 +54,18 @@ def severity_axes(cells: Sequence[Cell]) -> tuple[SeverityAxis, ...]:
     groups: dict[str, list[Scenario]] = {}
     scenarios = {cell.scenario.name: cell.scenario for cell in cells}
     for scenario in scenarios.values():
-        groups.setdefault(scenario.axis or scenario.name, []).append(scenario)
+        groups.setdefault(axis_name(scenario), []).append(scenario)
     return tuple(
-        SeverityAxis(name, group[0].severity_unit, tuple(mildest_first(group))) for name, group in groups.items()
+        SeverityAxis(name, group[0].severity_unit, tuple(_mildest_first(group))) for name, group in groups.items()
     )
 
 
-def mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
+def axis_name(scenario: Scenario) -> str:
+    """`push`, with the hardware profile `push+hardware`; of a scenario without an axis its own name."""
+    return scenario.axis + (HARDWARE if scenario.hardware else "") if scenario.axis else scenario.name
+
+
+def _mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
     """Scenarios of one axis in the order of their hardness; an axis that is not of `AXES` hardens as it is run."""
     axis = scenarios[0].axis
     levels = AXES[axis].levels if axis in AXES else [each.severity for each in scenarios]
@@ -69,4 +84,4 @@ def severity(scenario: Scenario) -> str:
 
 def place(scenario: Scenario) -> str:
     """`push at 35 N·s`, or the scenario's name where it has no severity."""
-    return f"{scenario.axis} at {severity(scenario)}" if scenario.severity else scenario.name
+    return f"{axis_name(scenario)} at {severity(scenario)}" if scenario.severity else scenario.name

@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from evaluate.analysis.comparison import CAPS, ERRORS
+from evaluate.analysis.effort import effort_by_episode, mean_and_interval
 from evaluate.causes.rules import CAUSES
 from evaluate.measures.catalogue import FIGURES
 from evaluate.measures.effort import cost_of_transport
@@ -65,6 +67,9 @@ class Summary:
     transport, which is that of all episodes together."""
     duty_factor: tuple[float, ...]
     """Mean of each foot."""
+    effort: dict[str, float]
+    """Figures of EFFORT as in `figures`, the duty factor that of all feet."""
+    effort_intervals: dict[str, Interval]
 
 
 def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> Summary:
@@ -76,6 +81,8 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
     transport = float(cost_of_transport(energy, distance, weight(robot, cell.scenario))[0])
     means: dict[str, Any] = {name: _mean(getattr(measures, name)) for name in _MEANS}
     means |= {f"{name}_ci": bootstrap_interval(getattr(measures, name), (0.0, cap)) for name, cap in CAPS.items()}
+    carried = weight(robot, cell.scenario)
+    effort = {k: mean_and_interval(v, k) for k, v in effort_by_episode(partial(getattr, measures), carried).items()}
     return Summary(
         episodes=cell.episodes,
         severity=cell.scenario.severity,
@@ -94,6 +101,8 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
         **means,
         figures={name: _mean(getattr(measures, name)) for name in FIGURES} | {"cost_of_transport": transport},
         duty_factor=tuple(_mean(foot) for foot in measures.duty_factor.T),
+        effort={name: mean for name, (mean, _) in effort.items()},
+        effort_intervals={name: ci for name, (_, ci) in effort.items()},
     )
 
 

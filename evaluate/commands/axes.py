@@ -28,6 +28,8 @@ class Options:
     """Which set of episodes (whole number from 0)."""
     robot: str = Comparison.robot
     """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
+    hardware: Flag = False
+    """Every level with the robot's hardware profile: motors, delays, sensors and estimator like the real ones."""
     out: Path = Path("results/axes")
     """Folder for the files of an evaluation."""
     resume: Flag = False

@@ -9,11 +9,10 @@ import quad_env.envs.vector_env  # noqa: F401
 from evaluate.commands.options import PROGRAM
 from evaluate.commands.outputs import Ending, Show, conclude
 from evaluate.commands.plan import Plan
-from evaluate.records import trace
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
 from evaluate.rollouts import diagnosis
-from evaluate.rollouts.experiment import Cell, NotKept, Settings, TraceWriter, evaluation_seeds, run_cells
+from evaluate.rollouts.experiment import Cell, NotKept, Settings, evaluation_seeds, run_cells
 from evaluate.rollouts.workers import WorkerLost, process_pool
 from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError
@@ -21,6 +20,7 @@ from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.program import words_of
 from quad_env.cli.progress import show_progress
 from quad_env.files.writing import sole_use
+from quad_env.physics.batch import MUJOCO, SLOWNESS
 
 
 def execute(plan: Plan, show: Show = print_results) -> int:
@@ -44,6 +44,8 @@ def _execute(plan: Plan, show: Show) -> int:
         print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
     if not plan.options.resume:  # else it was done as the run began
         _check_descriptions(plan)
+    if (slower := SLOWNESS[manifest.hardware.simulator]) > 1:
+        print(f"{manifest.hardware.simulator} takes about {slower:g} times as long as {MUJOCO}", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
     done, interrupted = _simulate(plan, store)
     try:
@@ -85,7 +87,6 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
                 report,
                 _chunk_size(plan),
                 store,
-                _trace_writer(plan, store),
                 plan.manifest.steps,
                 process_pool(plan.options.threads, interrupt.check),
                 plan.manifest.hardware,
@@ -119,20 +120,6 @@ def _chunk_size(plan: Plan) -> int:
     """Most episodes of a chunk: as many as allowed, but something for every worker."""
     total = plan.manifest.episodes * len(plan.manifest.cells)
     return min(plan.options.at_once, -(-total // plan.options.threads))
-
-
-def _trace_writer(plan: Plan, store: ChunkStore) -> TraceWriter | None:
-    """Writer of the traces, None without traces; traces of chunks that are not stored are removed."""
-    if plan.options.trace == "none":
-        return None
-    folder = plan.options.out / trace.FOLDER
-    stored = {
-        trace.name_of(policy, scenario.name, int(chunk.numbers[0]))
-        for scenario, policy in plan.manifest.cells
-        for chunk in store.load(policy, scenario)
-    }
-    trace.keep_only(folder, stored)
-    return trace.writer(folder, plan.options.trace)
 
 
 def _then(store: ChunkStore) -> str:

@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
 
@@ -13,9 +13,11 @@ from quad_env.cli.child_process import available_cores
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"
-WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "trot_integral", "residual", "robust")
-DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
+WALKING_POLICIES = ("trot", "trot_feedback", "trot_integral", "residual", "robust")
+DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
+GONE = {"trace": "none"}
+"""Options of older versions, as they usually were."""
 CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "trust")
 """Options that --resume may change."""
 
@@ -27,17 +29,19 @@ class Options:
     policies: tuple[str, ...] = DEFAULT_POLICIES
     """Names of policies, or folders of trained ones such as models/residual; document@flat runs on that scenario alone.
     Or one of yours: my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3 (with --trust), or a deployment
-    file of another project, such as deploy.yaml.
-    Folders seed-<number> of one parent count as training seeds of one run, with their spread reported separately."""
+    file of another project, such as deploy.yaml."""
     trust: Flag = False
     """Load policies from files that can hide code: a .zip of Stable-Baselines3, TorchScript .pt."""
     scenarios: tuple[str, ...] = DEFAULT_BATTERY
     """Names of scenarios such as push, levels of severity such as push:3 or push:all, severities in their axes' units
     such as push=42 or, together, payload=15+slope=10, a battery (quick, default, full, all), a terrain of yours,
-    hill.toml, or a quad_env.Scenario in a file of yours, my_file.py:NAME."""
+    hill.toml, or a quad_env.Scenario in a file of yours, my_file.py:NAME; each with +hardware at its end for the
+    robot's hardware profile, as push:3+hardware."""
+    hardware: Flag = False
+    """Every scenario with the robot's hardware profile: motors, delays, sensors and estimator like the real ones."""
     quick: Flag = False
     """The quick battery, for a first look: --scenarios quick."""
-    episodes: int = 24
+    episodes: int = 20
     """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
     robot: str = "simple_quad"
     """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
@@ -50,6 +54,9 @@ class Options:
     """Source of the observations: truth, or one of quad_env.SENSORS: ideal or typical."""
     estimator: str = "complementary"
     """Estimator of gravity and velocity from the sensors, one of quad_env.ESTIMATORS: complementary or kalman."""
+    simulator: str = "mujoco"
+    """Simulator of the physics: mujoco, or drake (pip install -e ".[drake]"; twelve times slower) with ideal motors
+    and the true state, on flat, steady, push, force, slippery, slope, stairs, payload; of a battery it takes these."""
     seed: int = 0
     """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
     out: Path = Path("results/evaluation")
@@ -60,18 +67,15 @@ class Options:
     """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
-    trace: Literal["none", "compact", "full"] = "none"
-    """Record of every step, in the folder traces: compact for `python -m research rescore`, full for every measure.
-    Robots then go on after a fall, which takes longer and changes no figure."""
     threads: int = available_cores()
     """Simulating processes (count; default: this machine's cores). No result depends on it."""
     at_once: int = 256
     """Episodes that a process simulates and writes together (count). No result depends on it."""
 
     @property
-    def hardware(self) -> Hardware:
-        """Hardware of the robots."""
-        return Hardware(self.actuator, self.sensors, self.estimator, self.robot, self.servo)
+    def equipment(self) -> Hardware:
+        """Hardware of the robots where a scenario does not bring the hardware profile."""
+        return Hardware(self.actuator, self.sensors, self.estimator, self.robot, self.servo, self.simulator)
 
     @property
     def battery(self) -> tuple[str, ...]:
@@ -104,7 +108,7 @@ def changed(then: Options, now: Options) -> list[str]:
 
 def command(chosen: Mapping[str, Any]) -> str:
     """The command of a run, from what `of_the_run` gave, without what is as usual."""
-    usual = Options().of_the_run()
+    usual = Options().of_the_run() | GONE
     words = PROGRAM.split()
     for name, value in chosen.items():
         if value != usual.get(name, False):

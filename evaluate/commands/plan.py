@@ -1,5 +1,6 @@
 """What a command line asks for, checked: everything that can be wrong is found before anything is simulated."""
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,11 +12,12 @@ from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, Options
 from evaluate.records import manifest as manifests
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from evaluate.rollouts import battery, hardware
-from evaluate.rollouts.experiment import LabelledPolicy
+from evaluate.rollouts.experiment import LabelledPolicy, labelled
 from evaluate.rollouts.hardware import Hardware
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import make_writable_folder, sole_use
-from quad_env.scenarios.named import Scenario
+from quad_env.physics.batch import MUJOCO
+from quad_env.scenarios.scenario import Scenario, on_hardware
 
 LIMITS = {"episodes": (1, 1_000_000), "seed": (0, 2**63 - 1), "threads": (1, 256), "at_once": (1, 65_536)}
 """Smallest and largest value of each number of the options."""
@@ -47,14 +49,14 @@ def check(options: Options) -> Plan:
     if options.quick and options.scenarios != DEFAULT_BATTERY:
         raise UsageError("--quick and --scenarios both name the scenarios: give one of them")
     try:
-        hardware.check(options.hardware)
+        hardware.check(options.equipment)
     except ValueError as error:
         raise UsageError(str(error)) from error
     try:
-        scenarios = battery.resolve(options.battery, options.hardware.quadruped)
+        scenarios = scenarios_asked_for(options)
     except ValueError as error:
         raise UsageError(f"--scenarios: {error}") from error
-    compared = policies_asked_for(options.policies, scenarios, options.hardware, options.trust)
+    compared = policies_asked_for(options.policies, scenarios, options.equipment, options.trust)
     labels = [policy.label for policy in compared]
     found = check_gates(options.gate, labels, scenarios)
     check_baseline(options.baseline, labels)
@@ -66,11 +68,45 @@ def check(options: Options) -> Plan:
         seed=options.seed,
         episodes=options.episodes,
         threads=options.threads,
-        hardware=options.hardware,
+        hardware=options.equipment,
     )
     if options.resume:
         manifest = _carried_on(manifest, options)
     return Plan(compared, scenarios, manifest, found, options)
+
+
+def scenarios_asked_for(options: Options) -> tuple[Scenario, ...]:
+    """The scenarios; of a battery only those without the hardware profile where the hardware is chosen by itself.
+    Raises ValueError, and UsageError where both are asked for."""
+    robot = options.equipment.quadruped
+    found = battery.resolve(options.battery, robot)
+    if options.simulator != MUJOCO:
+        return _simulated(options, tuple(map(on_hardware, found)) if options.hardware else found)
+    if not options.equipment.chosen:
+        return tuple({each.name: each for each in map(on_hardware, found)}.values()) if options.hardware else found
+    named = tuple(name for name in options.battery if name not in battery.BATTERIES)
+    asked = [each.name for each in (battery.resolve(named, robot) if named else ()) if each.hardware]
+    if options.hardware or asked:
+        which = "--hardware" if options.hardware else f"--scenarios {' '.join(asked)}"
+        raise UsageError(f"{which}: the profile has its own --actuator, --sensors and --estimator: leave these out")
+    return tuple(each for each in found if not each.hardware)
+
+
+def _simulated(options: Options, scenarios: Sequence[Scenario]) -> tuple[Scenario, ...]:
+    """Of a battery the scenarios that the simulator can do, the others named on stderr. Raises UsageError for any
+    scenario that is asked for by name."""
+    beyond = {}
+    for scenario in scenarios:
+        try:
+            hardware.check(options.equipment, scenario)
+        except ValueError as error:
+            beyond[scenario.name] = error
+    left, words = [each for each in scenarios if each.name not in beyond], ", ".join(beyond)
+    if beyond and (not left or not set(options.battery) <= set(battery.BATTERIES)):
+        raise UsageError(f"--scenarios {words}: {next(iter(beyond.values()))}")
+    if beyond:
+        print(f"left out, since {options.simulator} cannot simulate them: {words}", file=sys.stderr)
+    return tuple(left)
 
 
 def policies_asked_for(
@@ -88,7 +124,7 @@ def policies_asked_for(
     _check_distinct([label for label, _ in asked])
     _check_scenarios(asked, [scenario.name for scenario in scenarios])
     try:
-        return tuple(LabelledPolicy(label, hardware.policy(label, trust), only) for label, only in asked)
+        return tuple(labelled(label, hardware, scenarios, trust, only) for label, only in asked)
     except policies.PolicyError as error:
         raise UsageError(f"--policies: {error}") from error
 

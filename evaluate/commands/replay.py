@@ -17,11 +17,13 @@ from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import by_cause_rule, by_energy_rule, by_success_rule, table
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
-from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, run_cell
+from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, labelled, run_cell
+from evaluate.rollouts.hardware import check
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.progress import bar
 from quad_env.scenarios.height_file import check_unchanged
-from quad_env.scenarios.terrain import HeightField, Terrain
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import HeightField
 
 DIFFERS = 1
 """Exit code where the episode did not come out as stored."""
@@ -67,8 +69,8 @@ def main(options: Options) -> int:
     """Run the command; the exit code: 0, or 1 if the episode is not the stored one. Raises UsageError."""
     run = read_run(options.results)
     found = find(run, options)
+    _check(run.manifest, found.cell.scenario)
     policy = _policy(found.cell.policy, run.manifest, options.trust)
-    _check_terrain(found.cell.scenario.terrain)
     if options.video is not None:
         files.check(options.video)
     again, episodes = simulated_again(run.manifest, found, policy)
@@ -154,17 +156,19 @@ def _causes(then: Manifest, found: Found, trust: bool) -> list[str]:
 
 def _policy(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
     try:
-        return LabelledPolicy(label, manifest.hardware.policy(label, trust))
+        return labelled(label, manifest.hardware, manifest.scenarios, trust, manifest.only_on.get(label, ()))
     except policies.PolicyError as error:
         raise UsageError(f"the policy of that episode is not here: {error}") from error
 
 
-def _check_terrain(terrain: Terrain) -> None:
+def _check(manifest: Manifest, scenario: Scenario) -> None:
+    """Raise UsageError where the simulator or the terrain is not here."""
     try:
-        if isinstance(terrain, HeightField):
-            check_unchanged(terrain.file, terrain.sha256)
+        check(manifest.hardware, scenario)
+        if isinstance(scenario.terrain, HeightField):
+            check_unchanged(scenario.terrain.file, scenario.terrain.sha256)
     except ValueError as error:
-        raise UsageError(f"the terrain of that episode is not here: {error}") from error
+        raise UsageError(f"that episode cannot be simulated here: {error}") from error
 
 
 def _film(video: Path, manifest: Manifest, found: Found, policy: LabelledPolicy) -> None:

@@ -169,8 +169,9 @@ class _Panel:
     def __init__(self, policy: LabelledPolicy, take: Take, look: Look) -> None:
         self._label, self._look = policy.label, look
         self._filming = Filming(look.size, look.camera)
-        self._recorder = Recorder(policy.policy, np.array([take.seed]), take.steps)
-        where = policy.policy, take.scenario, take.seed
+        walker = policy.on(take.scenario)
+        self._recorder = Recorder(walker, np.array([take.seed]), take.steps)
+        where = walker, take.scenario, take.seed
         self._steps = watch(*where, steps=take.steps, command=take.command, hardware=take.hardware)
         self.step = next(self._steps)
         """The control step that the episode is at."""

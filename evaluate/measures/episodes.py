@@ -17,11 +17,9 @@ OF_POLICY = ("phase", "correction", "base_action", "stopped")
 GIVEN = "observed"
 """Signal of policies that are not shown the truth: the terms OBSERVED of the observation after a step."""
 OBSERVED = "projected_gravity", "angular_velocity", "linear_velocity"
-METERED = (*OF_JOINTS, "foot_impulse")
-"""Signals that records before the rule energy/2 lack."""
 Limits = float | tuple[float, ...]
 """One of all joints, or one each."""
-TRUTHS = ("foot_contact", "leg_contact", "trunk_contact", "stopped")
+TRUTHS = ("foot_contact", "leg_contact", "stopped")
 """Signals of truth values; all others are single-precision numbers."""
 
 
@@ -44,8 +42,6 @@ def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
         "foot_height": (feet,),
         "foot_contact": (feet,),
         "leg_contact": (),
-        "trunk_contact": (),
-        "push": (2,),
         **dict.fromkeys(OF_JOINTS, (joints,)),
         "foot_impulse": (feet,),
         "phase": (),
@@ -80,8 +76,6 @@ class Episodes:
     foot_height: Recorded
     foot_contact: Bools
     leg_contact: Bools
-    trunk_contact: Bools
-    push: Recorded
     positive_work: Recorded
     regeneration: Recorded
     joule_heat: Recorded
@@ -123,14 +117,12 @@ class Episodes:
     """Largest torque of each joint, N·m."""
     speed_limit: Limits = float("nan")
     """Speed of each joint's motor without load, or its rated one, rad/s."""
-    after_falls: bool = False
-    """Whether robots went on after their fall, and their record with them."""
     failure: NDArray[np.object_] | None = None
     """Why the policy failed each robot before any fall, (n,), None where it did not; None of what cannot fail."""
     failure_step: NDArray[np.int64] | None = None
     """First control step by which it had, (n,); `steps` where it never did."""
     scenario: Scenario | None = None
-    """What the robots had to cope with; None where it is not known, as of a trace."""
+    """What the robots had to cope with; None where it is not known."""
 
     @property
     def steps(self) -> int:

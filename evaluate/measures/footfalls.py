@@ -1,6 +1,6 @@
 """Footfalls: stance, swing and touch-downs of every foot, found in the recorded contacts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +33,8 @@ class Footfalls:
     def after(self, step: int) -> "Footfalls":
         """Without the swings that began before that step."""
         late = self.swing_start >= step
-        return Footfalls(
-            stance=self.stance,
-            swing_start=self.swing_start[late],
-            touch_down=self.touch_down[late],
-            episode=self.episode[late],
-            foot=self.foot[late],
-        )
+        listed = ("swing_start", "touch_down", "episode", "foot")
+        return replace(self, **{name: getattr(self, name)[late] for name in listed})
 
     def of(self, foot: int) -> tuple[Ints, Ints]:
         """Episodes and steps of one foot's touch-downs."""

@@ -117,11 +117,11 @@ def outcomes(
     fell: Bools,
     diverged: Bools,
     stopped: Bools,
-    failed: Bools | None = None,
+    failed: Bools,
     commands: Floats,
     velocities: Floats,
     errors: Floats | None = None,
-    durations: Floats | None = None,
+    durations: Floats,
     rule: SuccessRule = RULES[SUCCESS_RULE],
 ) -> NDArray[np.object_]:
     """Outcome of each episode, one of the rule's, (n,).
@@ -130,11 +130,11 @@ def outcomes(
         fell: which ended by the fall rule or a divergence, (n,).
         diverged: which of them diverged, (n,).
         stopped: which a safety layer brought to a controlled stop, (n,); touching the ground then is no fall.
-        failed: which the policy failed before any fall, (n,), such as by an exception; none by default.
+        failed: which the policy failed before any fall, (n,), such as by an exception.
         commands: of each command interval, (n, k, 3), forward m/s, lateral m/s, yaw rate rad/s.
         velocities: mean velocities of each interval after its first second, (n, k, 3), heading frame.
         errors: see `SuccessRule.on_command`.
-        durations: of the intervals, (k,); equal by default.
+        durations: of the intervals, (k,).
         rule: what counts as success.
     """
     stalled = rule.stalled(commands, velocities).any(axis=1)
@@ -144,8 +144,7 @@ def outcomes(
     out[rule.on_command(commands, velocities, errors)] = SUCCEEDED
     out[fell & ~stopped] = FELL
     out[fell & stopped] = STALLED
-    if failed is not None:
-        out[failed] = POLICY_ERROR
+    out[failed] = POLICY_ERROR
     out[diverged] = DIVERGED
     if REFUSED in rule.outcomes:
         out[(out == STALLED) | (out == POLICY_ERROR)] = REFUSED
@@ -167,16 +166,15 @@ def from_success_1(
     return out
 
 
-def share_of_way(commands: Floats, velocities: Floats, durations: Floats | None = None) -> Floats:
+def share_of_way(commands: Floats, velocities: Floats, durations: Floats) -> Floats:
     """Share of the commanded way that was gone along the commands, (n,); see `outcomes` for the arguments.
 
     Of an episode without a commanded way, that of the commanded turn; 1 where neither was commanded.
     """
-    time = np.ones(commands.shape[1]) if durations is None else durations
     speed = planar(commands)
     along = quotient((commands[..., :2] * velocities[..., :2]).sum(axis=-1), speed)
     turned = np.sign(commands[..., 2]) * velocities[..., 2]
-    way, turn = (speed * time).sum(axis=1), (np.abs(commands[..., 2]) * time).sum(axis=1)
-    gone = quotient((np.nan_to_num(along) * time).sum(axis=1), way)
-    gone = np.where(np.isnan(gone), quotient((turned * time).sum(axis=1), turn), gone)
+    way, turn = (speed * durations).sum(axis=1), (np.abs(commands[..., 2]) * durations).sum(axis=1)
+    gone = quotient((np.nan_to_num(along) * durations).sum(axis=1), way)
+    gone = np.where(np.isnan(gone), quotient((turned * durations).sum(axis=1), turn), gone)
     return np.where((way > 0.0) | (turn > 0.0), gone, 1.0)

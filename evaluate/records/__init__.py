@@ -1,1 +1,1 @@
-"""A run's folder: manifest, episodes, traces, and what the figures were made with."""
+"""A run's folder: manifest, episodes, and what the figures were made with."""

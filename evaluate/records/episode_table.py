@@ -16,7 +16,7 @@ from evaluate.causes.rules import CAUSE_RULE
 from evaluate.measures.catalogue import OF_CAUSES, OF_ENERGY_1, SINCE_ENERGY_2
 from evaluate.measures.effort import ENERGY_RULE
 from evaluate.measures.metrics import Measures
-from evaluate.measures.outcomes import RULES, SUCCESS_1, SUCCESS_RULE, from_success_1, outcomes
+from evaluate.measures.outcomes import SUCCESS_RULE, from_success_1
 from evaluate.records import parquet
 from evaluate.rollouts.experiment import Cell, failure_reasons
 from quad_env.scenarios.named import Scenario
@@ -89,30 +89,14 @@ def read_table(path: Path, run: str | None = None) -> pa.Table:
     rows = parquet.read(path)
     if run is not None and (rows.schema.metadata or {}).get(RUN) != run.encode():
         raise ValueError(f"{path} is of another run")
-    return rows if "outcome" in rows.column_names else _with_outcome(rows)
-
-
-def _with_outcome(rows: pa.Table) -> pa.Table:
-    """Rows that were written before episodes had an outcome, with that of `success/1`; they say nothing of safety
-    layers."""
-    if not {"fell", "diverged", "commands", "mean_velocities"} <= set(rows.column_names):
-        return rows
-    fell, diverged = (_values(rows, name) for name in ("fell", "diverged"))
-    commands, velocities = (_values(rows, name) for name in ("commands", "mean_velocities"))
-    stopped = np.zeros(len(fell), np.bool_)
-    ended, rule = {"fell": fell, "diverged": diverged, "stopped": stopped}, RULES[SUCCESS_1]
-    found = outcomes(**ended, commands=commands, velocities=velocities, rule=rule)
-    return rows.add_column(rows.column_names.index("fell"), "outcome", pa.array(found.tolist(), pa.string()))
+    return rows
 
 
 def by_success_rule(rows: pa.Table, rule: str) -> pa.Table:
-    """Rows of a run under that rule of success with the outcomes of SUCCESS_RULE, exactly; without outcomes where the
-    columns that it takes are missing."""
-    if rule == SUCCESS_RULE or "outcome" not in rows.column_names:
+    """Rows of a run under that rule of success with the outcomes of SUCCESS_RULE, exactly."""
+    if rule == SUCCESS_RULE:
         return rows
     place = rows.column_names.index("outcome")
-    if not {"commands", "mean_velocities"} <= set(rows.column_names):
-        return rows.remove_column(place)
     failed = np.zeros(len(rows), np.bool_)
     if "failure" in rows.column_names:
         failed = np.array([reason is not None for reason in rows.column("failure").to_pylist()], np.bool_)

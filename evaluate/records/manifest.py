@@ -10,7 +10,7 @@ from typing import Any
 
 from evaluate.measures.effort import ENERGY_1
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
-from evaluate.records.provenance import DIGEST, code_digest, cpu_model, model_of, policy_digest, versions
+from evaluate.records.provenance import code_digest, cpu_model, model_of, policy_digest, versions
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
@@ -118,7 +118,7 @@ def manifest(
 ) -> Manifest:
     """Manifest of a run of these here and now."""
     return Manifest(
-        policies={policy.label: policy_digest(policy.policy) for policy in policies},
+        policies={policy.label: policy_digest(*policy.versions) for policy in policies},
         scenarios=tuple(scenarios),
         seed=seed,
         episodes=episodes,
@@ -198,18 +198,9 @@ def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
         if (new := getattr(now.hardware, part)) != name:
             yield f"{part} was {name} and is {new}"
     for name, digest in then.policies.items():
-        yield from _policy_difference(name, digest, now.policies.get(name, digest))
+        if now.policies.get(name, digest) != digest:
+            yield f"the policy {name} has changed"
     scenarios = {scenario.name: scenario for scenario in now.scenarios}
     for scenario in then.scenarios:
         if scenarios.get(scenario.name, scenario) != scenario:
             yield f"the scenario {scenario.name} has changed"
-
-
-def _policy_difference(policy: str, then: str, now: str) -> Iterator[str]:
-    """What two digests say."""
-    if then.startswith(DIGEST) != now.startswith(DIGEST):
-        yield (
-            f"whether the policy {policy} has changed is not known, since that revision described policies differently"
-        )
-    elif then != now:
-        yield f"the policy {policy} has changed"

@@ -15,15 +15,14 @@ from quad_env.files.writing import write_atomically
 
 SHA256 = b"sha256"
 """Key of a table's metadata: the hash of its content."""
-_LISTS = pa.ListArray | pa.FixedSizeListArray
 
 
-def write(rows: pa.Table, path: Path, about: Mapping[bytes, bytes], **settings: Any) -> None:
-    """Write rows with metadata; `settings` are those of `pyarrow.parquet.write_table`."""
+def write(rows: pa.Table, path: Path, about: Mapping[bytes, bytes]) -> None:
+    """Write rows with metadata."""
     described = rows.replace_schema_metadata(dict(about))
     buffer = io.BytesIO()
     hashed = described.replace_schema_metadata({**about, SHA256: content_hash(described).encode()})
-    pq.write_table(hashed, buffer, write_page_checksum=True, **settings)
+    pq.write_table(hashed, buffer, write_page_checksum=True)
     write_atomically(path, buffer.getvalue())
 
 
@@ -68,7 +67,7 @@ def _add(digest: Any, values: pa.Array) -> None:
     """Which values there are, and then their bytes; of lists their lengths, and then what they hold."""
     values = values.combine_chunks() if isinstance(values, pa.ChunkedArray) else values
     digest.update(np.packbits(values.is_valid().to_numpy(zero_copy_only=False)).tobytes())
-    if isinstance(values, _LISTS):
+    if isinstance(values, pa.ListArray):
         lengths = values.value_lengths().drop_null()
         digest.update(f"lists {len(values)}".encode() + np.asarray(lengths, np.int64).tobytes())
         _add(digest, values.flatten())

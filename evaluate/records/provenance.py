@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib import metadata
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 SOURCES = ("quad_env", "policies", "evaluate")
 """Packages that the figures depend on."""
 DIGEST = "2-"
-"""Start of every policy's digest; older digests lack it and include names of modules."""
+"""Start of every policy's digest: by which rule it was made."""
 _KINDS = {".py", ".xml", ".json"}
 
 
@@ -68,8 +69,10 @@ def _kernels() -> set[str]:
 
 
 def model_of(hardware: Hardware) -> dict[str, str]:
-    """The SHA-256 of the robot's model, where it is none of the code's."""
-    return {} if hardware.robot == Hardware.robot else {"robot": hardware.quadruped.sha256}
+    """The SHA-256 of the robot's model, where it is none of the code's, and the version of an unusual simulator."""
+    robot = {} if hardware.robot == Hardware.robot else {"robot": hardware.quadruped.sha256}
+    usual = hardware.simulator == Hardware.simulator
+    return robot if usual else robot | {hardware.simulator: metadata.version(hardware.simulator)}
 
 
 def git_revision(folder: Path) -> str | None:
@@ -102,10 +105,10 @@ def code_digest() -> str:
     return digest.hexdigest()
 
 
-def policy_digest(policy: Policy) -> str:
-    """SHA-256 of what defines a fresh policy: its kind, and all that it holds, such as parameters and weights."""
+def policy_digest(*policies: Policy) -> str:
+    """SHA-256 of what defines fresh policies: their kinds, and all that they hold, such as parameters and weights."""
     digest = hashlib.sha256()
-    for piece in _pieces(policy, ()):
+    for piece in chain.from_iterable(_pieces(policy, ()) for policy in policies):
         digest.update(piece + b"\n")
     return DIGEST + digest.hexdigest()
 

@@ -2,8 +2,9 @@
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, RATES, SUCCESS_RATE
 from evaluate.analysis.summary import Summary
-from evaluate.measures.catalogue import BY_NAME
-from quad_env.cli.format import NO_BREAK, number
+from evaluate.measures.catalogue import BY_NAME, EFFORT
+from quad_env.cli.format import ABSENT, NO_BREAK, number
+from quad_env.scenarios.scenario import HARDWARE
 
 FIRST = ""
 """Name of the column that says what a row is of, in tables whose other columns are named by the user."""
@@ -19,6 +20,36 @@ NARROW = TITLES | {
 """On a terminal of 80 columns."""
 NARROW_DIFFERENCES = NARROW | {rate: f"{TITLES[rate]}\n% points" for rate in RATES}
 """Of differences."""
+
+
+_EFFORT_ON = {"steady": "at a steady 0.5 m/s", "flat": "over the commands"}
+EFFORT_ON = _EFFORT_ON | {f"{name}{HARDWARE}": f"{words}, hardware profile" for name, words in _EFFORT_ON.items()}
+"""Scenarios of which effort is shown."""
+EFFORT_TITLES = {name: (BY_NAME[name].title, BY_NAME[name].unit) for name in EFFORT} | {
+    name: (BY_NAME[name].title, "%") for name in ("trunk_height", "torque_share", "speed_share", "flight")
+}
+"""Titles and units of the figures of effort."""
+FEW = {"cost_of_transport": "cost of\ntransport", "step_rate": "steps\n1/s", "flight": "flight\n%"}
+"""Figures of effort where there is room for three, with their headings on a terminal."""
+_DIGITS = {"torque_rate": 0, "touchdown_impulse": 3}
+
+
+def figure_of_effort(name: str, value: float) -> str:
+    """The figure without its unit."""
+    percent = EFFORT_TITLES[name][1] == "%"
+    return number(100.0 * value if percent else value, 1 if percent else _DIGITS.get(name, 2))
+
+
+def interval_of_effort(name: str, ends: tuple[float, float]) -> str:
+    """`low … high` in the same digits; empty without an interval."""
+    low, high = (figure_of_effort(name, end) for end in ends)
+    return "" if ABSENT in (low, high) else f"{low}{NO_BREAK}… {high}"
+
+
+def effort_with_interval(name: str, summary: Summary, form: str) -> str:
+    """The figure, and after it its interval, if it has one, in the place {} of the form."""
+    ends = interval_of_effort(name, summary.effort_intervals[name])
+    return figure_of_effort(name, summary.effort[name]) + (form.format(ends) if ends else "")
 
 
 def shares(summary: Summary) -> str:

@@ -5,7 +5,6 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from evaluate.analysis.breaking_points import CAVEAT
 from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
@@ -14,28 +13,21 @@ from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
-from evaluate.report.sections.figures import definitions, policy_label, training
+from evaluate.report.sections.effort import effort
+from evaluate.report.sections.figures import definitions, policy_label
 from evaluate.report.sections.overview import overview, success
-from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
 from quad_env.cli.format import counted, listed
 from quad_env.files.writing import write_atomically
+from quad_env.scenarios.scenario import HARDWARE
 
 NOTES = (
     "Every policy runs the same episodes: the same seeds, and so the same starts, commands, pushes and places on the "
     "terrain. They come from a family of seeds that training and parameter searches never draw from.",
-    "Velocity and yaw-rate error are means over the control steps after an episode's first second, in the heading "
-    "frame. A step's error is capped at 2 m/s and 3 rad/s, and every step from a fall to the time limit is "
-    "assigned the cap, so that a fall never improves an error.",
-    "Mean velocity error compares the command with the mean velocity over each command interval after its first "
-    "second, so that swaying within a stride does not count. After a fall it is the cap too.",
-    "A divergence of the simulation counts as a fall. A time-out does not.",
-    "Cost of transport is the energy of all episodes, ∑|torque · joint speed| before a fall, over weight times "
-    "distance, where the distance of a command interval is its time times its mean planar speed: swaying on the spot "
-    "covers none.",
     "Intervals are 95 %: Wilson for successes and falls, for scores Wilson with the effective number of episodes (Korn "
-    "and Graubard 1998), bootstrap (BCa) over episodes for means, Tango's score interval for differences of successes "
+    "and Graubard 1998), bootstrap (BCa) over episodes for means (of the cost of transport "
+    "over the quotient's linearised values, Woodruff 1971), Tango's score interval for differences of successes "
     "and falls, bootstrap over pairs (percentiles, widened to Student's t) for those of means. Where all episodes "
     "agree, others may have the share that Wilson's interval has for none of so many, and any value up to the cap.",
     "Tests are paired by episode and two-sided: exact McNemar for falls, sign-flip permutation for means. p-values are "
@@ -43,9 +35,8 @@ NOTES = (
     "run; those of the other pairs are families of their own. With those below 0.05 claimed, the chance of any "
     "false claim in a family is at most 5 %. Where p is larger there may still be a difference that so many episodes "
     "cannot show.",
-    "A breaking point is where half of the episodes fail, that is fall or do not succeed: where a monotone regression, "
-    "straight over the logarithm of severity between the levels, crosses one half. No shape is assumed. "
-    f"{CAVEAT} What fewer and more are is shown by exact binomial tests.",
+    "A breaking point is where a monotone regression, straight over the logarithm of severity between the levels, "
+    "crosses one half. No shape is assumed. What fewer and more are is shown by exact binomial tests.",
     "The intervals speak of episodes, not of training: another training seed gives another policy.",
 )
 Origin = tuple[str, str]
@@ -54,20 +45,19 @@ Origin = tuple[str, str]
 
 def write_report(results: Results, path: Path, **about: Any) -> None:
     """Write report.html; `about` as of `render`."""
-    write_atomically(path, render(results, path.parent, **about).encode())
+    write_atomically(path, render(results, **about).encode())
 
 
-def render(results: Results, folder: Path, *, gates: Sequence[GateResult] = (), made_by: Origin = ("", "")) -> str:
-    """The whole page; `folder` is where the results are, for the commands that the page names."""
+def render(results: Results, *, gates: Sequence[GateResult] = (), made_by: Origin = ("", "")) -> str:
+    """The whole page."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings():
         sections = [
             success(results),
+            effort(results),
             _gates(gates),
             overview(results),
             disturbances(results),
-            training(results),
-            worst_episodes(results, folder),
             _notes(results),
         ]
     body = "".join(sections)
@@ -83,7 +73,10 @@ def _head(results: Results, made_by: Origin) -> str:
     interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     warning = "" if results.complete else interrupted
     warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in warnings(results))
-    axes = listed([escape(axis.name) for axis in severity_axes(results.cells)])
+    names = [escape(axis.name) for axis in severity_axes(results.cells) if not axis.name.endswith(HARDWARE)]
+    axes = listed(names) if names else ""
+    real = sum(cell.scenario.hardware for cell in {cell.scenario.name: cell for cell in results.cells}.values())
+    axes += f"{', ' if axes else ''}{counted(real, 'scenario')} with the hardware profile" if real else ""
     command, date = map(escape, made_by)
     begun = f", begun on {date}" if date else ""
     made = f'<p class="soft">Made by <code>{command}</code>{begun}.</p>' if command else ""
@@ -116,6 +109,7 @@ def _notes(results: Results) -> str:
         fold("Every measure: unit, frame, formula, source", definitions(results.success_rule), printed=True),
         note(f"Made with {made_with}."),
         note("In the same folder: results.json (these figures), episodes.parquet (a row an episode)."),
+        note("python -m evaluate replay runs one of these episodes again, bit for bit on the same class of machine."),
     )
 
 

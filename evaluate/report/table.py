@@ -11,18 +11,25 @@ from rich.table import Table
 from evaluate.analysis.breaking_points import Of, breaking_point_text
 from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
+from evaluate.analysis.score import FLAT, SCORES, ranked
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes
 from evaluate.analysis.summary import Summary
-from evaluate.report.headings import FIRST, NARROW, NARROW_DIFFERENCES, shares
-from quad_env.cli.format import broken, counted, number, p_value, points, share
+from evaluate.report.headings import (
+    EFFORT_ON,
+    FEW,
+    FIRST,
+    NARROW,
+    NARROW_DIFFERENCES,
+    effort_with_interval,
+    shares,
+)
+from quad_env.cli.format import broken, counted, number, p_value, percent, points, share
 
 SHOWN = "success % (falls %)"
 MOST_SCENARIOS = 6
 """Scenarios of which every figure is printed."""
 NAME_WIDTH, HEAD_WIDTH = 20, 9
 """Characters of a name in a line, at the head of a row and of a column; the rest goes on below."""
-FIGURES_WIDTH = 72
-"""Columns of a summary's figures with their intervals in a line."""
 
 
 def print_results(results: Results, console: Console) -> None:
@@ -33,10 +40,12 @@ def print_results(results: Results, console: Console) -> None:
     if len(results.scenarios) > MOST_SCENARIOS:
         print_levels(results, console)
     else:
-        console.print(summary_table(results, console.width))
+        console.print(summary_table(results))
+        _print_effort(results, console)
         if results.against_baseline:
             console.print()
             console.print(difference_table(results))
+        _print_notes(results, console)
     console.print()
 
 
@@ -47,7 +56,16 @@ def print_levels(results: Results, console: Console) -> None:
         console.print(level_table(results, axis))
     if single := [axis for axis in axes if len(axis.levels) == 1]:
         console.print(single_table(results, single))
+    _print_effort(results, console)
     console.print(f"\n{_widest(results)}", highlight=False)
+    if results.scores or results.hardware_scores:
+        console.print(score_table(results))
+    _print_notes(results, console)
+
+
+def _print_notes(results: Results, console: Console) -> None:
+    for axis in (axis for axis in severity_axes(results.cells) if axis.note):
+        console.print(f"\n[bold]{escape(axis.name)}[/bold]: {escape(axis.note)}", highlight=False)
 
 
 def level_table(results: Results, axis: SeverityAxis) -> Table:
@@ -86,6 +104,21 @@ def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:
     return console_table(SHOWN, {FIRST: "scenario", **names}, {"": rows})
 
 
+def score_table(results: Results) -> Table:
+    """Scores with their intervals, highest first, and the success on flat ground of policies that have none."""
+    kinds = dict(zip(SCORES, (results.scores, results.hardware_scores), strict=True))
+    found = {(name, each.policy): share(each.score, each.ci) for name, kind in kinds.items() for each in kind}
+    rest = (name for name in results.policies if not any(policy == name for _, policy in found))
+    found |= {
+        (SCORES[0], name): f"{FLAT}: {percent(flat.success_rate)}"
+        for name in rest
+        if (flat := results.summaries.get((FLAT, name)))
+    }
+    policies = dict.fromkeys([*ranked(*kinds.values()), *(policy for _, policy in found)])
+    rows = ({FIRST: row_name(p), **{name: found.get((name, p), "") for name in SCORES}} for p in policies)
+    return console_table("mean success over the axes", {FIRST: "policy", **{name: name for name in SCORES}}, {"": rows})
+
+
 def _widest(results: Results) -> str:
     """How far the intervals of all these shares reach."""
     found = results.summaries.values()
@@ -95,16 +128,14 @@ def _widest(results: Results) -> str:
     return f"95 % intervals of these shares (Wilson): at most {reach} points to either side; each is in the report"
 
 
-def summary_table(results: Results, width: int) -> Table:
-    """A row for each policy on each scenario; intervals below their figures where names leave no room in a line."""
-    longest = max(len(line) for policy in results.policies for line in row_name(policy).splitlines())
-    end = " " if longest + FIGURES_WIDTH <= width else "\n"
+def summary_table(results: Results) -> Table:
+    """A row for each policy on each scenario, intervals below their figures."""
     title = f"{counted(results.episodes, 'episode')} each, with 95 % intervals (± half of one)"
     shown = (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")
     heads = {FIRST: "policy", **{metric: NARROW[metric] for metric in shown}, "cost_of_transport": "cost of\ntransport"}
     groups: dict[str, list[dict[str, str]]] = {scenario: [] for scenario in results.scenarios}
     for (scenario, policy), summary in results.summaries.items():
-        groups[scenario].append({FIRST: row_name(policy), **summary_figures(summary, end)})
+        groups[scenario].append({FIRST: row_name(policy), **summary_figures(summary, "\n")})
     return console_table(title, heads, groups)
 
 
@@ -115,6 +146,22 @@ def summary_figures(summary: Summary, end: str) -> dict[str, str]:
         value, ci = getattr(summary, metric), getattr(summary, f"{metric}_ci")
         cells[metric] = share(value, ci) if metric in RATES else f"{number(value)} ± {number((ci[1] - ci[0]) / 2)}"
     return {column: re.sub(r" (?=\[|±)", end, cell) for column, cell in cells.items()}
+
+
+def _print_effort(results: Results, console: Console) -> None:
+    if not set(EFFORT_ON).isdisjoint(results.scenarios):
+        console.print()
+        console.print(effort_table(results))
+
+
+def effort_table(results: Results) -> Table:
+    """A row for each policy at a steady speed and over the commands: effort where there is room for three figures."""
+    groups: dict[str, list[dict[str, str]]] = {name: [] for name in EFFORT_ON if name in results.scenarios}
+    for (scenario, policy), summary in results.summaries.items():
+        if scenario in groups:
+            cells = {name: effort_with_interval(name, summary, " [{}]") for name in FEW}
+            groups[scenario].append({FIRST: row_name(policy), **cells})
+    return console_table("effort while upright, with 95 % intervals", {FIRST: "policy", **FEW}, groups)
 
 
 def difference_table(results: Results) -> Table:

@@ -1,7 +1,7 @@
 """The batteries: the scenarios that every policy runs on, and what a name on the command line stands for."""
 
 import runpy
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -12,7 +12,8 @@ from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
-from quad_env.scenarios.named import SCENARIOS, TERRAIN, WRITTEN, Scenario, find, is_combination, scenarios_of
+from quad_env.scenarios.named import SCENARIOS, STEADY, TERRAIN, WRITTEN, find, is_combination, scenarios_of
+from quad_env.scenarios.scenario import HARDWARE, Scenario, on_hardware
 from quad_env.serialisation import from_plain, to_plain
 
 NOMINAL = ("flat", "push", "rough")
@@ -26,13 +27,17 @@ _FILE = ".py:"
 
 
 BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
-    "quick": lambda robot: _battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())),
-    "default": lambda robot: _battery(robot, _nominal_and_harder, tuple(AXES)),
-    "full": lambda robot: _battery(robot, lambda axis: tuple(range(1, len(axis.levels) + 1)), tuple(AXES)),
+    "quick": lambda robot: (*_battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())), *_real(robot)[:1]),
+    "default": lambda robot: (
+        *_battery(robot, lambda axis: range(axis.nominal_level, axis.nominal_level + HARDER + 1), tuple(AXES)),
+        *_real(robot),
+    ),
+    "full": lambda robot: _battery(robot, lambda axis: range(1, len(axis.levels) + 1), tuple(AXES)),
     ALL: lambda robot: tuple(scenarios_of(robot).values()),
 }
-"""Names that stand for several scenarios: a first look; every axis at its nominal severity and the next two levels;
-every axis at every level; every axis at its nominal severity."""
+"""Names that stand for several scenarios: a first look; every axis at its nominal severity and the next two levels, and
+with the hardware profile at the level after the nominal one; every axis at every level; every axis at its nominal
+severity."""
 _VALID = (
     f"{', '.join((*SCENARIOS, *BATTERIES))}, {WRITTEN}, every level of an axis such as push:all, "
     "a file of yours such as my_file.py:NAME"
@@ -61,38 +66,42 @@ def one(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 def of_file(name: str) -> bool:
     """Whether a name stands for what a file of the user's makes."""
-    return _FILE in name or name.endswith(TERRAIN)
+    return _FILE in name or name.removesuffix(HARDWARE).endswith(TERRAIN)
 
 
 def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if name in BATTERIES:
         return BATTERIES[name](robot)
+    if name.endswith(HARDWARE):
+        found = map(on_hardware, _named(name.removesuffix(HARDWARE), robot))
+        return tuple({each.name: each for each in found}.values())
     if _FILE in name:
         return _from_file(name)
     axis, colon, level = name.partition(":")
     if colon and axis in AXES and level == ALL:
         return tuple(map(axes_of(robot)[axis].level, range(1, len(AXES[axis].levels) + 1)))
-    if (found := find(name, robot)) is None:
+    if (one := find(name, robot)) is None:
         raise ValueError(f"unknown scenario {name!r}; valid: {_VALID}")
-    return (found,)
+    return (one,)
 
 
-def _nominal_and_harder(axis: Axis) -> tuple[int, ...]:
-    """Levels of the default battery."""
-    return tuple(range(axis.nominal_level, axis.nominal_level + HARDER + 1))
+def _real(robot: Robot) -> tuple[Scenario, ...]:
+    """With the hardware profile: level ground, the steady walk, and every axis at the level after its nominal one."""
+    levels = (axis.level(min(axis.nominal_level + 1, len(axis.levels))) for axis in axes_of(robot).values())
+    return tuple(map(on_hardware, (scenarios_of(robot)[NOMINAL[0]], STEADY, *levels)))
 
 
 def _battery(
-    robot: Robot, levels: Callable[[Axis], tuple[int, ...]], nominal: tuple[str, ...] = NOMINAL
+    robot: Robot, levels: Callable[[Axis], Iterable[int]], nominal: tuple[str, ...] = NOMINAL
 ) -> tuple[Scenario, ...]:
-    """A robot's nominal scenarios of those axes and those levels of each axis, none twice."""
+    """A robot's nominal scenarios of those axes and those levels of each axis, none twice, and the steady walk."""
     chosen = [scenarios_of(robot)[name] for name in nominal]
     for axis in axes_of(robot).values():
         for level in levels(axis):
             new = axis.level(min(level, len(axis.levels)))
             if not any(replace(new, name=known.name) == known for known in chosen):
                 chosen.append(new)
-    return tuple(chosen)
+    return (*chosen, STEADY)
 
 
 def _from_file(reference: str) -> tuple[Scenario, ...]:

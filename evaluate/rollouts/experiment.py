@@ -1,6 +1,5 @@
 """The comparison as a sequence of cells, one policy on one scenario each; the seeds are the same for every policy."""
 
-import contextlib
 import dataclasses
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
@@ -12,18 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.causes.verdict import with_causes
-from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OFF_COMMAND, SUCCEEDED, SuccessRule
 from evaluate.rollouts import rollout
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from policies.base import Policy
+from policies.foreign import Foreign
+from quad_env.cli.progress import CellProgress
 from quad_env.scenarios.named import Scenario
 from quad_env.seeding import episode_seeds
 
 
 class NotKept(OSError):
-    """What was simulated could not be written: to the store, or as a trace."""
+    """What was simulated could not be written to the store."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,33 @@ class LabelledPolicy:
     policy: Policy
     only_on: tuple[str, ...] = ()
     """Names of the scenarios that it runs on; every one where none is named."""
+    real: Policy | None = None
+    """The same made for the hardware profile; None where one policy does for all of its scenarios."""
 
     def runs_on(self, scenario: Scenario) -> bool:
         """Whether that scenario is one of its own."""
         return not self.only_on or scenario.name in self.only_on
+
+    def on(self, scenario: Scenario) -> Policy:
+        """The policy for that scenario."""
+        return self.real if scenario.hardware and self.real is not None else self.policy
+
+    @property
+    def versions(self) -> tuple[Policy, ...]:
+        """The policy, and that for the hardware profile where it is another."""
+        return (self.policy,) if self.real is None else (self.policy, self.real)
+
+
+def labelled(
+    label: str, hardware: Hardware, scenarios: Sequence[Scenario], trust: bool = False, only_on: Sequence[str] = ()
+) -> LabelledPolicy:
+    """The policy of that name or path for those of these scenarios that it runs on. Raises PolicyError."""
+    real = {scenario.hardware for scenario in scenarios if not only_on or scenario.name in only_on}
+    policy = hardware.policy(label, trust, real=real == {True})
+    # A policy from outside has a process, and commands its own gains everywhere.
+    twice = len(real) > 1 and not isinstance(policy, Foreign)
+    other = hardware.policy(label, trust, real=True) if twice else None
+    return LabelledPolicy(label, policy, tuple(only_on), other)
 
 
 @dataclass(frozen=True)
@@ -71,17 +94,9 @@ class Store(Protocol):
 
     def load(self, policy: str, scenario: Scenario) -> Sequence[Chunk]:
         """Chunks of that cell that are done already; no episode in two of them."""
-        ...
 
     def save(self, chunk: Chunk) -> None:
         """Keep a chunk that has just been simulated."""
-        ...
-
-
-CellProgress = Callable[[str, str, float], None]
-"""Progress callback: policy, scenario and the share of their cell that is done; 1 exactly once."""
-TraceWriter = Callable[[str, Scenario, int, Episodes], None]
-"""Writes the record of a chunk: its policy's label, its scenario, the number of its first episode, the episodes."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +110,6 @@ class Task:
     seeds: NDArray[np.int64]
     """Seeds of the episodes, (n,)."""
     steps: int
-    trace: TraceWriter | None
     hardware: Hardware
 
 
@@ -114,7 +128,6 @@ class Settings:
     chunk_size: int = 256
     """Most episodes of a chunk, simulated side by side, which bounds the memory of a run."""
     store: Store | None = None
-    trace: TraceWriter | None = None
     steps: int = dataclasses.field(default_factory=lambda: rollout.STEPS)
     """Control steps of an episode."""
     executor: Executor | None = None
@@ -150,8 +163,7 @@ def run_cells(
     with closing(execute([task for _, task in owned], progress)) as outcomes:
         for place, chunk in outcomes:
             if settings.store is not None:
-                with _keeping():
-                    settings.store.save(chunk)
+                _keep(settings.store, chunk)
             cell = owned[place][0]
             cell.add(chunk)
             if cell.done:
@@ -174,30 +186,25 @@ def sequential(nthread: int) -> Executor:
 
 
 def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chunk:
-    """Outcome of a task; `progress` receives the share that is done, below 1. Raises NotKept of its trace."""
+    """Outcome of a task; `progress` receives the share that is done, below 1."""
     label = task.policy.label
     episodes = rollout.run(
-        task.policy.policy,
+        task.policy.on(task.scenario),
         task.scenario,
         task.seeds,
         nthread=nthread,
         steps=task.steps,
         progress=lambda share: None if share >= 1.0 else progress(share),
-        after_falls=task.trace is not None,
         hardware=task.hardware,
     )
-    if task.trace is not None:
-        with _keeping():
-            task.trace(label, task.scenario, int(task.numbers[0]), episodes)
     measures = with_causes(measure(episodes), episodes)
     return Chunk(task.numbers, Cell(label, task.scenario, task.seeds, episodes.fall_reason, measures, episodes.failure))
 
 
-@contextlib.contextmanager
-def _keeping() -> Iterator[None]:
-    """Context in which a failure of the system is NotKept."""
+def _keep(store: Store, chunk: Chunk) -> None:
+    """Put a chunk into the store; a failure of the system is NotKept."""
     try:
-        yield
+        store.save(chunk)
     except OSError as error:
         raise NotKept(error.errno, error.strerror or str(error), error.filename) from error
 
@@ -220,7 +227,7 @@ class _PendingCell:
         how = self.settings
         for numbers in _stretches(missing, how.chunk_size):
             seeds = self.seeds[numbers]
-            yield Task(self.policy, self.scenario, numbers, seeds, how.steps, how.trace, how.hardware)
+            yield Task(self.policy, self.scenario, numbers, seeds, how.steps, how.hardware)
 
     def report(self, task: Task, share: float) -> None:
         self.shares[int(task.numbers[0])] = share * len(task.numbers)

@@ -10,6 +10,7 @@ from quad_env.cli.command_line import UsageError
 if TYPE_CHECKING:
     from policies.base import Policy
     from quad_env.robots.robot import Robot
+    from quad_env.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,8 @@ class Hardware:
     """Or the path of its MJCF, URDF or TOML."""
     servo: str = ""
     """Stiffness/damping of the servos for all our controllers, N·m/rad and N·m·s/rad; by default each has its own."""
+    simulator: str = "mujoco"
+    """Simulator of the physics, one of `quad_env.physics.batch.SIMULATORS`."""
 
     @property
     def quadruped(self) -> "Robot":
@@ -41,20 +44,32 @@ class Hardware:
     def environment(self, robot: "Robot") -> dict[str, Any]:
         """Keyword arguments of an environment of the robot, with the servo gains of one that a policy is made for."""
         own = self.quadruped.with_servo(robot.servo_stiffness, robot.servo_damping)
-        return {"actuator": self.actuator, "sensors": self.sensors, "estimator": self.estimator, "robot": own}
+        names = ("actuator", "sensors", "estimator", "simulator")
+        return {name: getattr(self, name) for name in names} | {"robot": own}
 
     def as_json(self) -> dict[str, str]:
         """The names; later ones only where they are not the usual ones, as before there were others."""
-        names, later = asdict(self), ("estimator", "robot", "servo")
+        names, later = asdict(self), ("estimator", "robot", "servo", "simulator")
         return {name: value for name, value in names.items() if name not in later or value != getattr(IDEAL, name)}
 
-    def policy(self, name_or_path: str, trust: bool = False) -> "Policy":
-        """A fresh policy for that robot, by name or path, see `policies.resolve`; PolicyError if there is none."""
-        import policies
+    def policy(self, name_or_path: str, trust: bool = False, *, real: bool = False) -> "Policy":
+        """A fresh policy for that robot, by name or path, see `policies.resolve`; PolicyError if there is none.
 
-        return policies.resolve(
-            name_or_path, robot=self.quadruped, actuator=self.actuator, sensors=self.sensors, trust=trust
-        )
+        A `real` one is for scenarios on the hardware profile: our controllers command the robot's own servo gains.
+        """
+        import policies
+        from quad_env.actuation.hardware import hardware_profile
+
+        made: dict[str, Any] = {"robot": self.quadruped, "actuator": self.actuator, "sensors": self.sensors}
+        if real:
+            profile = hardware_profile(self.quadruped)
+            made = {"robot": self.quadruped.with_servo(), "actuator": profile.actuator, "sensors": profile.sensors}
+        return policies.resolve(name_or_path, trust=trust, **made)
+
+    @property
+    def chosen(self) -> bool:
+        """Whether actuator, sensors or estimator are other than the usual ones."""
+        return replace(self, robot=IDEAL.robot, servo="", simulator=IDEAL.simulator) != IDEAL
 
 
 IDEAL = Hardware()
@@ -64,7 +79,8 @@ def words(hardware: Hardware) -> str:
     """` Robot: go1. Motors: motor; sensors: typical.`, an unusual estimator named too; nothing of what is usual."""
     robot = "" if hardware.robot == IDEAL.robot else f" Robot: {hardware.robot}."
     robot += f" Servos: {hardware.servo}." if hardware.servo else ""
-    if replace(hardware, robot=IDEAL.robot, servo="") == IDEAL:
+    robot += "" if hardware.simulator == IDEAL.simulator else f" Simulator: {hardware.simulator}."
+    if not hardware.chosen:
         return robot
     estimator = "" if hardware.estimator == IDEAL.estimator else f"; estimator: {hardware.estimator}"
     return f"{robot} Motors: {hardware.actuator}; sensors: {hardware.sensors}{estimator}."
@@ -79,10 +95,12 @@ def hardware_of(robot: str, option: str = "--robot") -> Hardware:
     return found
 
 
-def check(hardware: Hardware) -> None:
-    """ValueError, which lists the valid names, where one is unknown, a robot cannot be had or an estimator has no
-    sensors."""
+def check(hardware: Hardware, scenario: "Scenario | None" = None) -> None:
+    """ValueError, which lists the valid names, where one is unknown, a robot cannot be had, an estimator has no sensors
+    or the simulator cannot do that, in that scenario."""
     from quad_env.actuation.models import actuator
+    from quad_env.physics.batch import check_simulator
+    from quad_env.scenarios.scenario import Scenario
     from quad_env.sensing.estimators import check_estimator
     from quad_env.sensing.suite import sensor_suite
 
@@ -92,8 +110,9 @@ def check(hardware: Hardware) -> None:
         raise ValueError(str(error)) from error
     if robot.source is not None:
         _warn(robot)
-    actuator(hardware.actuator)
-    check_estimator(hardware.estimator, sensor_suite(hardware.sensors))
+    motors, suite = actuator(hardware.actuator), sensor_suite(hardware.sensors)
+    check_estimator(hardware.estimator, suite)
+    check_simulator(hardware.simulator, scenario or Scenario("flat"), motors, suite is not None)
 
 
 @lru_cache

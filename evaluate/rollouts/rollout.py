@@ -138,31 +138,16 @@ def run(
     nthread: int = 1,
     steps: int = STEPS,
     progress: Progress = lambda _: None,
-    after_falls: bool = False,
     hardware: Hardware = IDEAL,
 ) -> Episodes:
-    """The record of one episode of `policy` for each seed.
-
-    With `after_falls` robots go on after their fall, and the record goes on with them, so that other rules can say when
-    they fell.
-    """
+    """The record of one episode of `policy` for each seed."""
     recorder = Recorder(policy, seeds, steps)
 
     def report(step: Step) -> None:
         if step.number < steps and step.number % REPORT_EVERY == 0:
             progress(step.number / steps)
 
-    roll_out(
-        policy,
-        scenario,
-        seeds,
-        recorder,
-        report,
-        steps=steps,
-        nthread=nthread,
-        terminate_on_fall=not after_falls,
-        hardware=hardware,
-    )
+    roll_out(policy, scenario, seeds, recorder, report, steps=steps, nthread=nthread, hardware=hardware)
     progress(1.0)
     return recorder.episodes()
 
@@ -211,7 +196,6 @@ class Recorder:
             fall_step=falls.step,
             fall_reason=falls.reason,
             divergence_step=falls.divergence_step,
-            after_falls=not env.terminate_on_fall,
             weight=weight(env.robot, env.scenario),
             torque_limit=tuple(meter.torque_limit.tolist()),
             speed_limit=tuple(meter.speed_limit.tolist()),

@@ -12,7 +12,6 @@ from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from policies.base import Policy
 from quad_env.config import FALL_REASONS
-from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import ratio
 
 Floats = NDArray[np.float64]
@@ -71,7 +70,7 @@ def walks(
 
     All of them so many `times`, for policies abreast. Raises what making the environment and `Policy.check_fits` do.
     """
-    scale, count = _scale(policy.robot), len(seeds)
+    scale, count = np.array([ratio(policy.robot, unit) for unit in UNITS]), len(seeds)
     asked = np.tile(np.repeat(scale * np.array(list(commands.values())), count, axis=0), (times, 1))
     fall = np.zeros(len(asked), int)
     velocities: list[Floats] = []
@@ -94,11 +93,6 @@ def walks(
     failures = getattr(policy, "failure", None)
     failures = [None] * len(asked) if failures is None else failures
     return [Walk(*each) for each in zip(ways, asked, means, falls, failures, errors, strict=True)]
-
-
-def _scale(robot: Robot) -> Floats:
-    """Speeds of this robot that correspond to 1 m/s and 1 rad/s of SimpleQuad, (3,)."""
-    return np.array([ratio(robot, unit) for unit in UNITS])
 
 
 def _rounded(value: float) -> str:

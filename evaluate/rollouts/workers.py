@@ -18,6 +18,7 @@ from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, se
 from quad_env.cli.child_process import serve_parent, without_ctrl_c
 from quad_env.cli.command_line import UsageError
 from quad_env.files.text import described
+from quad_env.physics.batch import SLOWNESS
 
 POLL_PERIOD = 0.1
 """s between two looks at whether the user has interrupted."""
@@ -26,7 +27,7 @@ ENDING_TIME = 2.0
 MOST_WORKERS = 30 if sys.platform == "win32" else 1024
 """Windows waits for 63 things at a time before Python 3.13, and each worker is two."""
 FEWEST_STEPS = 100_000
-"""Control steps, of all robots together, below which the workers' start takes longer than they save."""
+"""Control steps in MuJoCo, of all robots together, below which the workers' start takes longer than they save."""
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 """Environment variable, 1 in workers: their matrices are small, and the other cores have workers of their own."""
 
@@ -43,7 +44,7 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
     """
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, Chunk]]:
-        if min(count, len(tasks)) < 2 or sum(len(task.numbers) * task.steps for task in tasks) < FEWEST_STEPS:
+        if min(count, len(tasks)) < 2 or sum(map(cost, tasks)) < FEWEST_STEPS:
             yield from sequential(count)(tasks, progress)
             return
         todo = iter(enumerate(tasks))
@@ -66,6 +67,11 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
                         yield place, news
 
     return execute
+
+
+def cost(task: Task) -> float:
+    """Control steps in MuJoCo, of all its robots together, that take as long as a task."""
+    return len(task.numbers) * task.steps * SLOWNESS[task.hardware.simulator]
 
 
 class _Worker:

@@ -18,8 +18,6 @@ UNBOUNDED = (-np.inf, np.inf)
 """Bounds of values that may be anything."""
 RESAMPLES = 9999
 """Resamples of a bootstrap of a mean."""
-FEWER_RESAMPLES = 1999
-"""Resamples of a bootstrap of two samples."""
 KEPT_VALUES = 12_000_000
 """Resamples of at most so many values in all (96 MB) are drawn once and kept for the next of that size."""
 BLOCK_VALUES = 500_000
@@ -95,21 +93,6 @@ def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
     return float(distance / np.sqrt(variance)) if variance > 0.0 else float(np.copysign(np.inf, distance))
 
 
-def newcombe_interval(a: Bools, b: Bools) -> Interval:
-    """Interval of the difference of two shares that are not paired, b − a, from the Wilson intervals of both.
-
-    Newcombe 1998, Statistics in Medicine 17, 873, method 10.
-    """
-    ends = [wilson_interval(int(x.sum()), len(x)) for x in (a, b)]
-    return _difference_of(float(a.mean()), ends[0], float(b.mean()), ends[1])
-
-
-def _difference_of(a: float, ends_a: Interval, b: float, ends_b: Interval) -> Interval:
-    """Interval of b − a from two estimates and their intervals (Zou and Donner 2008, Statistics in Medicine 27)."""
-    below, above = np.hypot(b - ends_b[0], ends_a[1] - a), np.hypot(ends_b[1] - b, a - ends_a[0])
-    return (float(b - a - below), float(b - a + above))
-
-
 def bootstrap_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int = 0) -> Interval:
     """Bootstrap interval of the mean, bias-corrected and accelerated; (NaN, NaN) for fewer than two values.
 
@@ -146,21 +129,6 @@ def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed:
     tail = ndtr(-np.sqrt(pairs / (pairs - 1)) * stdtrit(pairs - 1, 0.5 + CONFIDENCE / 2))
     low, high = np.quantile(_resampled_sums(differences, RESAMPLES, seed), [tail, 1.0 - tail]) / pairs
     return (float(low), float(high))
-
-
-def two_sample_interval(a: Floats, b: Floats, bounds: Interval = UNBOUNDED) -> Interval:
-    """Percentile bootstrap of mean(b) − mean(a), each resampled by itself; (NaN, NaN) for fewer than two values.
-
-    Where the values of either agree, from the intervals of both means instead.
-    """
-    if min(len(a), len(b)) < 2:
-        return (np.nan, np.nan)
-    if _agree(a) or _agree(b):
-        return _difference_of(
-            float(a.mean()), bootstrap_interval(a, bounds), float(b.mean()), bootstrap_interval(b, bounds)
-        )
-    means = [_resampled_sums(x, FEWER_RESAMPLES, seed) / len(x) for seed, x in enumerate((b, a))]
-    return percentile_interval(means[0] - means[1])
 
 
 def agreeing_interval(values: Floats, bounds: Interval) -> Interval:

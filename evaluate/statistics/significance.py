@@ -1,30 +1,24 @@
-"""Tests of a difference between two policies, paired by episode or not, and their correction for many."""
+"""Tests of a difference between two policies, paired by episode, and their correction for many."""
 
 import itertools
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evaluate.statistics.intervals import Bools, Floats
 
 EXACT_PAIRS = 13
 """Up to so many pairs all 2^n sign flips are listed (8192)."""
 FLIPS = 9_999
-"""Random sign flips, or relabellings, of a permutation test too large to list in full."""
+"""Random sign flips of a permutation test too large to list in full."""
 MORE_FLIPS = 99_999
 """Where so few of the first reach the observed mean that the p-value is coarse.
 
 The smallest of the first, 1/10000, times the comparisons of a whole battery could never be significant."""
 FEW = 10
 """Flips that reach the observed mean, the observed one not counted, below which more are drawn."""
-NUISANCE_RATES = 511
-"""Fall rates, evenly spaced, among which Barnard's test looks for the one that makes the data likeliest."""
 BYTE_SIGNS = np.array(list(itertools.product((1.0, -1.0), repeat=8)))
 """Signs of eight pairs for every byte, (256, 8)."""
-
-Counts = NDArray[np.int64]
 
 
 def mcnemar(a: Bools, b: Bools) -> float:
@@ -80,50 +74,3 @@ def holm(p_values: Sequence[float]) -> list[float]:
     corrected = np.empty(len(order))
     corrected[order] = np.minimum(1.0, np.maximum.accumulate(steps))
     return [float(value) for value in corrected]
-
-
-def fall_rates_test(a: Bools, b: Bools) -> float:
-    """Barnard's exact p-value, two-sided, of two yes/no outcomes that are not paired, each of any number of episodes.
-
-    The largest chance, over the unknown common fall rate, of outcomes whose pooled z is at least as large.
-    Nearer to its level than Fisher's test and never above it. `scipy.stats.barnard_exact` loses outcomes whose z
-    is equal on paper but not in the last bit: it gives 0.0342 instead of 0.0345 for 1 of 12 against 9 of 20.
-    """
-    from scipy.stats import binom
-
-    fallen_a, fallen_b = np.arange(len(a) + 1), np.arange(len(b) + 1)
-    z = _pooled_z(fallen_a[:, None], len(a), fallen_b, len(b))
-    extreme = z >= z[a.sum(), b.sum()] - 1e-9
-    rates = np.linspace(0.0, 1.0, NUISANCE_RATES + 2)[1:-1, None]
-    chances = (binom.pmf(fallen_a, len(a), rates) @ extreme * binom.pmf(fallen_b, len(b), rates)).sum(axis=1)
-    return float(min(1.0, chances.max()))
-
-
-def _pooled_z(fallen_a: Counts, size_a: int, fallen_b: Counts, size_b: int) -> Floats:
-    """Difference of two shares in its standard deviations if both are the same share; 0 where none or all fell."""
-    pooled = (fallen_a + fallen_b) / (size_a + size_b)
-    variance = pooled * (1.0 - pooled) * (1.0 / size_a + 1.0 / size_b)
-    difference = np.abs(fallen_a / size_a - fallen_b / size_b)
-    return np.divide(difference, np.sqrt(variance), out=np.zeros_like(difference), where=variance > 0.0)
-
-
-def relabelling_test(a: Floats, b: Floats, seed: int = 0) -> float:
-    """Permutation p-value, two-sided, of a difference of the means of two samples that are not paired.
-
-    Random relabellings, the observed one among them. `scipy.stats.permutation_test(permutation_type="independent")`
-    gives the same; relabellings that are kept are many times faster.
-    """
-    values = np.concatenate([a, b])
-    values = values - values.mean()
-    observed = np.abs(values[: len(a)].sum()) - 1e-12 * np.abs(values).sum()
-    as_large = int((np.abs(_relabellings(len(a), len(b), seed) @ values) >= observed).sum())
-    return (as_large + 1) / (FLIPS + 1)
-
-
-@lru_cache(maxsize=1)
-def _relabellings(size_a: int, size_b: int, seed: int) -> Floats:
-    """Which values are called a's, 1 or 0; shape (FLIPS, size_a + size_b)."""
-    labels = np.repeat([1.0, 0.0], [size_a, size_b])
-    relabelled = np.random.default_rng(seed).permuted(np.tile(labels, (FLIPS, 1)), axis=1)
-    relabelled.flags.writeable = False
-    return relabelled

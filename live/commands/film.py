@@ -11,7 +11,7 @@ import tyro
 
 from evaluate.film import files
 from evaluate.film.shooting import Look, Take, film
-from evaluate.rollouts.experiment import LabelledPolicy
+from evaluate.rollouts.experiment import labelled
 from evaluate.rollouts.hardware import IDEAL
 from live.commands.episode import Command, EpisodeOptions
 from policies.base import CONTROL_PERIOD
@@ -53,7 +53,7 @@ def main(options: Options) -> int:
     if not 1 <= len(options.policies) <= MOST_POLICIES:
         raise UsageError(f"--policies must name 1 to {MOST_POLICIES}, not {len(options.policies)}")
     hardware, scenario = options.resolve()
-    policies = tuple(LabelledPolicy(name, hardware.policy(name, options.trust)) for name in options.policies)
+    policies = tuple(labelled(name, hardware, (scenario,), options.trust) for name in options.policies)
     robot = "" if hardware == IDEAL else f"{hardware.quadruped.name}, "
     title, steps = f"{robot}{scenario.name}, seed {options.seed}", round(options.seconds / CONTROL_PERIOD)
     take = Take(policies, scenario, options.seed, steps, title, hardware, options.command)

@@ -1,4 +1,4 @@
-"""Record an episode: `python -m quad_env record walk.mcap` for Foxglove, a path without .mcap for a ROS 2 bag."""
+"""Record an episode: `python -m quad_env record walk.mcap`, for Foxglove and `ros2 bag play`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,7 @@ class Options(EpisodeOptions):
     """Record an episode; a robot that falls is recorded where it lies."""
 
     out: Annotated[Path, tyro.conf.Positional]
-    """File to write, .mcap, or folder of a ROS 2 bag; neither may exist."""
+    """File to write, .mcap, which may not exist."""
     policy: str = "residual"
     """Policy, by name, or folder of a trained one."""
     seconds: float = 10.0
@@ -35,7 +35,7 @@ def main(options: Options) -> int:
     options.check(seconds=(CONTROL_PERIOD, 86_400.0))
     check(options.out)
     hardware, scenario = options.resolve()
-    policy = hardware.policy(options.policy, options.trust)
+    policy = hardware.policy(options.policy, options.trust, real=scenario.hardware)
     steps = round(options.seconds / CONTROL_PERIOD)
     raise_on_interrupt()
     done = 0

@@ -29,7 +29,7 @@ class Options(EpisodeOptions):
     real_time_factor: float = 1.0
     """Simulated s a second, as far as this machine can."""
     record: Path | None = None
-    """File to record into, .mcap, or folder of a ROS 2 bag; neither may exist."""
+    """File to record into, .mcap, which may not exist."""
     version: Literal["1", "2"] | None = None
     """Version of ROS; by default the one that is sourced, else the first that is found."""
     network: Flag = False
@@ -46,7 +46,9 @@ def main(options: Options) -> int:
     environment = interpreter.environment(os.environ, options.network)
     hardware, scenario = options.resolve()
     robot = hardware.quadruped
-    policy: Policy = Driven(robot=robot) if options.policy is None else hardware.policy(options.policy, options.trust)
+    policy: Policy = Driven(robot=robot)
+    if options.policy is not None:
+        policy = hardware.policy(options.policy, options.trust, real=scenario.hardware)
     command = [python, "-m", "live.ros.node", version, *robot.joint_names]
     raise_on_interrupt()
     recording = nullcontext(None) if options.record is None else recorder_for(options.record, policy)
@@ -82,6 +84,3 @@ def _run(session: Session, link: Link, speed: float, record: Path | None) -> Non
     except KeyboardInterrupt:
         kept = "" if record is None else f", all of it in {record}"
         raise KeyboardInterrupt(f"{bridge.time:.1f} s simulated{kept}") from None
-    finally:
-        for line in bridge.refusals:
-            say(line)

@@ -5,7 +5,6 @@ import webbrowser
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from live.commands.episode import Command, EpisodeOptions
 from live.view.driver import Driver
@@ -29,11 +28,8 @@ class Options(EpisodeOptions):
     """Command at first: forward m/s, left m/s, yaw rate rad/s; None leaves commands to the scenario."""
     port: int | None = None
     """Port to listen on, 0 for any that is free; by default 8080, or another where that is taken."""
-    quality: Literal["low", "middle", "high"] = "low"
-    """Of the pictures: 640 x 400 plainly, 960 x 600 plainly, 960 x 600 with shadows and smooth edges, for graphics
-    hardware."""
     record: Path | None = None
-    """Recording from the start on, an .mcap or the folder of a ROS 2 bag; as `python -m quad_env record` makes."""
+    """Recording from the start on, an .mcap as `python -m quad_env record` makes."""
     browser: bool = True
     """Open the page in a browser, where there is a display."""
 
@@ -62,7 +58,7 @@ def main(options: Options) -> int:
         stack.enter_context(closing(driver))
         if options.record is not None:
             driver.record(options.record)
-        view = LiveView(driver, lambda receive: _server(options.port, receive), options.quality)
+        view = LiveView(driver, lambda receive: _server(options.port, receive))
         stack.enter_context(closing(view))
         print(f"open {view.server.url} (Ctrl-C ends it)", flush=True)
         if options.browser and shows_windows():

@@ -1,28 +1,19 @@
-"""Files of messages: an MCAP file, which Foxglove opens, and the folder of a ROS 2 bag."""
+"""Files of messages: MCAP, which Foxglove opens and `ros2 bag` plays."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
-from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as BagWriter
 
 from live.recording.messages import LATCHED, TYPES, Message
 
-_NEVER = QosTime(9223372036, 854775807)
+_NEVER = "{sec: 9223372036, nsec: 854775807}"
 """No deadline, no lifespan, no lease: how ROS 2 writes infinity."""
-_KEPT = Qos(
-    history=QosHistory.KEEP_LAST,
-    depth=1,
-    reliability=QosReliability.RELIABLE,
-    durability=QosDurability.TRANSIENT_LOCAL,
-    deadline=_NEVER,
-    lifespan=_NEVER,
-    liveliness=QosLiveliness.AUTOMATIC,
-    liveliness_lease_duration=_NEVER,
-    avoid_ros_namespace_conventions=False,
+_KEPT = (
+    "- {history: keep_last, depth: 1, reliability: reliable, durability: transient_local, "
+    f"deadline: {_NEVER}, lifespan: {_NEVER}, liveliness: automatic, liveliness_lease_duration: {_NEVER}, "
+    "avoid_ros_namespace_conventions: false}"
 )
 """With which `ros2 bag play` keeps a message for those who listen later."""
 
@@ -39,7 +30,8 @@ class McapFile:
             if name not in schemas:
                 definition, _hash = TYPES.generate_msgdef(name, ros_version=2)
                 schemas[name] = self._writer.register_schema(name, "ros2msg", definition.encode())
-            self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[name])
+            quality = {"offered_qos_profiles": _KEPT if topic in LATCHED else ""}
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[name], quality)
 
     def write(self, message: Message) -> None:
         """Add a message. Raises OSError."""
@@ -51,25 +43,3 @@ class McapFile:
             self._writer.finish()  # type: ignore[no-untyped-call]
         finally:
             self._file.close()
-
-
-class BagFolder:
-    """The same messages in a ROS 2 bag, stored as MCAP, in chunks like the file above."""
-
-    def __init__(self, path: Path, topics: Mapping[str, str]) -> None:
-        self._writer = BagWriter(path, version=9, storage_plugin=StoragePlugin.MCAP)
-        self._writer.open()
-        self._connections = {
-            topic: self._writer.add_connection(
-                topic, name, typestore=TYPES, offered_qos_profiles=[_KEPT] if topic in LATCHED else []
-            )
-            for topic, name in topics.items()
-        }
-
-    def write(self, message: Message) -> None:
-        """Add a message. Raises OSError."""
-        self._writer.write(self._connections[message.topic], message.time, message.data)
-
-    def close(self) -> None:
-        """Write the metadata and close."""
-        self._writer.close()

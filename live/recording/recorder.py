@@ -36,8 +36,8 @@ SIGNALS = (
 
 @contextmanager
 def recorder_for(path: Path, policy: Policy) -> Iterator["Recorder"]:
-    """An observer that records the first robot: into an MCAP file by a path that ends in .mcap, else into the folder of
-    a ROS 2 bag. What was recorded is kept however the block ends; a further episode goes on where the first ended.
+    """An observer that records the first robot into an MCAP file. What was recorded is kept however the block ends; a
+    further episode goes on where the first ended.
 
     Raises:
         UsageError: a package is missing, or the path exists already or cannot be written.
@@ -56,7 +56,9 @@ def check(path: Path) -> None:
     if missing := [package for package in PACKAGES if find_spec(package) is None]:
         raise UsageError(f'recording needs {missing[0]}: pip install -e ".[recording]"')
     if path.exists():
-        raise UsageError(f"{path} exists already: name another file, or a folder that is yet to be")
+        raise UsageError(f"{path} exists already: name another file")
+    if path.suffix != ".mcap":
+        raise UsageError(f"{path}: a recording is an MCAP file, such as walk.mcap")
     make_folder_of(path, "the recording")
 
 

@@ -28,12 +28,11 @@ def write(rows: Connection, answer: Connection, path: Path, source: Source) -> N
 
 
 def _write(rows: Connection, path: Path, source: Source) -> None:
-    from live.recording.files import BagFolder, McapFile  # here: the process that simulates needs none of it
+    from live.recording.files import McapFile  # here: the process that simulates needs none of it
     from live.recording.messages import Messages
 
-    kind = McapFile if path.suffix == ".mcap" else BagFolder
     messages = Messages(source)
-    with closing(kind(path, messages.topics)) as file, contextlib.suppress(EOFError):
+    with closing(McapFile(path, messages.topics)) as file, contextlib.suppress(EOFError):
         for message in messages.of_beginning():
             file.write(message)
         while True:

@@ -1,6 +1,5 @@
 """The robot's side of the ROS interface, without ROS: messages in as numbers, readings out, control step by step."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -12,7 +11,6 @@ from live.ros.link import Packet
 from live.ros.node import IMU, JOINT_STATE_PERIOD, JOINT_STATES, JOINT_TARGETS, RESET, VELOCITY
 from live.session import Session
 from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, to_actions
-from quad_env.cli.format import counted
 from quad_env.config import COMMAND_BOUND, FALL_REASONS
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -76,8 +74,8 @@ class Bridge:
         self._received: int | None = None
         """Number of the control step before which the latest valid message came; None before the first, and after a
         timeout."""
-        self._refused: Counter[tuple[str, str]] = Counter()
-        self._refused_before = 0
+        self._refused: set[tuple[str, str]] = set()
+        """Topics and kinds of messages that were refused, each of which is said once."""
         self._imu, self._fallen = Imu(session.env.dt), False
         self._steps, self._period = 0, round(session.env.dt * 1e9)
         session.steer(np.zeros(3))
@@ -88,12 +86,6 @@ class Bridge:
         """Simulated s since the beginning; no reset turns it back."""
         return self._steps * self._period * 1e-9
 
-    @property
-    def refusals(self) -> list[str]:
-        """`/cmd_vel: 12 messages refused, not finite` for each kind."""
-        kinds = self._refused.items()
-        return [f"{topic}: {counted(count, 'message')} refused, {mistake}" for (topic, mistake), count in kinds]
-
     def take(self, topic: str, values: Sequence[float], size: int) -> None:
         """A message of that topic with `size` numbers; of one that is too long, `values` need not have them."""
         if topic == RESET:
@@ -102,9 +94,9 @@ class Bridge:
         numbers = np.asarray(values, np.float64)
         if (found := self._mistake(topic, numbers, size)) is not None:
             mistake, details = found
-            self._refused[topic, mistake] += 1
-            if self._refused[topic, mistake] == 1:
-                self._say(f"{topic}: refused, {mistake}{details}; further ones are counted")
+            if (topic, mistake) not in self._refused:
+                self._say(f"{topic}: refused, {mistake}{details}; further ones are refused without a word")
+            self._refused.add((topic, mistake))
             return
         if self._driven is None:
             self._session.steer(numbers)
@@ -112,7 +104,7 @@ class Bridge:
             self._driven.follow(numbers)
         if self._received is None:
             self._say(f"{topic} is followed")
-        self._received, self._refused_before = self._steps, self._refused_here()
+        self._received = self._steps
 
     def step(self) -> Packet:
         """Packet of the robot after a further control step."""
@@ -151,12 +143,7 @@ class Bridge:
         else:
             self._driven.let_go()
             standing = "the robot returns to its standing pose"
-        refused = self._refused_here() - self._refused_before
-        meanwhile = f" ({refused} refused meanwhile)" if refused else ""
-        self._say(f"nothing good on {self._topic} for {self._timeout:g} s{meanwhile}: {standing} until the next")
-
-    def _refused_here(self) -> int:
-        return sum(count for (topic, _), count in self._refused.items() if topic == self._topic)
+        self._say(f"nothing good on {self._topic} for {self._timeout:g} s: {standing} until the next")
 
     def _packet(self, step: Step) -> Packet:
         infos = {name: values[0] for name, values in step.infos.items()}

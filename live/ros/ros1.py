@@ -11,7 +11,6 @@ import rosgraph
 import rosgraph.xmlrpc
 import rosmaster.master
 import rospy
-import rospy.impl.tcpros_base
 
 WAITING = 100
 """Messages that wait for a slow subscriber, or for us; older ones are dropped."""
@@ -19,16 +18,12 @@ WAITING = 100
 MASTER_TIMEOUT = 3.0
 """For a master to answer, s."""
 
-HANDSHAKE_TIMEOUT = 1.0
-"""For a connection to begin its handshake, s; others wait for so long."""
-
 
 class Ros1:
     """A node of ROS 1. Raises OSError, in words, where there is neither a master nor room for one."""
 
     def __init__(self, name: str, ended: Callable[[str], None]) -> None:
         _refuse_web_pages(rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler)
-        _limit_handshakes(rospy.impl.tcpros_base)
         uri = rosgraph.get_master_uri()
         self.where = "ROS 1, master " + uri
         socket.setdefaulttimeout(MASTER_TIMEOUT)  # what listens there may not be a master
@@ -89,19 +84,3 @@ def _refuse_web_pages(handler: Any) -> None:
             self.send_error(403, "requests of web pages are refused")
 
     handler.do_POST = do_POST
-
-
-def _limit_handshakes(connections: Any) -> None:
-    """Have that module of rospy give up connections without a handshake: it accepts one after the other, and a silent
-    one would keep every later subscriber out."""
-    read = connections.read_ros_handshake_header
-
-    def read_in_time(connection: Any, *arguments: Any) -> Any:
-        before = connection.gettimeout()
-        connection.settimeout(HANDSHAKE_TIMEOUT)
-        try:
-            return read(connection, *arguments)
-        finally:
-            connection.settimeout(before)
-
-    connections.read_ros_handshake_header = read_in_time

@@ -59,7 +59,6 @@ class Picture:
     orbit: Orbit
     arrows: Sequence[Arrow]
     """About the first robot."""
-    forces: bool
 
 
 class ViewCamera:
@@ -67,8 +66,6 @@ class ViewCamera:
 
     def __init__(self) -> None:
         self.orbit = Orbit()
-        self.forces = False
-        """Forces of the first robot's contacts."""
 
     def __call__(self, step: Step) -> None:
         """Take note of a control step, or of the start of an episode."""
@@ -90,5 +87,4 @@ class ViewCamera:
             names=[policy.name for policy in session.policies],
             orbit=self.orbit,
             arrows=self._scene.arrows(),
-            forces=self.forces,
         )

@@ -63,7 +63,7 @@ class Driver:
         self.camera, self._telemetry = ViewCamera(), Telemetry(hardware.quadruped.rated_torque)
         self._scenario = self._found(scenario)
         self._offered = tuple(dict.fromkeys((*names, *policies.names())))
-        self._companion = names[1] if len(names) > 1 else COMPANION
+        self._companion, self._names = names[1] if len(names) > 1 else COMPANION, list(names)
         self.session = self._begun(self._scenario, [self._policy(name) for name in names], seed, command)
         self._pace = Pace(self.session.env.dt)
         self._does: dict[str, Callable[..., object]] = {
@@ -72,7 +72,7 @@ class Driver:
             "push": self._push,
             "policy": self._choose,
             "compare": self._compare,
-            "scenario": lambda name: self._begin_with(self._found(name), self.session.policies),
+            "scenario": lambda name: self._go_to(self._found(name)),
             "reset": lambda seed: self.session.reset(seed),
             "next": lambda: self.session.reset(),
             "pause": self._pause,
@@ -81,7 +81,6 @@ class Driver:
             "drag": lambda right, down: self._look(self.camera.orbit.dragged(right, down)),
             "zoom": lambda wheel: self._look(self.camera.orbit.zoomed(wheel)),
             "follow": lambda on: self._look(replace(self.camera.orbit, follow=on)),
-            "forces": lambda on: setattr(self.camera, "forces", on),
         }
 
     def do(self, request: Request) -> None:
@@ -126,7 +125,6 @@ class Driver:
             "measured": round(self._pace.measured, 3),
             "by_hand": session.command is not None,
             "command": rounded(session.latest.infos["command"][0] if session.command is None else session.command),
-            "forces": camera.forces,
             "follow": camera.orbit.follow,
             "robots": self._telemetry.robots(session),
             "rows": self._telemetry.rows(),
@@ -176,7 +174,14 @@ class Driver:
         return battery.one(name, self._hardware.quadruped)
 
     def _policy(self, name: str) -> Policy:
-        return self._hardware.policy(name, self._trust)
+        return self._hardware.policy(name, self._trust, real=self._scenario.hardware)
+
+    def _go_to(self, scenario: Scenario) -> None:
+        """On to another scenario; with the hardware profile, or without, policies are made for it."""
+        walkers = self.session.policies
+        if scenario.hardware != self._scenario.hardware:
+            walkers = [self._hardware.policy(name, self._trust, real=scenario.hardware) for name in self._names]
+        self._begin_with(scenario, walkers)
 
     def _choose(self, robot: int, name: str) -> None:
         if robot >= len(self.session.policies):
@@ -188,11 +193,13 @@ class Driver:
             self._begin_with(self._scenario, [policy])  # only a session from its start shows it the ground
         else:
             self.session.choose(robot, policy)
+        self._names[robot] = name
 
     def _compare(self, on: bool) -> None:
         first = self.session.policies[0]
         if on != (len(self.session.policies) > 1):
             self._begin_with(self._scenario, [first, self._policy(self._companion)] if on else [first])
+            self._names[1:] = [self._companion] if on else []
 
     def _push(self, direction: float, impulse: float) -> None:
         """Directions are degrees from straight ahead of the first robot to its left."""

@@ -31,7 +31,7 @@ Serve = Callable[[Receive], Server]
 class LiveView:
     """Robots that walk where pages steer them, until Ctrl-C."""
 
-    def __init__(self, driver: Driver, serve: Serve, quality: str) -> None:
+    def __init__(self, driver: Driver, serve: Serve) -> None:
         self._driver, self._offer = driver, json.dumps({"kind": "offer", **driver.offer()})
         self._todo: queue.Queue[Request] = queue.Queue(WAITING)
         self._frame_due = self._telling_due = 0.0
@@ -39,7 +39,7 @@ class LiveView:
         with ExitStack() as stack:
             self.server = serve(self.receive)
             stack.callback(self.server.close)
-            self._painter = Painter(self.server.show, quality)
+            self._painter = Painter(self.server.show)
             stack.callback(self._painter.close)
             self._stack = stack.pop_all()
 

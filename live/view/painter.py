@@ -3,7 +3,7 @@
 import io
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,17 +16,8 @@ JPEG_QUALITY = 80
 _INK, _EDGE = (255, 255, 255), (30, 34, 38)
 
 
-@dataclass(frozen=True)
-class Quality:
-    """A size and whether frames have shadows and smooth edges."""
-
-    width: int
-    height: int
-    fine: bool
-
-
-QUALITIES = {"low": Quality(640, 400, False), "middle": Quality(960, 600, False), "high": Quality(960, 600, True)}
-"""From what a processor draws to what only graphics hardware does fast enough."""
+WIDTH, HEIGHT = 640, 400
+"""Pixels that a processor draws fast enough."""
 
 
 class Painter:
@@ -34,11 +25,10 @@ class Painter:
 
     Args:
         show: given each file, in that thread.
-        quality: how finely it draws, a name of `QUALITIES`.
     """
 
-    def __init__(self, show: Callable[[bytes], None], quality: str) -> None:
-        self._show, self._quality = show, QUALITIES[quality]
+    def __init__(self, show: Callable[[bytes], None]) -> None:
+        self._show = show
         self._cameras: dict[tuple[int, int], Camera] = {}
         self._model: Any = None
         self.failure: str | None = None
@@ -84,7 +74,6 @@ class Painter:
                 robot,
                 arrows=picture.arrows if number == 0 else (),
                 viewpoint=replace(orbit, target=target, distance=distance),
-                forces=picture.forces,
             )
             frames.append(frame)
         image = Image.fromarray(np.concatenate(frames, axis=1))
@@ -99,8 +88,7 @@ class Painter:
         if (number, count) not in self._cameras:
             if any(known != count for _, known in self._cameras):
                 self._forget()
-            width, height, fine = self._quality.width // count, self._quality.height, self._quality.fine
-            self._cameras[number, count] = Camera(self._model, width, height, None, fine=fine)
+            self._cameras[number, count] = Camera(self._model, WIDTH // count, HEIGHT, None)
         return self._cameras[number, count]
 
     def _forget(self) -> None:

@@ -89,7 +89,6 @@ REQUESTS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
     "drag": {"right": _PIXELS, "down": _PIXELS},
     "zoom": {"wheel": _PIXELS},
     "follow": {"on": _flag},
-    "forces": {"on": _flag},
 }
 """Arguments of each request, with what checks them: m/s and rad/s, degrees from straight ahead to the left, N·s,
 pixels."""

@@ -1,36 +1,17 @@
 """The state machine: which behaviour each of n robots is in, by the transition table and nothing else."""
 
-from collections import deque
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Mask, chosen
 from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, conditions
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-
-LOG_CAPACITY = 4096
-"""Entries of the log; older ones are dropped."""
 
 _SOURCE = np.zeros((len(TRANSITIONS), len(State)), np.bool_)
 for _number, _row in enumerate(TRANSITIONS):
     _SOURCE[_number, list(_row.sources)] = True
 _TARGET = np.array([row.target for row in TRANSITIONS], np.int8)
-
-
-@dataclass(frozen=True)
-class Change:
-    """One entry of the log."""
-
-    step: int
-    """Control step of that robot's machine, counted from its reset of all."""
-    robot: int
-    source: State
-    target: State
-    reason: str
 
 
 class BehaviourMachine:
@@ -39,32 +20,24 @@ class BehaviourMachine:
     def __init__(
         self,
         num_envs: int = 1,
-        start: State = State.PASSIVE,
+        start: State = State.STAND,
         *,
-        robot: str | Robot = SIMPLE_QUAD,
+        robot: Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        robot = robot_of(robot)
-        self._robot, self._period = robot, control_period
-        self._start = start
-        self._capacity = LOG_CAPACITY
+        self._robot, self._period, self._start = robot, control_period, start
         self.reset(num_envs)
 
     def reset(self, num_envs: int) -> None:
-        """All robots at the start, the log empty."""
-        self.step = 0
+        """All robots at the start."""
         self._state = np.full(num_envs, self._start, np.int8)
         self.ticks = np.zeros(num_envs, np.int64)
         """Control steps that each robot has been in its state, (n,)."""
         self._changed = np.ones(num_envs, np.bool_)
         self._conditions = {guard: np.zeros(num_envs, np.bool_) for guard in GUARDS}
-        self._log = deque[Change](maxlen=self._capacity)
 
     def restart(self, mask: Mask) -> None:
-        """Restart those robots; logged."""
-        for robot in np.flatnonzero(mask)[-self._capacity :]:
-            source = State(self._state[robot])
-            self._log.append(Change(self.step, int(robot), source, self._start, "restarted"))
+        """Restart those robots."""
         self._enter(mask, self._start)
         for holds in self._conditions.values():
             holds[mask] = False
@@ -92,14 +65,9 @@ class BehaviourMachine:
 
     def observe(self, observation: NDArray[np.float32]) -> None:
         """One control step: look at the observations (n, k) and let happen what happens by itself."""
-        self.step += 1
         self.ticks += 1
         self._conditions = conditions(self._robot, self._period, observation, self._state, self.ticks)
         self._apply(self._rows("", np.ones(len(self._state), np.bool_)))
-
-    def changes(self) -> list[Change]:
-        """The latest transitions, oldest first."""
-        return list(self._log)
 
     def _rows(self, request: str, asked: Mask) -> NDArray[np.int64]:
         """Number of the row that each robot asked takes, (n,); -1 for none."""
@@ -115,11 +83,6 @@ class BehaviourMachine:
 
     def _apply(self, rows: NDArray[np.int64]) -> None:
         moving = rows >= 0
-        if not moving.any():
-            return
-        for robot in np.flatnonzero(moving)[-self._capacity :]:
-            row = TRANSITIONS[rows[robot]]
-            self._log.append(Change(self.step, int(robot), State(self._state[robot]), row.target, row.reason))
         self._enter(moving, _TARGET[rows[moving]])
 
     def _enter(self, mask: Mask, targets: NDArray[np.int8] | State) -> None:

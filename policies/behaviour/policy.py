@@ -26,7 +26,7 @@ _COMMAND = OBSERVATION["command"]
 
 
 class Behaviour(Policy):
-    """n robots, each in one `State`: ask with `request`, read `state` and `machine.changes()`.
+    """n robots, each in one `State`: ask with `request`, read `state`.
 
     Args:
         start: state after a reset.
@@ -49,11 +49,11 @@ class Behaviour(Policy):
         self._gait = Trot(robot=robot, control_period=control_period)
         self._follow = follow
         self.machine = BehaviourMachine(start=start, robot=robot, control_period=control_period)
-        self._motions: tuple[tuple[tuple[State, ...], Motion], ...] = (
-            ((State.PASSIVE, State.FALL, State.EMERGENCY_STOP), Damp(robot, control_period)),
-            ((State.STAND,), Hold(robot, control_period)),
-            ((State.STAND_UP, State.RECOVER), Recovery(robot, control_period)),
-            ((State.JUMP,), Jump(robot, control_period)),
+        self._motions: tuple[tuple[State, Motion], ...] = (
+            (State.FALL, Damp(robot, control_period)),
+            (State.STAND, Hold(robot, control_period)),
+            (State.RECOVER, Recovery(robot, control_period)),
+            (State.JUMP, Jump(robot, control_period)),
         )
         self._allocate(1)
 
@@ -88,8 +88,8 @@ class Behaviour(Policy):
         rows = observation.astype(np.float64)
         joints = rows[:, OBSERVATION["joint_position"]] + self.robot.home_pose
         targets = self._gait_targets(observation, state)
-        for states, motion in self._motions:
-            within = np.isin(state, states)
+        for behaviour, motion in self._motions:
+            within = state == behaviour
             if within.any():
                 if (entering := within & changed).any():
                     # From the targets before, so that a change of behaviour is no jerk.

@@ -17,19 +17,14 @@ from quad_env.robots.robot import Robot
 class State(IntEnum):
     """What a robot is doing; it does exactly one of these at a time."""
 
-    PASSIVE = 0
-    """Joints damped."""
-    STAND_UP = 1
-    STAND = 2
-    WALK = 3
-    RUN = 4
-    JUMP = 5
-    FALL = 6
+    STAND = 0
+    WALK = 1
+    RUN = 2
+    JUMP = 3
+    FALL = 4
     """Joints damped until the tumbling is over."""
-    RECOVER = 7
+    RECOVER = 5
     """Turning over and getting up."""
-    EMERGENCY_STOP = 8
-    """Joints damped; left by request alone."""
 
 
 @dataclass(frozen=True)
@@ -42,31 +37,22 @@ class Transition:
     guard: str
     """One of `conditions` that must hold; empty for none."""
     target: State
-    reason: str
-    """What the log says."""
 
 
-ALL = tuple(State)
 ON_ITS_LEGS = (State.STAND, State.WALK, State.RUN, State.JUMP)
-GETTING_UP = (State.STAND_UP, State.RECOVER)
 
 TRANSITIONS = (
-    Transition(ALL, "emergency_stop", "", State.EMERGENCY_STOP, "emergency stop requested"),
-    Transition((State.EMERGENCY_STOP,), "passive", "still", State.PASSIVE, "emergency stop released"),
-    Transition((State.STAND, State.FALL, *GETTING_UP), "passive", "", State.PASSIVE, "rest requested"),
-    Transition((State.PASSIVE,), "stand", "upright", State.STAND_UP, "stand requested"),
-    Transition((State.PASSIVE,), "stand", "tilted", State.RECOVER, "stand requested, lying on side or back"),
-    Transition((State.WALK,), "stand", "", State.STAND, "stand requested"),
-    Transition((State.STAND, State.RUN), "walk", "", State.WALK, "walk requested"),
-    Transition((State.WALK,), "run", "", State.RUN, "run requested"),
-    Transition((State.STAND,), "jump", "in home pose", State.JUMP, "jump requested"),
-    Transition(ON_ITS_LEGS, "", "toppling", State.FALL, "fell"),
-    Transition((State.JUMP,), "", "landed", State.STAND, "landed"),
-    Transition((State.JUMP,), "", "late", State.FALL, "did not land standing in time"),
-    Transition((State.FALL,), "", "settled", State.RECOVER, "fall is over"),
-    Transition((State.FALL,), "", "late", State.RECOVER, "waited long enough for the fall to end"),
-    Transition(GETTING_UP, "", "in home pose", State.STAND, "stands"),
-    Transition(GETTING_UP, "", "late", State.FALL, "did not stand up in time"),
+    Transition((State.WALK,), "stand", "", State.STAND),
+    Transition((State.STAND, State.RUN), "walk", "", State.WALK),
+    Transition((State.WALK,), "run", "", State.RUN),
+    Transition((State.STAND,), "jump", "in home pose", State.JUMP),
+    Transition(ON_ITS_LEGS, "", "toppling", State.FALL),
+    Transition((State.JUMP,), "", "landed", State.STAND),
+    Transition((State.JUMP,), "", "late", State.FALL),
+    Transition((State.FALL,), "", "settled", State.RECOVER),
+    Transition((State.FALL,), "", "late", State.RECOVER),
+    Transition((State.RECOVER,), "", "in home pose", State.STAND),
+    Transition((State.RECOVER,), "", "late", State.FALL),
 )
 
 REQUESTS = tuple(dict.fromkeys(row.request for row in TRANSITIONS if row.request))
@@ -74,10 +60,9 @@ REQUESTS = tuple(dict.fromkeys(row.request for row in TRANSITIONS if row.request
 GUARDS = tuple(dict.fromkeys(row.guard for row in TRANSITIONS if row.guard))
 """Conditions that the table looks at."""
 
-TIME_LIMIT: dict[State, float] = {State.STAND_UP: 6.0, State.JUMP: 3.0, State.FALL: 0.5, State.RECOVER: 8.0}
+TIME_LIMIT: dict[State, float] = {State.JUMP: 3.0, State.FALL: 0.5, State.RECOVER: 8.0}
 """s in a state after which it is `late`; in the others it never is."""
 
-UPRIGHT_TILT = np.deg2rad(35.0)
 TOPPLING_TILT = np.deg2rad(60.0)
 """Tilt past which a robot on its legs counts itself lost and goes limp: 10° before the fall rule, `FallRule.tilt`."""
 _FALL_RULE = FallRule()
@@ -117,14 +102,10 @@ def conditions(
     up = -gravity[:, 2]
     turning = _largest(rows[:, OBSERVATION["angular_velocity"]])
     still = (_largest(rows[:, OBSERVATION["linear_velocity"]]) < STILL_LINEAR) & (turning < STILL_ANGULAR)
-    upright = up > np.cos(UPRIGHT_TILT)
     at_home = (up > np.cos(HOME_TILT)) & still & (_largest(joints) < POSE_TOLERANCE)
     height = leg_height(robot, gravity, joints + robot.home_pose)
     begun = ticks >= round(MINIMUM_TIME / control_period)
     return {
-        "still": still,
-        "upright": upright,
-        "tilted": ~upright,
         "in home pose": at_home & begun,
         "toppling": (up < np.cos(TOPPLING_TILT)) | (height < _FALL_RULE.lowest(robot.leg_length)),
         "landed": at_home & (ticks >= round(JUMP_TIME / control_period)),

@@ -27,7 +27,7 @@ TERMS: dict[str, int | None] = {
     "command": 3,  # forward m/s, lateral m/s, yaw rate rad/s
     "foot_contact": 4,  # 1 on the ground, 0 in the air, legs in the order of `joints`
     "height_scan": None,  # m
-    "gait_clock": None,  # sine and cosine of a clock
+    "gait_clock": 2,  # sine and cosine of a clock that is at 0 when the episode starts
     "constant": None,  # numbers that are always the same
 }
 """Names of observation terms, and how many numbers each has; None where the term's own settings say it."""
@@ -35,7 +35,7 @@ TERMS: dict[str, int | None] = {
 LONGEST_HISTORY, MOST_POINTS = 1000, 10_000
 """Control steps that a term may show, and points of a height scan."""
 _OWNERS = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
-_POSITIVE = "control_rate", "stiffness", "damping", "frequency", "observation_clip"
+_POSITIVE = "control_rate", "stiffness", "damping", "clock", "observation_clip"
 _CHOICES = {
     "frame": ("body", "heading", "world"),
     "history_layout": ("term", "time"),
@@ -65,31 +65,6 @@ class HeightGrid:
 
 
 @dataclass(frozen=True)
-class Clock:
-    """Clock of a gait, in step with the episode: at 0 when it starts."""
-
-    frequency: float
-    """Cycles a second, Hz."""
-    phases: Numbers = (0.0,)
-    """Where each oscillator is ahead of the clock, cycles; the numbers follow phase by phase."""
-    parts: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
-    """What is given of each oscillator, in this order."""
-    by_part: bool = False
-    """All sines before all cosines, instead of phase by phase."""
-    stands: bool = False
-    """Whether zeros are given while the command is nearly zero; the clock runs on."""
-
-    def __post_init__(self) -> None:
-        _check(self, frequency=(1,), phases=())
-        if (
-            not self.parts
-            or not isinstance(self.parts, tuple)
-            or any(part not in ("sin", "cos") for part in self.parts)
-        ):
-            raise PolicyError(f"`parts` of a clock must be of sin, cos, not {shortened(self.parts)}")
-
-
-@dataclass(frozen=True)
 class Term:
     """An observation term: clipped, then scaled."""
 
@@ -105,8 +80,8 @@ class Term:
     """Of velocities and gravity; the world frame's x axis is the heading at the start of the episode."""
     values: Numbers = ()
     """Of a `constant`."""
-    clock: Clock | None = None
-    """Of a `gait_clock`."""
+    clock: float = 0.0
+    """Cycles a second of a `gait_clock`, Hz."""
     grid: HeightGrid | None = None
     """Of a `height_scan`."""
 
@@ -120,6 +95,8 @@ class Term:
             raise PolicyError(f"`history` must be a whole number from 1 to {LONGEST_HISTORY}, not {self.history!r:.80}")
         if self.values:
             _check(self, values=())
+        if self.clock:
+            _check(self, clock=(1,))
         _check(self, scale=(1, self.width))
         _check_range("clip", self.clip)
 
@@ -128,8 +105,6 @@ class Term:
         """Numbers of one control step."""
         if (width := TERMS[self.name]) is not None:
             return width
-        if self.clock is not None:
-            return len(self.clock.phases) * len(self.clock.parts)
         return len(self.grid.x) * len(self.grid.y) if self.grid is not None else len(self.values)
 
 

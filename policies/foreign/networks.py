@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from policies.base import Mask, PolicyError
 from policies.foreign.description import PolicyDescription
-from policies.foreign.onnx_file import TYPES, session_of
+from policies.foreign.onnx_file import acting, session_of
+from policies.foreign.python_file import Act
 from quad_env.columns import Rows
 from quad_env.files.text import described
 
 Weights = NDArray[np.float32]
-Act = Callable[[Weights], Any]
-"""From one observation, (1, k), to one action."""
 LONGEST_REASON = 300
 
 
@@ -49,14 +48,14 @@ class Networks:
 
     def actions(self, observations: Weights, who: Rows) -> NDArray[Any]:
         """Actions (m, 12) of those robots for their observations, (m, k)."""
-        pairs = zip(observations[:, None], who.tolist(), strict=True)
+        pairs = zip(observations, who.tolist(), strict=True)
         return np.array([np.ravel(self._acts[robot](row)) for row, robot in pairs])
 
 
 def load(description: PolicyDescription) -> Networks:
     """The description's network, which has its process to itself. Raises PolicyError, one line."""
     make, remembers = (_torch if description.network.suffix.lower() == ".pt" else _onnx)(description)
-    row = np.random.default_rng(0).standard_normal((1, description.width)).astype(np.float32)
+    row = np.random.default_rng(0).standard_normal(description.width).astype(np.float32)
     try:
         act = make()
         found, *again = (np.array(act(row)) for _ in range(3))
@@ -84,35 +83,13 @@ def _other_width(description: PolicyDescription, reads: int) -> PolicyError:
 
 
 def _onnx(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
-    """What makes the network of an ONNX file, and whether it has a memory: inputs after the first, which outputs after
-    the first renew in the same order."""
-    file = description.network
-    session = session_of(file)
-    (seen, *states), (given, *renewed) = session.get_inputs(), session.get_outputs()
-    shapes = [[size if isinstance(size, int) else 1 for size in state.shape] for state in states]
-    if other := next((each for each in (seen, *states) if each.type not in TYPES), None):
-        raise PolicyError(f"{file} reads {other.type}: it must read float or double")
-    if len(seen.shape) not in (1, 2):
-        raise PolicyError(f"{file} reads {seen.shape}: it must read one observation, or a batch")
-    if isinstance(seen.shape[-1], int) and seen.shape[-1] != description.width:
-        raise _other_width(description, seen.shape[-1])
-    if [len(each.shape) for each in renewed[: len(states)]] != [len(shape) for shape in shapes]:
-        others = ", ".join(each.name for each in states)
-        raise PolicyError(f"{file} reads {others} besides the observation, and its outputs do not renew them")
-    names, flat = [each.name for each in (given, *renewed[: len(states)])], len(seen.shape) == 1
-
-    def make() -> Act:
-        memory = {state.name: np.zeros(shape, TYPES[state.type]) for state, shape in zip(states, shapes, strict=True)}
-
-        def act(row: Weights) -> Any:
-            shown = row.astype(TYPES[seen.type])
-            found, *kept = session.run(names, {seen.name: shown[0] if flat else shown} | memory)
-            memory.update(zip(memory, kept, strict=True))
-            return found
-
-        return act
-
-    return make, bool(states)
+    """What makes the network of an ONNX file, and whether it has a memory."""
+    session = session_of(description.network)
+    made = acting(session, description.network)
+    width = session.get_inputs()[0].shape[-1]
+    if isinstance(width, int) and width != description.width:
+        raise _other_width(description, width)
+    return made
 
 
 def _torch(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
@@ -135,7 +112,7 @@ def _torch(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
         def act(row: Weights) -> Any:
             # A copy, since bits hang on where a row lies in memory; unoptimised, since later calls would differ.
             with torch.inference_mode(), torch.jit.optimized_execution(False):
-                found = own(torch.from_numpy(row).to(kind, copy=True))
+                found = own(torch.from_numpy(row[None]).to(kind, copy=True))
             return (found[0] if isinstance(found, tuple | list) else found).numpy()
 
         return act

@@ -6,7 +6,7 @@ correct it. The runtime's sums are rounded otherwise than NumPy's, by 1e-7, of w
 within a second: so the residual of a file runs in NumPy, to the bit as its bundle does, once the runtime has agreed.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 from policies import bundle
 from policies.base import Policy, PolicyError
 from policies.description import assembled, network_of, parsed
-from policies.foreign.python_file import Maker
+from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
 from policies.network import Network, Weights
 from policies.residual import ResidualPolicy
@@ -29,7 +29,6 @@ FEATURES, CORRECTION = "features", "correction"
 """Input and output of a residual's network."""
 PROBES, TOLERANCE = 16, 1e-5
 """Features at which the runtime must give NumPy's corrections, and to within what."""
-_OPERATIONS = {"elu": "Elu", "tanh": "Tanh"}
 TYPES: dict[str, type[np.floating]] = {"tensor(float)": np.float32, "tensor(double)": np.float64}
 """Kinds of numbers that a network may read."""
 _OPSET, _IR_VERSION = 17, 8
@@ -39,11 +38,10 @@ _OPSET, _IR_VERSION = 17, 8
 def load(reference: Reference, robot: Robot) -> Policy | Maker:
     """A residual for the robot, if it is its own, or what gives the action for one observation. Raises PolicyError, one
     line."""
-    model = _opened(reference)
-    description = model.session.get_modelmeta().custom_metadata_map.get(DESCRIPTION)
-    if description is not None:
-        return _residual(reference.file, description, model, robot)
-    return lambda: model.one
+    session = session_of(reference.file)
+    make, _ = acting(session, reference.file)
+    description = session.get_modelmeta().custom_metadata_map.get(DESCRIPTION)
+    return make if description is None else _residual(reference.file, description, make(), robot)
 
 
 def package(name: str) -> Any:
@@ -56,58 +54,46 @@ def package(name: str) -> Any:
 
 def session_of(file: Path) -> Any:
     """The file's network in the runtime. Raises PolicyError, one line."""
-    runtime, onnx = package("onnxruntime"), package("onnx")
+    runtime = package("onnxruntime")
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
     try:
-        tensors = onnx.load(file, load_external_data=False).graph.initializer
-        if any(each.data_location == onnx.TensorProto.EXTERNAL for each in tensors):
-            one = f'onnx.save(onnx.load("{file.name}"), "one_file.onnx")'
-            raise PolicyError(f"{file} keeps its weights in another file", f"write them into it: {one}")
         return runtime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
-    except PolicyError:
-        raise
     except Exception as error:
         raise PolicyError(f"{file} cannot be read as ONNX: {described(error)}") from error
 
 
-def _opened(reference: Reference) -> "_Model":
-    session = session_of(reference.file)
-    return _Model(session, *_input(session, reference))
+def acting(session: Any, file: Path) -> tuple[Callable[[], Act], bool]:
+    """What makes the network of a session, from one observation to one action without the axis of a batch; and whether
+    it has a memory: inputs after the first, which outputs after the first renew in the same order. Raises PolicyError.
+    """
+    (seen, *states), (given, *renewed) = session.get_inputs(), session.get_outputs()
+    shapes = [[size if isinstance(size, int) else 1 for size in state.shape] for state in states]
+    if other := next((each for each in (seen, *states) if each.type not in TYPES), None):
+        raise PolicyError(f"{file} reads {other.type}: it must read float or double")
+    if seen.shape[:-1] not in ([], [1]) and (len(seen.shape) != 2 or isinstance(seen.shape[0], int)):
+        raise PolicyError(f"{file} reads {seen.shape}: it must read one observation, or a batch of any size")
+    if [len(each.shape) for each in renewed[: len(states)]] != [len(shape) for shape in shapes]:
+        others = ", ".join(each.name for each in states)
+        raise PolicyError(f"{file} reads {others} besides the observation, and its outputs do not renew them")
+    names, flat = [each.name for each in (given, *renewed[: len(states)])], len(seen.shape) == 1
+
+    def make() -> Act:
+        memory = {state.name: np.zeros(shape, TYPES[state.type]) for state, shape in zip(states, shapes, strict=True)}
+
+        def act(row: Weights) -> Any:
+            shown = row.astype(TYPES[seen.type])
+            found, *kept = session.run(names, {seen.name: shown if flat else shown[None]} | memory)
+            memory.update(zip(memory, kept, strict=True))
+            return found if flat or np.shape(found)[:1] != (1,) else found[0]
+
+        return act
+
+    return make, bool(states)
 
 
-@dataclass(frozen=True)
-class _Model:
-    """A model that is shown one robot at a time, so that no bit depends on the others."""
-
-    session: Any
-    name: str
-    rank: int
-    kind: type[np.floating]
-
-    def one(self, values: Weights) -> Any:
-        """The first output for one row of inputs, without the axis of the batch."""
-        row = values.astype(self.kind)
-        (found, *_) = self.session.run(None, {self.name: row if self.rank == 1 else row[None]})
-        return found if self.rank == 1 or np.shape(found)[:1] != (1,) else found[0]
-
-
-def _input(session: Any, reference: Reference) -> tuple[str, int, type[np.floating]]:
-    """Name, rank and type of the only input."""
-    inputs = session.get_inputs()
-    if len(inputs) != 1:
-        names = ", ".join(each.name for each in inputs)
-        raise PolicyError(f"{reference} has the inputs {names}: it must have one, the observation")
-    shape = list(inputs[0].shape)
-    if len(shape) not in (1, 2) or (len(shape) == 2 and isinstance(shape[0], int) and shape[0] != 1):
-        raise PolicyError(f"{reference} reads {shape}: it must read one observation, or a batch of any size")
-    if inputs[0].type not in TYPES:
-        raise PolicyError(f"{reference} reads {inputs[0].type}: it must read float or double")
-    return inputs[0].name, len(shape), TYPES[inputs[0].type]
-
-
-def _residual(file: Path, description: str, model: _Model, robot: Robot) -> ResidualPolicy:
+def _residual(file: Path, description: str, act: Act, robot: Robot) -> ResidualPolicy:
     onnx = package("onnx")
     tensors = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer}
     found = parsed(file, description.encode())
@@ -115,7 +101,7 @@ def _residual(file: Path, description: str, model: _Model, robot: Robot) -> Resi
     def network(inputs: int, outputs: int) -> Network:
         network = network_of(file, found["network"], tensors, inputs, outputs)
         try:
-            off = _difference(model, network, PROBES)
+            off = _difference(act, network, PROBES)
         except Exception as error:
             raise PolicyError(f"the network in {file} fails: {described(error)}") from error
         if not off <= TOLERANCE:
@@ -125,11 +111,11 @@ def _residual(file: Path, description: str, model: _Model, robot: Robot) -> Resi
     return assembled(file, found, network, robot)
 
 
-def _difference(model: _Model, network: Network, count: int) -> float:
+def _difference(act: Act, network: Network, count: int) -> float:
     """Largest difference of the two networks' corrections over so many features; infinite for other shapes, and NaN for
     what is none."""
     features = np.random.default_rng(0).standard_normal((count, network.sizes[0])).astype(np.float32)
-    found = np.array([model.one(row) for row in features])
+    found = np.array([act(row) for row in features])
     return float(np.abs(found - network(features)).max()) if found.shape == (count, network.sizes[-1]) else np.inf
 
 
@@ -148,7 +134,8 @@ def export(folder: Path, file: Path, checked: int, robot: Robot | None = None) -
     onnx.helper.set_model_props(model, {DESCRIPTION: description})
     onnx.checker.check_model(model)
     file.write_bytes(model.SerializeToString())
-    found = _difference(_opened(Reference(file)), network, checked)
+    make, _ = acting(session_of(file), file)
+    found = _difference(make(), network, checked)
     if not found <= TOLERANCE:
         raise PolicyError(
             f"{file} answers otherwise than {folder}, by {found:.1g}: the runtime here is not to be trusted"
@@ -167,7 +154,7 @@ def _graph(onnx: Any, network: Network) -> Any:
         nodes.append(onnx.helper.make_node("Gemm", [values, *names], [sums]))
         if index < last:
             values = f"{index}.values"
-            nodes.append(onnx.helper.make_node(_OPERATIONS[network.activation], [sums], [values]))
+            nodes.append(onnx.helper.make_node("Elu", [sums], [values]))
     ends = [
         onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["robots", width])
         for name, width in zip((FEATURES, CORRECTION), (network.sizes[0], network.sizes[-1]), strict=True)

@@ -1,6 +1,8 @@
 """A policy from outside, in a watched process of its own: its failures cost its own robots the episode, no others."""
 
 import hashlib
+import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,7 @@ from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, PolicyE
 from policies.foreign.described import with_gains
 from policies.foreign.description import PolicyDescription
 from policies.foreign.reference import checked
-from policies.foreign.served import PATIENCE_AT_FIRST, Answer, limited, serve
+from policies.foreign.served import PATIENCE_AT_FIRST, SIGNALS, Answer, Served, serve
 from policies.foreign.terms import scan_of
 from policies.safety.watchdog import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
 from quad_env.robots.named import robot_of
@@ -32,7 +34,6 @@ class Foreign(Policy):
         reference: names it.
         robot: whose joints it moves; its own `robot` has the servo gains of its description.
         trust: whether a file may be loaded in which code can be hidden.
-        deadline: for one call, s; by default DEADLINE.
         description: in place of what the file says of how its network is run.
 
     Raises PolicyError, one line, for what is no policy.
@@ -42,7 +43,14 @@ class Foreign(Policy):
     """Why the policy failed each robot, (n,); None where it has not."""
     description: PolicyDescription | None = None
     """How its network is run; None of a policy that acts on our observation by itself."""
-    _signals: dict[str, NDArray[Any]]
+    phase: Floats | None
+    """Its clock, rad, (n,); None without one."""
+    correction: NDArray[np.float32] | None
+    """Of a residual, in shares of the authority, (n, 12); None of others."""
+    base_action: Actions | None
+    """Of a residual's base, rad, (n, 12); None of others."""
+    stopped: NDArray[np.bool_] | None
+    """Which robots it has stopped itself, (n,); None if it does not report that."""
 
     def __init__(
         self,
@@ -51,7 +59,6 @@ class Foreign(Policy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         trust: bool = False,
-        deadline: float | None = None,
         description: PolicyDescription | None = None,
     ) -> None:
         robot, found = robot_of(robot), checked(reference, trust, description)
@@ -61,38 +68,16 @@ class Foreign(Policy):
         super().__init__(robot=robot, control_period=control_period)
         self.name = str(reference)
         self.sha256 = hashlib.sha256(found.content).hexdigest()
-        self._deadline = DEADLINE if deadline is None else deadline
-        served = partial(serve, found, robot=robot, control_period=control_period, deadline=self._deadline)
-        self._way = _found_way(self._watched(partial(served, "")))
-        self._process, self._stepped = self._watched(partial(served, self._way)), False
+        served = partial(serve, found, robot=robot, control_period=control_period, deadline=DEADLINE)
+        make: Any = partial(_on_stderr, served)  # a Served answers as a Policy does
+        self._process = Watched(make, name=self.name, robot=self.robot, control_period=control_period)
+        self._stepped = False
+        _try_out(self._process)
         self._allocate(1)
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy, such as one for another process, has no process yet."""
         return vars(self) | {"_stepped": False}
-
-    def _watched(self, make: Any) -> Watched:
-        return Watched(partial(limited, make), name=self.name, robot=self.robot, control_period=self.control_period)
-
-    @property
-    def phase(self) -> Floats | None:
-        """Its clock, rad, (n,); None without one."""
-        return self._signals.get("phase")
-
-    @property
-    def correction(self) -> NDArray[np.float32] | None:
-        """Of a residual, in shares of the authority, (n, 12); None of others."""
-        return self._signals.get("correction")
-
-    @property
-    def base_action(self) -> Actions | None:
-        """Of a residual's base, rad, (n, 12); None of others."""
-        return self._signals.get("base_action")
-
-    @property
-    def stopped(self) -> NDArray[np.bool_] | None:
-        """Which robots it has stopped itself, (n,); None if it does not report that."""
-        return self._signals.get("stopped")
 
     def close(self) -> None:
         """End its process; `reset` begins another."""
@@ -103,11 +88,11 @@ class Foreign(Policy):
         """Restart the policy for `num_envs` robots."""
         super().reset(num_envs, seed)
         self._note(self._asked("reset", num_envs, seed) or {})
-        self._signals = self._asked("signals") or {}
+        vars(self).update(self._asked("signals") or {})
 
     def _allocate(self, num_envs: int) -> None:
         self.failure = np.full(num_envs, None, dtype=object)
-        self._signals = {}
+        vars(self).update(dict.fromkeys(SIGNALS))
 
     def _restart(self, mask: Mask) -> None:
         self.failure[mask] = None
@@ -121,13 +106,13 @@ class Foreign(Policy):
         if answer is None:
             return home
         self._note(answer.failures)
-        self._signals |= {name: value for name, value in answer.signals.items() if name in self._signals}
+        vars(self).update({name: value for name, value in answer.signals.items() if getattr(self, name) is not None})
         good = np.array([reason is None for reason in self.failure])
         return within_limits(self.robot, np.where(good[:, None], answer.actions, home))
 
     def _asked(self, call: str, *arguments: object) -> Any:
         """What its process answers; None, and no robot has a policy any more, if the process is gone."""
-        patience = self._deadline * (1 if self._stepped else PATIENCE_AT_FIRST)
+        patience = DEADLINE * (1 if self._stepped else PATIENCE_AT_FIRST)
         try:
             answer = self._process.ask((call, *arguments), patience + GRACE)
             self._stepped |= call == "step"
@@ -146,13 +131,18 @@ class Foreign(Policy):
                 self.failure[robot] = reason
 
 
-def _found_way(process: Watched) -> str:
-    """How the policy of that process is to be asked. Raises PolicyError."""
+def _try_out(process: Watched) -> None:
+    """Raise PolicyError where the policy of that process cannot be loaded, or gives no actions."""
     try:
-        way: str = process.ask(("found_way",), START_TIMEOUT)
+        process.ask(("reset", 1, None), START_TIMEOUT)
     except (DeadlineMissed, PolicyProcessError) as error:
         reason = str(error).removeprefix("PolicyError: ")
         raise PolicyError(reason if reason != str(error) else f"cannot load {process.name}: {reason}") from None
     finally:
         process.close()
-    return way
+
+
+def _on_stderr(make: Callable[[], Served]) -> Served:
+    """What `make` gives, in a process that from now on prints on stderr."""
+    sys.stdout = sys.stderr
+    return make()

@@ -1,10 +1,8 @@
-"""A policy from outside as its process serves it: asked robot by robot or all at once, its failures noted."""
+"""A policy from outside as its process serves it, its failures noted."""
 
-import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, TextIO, TypeVar, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +17,6 @@ from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import table_with
 
-POLICY, ROBOT, BATCH = "policy", "robot", "batch"
-"""Ways to ask: a `Policy`; a callable of one robot's observation; a callable of every robot's."""
 SIGNALS = ("phase", "correction", "base_action", "stopped")
 """Signals that some policies report, (n, …)."""
 PATIENCE_AT_FIRST = 6
@@ -42,8 +38,8 @@ class Answer:
     """Those of SIGNALS that there are."""
 
 
-def serve(reference: Reference, way: str, robot: Robot, control_period: float, deadline: float) -> "Served":
-    """The policy of a reference, loaded; without a way to ask it is found out. Raises PolicyError."""
+def serve(reference: Reference, robot: Robot, control_period: float, deadline: float) -> "Served":
+    """The policy of a reference, loaded and tried. Raises PolicyError."""
     loaded: Policy | Maker
     if reference.description is not None:
         loaded = DescribedPolicy(reference.description, robot=robot, control_period=control_period)
@@ -51,50 +47,37 @@ def serve(reference: Reference, way: str, robot: Robot, control_period: float, d
         loaded = python_file.load(reference, robot, control_period)
     else:
         loaded = (sb3_file if reference.suffix == ".zip" else onnx_file).load(reference, robot)
-    served = Served(loaded, way, robot, deadline)
     if isinstance(loaded, Policy) and not loaded.fits(robot, control_period):
         raise PolicyError(
             f"{reference} is made for {loaded.robot.name} with a control period of {loaded.control_period:g} s, not "
             f"for {robot.name} with one of {control_period:g} s"
         )
-    if not way:
-        served.find_way(reference)
+    served = Served(loaded, robot, deadline)
+    served.try_out(reference)
     return served
 
 
 class Served:
-    """Robots' actions, and what went wrong instead."""
+    """Robots' actions, and what went wrong instead: a `Policy` is asked for all robots, a callable for each."""
 
-    def __init__(self, loaded: Policy | Maker, way: str, robot: Robot, deadline: float) -> None:
-        self.way = way
+    def __init__(self, loaded: Policy | Maker, robot: Robot, deadline: float) -> None:
         self._loaded, self._robot = loaded, robot
         self._deadline = deadline
         self._reported = time.monotonic()
         self._acts: list[Act] = []
         self._failed = np.zeros(0, np.bool_)
 
-    def find_way(self, reference: Reference) -> None:
-        """Find out how it is to be asked; PolicyError if no way gives actions."""
-        scan = self._loaded.height_scan if isinstance(self._loaded, Policy) else None
-        table, joints = table_with(self._robot, scan), self._robot.num_joints
-        upright = np.zeros((2, table.size), np.float32)
+    def try_out(self, reference: Reference) -> None:
+        """Raise PolicyError unless it gives an action for an upright robot at rest."""
+        policy = self._loaded if isinstance(self._loaded, Policy) else None
+        table = table_with(self._robot, None if policy is None else policy.height_scan)
+        upright = np.zeros((1, table.size), np.float32)
         upright[:, table.slices["projected_gravity"].stop - 1] = -1.0
-        tried = []
-        for way in (POLICY,) if isinstance(self._loaded, Policy) else (ROBOT, BATCH):
-            shown = upright[0] if way == ROBOT else upright
-            self.way = way
-            failures = self.reset(2, 0)
-            wanted = (*shown.shape[:-1], joints)
-            reason = failures.get(0) or self._ask(self._acts[0], shown, wanted)[1]
-            if reason is None:
-                return
-            tried.append(f"for {shown.shape} it {reason}")
-        one = f"one action ({joints},) for one observation ({table.size},)"
-        raise PolicyError(f"{reference} must give {one}, or (n, {joints}) for (n, {table.size}); {', '.join(tried)}")
-
-    def found_way(self) -> str:
-        """How it is asked."""
-        return self.way
+        shown = upright[0] if policy is None else upright
+        wanted = (*shown.shape[:-1], self._robot.num_joints)
+        reason = self.reset(1, 0).get(0) or self._ask(self._acts[0], shown, wanted)[1]
+        if reason is not None:
+            raise PolicyError(f"{reference} must give an action {wanted} for an observation {shown.shape}; it {reason}")
 
     def check_fits(self, robot: Robot, control_period: float) -> None:
         """Nothing, for `serve` has checked it."""
@@ -102,37 +85,30 @@ class Served:
     def reset(self, num_envs: int, seed: int | None) -> dict[int, str]:
         """Restart the policy for so many robots; why it failed, by robot."""
         self._failed = np.zeros(num_envs, np.bool_)
-        self._acts = [_nothing] * (num_envs if self.way == ROBOT else 1)
-        return self._begin(np.ones(num_envs, np.bool_), seed)
+        if isinstance(self._loaded, Policy):
+            self._acts = [self._loaded.act]
+            _, reason = self._tried(self._loaded.reset, num_envs, seed)
+            return self._fail(range(num_envs), reason)
+        self._acts = [_nothing] * num_envs
+        return self.reset_where(np.ones(num_envs, np.bool_))
 
     def reset_where(self, mask: Mask) -> dict[int, str]:
-        """Restart those robots; a callable of a batch goes on as it is."""
+        """Restart those robots."""
         self._failed[mask] = False
-        if self.way == BATCH:
-            return {}
         if isinstance(self._loaded, Policy):
             _, reason = self._tried(self._loaded.reset_where, mask)
             return self._fail(range(len(mask)), reason)
-        return self._begin(mask, None)
-
-    def _begin(self, mask: Mask, seed: int | None) -> dict[int, str]:
-        robots = range(len(mask))
-        if isinstance(self._loaded, Policy):
-            self._acts = [self._loaded.act]
-            _, reason = self._tried(self._loaded.reset, len(mask), seed)
-            return self._fail(robots, reason)
         failures: dict[int, str] = {}
-        for place in np.flatnonzero(mask).tolist() if self.way == ROBOT else (0,):
-            made, reason = self._tried(self._loaded)
-            self._acts[place] = made
-            failures |= self._fail([place] if self.way == ROBOT else robots, reason)
+        for robot in np.flatnonzero(mask).tolist():
+            self._acts[robot], reason = self._tried(self._loaded)
+            failures |= self._fail([robot], reason)
         return failures
 
     def step(self, observation: NDArray[np.float32]) -> Answer:
         """Actions for the observations (n, k) of all robots."""
         count, joints = len(observation), self._robot.num_joints
         actions, failures = np.zeros((count, joints), np.float32), dict[int, str]()
-        if self.way == ROBOT:
+        if not isinstance(self._loaded, Policy):
             for robot in np.flatnonzero(~self._failed).tolist():
                 answer, reason = self._ask(self._acts[robot], observation[robot], (joints,))
                 failures |= self._fail([robot], reason)
@@ -189,38 +165,3 @@ class Served:
 
 def _nothing(_: Any) -> object:
     raise RuntimeError("not made yet")
-
-
-MOST = 1000
-"""Characters that a policy's process may print."""
-
-
-class Prints:
-    """A stream that passes on MOST characters and no control characters."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream, self._left = stream, MOST
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-    def write(self, text: str) -> int:
-        """Pass on what may still be printed; the length of the text."""
-        if self._left > 0:
-            shown = text[: self._left]
-            self._stream.write("".join(sign if sign.isprintable() or sign in "\n\t" else " " for sign in shown))
-            self._left -= len(text)
-            if self._left <= 0:
-                self._stream.write("\n… what else the policy prints is left out\n")
-            self._stream.flush()
-        return len(text)
-
-
-T = TypeVar("T")
-
-
-def limited(make: Callable[[], T]) -> T:
-    """What `make` gives, in a process that from now on prints so much, all of it on stderr."""
-    if sys.stderr is not None:
-        sys.stdout = sys.stderr = cast(TextIO, Prints(sys.stderr))
-    return make()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, Mask, PolicyError
-from policies.foreign.description import Clock, HeightGrid, PolicyDescription, Term
+from policies.foreign.description import HeightGrid, PolicyDescription, Term
 from policies.foreign.joints import joints_of
 from policies.legs.level_frame import level_frame, vector
 from policies.mpc.contact import ContactSense
@@ -26,9 +26,6 @@ from quad_env.sensing.height_scan import HeightScan, table_with
 CONTACT_SHARE = 0.05
 """Share of the robot's weight from which the estimated force of a foot is a contact: right in 86 to 96 % of the control
 steps of SimpleQuad and Go1 with `trot` and `mpc_wbc`, on flat and rough ground and when pushed."""
-STANDING = 0.1
-"""Length of the command, m/s and rad/s, below which a gait clock that knows standing shows zeros; as in Unitree's
-`unitree_rl_mjlab`."""
 _FINEST = 1e-3
 """Unit in which the points of a height scan are told apart, m."""
 
@@ -129,7 +126,8 @@ class Terms:
             case "foot_contact":
                 return seen["contact"][:, list(dict.fromkeys(self._joints.places // JOINTS_PER_LEG))]
             case "gait_clock":
-                return _clock(term.clock or Clock(0.0), seen, self._description.control_rate)
+                angles = 2.0 * np.pi * term.clock / self._description.control_rate * seen["steps"]
+                return np.stack((np.sin(angles), np.cos(angles)), axis=1)
             case "constant":
                 return np.tile(term.values, (len(seen["steps"]), 1))
             case "height_scan":
@@ -157,16 +155,6 @@ def _torque(robot: Robot, seen: Seen) -> Floats:
     apart = seen["previous_action"] - seen["joint_position"]
     torque = robot.servo_stiffness * apart - robot.servo_damping * seen["joint_velocity"]
     return np.clip(torque, -robot.rated_torque, robot.rated_torque)
-
-
-def _clock(clock: Clock, seen: Seen, control_rate: float) -> Floats:
-    """Sines and cosines of a clock, (m, k)."""
-    angles = 2.0 * np.pi * (clock.frequency / control_rate * seen["steps"][:, None] + np.array(clock.phases))
-    parts = [np.sin(angles) if part == "sin" else np.cos(angles) for part in clock.parts]
-    numbers = np.stack(parts, axis=1 if clock.by_part else 2).reshape(len(angles), -1)
-    stands = clock.stands and np.linalg.norm(seen["command"], axis=1, keepdims=True) < STANDING
-    shown: Floats = np.where(stands, 0.0, numbers)
-    return shown
 
 
 def _limited(values: Floats, term: Term) -> Floats:

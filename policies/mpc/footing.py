@@ -50,16 +50,16 @@ def neutral_feet(robot: Robot, p: MpcParameters) -> Floats:
 
 
 def footholds(
-    robot: Robot, p: MpcParameters, motion: Motion, pushed: Floats, stance_time: Floats, height: float, by: Floats
+    robot: Robot, p: MpcParameters, motion: Motion, pushed: Floats, stance_time: Floats, height: float
 ) -> Floats:
     """Footholds, (n, 4, 2), m: under the body halfway through the stance, further out by the velocity error, and to
-    where they bear a lasting acceleration `pushed`, (n, 2), m/s²; then shifted by `by`, (n, 2), m.
+    where they bear a lasting acceleration `pushed`, (n, 2), m/s².
 
     `stance_time`: (n,), s; `height` that the trunk is to have above the ground, m.
     """
     velocity, centre, command = motion.bodies.centre_velocity, motion.bodies.centre, motion.command
     shift = np.clip(p.lean_gain * height / GRAVITY * pushed, -LARGEST_SHIFT, LARGEST_SHIFT)
-    place = neutral_feet(robot, p) + (centre[:, :2] + (shift + by))[:, None]
+    place = neutral_feet(robot, p) + (centre[:, :2] + shift)[:, None]
     turned = command[:, 2, None, None] * np.stack((-place[..., 1], place[..., 0]), axis=-1)
     reach = 0.5 * stance_time[:, None, None] * (velocity[:, None, :2] + turned)
     reach = reach + p.step_gain * (velocity[:, :2] - command[:, :2])[:, None]

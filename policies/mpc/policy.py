@@ -7,7 +7,7 @@ period the joints have the torques that were found.
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, ShiftableFootholds, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
 from policies.behaviour.motion import Stop
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.gaits.parameters import OFFSETS
@@ -47,13 +47,12 @@ FASTEST_JOINT = 2000.0
 """Joint acceleration, rad/s², that the inverted PD law counts on at most."""
 
 
-class Mpc(ShiftableFootholds):
+class Mpc(GaitedPolicy):
     """Convex model-predictive control: each leg bears its planned force and follows its path by itself.
 
     Args:
         parameters: gait, cost and gains; None for those of `parameters_of`.
         gait: whose footfalls it has, by name.
-        solver: of its programs.
         late: control steps by which joints are older than the moment at which it is shown them.
 
     A robot without a solution, or without a finite observation, goes on with what it had, and after `PATIENCE` stops.
@@ -69,7 +68,6 @@ class Mpc(ShiftableFootholds):
         *,
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
-        solver: Solver = solve,
         late: int = 0,
     ) -> None:
         robot = robot_of(robot)
@@ -90,7 +88,7 @@ class Mpc(ShiftableFootholds):
         self._horizon = Horizon(HORIZON, p.horizon_step, weights)
         self._plans = Plans(HORIZON, p.horizon_step, robot.mass * GRAVITY)
         self._stop = Stop(robot, control_period)
-        self._solver = solver
+        self._solver: Solver = solve
         table = table_with(robot, self.height_scan)
         self._at_rest = np.zeros(table.size, np.float32)
         self._at_rest[table.slices.get("height_scan", slice(0))] = UNSEEN
@@ -154,7 +152,7 @@ class Mpc(ShiftableFootholds):
         ground = self._ground(now, contacts.landed)
         pushed = as_accelerations(now.bodies, now.rotation, push)
         height, stance = self._height, p.duty / self._frequencies
-        aim = footholds(self.robot, p, now, pushed[:, :2], stance, height, self.foothold_shift)
+        aim = footholds(self.robot, p, now, pushed[:, :2], stance, height)
         wished = self._feet(now, cycle, contacts, aim, self._over(aim, ground))
         stands, since = self._schedule(contacts.standing)
         places = arms(

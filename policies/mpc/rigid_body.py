@@ -175,18 +175,6 @@ class Horizon:
         forces[standing] = solution.reshape(-1, 3)
         return forces
 
-    def predicted(self, body: Body, arms: Floats, forces: Floats) -> Reference:
-        """Where the bodies go under these forces, (n, N, 4, 3), N."""
-        free = self.free(body)
-        linear = forces.sum(axis=2) / body.mass[:, None, None]
-        angular = np.einsum("njlax,njlx->nja", self.moments(body.inertia, arms), forces)
-        return Reference(
-            free.angles + self.place @ angular,
-            free.position + self.place @ linear,
-            free.turning + self.rate @ angular,
-            free.velocity + self.rate @ linear,
-        )
-
 
 def alike(counts: NDArray[np.int64]) -> Iterator[Rows]:
     """Robots with the same count, (n,), of feet that stand, the smallest count first."""

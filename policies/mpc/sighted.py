@@ -13,7 +13,6 @@ from policies.mpc.footing import Ground, Terrain
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import STEEPEST, MpcWbc
-from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.reading_noise import ReadingNoise
 from quad_env.columns import Mask
 from quad_env.robots.named import robot_of
@@ -69,10 +68,10 @@ def mean_plane(scan: HeightScan) -> Floats:
 
 
 def seen_ground(scan: HeightScan, shown: Floats, ground: Ground, foot_radius: float) -> SeenGround:
-    """The ground that the entries of a scan show, (n, p), m; by the footprints' plane where they show nothing."""
-    heights = on_grid(scan, ground)
-    heights[:, scan.seen] = np.where(shown > UNSEEN, shown + foot_radius, heights[:, scan.seen])
-    return SeenGround(scan, heights)
+    """The ground that the entries of a scan show, (n, p), m; by the footprints' plane where it is too deep to see."""
+    plane = on_grid(scan, ground)
+    seen = shown.reshape(plane.shape)
+    return SeenGround(scan, np.where(seen > UNSEEN, seen + foot_radius, plane))
 
 
 def on_grid(scan: HeightScan, ground: Ground) -> Floats:
@@ -115,7 +114,7 @@ class SightedMpcWbc(MpcWbc):
     the footprints' plane.
 
     Args:
-        parameters, robot, control_period, solver, late: as of `MpcWbc`.
+        parameters, robot, control_period, late: as of `MpcWbc`.
         height_scan: what it is shown: the environment's.
     """
 
@@ -127,7 +126,6 @@ class SightedMpcWbc(MpcWbc):
         *,
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
-        solver: Solver = solve,
         late: int = 0,
         height_scan: HeightScan = SCAN,
     ) -> None:
@@ -136,7 +134,7 @@ class SightedMpcWbc(MpcWbc):
         self._shown = table_with(robot, height_scan).slices["height_scan"]
         points = slice(0, height_scan.grid[..., 0].size)
         self._scan_noise = ReadingNoise(control_period, [points], np.array([QUIET]))
-        super().__init__(parameters, robot=robot, control_period=control_period, solver=solver, late=late)
+        super().__init__(parameters, robot=robot, control_period=control_period, late=late)
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)

@@ -59,20 +59,13 @@ class Safe(Policy):
     Args:
         policy: what to guard; put it into `policies.safety.Watched` if it might hang.
         limits: of every target.
-        alarm_above: `velocity_deviation` at which a fall is predicted, m/s.
     """
 
-    def __init__(
-        self,
-        policy: Policy,
-        limits: SafetyLimits | None = None,
-        alarm_above: float = ALARM_ABOVE,
-    ) -> None:
+    def __init__(self, policy: Policy, limits: SafetyLimits | None = None) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
         self.policy = policy
         self.name, self.height_scan = f"safe:{policy.name}", policy.height_scan
         self._limits = limits or SafetyLimits.of(self.robot)
-        self._alarm_above = alarm_above
         self._motions: dict[Mode, Motion] = {
             Mode.STOP: Stop(self.robot, self.control_period),
             Mode.DAMP: Damp(self.robot, self.control_period),
@@ -99,10 +92,6 @@ class Safe(Policy):
         """The latest changes of mode, oldest first."""
         return list(self._log)
 
-    def failures(self) -> list[str]:
-        """The latest exceptions of the policy in words, oldest first."""
-        return list(self._failures)
-
     def emergency_stop(self, mask: ArrayLike | None = None, *, damp: bool = False) -> None:
         """Stop those robots, all without a mask, from their next action on until a reset: under control, or damped."""
         self._enter(chosen(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, "emergency stop requested")
@@ -118,7 +107,7 @@ class Safe(Policy):
         self._entered = np.zeros(num_envs, np.bool_)
         self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
         self._reference, self._recent = np.zeros((num_envs, 2)), np.zeros((num_envs, 2))
-        self._log, self._failures = deque[Event](maxlen=LOG_CAPACITY), deque[str](maxlen=64)
+        self._log = deque[Event](maxlen=LOG_CAPACITY)
         self._brace.reset(num_envs)
         for motion in self._motions.values():
             motion.reset(num_envs)
@@ -158,8 +147,7 @@ class Safe(Policy):
             try:
                 answer = self.policy.act(self._slowed(observation))
             except Exception as error:
-                self._failures.append(f"step {self._step}: {described(error)}")
-                self._enter(following, Mode.STOP, "policy raised an exception")
+                self._enter(following, Mode.STOP, f"policy raised {described(error)}")
             else:
                 self._accept(answer, following, targets)
         return targets
@@ -188,7 +176,7 @@ class Safe(Policy):
     def _watch(self, observation: NDArray[np.float32], rows: Floats) -> None:
         """Catch where a fall is predicted, follow again where it is at rest or past catching."""
         self._reference = next_reference(self._reference, observation, self.control_period)
-        alarm = velocity_deviation(observation, self._reference, self._recent) > self._alarm_above
+        alarm = velocity_deviation(observation, self._reference, self._recent) > ALARM_ABOVE
         self._recent = next_recent(self._recent, observation, self.control_period)
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(TOO_FAR)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted

@@ -13,21 +13,21 @@ from quad_env.robots.robot import Robot
 
 @dataclass(frozen=True)
 class SafetyLimits:
-    """Limits of each joint; `of` gives a robot's."""
+    """Limits of all joints or, (12,), of each; `of` gives a robot's."""
 
-    torque: float
+    torque: float | Floats
     """Servo torque predicted for the moment that a command takes effect, N·m, of a joint at rest."""
     target_rate: float = 60.0
     """Change of a target, rad/s; the trot's swing reaches 35."""
     joint_speed: float = 30.0
     """A joint that turns faster, rad/s, is braked: its target may not lie further along."""
-    no_load_speed: float = inf
+    no_load_speed: float | Floats = inf
     """Joint speed, rad/s, towards which the torque that drives a joint on falls to zero, linearly."""
     delay: float = 0.0
     """From a command to its effect, s: the joint turns on for so long."""
 
     def __post_init__(self) -> None:
-        if not min(self.torque, self.target_rate, self.joint_speed, self.no_load_speed) > 0.0:
+        if not min(np.min(self.torque), self.target_rate, self.joint_speed, np.min(self.no_load_speed)) > 0.0:
             raise ValueError("torque, target_rate, joint_speed and no_load_speed must be positive")
         if not 0.0 <= self.delay < inf:
             raise ValueError(f"delay must be a time of at least 0 s, not {self.delay}")
@@ -40,8 +40,10 @@ class SafetyLimits:
         if servo.curve is None:
             return cls(robot.rated_torque, delay=servo.delay)
         line = servo.curve.on(robot)
-        torque = min(robot.rated_torque, line.stall_torque)
-        return cls(torque, no_load_speed=line.no_load_speed, delay=servo.delay)
+        torque, speed = (
+            float(each[0]) if np.ptp(each) == 0.0 else each for each in (line.peak_torque, line.no_load_speed)
+        )
+        return cls(torque, no_load_speed=speed, delay=servo.delay)
 
 
 def limited(

@@ -7,51 +7,70 @@ The ideal servo is limited by `Motors.torque_limit` alone and follows its target
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
+from quad_env.columns import Array
 from quad_env.config import check_kinds
-from quad_env.robots.robot import Robot
+from quad_env.robots.anatomy import JOINTS_PER_LEG
+from quad_env.robots.robot import JOINTS, Robot
 from quad_env.scenarios.disturbances import check_amount, check_positive
+
+EachJoint = float | tuple[float, ...] | None
+"""A figure of all joints, of hip, thigh and calf, or of each of the twelve; None: the robot's own."""
 
 
 @dataclass(frozen=True)
 class TorqueSpeed:
     """The torque-speed curve of a DC motor on a constant voltage: τ ≤ stall_torque · (1 − ω / no_load_speed), and the
-    same with both signs turned.
+    same with both signs turned; a figure is one number for all joints, or three, of hip, thigh and calf, or twelve.
 
     The line is that of a winding of resistance R and motor constant K on a voltage of at most ±V: τ = K (v − K ω) / R
     (MuJoCo DC Motor Model, equation 2). It goes on through all four quadrants: a motor that brakes could exceed the
-    stall torque, but the drive's current limit holds the torque within ±stall_torque. Above the speed without load the
+    stall torque, but the drive's current limit holds the torque within ±peak_torque. Above the speed without load the
     motor can do nothing but brake, at least along the line.
     """
 
-    stall_torque: float | None = None
-    """N·m at standstill; also the limit of the current, braking included; None: the robot's rated torque"""
-    no_load_speed: float | None = None
+    stall_torque: EachJoint = None
+    """N·m at standstill on the line; None: the robot's rated torque"""
+    no_load_speed: EachJoint = None
     """rad/s at which no torque is left; None: the robot's rated speed"""
+    peak_torque: EachJoint = None
+    """N·m, the limit of the current, braking included; None: the stall torque, at most the robot's rated torque"""
 
     def __post_init__(self) -> None:
-        check_positive("stall_torque", self.stall_torque, "N·m")
-        check_positive("no_load_speed", self.no_load_speed, "rad/s")
+        for name, unit in (("stall_torque", "N·m"), ("no_load_speed", "rad/s"), ("peak_torque", "N·m")):
+            value = getattr(self, name)
+            if np.size(value) not in (1, JOINTS_PER_LEG, JOINTS):
+                raise ValueError(f"{name} is a number, or {JOINTS_PER_LEG} or {JOINTS} of them, got {value}")
+            for each in np.ravel(value).tolist():
+                check_positive(name, each, unit)
 
     def on(self, robot: Robot) -> "Line":
-        """The curve of that robot's motors."""
-        return Line(
-            robot.rated_torque if self.stall_torque is None else self.stall_torque,
-            robot.rated_speed if self.no_load_speed is None else self.no_load_speed,
-        )
+        """The curves of that robot's motors."""
+        stall = _each(self.stall_torque, robot.rated_torque)
+        peak = np.minimum(stall, robot.rated_torque) if self.peak_torque is None else _each(self.peak_torque, 0.0)
+        return Line(stall, _each(self.no_load_speed, robot.rated_speed), peak)
 
 
 class Line(NamedTuple):
-    """The figures of a `TorqueSpeed` on a robot."""
+    """The figures of a `TorqueSpeed` on a robot, each of shape (12,)."""
 
-    stall_torque: float
+    stall_torque: Array
     """N·m"""
-    no_load_speed: float
+    no_load_speed: Array
     """rad/s"""
+    peak_torque: Array
+    """N·m"""
 
     @property
-    def slope(self) -> float:
+    def slope(self) -> Array:
         """Torque lost per speed, K²/R, N·m·s/rad; the winding turns τ² / slope into heat, W."""
         return self.stall_torque / self.no_load_speed
+
+
+def _each(value: EachJoint, own: float) -> Array:
+    """That of each joint, (12,)."""
+    return np.resize(own if value is None else value, JOINTS).astype(np.float64)
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,8 @@ class ActionDelay:
         """Start these episodes of those robots, their servos at home."""
         self._sent[:, rows] = self._received[rows] = self._home
         for row, episode in zip(rows, episodes, strict=True):
-            if (plan := episode.dropouts) is not None:
-                self._lost_from[row], self._lost_joint[row] = plan.first_step, plan.joint
+            if episode.dropouts is not None:
+                self._lost_from[row], self._lost_joint[row] = episode.dropouts
 
     def received(self, targets: Array, clock: NDArray[np.int64], rows: Rows) -> Array:
         """Targets that the servos go by in the coming step, of all robots, (n, 12), rad; those of `rows` move on.

@@ -11,11 +11,10 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from quad_env.files.text import number, one_line
+from quad_env.files.text import one_line
 from quad_env.files.writing import make_writable_folder
 
 Options = TypeVar("Options")
-N = TypeVar("N", int, float)
 
 _PAIRS = ("policy", "policies"), ("scenario", "scenarios")
 _RULE = re.compile(r"[─-]{3,}")
@@ -54,27 +53,25 @@ def parse(
 
 
 def _number_rule(asked: Any) -> Any:
-    """tyro's rule for numbers, but that these are written as people write them: 1_0 is none."""
+    """tyro's rule for numbers, in plainer words."""
     import tyro
 
-    kind = asked.type
-    if kind not in (int, float):
+    if (kind := asked.type) not in (int, float):
         return None
+
+    def number(word: str) -> Any:
+        try:
+            return kind(word)
+        except ValueError:
+            raise ValueError(f"{word!r} is no {'whole ' if kind is int else ''}number") from None
+
     return tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
         metavar=kind.__name__.upper(),
-        instance_from_str=lambda words: _number(words[0], kind),
+        instance_from_str=lambda words: number(words[0]),
         is_instance=lambda value: isinstance(value, int | kind) and not isinstance(value, bool),
         str_from_instance=lambda value: [str(value)],
     )
-
-
-def _number(word: str, kind: type[N]) -> N:
-    number(word)
-    try:
-        return kind(word)
-    except ValueError:
-        raise ValueError(f"{word!r} is no whole number") from None
 
 
 def as_spelled(kind: type, words: list[str]) -> list[str]:

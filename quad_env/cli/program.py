@@ -25,7 +25,6 @@ EXTRAS = dict.fromkeys(_TRAIN, "train") | {
     "mcap": "recording",
     "onnx": "onnx",
     "onnxruntime": "onnx",
-    "optuna": "sweep",
     "rosbags": "recording",
 }
 """Extra that installs a package, by the name that it is imported by."""

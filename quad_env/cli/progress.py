@@ -11,7 +11,7 @@ from typing import TypeAlias
 from quad_env.cli.interrupt import Interrupt
 
 CellProgress: TypeAlias = Callable[[str, str, float], None]
-"""Takes the policy and the scenario of a cell, and the share of it that is done, 0 to 1."""
+"""Takes the policy and the scenario of a cell, and the share of it that is done, 0 to 1; 1 exactly once."""
 
 
 @contextmanager

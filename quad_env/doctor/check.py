@@ -1,6 +1,5 @@
 """Checks, what they examine and what they find; a check is left out where one that it needs has found a problem."""
 
-import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -110,15 +109,14 @@ class Check:
         return found
 
 
-def examine(checks: Iterable[Check], subject: Subject) -> Iterator[tuple[str, Finding, float]]:
-    """Name, finding and duration, s, of each check, in their order; one whose needs are not met is left out."""
+def examine(checks: Iterable[Check], subject: Subject) -> Iterator[tuple[str, Finding]]:
+    """Name and finding of each check, in their order; one whose needs are not met is left out."""
     broken: set[str] = set()
     for check in checks:
-        start = time.perf_counter()
         if missing := [name for name in check.needs if name in broken]:
             finding = Finding("left out", f"not before {' and '.join(missing)}")
         else:
             finding = check.look(subject)
         if finding.result in ("problem", "left out"):
             broken.add(check.name)
-        yield check.name, finding, time.perf_counter() - start
+        yield check.name, finding

@@ -1,10 +1,8 @@
 """Find what is wrong with the installation, a robot or a policy: each check is printed as it ends, then a summary."""
 
-import json
-import sys
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -27,7 +25,6 @@ CHECKS = (
     Check("stands", f"{HERE}.standing:stands", ("servos",)),
 )
 """In the order in which one depends on another: the first problem is the one to repair."""
-SCHEMA = 1
 NO_CLONE = "walking and policies were not examined: they need a clone of the project"
 
 
@@ -43,8 +40,6 @@ class Options:
     """Load the policy from a file that can hide code, a .zip of Stable-Baselines3 or a TorchScript .pt."""
     write: Path | None = None
     """File for the description of the policy, as TOML, to see and correct what was understood."""
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Print JSON instead of lines."""
 
 
 def main(options: Options) -> int:
@@ -63,19 +58,13 @@ def run(options: Options, of_policies: tuple[Check, ...] | None) -> int:
         subject = Subject(options.robot, options.policy, options.trust)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    checks = []
-    for name, found, seconds in examine((*CHECKS, *(of_policies or ())), subject):
-        checks.append({"name": name, **asdict(found), "seconds": round(seconds, 3)})
-        if not options.json or sys.stderr.isatty():
-            print("\n".join(_lines(name, found)), file=sys.stderr if options.json else sys.stdout, flush=True)
-    clone, counts = of_policies is not None, Counter(check["result"] for check in checks)
-    if options.json:
-        report = {"schema": SCHEMA, "policies_examined": clone, "problems": counts["problem"], "checks": checks}
-        print(json.dumps(report, indent=2, ensure_ascii=False))
-    else:
-        faults = [counted(counts[kind], kind) for kind in ("problem", "warning") if counts[kind]]
-        others = [f"{counts[kind]} {kind}" for kind in ("ok", "left out") if counts[kind]]
-        print(", ".join(faults + others) + ("" if clone else f"; {NO_CLONE}"))
+    counts = Counter[str]()
+    for name, found in examine((*CHECKS, *(of_policies or ())), subject):
+        counts[found.result] += 1
+        print("\n".join(_lines(name, found)), flush=True)
+    faults = [counted(counts[kind], kind) for kind in ("problem", "warning") if counts[kind]]
+    others = [f"{counts[kind]} {kind}" for kind in ("ok", "left out") if counts[kind]]
+    print(", ".join(faults + others) + (f"; {NO_CLONE}" if of_policies is None else ""))
     return int(counts["problem"] > 0)
 
 

@@ -1,14 +1,12 @@
 """Whether the robot stands: it holds its home pose for two seconds, and then squats."""
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from quad_env.describe import LARGEST_SINK, LARGEST_TILT, STAND_TIME
+from quad_env.describe import LARGEST_SINK, LARGEST_TILT, STAND_TIME, height_and_tilt, states
 from quad_env.doctor.check import Finding, Subject, ok, problem
 from quad_env.robots.similarity import servo_gains
 
@@ -49,28 +47,20 @@ def stand(env: Any) -> Stand:
     """Stand on the home pose's targets, from the home pose, and then squat, without falls being an end."""
     robot = env.robot
     env.reset(seed=0, options={"command": np.zeros(3)})
-    at_rest, last = _states(env, robot.home_pose, STAND_TIME), slice(-round(LAST / env.dt), None)
+    at_rest, last = states(env, robot.home_pose, STAND_TIME), slice(-round(LAST / env.dt), None)
     lag = np.abs(np.mean([state.joint_position - robot.home_pose for state in at_rest[last]], axis=0))
     torque = np.abs(np.mean([state.joint_torque for state in at_rest[last]], axis=0)).max()
     step = SQUAT * np.array([[0.0, -knee, 2.0 * knee] for knee in robot.knee_direction]).ravel()
-    squatting = _states(env, robot.home_pose + step, SETTLED)
+    squatting = states(env, robot.home_pose + step, SETTLED)
+    height, tilt = height_and_tilt(at_rest[-1])
     return Stand(
         lag=float(lag.max()),
         joint=robot.joint_names[int(lag.argmax())],
         load=float(torque) / robot.rated_torque,
-        height=float(at_rest[-1].height),
-        tilt=math.acos(min(max(float(at_rest[-1].rotation[2][2]), -1.0), 1.0)),
+        height=height,
+        tilt=tilt,
         ringing=float(np.sqrt(np.mean(np.square([state.joint_velocity for state in squatting[last]])))),
     )
-
-
-def _states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
-    """States of the robot while it holds a target for so long."""
-    found = []
-    for _ in range(round(seconds / env.dt)):
-        env.step(target.astype(np.float32))
-        found.append(env.simulation.state_of_one((0.0, 0.0, 0.0)))
-    return found
 
 
 def servos(subject: Subject) -> Finding:

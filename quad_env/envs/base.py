@@ -8,7 +8,8 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from quad_env.actuation.models import Actuator
+from quad_env.actuation.hardware import hardware_profile
+from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.models import actuator as find_actuator
 from quad_env.actuation.runtime import action_delay_of
 from quad_env.columns import Column, Rows, Vector
@@ -20,12 +21,12 @@ from quad_env.robots.robot import Robot, servo_gains
 from quad_env.scenarios.episode import Episode, at_reset
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.estimators import Estimator, check_estimator
+from quad_env.sensing.estimators import COMPLEMENTARY, Estimator, check_estimator
 from quad_env.sensing.height_scan import HeightScan, scanner_of, table_with
 from quad_env.sensing.observation import SensedObservation, shown_by
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
-from quad_env.task.rewards import look_at_feet, step_weights
+from quad_env.task.rewards import step_weights
 
 
 class QuadEnvBase:
@@ -62,6 +63,7 @@ class QuadEnvBase:
         robot: str | Robot,
         height_scan: HeightScan | None,
         servo: Any,
+        simulator: str,
         readings: bool = False,
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
         """Make the parts of n robots; the spaces of observations and of actions of one.
@@ -85,13 +87,20 @@ class QuadEnvBase:
         """Control period, s."""
         self._lowest = self.config.fall_rule.lowest(robot.leg_length)
         motors, suite = find_actuator(_setting(actuator)), sensor_suite(_setting(sensors))
+        if self.scenario.hardware:
+            if (motors, suite, estimator) != (ACTUATORS["ideal"], None, COMPLEMENTARY):
+                has = f"{self.scenario.name} has the robot's hardware profile"
+                raise ValueError(f"{has}: leave out actuator, sensors and estimator, or take the scenario without it")
+            motors, named, estimator = hardware_profile(robot)
+            suite = sensor_suite(named)
         check_estimator(estimator, suite)
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
-        self._weights = step_weights(self.config.reward_weights, self.dt, self.config.reward_terms)
-        feet = look_at_feet(self._weights, self.config.reward_terms)
+        self._weights = step_weights(self.config.reward_weights, self.dt)
+        feet = self.config.reward_weights.foot_air_time != 0.0
         self.simulation = Simulation(
             *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet, self.config.timestep),
             servo=gains if differ else None,
+            simulator=simulator,
         )
         self._action_delay = action_delay_of(robot, self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, estimator, self.simulation, self.scenario, num_envs, rate)

@@ -55,15 +55,10 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         height_scan: the `quad_env.HeightScan` that is the observation's last term, `height_scan`; None: there is none.
         servo: stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos, each a number or (12,) in the joints'
             order, in a batch also (n, 12); None: those of the robot.
+        simulator: "mujoco", or "drake" for ideal motors and level or sloping ground and stairs: see
+            docs/second-simulator.md.
 
-    Version history of figures; SimpleQuad's on flat and pushed ground have the same bits since 2026-11-21.
-
-    * v0 of 2026-11-26: the servos of named robots have their makers' gains.
-    * v0 of 2026-11-25: a fall is the contact of any colliding geom of the trunk, or of a body welded to it.
-    * v0 of 2026-11-24: scenarios, commands and the fall rule are scaled to the size and mass of other robots.
-    * v0 of 2026-11-23: the mass of `payload` is at its drawn cube; `kalman` allows for ground that yields.
-    * v0 of 2026-11-22: each episode on random ground has a surface drawn by its seed.
-    * v0 of 2026-11-21: first registered; the reward weights of today came later that day.
+    docs/environment.md says what has changed its figures since it was first registered.
     """
 
     _KEPT = ("spec", "_seed", "_next_episode")
@@ -84,11 +79,14 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         estimator: str = COMPLEMENTARY,
         height_scan: HeightScan | None = None,
         servo: Any = None,
+        simulator: str = "mujoco",
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         check_frame(width, height)
-        spaces = self._assemble(1, 1, scenario, config, actuator, sensors, estimator, robot, height_scan, servo)
+        spaces = self._assemble(
+            *(1, 1, scenario, config, actuator, sensors, estimator, robot, height_scan, servo, simulator)
+        )
         self.observation_space, self.action_space = spaces
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall
@@ -153,7 +151,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self.simulation.step(targets[None], self._episode.pushes.force_at([self._clock]), received=received)
         self._clock += 1
         state = self._judge()
-        terms = reward_terms(state, self._terminated, self._diverged, self._weights, self.config.reward_terms)
+        terms = reward_terms(state, self._terminated, self._diverged, self._weights)
         if not self._held and self._clock % self._interval == 0:
             self._command = columns.of_robot(self._episode.next_command()[None])
         observation = self._observe(state)

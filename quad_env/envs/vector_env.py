@@ -74,6 +74,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         estimator: str = COMPLEMENTARY,
         height_scan: HeightScan | None = None,
         servo: Any = None,
+        simulator: str = "mujoco",
     ) -> None:
         if num_envs < 1 or nthread < 1:
             raise ValueError(f"num_envs and nthread must be at least 1, got {num_envs} and {nthread}")
@@ -86,7 +87,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self.render_mode = render_mode
         self.autoreset_mode = arguments.find_autoreset_mode(autoreset_mode)
         spaces = self._assemble(
-            *(num_envs, nthread, scenario, config, actuator, sensors, estimator, robot, height_scan, servo),
+            *(num_envs, nthread, scenario, config, actuator, sensors, estimator, robot, height_scan, servo, simulator),
             readings=readings,
         )
         self.single_observation_space, self.single_action_space = spaces
@@ -245,7 +246,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         paid = {
             "mechanical_power": state.mechanical_power,
             "overspeed": columns.share_above(state.joint_velocity, self.robot.rated_speed),
-            **reward_terms(state, ended, diverged, self._weights, self.config.reward_terms),
+            **reward_terms(state, ended, diverged, self._weights),
         }
         return paid if ids is ALL else {key: self._spread(values, ids) for key, values in paid.items()}
 

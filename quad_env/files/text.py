@@ -1,18 +1,9 @@
-"""Texts that others write: the numbers in them, and lines that may be printed whatever is in them."""
+"""Texts that others write, as lines that may be printed whatever is in them."""
 
-import re
+from traceback import TracebackException
 
-_NUMBER = re.compile(r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|inf|nan)\s*", re.ASCII | re.IGNORECASE)
 LONGEST = 2000
 """Characters of a line that is printed."""
-
-
-def number(text: str) -> float:
-    """The number that a text is, in digits and a point as people write it: `1_0` and digits of other scripts are none,
-    which raises ValueError."""
-    if not _NUMBER.fullmatch(text):
-        raise ValueError(f"{text!r} is no number")
-    return float(text)
 
 
 def one_line(text: str) -> str:
@@ -26,10 +17,4 @@ def described(error: BaseException) -> str:
 
     Code of a user can raise an exception whose `__str__` fails; then the line says so.
     """
-    try:
-        text = f"{type(error).__name__}: {error}"
-    except KeyboardInterrupt:
-        raise
-    except BaseException:
-        text = f"{type(error).__name__}, whose text cannot be had"
-    return one_line(text)
+    return one_line(f"{type(error).__name__}: {TracebackException.from_exception(error)}")

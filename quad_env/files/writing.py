@@ -4,8 +4,7 @@ import contextlib
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
 
 
@@ -43,44 +42,18 @@ def sole_use(folder: Path) -> Iterator[None]:
     A lock of the system, which ends with its process however that ends. Some network drives have no locks: there no
     process is kept out. OSError if the folder is not there.
     """
-    release = _locked(folder)
-    if release is None:
-        raise FolderInUse(
-            f"{folder} is being written to by another process: wait until it ends, or name another folder with --out"
-        )
-    try:
-        yield
-    finally:
-        release()
-
-
-def _locked(folder: Path) -> Callable[[], None] | None:
-    """Lock the folder; gives what unlocks it, or None while another process has it."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return _locked_by_file(folder.resolve(strict=True))
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        return None
-    except OSError:  # no locks here
-        pass
-    return partial(os.close, handle)
-
-
-def _locked_by_file(folder: Path) -> Callable[[], None] | None:
-    """The same on a system whose folders cannot be locked, by a file elsewhere: runs want a folder to themselves."""
     from filelock import FileLock, Timeout
 
-    name = hashlib.sha256(os.path.normcase(folder).encode()).hexdigest()[:16]
-    lock = FileLock(Path(tempfile.gettempdir()) / f"simple_quad-{name}.lock", timeout=0)
+    name = hashlib.sha256(os.path.normcase(folder.resolve(strict=True)).encode()).hexdigest()[:16]
+    lock = FileLock(Path(tempfile.gettempdir()) / f"simple_quad-{name}.lock", timeout=0)  # runs want an empty folder
     try:
         lock.acquire()
     except Timeout:
-        return None
+        remedy = "wait until it ends, or name another folder with --out"
+        raise FolderInUse(f"{folder} is being written to by another process: {remedy}") from None
     except OSError:  # no locks here
         pass
-    return lock.release
+    try:
+        yield
+    finally:
+        lock.release()

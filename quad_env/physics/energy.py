@@ -7,11 +7,10 @@ import numpy as np
 
 from quad_env.actuation.models import Actuator
 from quad_env.columns import Array, Ids
+from quad_env.physics.batch import MUJOCO, Batch
 from quad_env.robots.robot import Robot
 
-OF_JOINTS = (
-    *("positive_work", "regeneration", "joule_heat", "mean_torque", "peak_torque", "peak_speed", "torque_change"),
-)
+OF_JOINTS = "positive_work", "regeneration", "joule_heat", "mean_torque", "peak_torque", "peak_speed", "torque_change"
 """Readings of a `Meter` with a value a joint; see `quad_env.task.readings`."""
 Received = Callable[[Ids, Array], Array]
 """Torques that the joints of those robots received in the last physics step, (k, 12), N·m, in which their speeds have
@@ -25,9 +24,9 @@ class Meter:
     for the impulse of all forces, impulse · (v + v') / 2 is the change of ½ vᵀ M v.
     """
 
-    def __init__(self, robot: Robot, batch: Any, model: Any, actuator: Actuator) -> None:
+    def __init__(self, robot: Robot, batch: Batch, model: Any, actuator: Actuator, simulator: str = MUJOCO) -> None:
         self._speed = batch.bind("qvel")[:, -robot.num_joints :]
-        self._received = received_torque(batch, model, robot.num_joints)
+        self._received = received_torque(batch, model, robot.num_joints, simulator)
         self._touch = [batch.sensor(name).data for name in touch_sensors(robot)]
         self._timestep = model.opt.timestep
         line = None if actuator.curve is None else actuator.curve.on(robot)
@@ -85,13 +84,17 @@ def touch_sensors(robot: Robot) -> list[str]:
     return [f"{leg}_foot_touch" for leg in robot.leg_names]
 
 
-def received_torque(batch: Any, model: Any, joints: int) -> Received:
-    """Gives the torques that MuJoCo's implicit integration applied in a physics step.
+def received_torque(batch: Batch, model: Any, joints: int, simulator: str) -> Received:
+    """Gives the torques that the joints received in a physics step; MuJoCo's `actuator_force` is not yet these.
 
-    (M − h D) (v' − v) = h (all forces at v), so that the joints receive the explicit torque and D (v' − v), of which
-    the joints' own damping is not the motors'. D, `qDeriv`, leaves out the motors that are at their limit.
+    MuJoCo's implicit integration solves (M − h D) (v' − v) = h (all forces at v), so that the joints receive the
+    explicit torque and D (v' − v), of which the joints' own damping is not the motors'. D, `qDeriv`, leaves out the
+    motors that are at their limit.
     """
-    explicit, derivative = batch.bind("actuator_force"), batch.bind("qDeriv")
+    explicit = batch.bind("actuator_force")
+    if simulator != MUJOCO:
+        return lambda ids, _: explicit[ids]
+    derivative = batch.bind("qDeriv")
     diagonal = (model.D_rowadr + model.D_diag)[-joints:]
     damping = model.dof_damping[-joints:].copy()
     return lambda ids, change: explicit[ids] + (derivative[ids][:, diagonal] + damping) * change

@@ -43,11 +43,12 @@ def compile_model(
         spec.geom(_GROUND).quat = slope_quaternion(terrain)
     if scenario.payload is not None:
         _add_payload(spec, scenario.payload, robot)
-    bandwidth, limit = weaker(motors.bandwidth, actuator.bandwidth), motors.largest_torque(robot)
+    bandwidth = weaker(motors.bandwidth, actuator.bandwidth)
+    limit = np.full(robot.num_joints, motors.largest_torque(robot))
     if actuator.curve is not None:
         line = actuator.curve.on(robot)
         _put_on_voltage(spec, line, robot)
-        limit = min(limit, line.stall_torque)
+        limit = line.peak_torque if motors.torque_limit is None else np.minimum(limit, line.peak_torque)
     elif bandwidth is not None:
         _slow_down(spec, 1 / (2 * math.pi * bandwidth), robot)
     if actuator.gear is not None:
@@ -55,7 +56,7 @@ def compile_model(
             spec.joint(name).armature = actuator.gear.reflected_inertia
     _delay(spec, actuator.delay)
     model = _compiled(spec)
-    model.actuator_forcerange[:] = (-limit, limit)
+    model.actuator_forcerange[:] = np.stack((-limit, limit), axis=-1)
     if scenario.ground != Ground():
         _set_ground(model, scenario.ground, robot)
     return model
@@ -186,14 +187,16 @@ def _slow_down(spec: mujoco.MjSpec, time_constant: float, robot: Robot) -> None:
 def _put_on_voltage(spec: mujoco.MjSpec, line: Line, robot: Robot) -> None:
     """DC motors on a supply of ±1 V instead of servos, with the servos' gains: in these units K = 1 / no_load_speed and
     R = K / stall_torque. The limit of the current is the actuator's force range."""
-    constant = 1 / line.no_load_speed
-    for servo, lower, upper in zip(spec.actuators, robot.joint_lower, robot.joint_upper, strict=True):
-        kp, kv = servo.gainprm[0], -servo.biasprm[2]
+    figures = line.stall_torque.tolist(), line.no_load_speed.tolist()
+    for servo, lower, upper, stall, speed in zip(
+        spec.actuators, robot.joint_lower, robot.joint_upper, *figures, strict=True
+    ):
+        kp, kv, constant = servo.gainprm[0], -servo.biasprm[2], 1 / speed
         servo.inheritrange, servo.ctrlrange = 0.0, (lower, upper)
         servo.set_to_dcmotor(
             motorconst=(constant, constant),
-            resistance=constant / line.stall_torque,
-            saturation=(line.stall_torque, 0.0, 0.0),
+            resistance=constant / stall,
+            saturation=(stall, 0.0, 0.0),
             controller=(kp, 0.0, kv, 0.0, 0.0, 1.0),
             ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
         )

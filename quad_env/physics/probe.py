@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from quad_env.columns import Array, Rows, of_robots, total
 from quad_env.config import GRAVITY
+from quad_env.physics.energy import touch_sensors
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.robot import Robot
 
@@ -14,7 +15,7 @@ from quad_env.robots.robot import Robot
 def probed(robot: Robot) -> tuple[str, ...]:
     """MuJoCo's own sensors that are looked at."""
     imu = ("imu_angular_velocity", "imu_acceleration", "imu_linear_velocity", "imu_orientation")
-    return (*imu, *(f"{leg}_foot_touch" for leg in robot.leg_names))
+    return (*imu, *touch_sensors(robot))
 
 
 class Probe:

@@ -43,8 +43,8 @@ class Camera:
     The thread that makes it draws with it and closes it.
 
     Args:
-        model: of the simulation; a free camera draws a copy of it.
-        fine: whether a free camera draws shadows and smooth edges, which cost a processor three to six times as much.
+        model: of the simulation; a free camera draws a copy of it, without shadows and smooth edges, which cost a
+            processor three to six times as much.
 
     Raises:
         ValueError: the model has no such camera.
@@ -57,21 +57,18 @@ class Camera:
         width: int = 640,
         height: int = 480,
         camera: str | None = "track",
-        *,
-        fine: bool = True,
     ) -> None:
         names = [model.camera(i).name for i in range(model.ncam)]
         if camera is not None and camera not in names:
             raise ValueError(f"unknown camera {camera!r}; valid: {', '.join(names)}")
         find_backend()
-        self._camera, self._fine = camera, fine
+        self._camera = camera
         self._ground = Ground(model) if camera is None else None
         if self._ground is not None:
             model = self._ground.model
-            model.vis.quality.offsamples = 4 if fine else 0
+            model.vis.quality.offsamples = 0
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._size = height, width
-        self._option = mujoco.MjvOption()
         # A free camera's begins with the first frame, once the ground is cut: to load all of it takes seconds.
         self._renderer = None if camera is None else _Renderer(model, *self._size)
 
@@ -82,7 +79,6 @@ class Camera:
         arrows: Sequence[Arrow] = (),
         *,
         viewpoint: Viewpoint | None = None,
-        forces: bool = False,
     ) -> NDArray[Any]:
         """Frame (height, width, 3) uint8, or depth (height, width) float32 in m.
 
@@ -90,16 +86,14 @@ class Camera:
             data: snapshot of the robot.
             arrows: drawn into the frame.
             viewpoint: of a free camera.
-            forces: whether those of the robot's contacts are shown.
         """
         camera = self._camera or self._free(data, viewpoint or Viewpoint())
-        renderer, flags = self._renderer, self._option.flags
+        renderer = self._renderer
         assert renderer is not None
         (renderer.enable_depth_rendering if depth else renderer.disable_depth_rendering)()
-        flags[mujoco.mjtVisFlag.mjVIS_CONTACTPOINT] = flags[mujoco.mjtVisFlag.mjVIS_CONTACTFORCE] = forces
-        renderer.update_scene(data, camera, self._option)
+        renderer.update_scene(data, camera)
         if self._ground is not None:
-            renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._fine
+            renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         draw_arrows(renderer.scene, arrows)
         return np.array(renderer.render())

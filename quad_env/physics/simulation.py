@@ -1,4 +1,4 @@
-"""n robots on one MuJoCo batch: joint targets in, state out."""
+"""n robots on one batch of a simulator: joint targets in, state out."""
 
 import itertools
 from collections.abc import Iterable
@@ -6,12 +6,13 @@ from typing import Any, cast
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch, SimulationError
+from mujoco.batch import SimulationError
 from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.runtime import actuator_models_of
 from quad_env.columns import Array, Column, Ids, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
+from quad_env.physics.batch import MUJOCO, batch_of, check_simulator
 from quad_env.physics.energy import Meter, touch_sensors
 from quad_env.physics.footsteps import Columns, Footsteps, touching
 from quad_env.physics.model import (
@@ -47,8 +48,9 @@ class Simulation:
     """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads.
 
     With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`, and a `meter` measures
-    the motors; with an `imu`, mounted there, there is a `probe`; with `feet` they are part of the state. Servos have
-    the gains of the robot, or each robot's `servo` its own, stiffness and damping, (2, n, 12).
+    the motors; with an `imu`, mounted there, there is a `probe`; with `feet` their swings are part of the state. Servos
+    have the gains of the robot, or each robot's `servo` its own, stiffness and damping, (2, n, 12). Every `simulator`
+    has MuJoCo's fields and conventions, see `quad_env.physics.batch`.
     """
 
     def __init__(
@@ -64,7 +66,11 @@ class Simulation:
         feet: bool = False,
         timestep: float | None = None,
         servo: Array | None = None,
+        simulator: str = MUJOCO,
     ) -> None:
+        check_simulator(simulator, scenario, actuator, sensors=imu is not None)
+        if simulator != MUJOCO and servo is not None:
+            raise ValueError(f"the simulator {simulator} knows no servo gains that differ from robot to robot")
         self.robot, self.terrain = robot, scenario.terrain
         self.model = compile_model(robot, scenario, actuator, timestep)
         """Model of every robot, but for where its payload is and what its hot motors can do: there it is that of the
@@ -82,23 +88,21 @@ class Simulation:
         links = [contact_sensors(self.model, f"{leg}_{link}") for leg in robot.leg_names for link in _LINKS if contacts]
         read = [*trunk, *itertools.chain(*soles, *links), *(() if imu is None else probed(robot))]
         read += touch_sensors(robot) if contacts else []
-        self.batch = Batch(stepped_model(self.model, read), num_envs, nthread)
-        """The robots as MuJoCo steps them."""
+        self.batch = batch_of(simulator, stepped_model(self.model, read), num_envs, nthread)
+        """The robots as the simulator steps them."""
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         """Positions, (n, 19), and velocities, (n, 18), in MuJoCo's order; what is written there moves the robots."""
         self._ctrl = self.batch.bind("ctrl")
         self._push = self.batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self.torque = self.batch.bind("actuator_force")
         """Torques of the servos in the last physics step, (n, 12), N·m."""
-        self.meter = Meter(robot, self.batch, self.model, actuator) if contacts else None
-        at = (robot, self.terrain, period, self.qpos, self.qvel)
-        steps = [[self.batch.sensor(name).data for name in names] for names in soles]
-        self._footsteps = Footsteps(*at, steps) if feet else None  # before the probe computes contacts again
+        self.meter = Meter(robot, self.batch, self.model, actuator, simulator) if contacts else None
         self.probe = None if imu is None else Probe(robot, self.batch, period)
         if self.probe is not None:  # which computes the outputs of the last substep again
             self.torque = self.probe.copy(self.torque)
         self._trunk_contacts = self._sensed(trunk)
         self._foot_contacts = [self._sensed(names) for names in soles]
+        self._footsteps = Footsteps(period, self._foot_contacts) if feet else None
         self._link_contacts = self._sensed(itertools.chain(*links))
         self._warnings = self.batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in robot.leg_names]
@@ -202,10 +206,10 @@ class Simulation:
             self._actuators.advance(targets, ids, self._advance)
         if self.meter is not None:
             self.meter.finish(ids)
-        if self._footsteps is not None:
-            self._footsteps.advance(ids)
         if self.probe is not None:
             self.probe.keep(ids)
+        if self._footsteps is not None:
+            self._footsteps.advance(ids)
 
     def _advance(self, ids: Ids, substeps: int) -> None:
         if self.meter is None:
@@ -265,18 +269,18 @@ class Simulation:
             command=command,
             action=columns(self._action),
             previous_action=columns(self._previous_action),
-            feet=None if self._footsteps is None else self._footsteps.feet(columns),
+            swing_time=None if self._footsteps is None else columns(self._footsteps.swing_time),
         )
 
     @property
     def quaternion(self) -> Array:
         """Orientation of every trunk in the world frame, (n, 4), w x y z."""
-        return cast("Array", self.qpos[:, 3:7].copy())
+        return self.qpos[:, 3:7].copy()
 
     @property
     def push(self) -> Array:
         """Pushing force on every trunk during the last step, world frame, x and y, (n, 2), N; no steady one."""
-        return cast("Array", self._push.copy() if self._force is None else self._push - self._force)
+        return self._push.copy() if self._force is None else self._push - self._force
 
     @property
     def winding_temperature(self) -> Array | None:

@@ -8,28 +8,6 @@ Rotation = tuple[Vector[Column], Vector[Column], Vector[Column]]
 """Rows of the matrix that turns base-frame vectors into world-frame ones."""
 
 
-class Feet(NamedTuple, Generic[Column]):
-    """Readings of the feet, each of the legs in the robot's order, (4): of one robot or of n, see `columns`."""
-
-    position: tuple[Vector[Column], ...]
-    """Centres of the foot spheres in the world frame, (4)(3), m."""
-    velocity: tuple[Vector[Column], ...]
-    """Velocities of these centres in the world frame, (4)(3), m/s."""
-    height: tuple[Column, ...]
-    """Of each foot's lowest point above the terrain below it, m."""
-    contact: tuple[Truth, ...]
-    """Whether the foot touched the ground in the last physics substep; no foot before the first step of an episode."""
-    air_time: tuple[Column, ...]
-    """Since the foot was last seen on the ground, or since the start of the episode, s; 0 on the ground. Feet are
-    looked at once a control step."""
-    swing_time: tuple[Column, ...]
-    """Time in the air that a touch-down has ended in this control step, s; 0 without a touch-down. A foot that is off
-    the ground at one look alone has bounced, which is neither swing nor touch-down."""
-    impact_speed: tuple[Column, ...]
-    """Downward speed in the world frame of a foot that touches down, at the end of the control step before, when the
-    ground had not yet slowed it, m/s; 0 without a touch-down."""
-
-
 class QuadState(NamedTuple, Generic[Column]):
     """Readings that observations, rewards, terminations and infos may look at, of one robot or of n: see `columns`."""
 
@@ -62,9 +40,9 @@ class QuadState(NamedTuple, Generic[Column]):
     """Joint targets of the step, clipped, (12), rad."""
     previous_action: Vector[Column]
     """Joint targets of the step before, (12), rad."""
-    feet: Feet[Column] | None = None
-    """Looked at where a reward term asks for them: those of `rewards.FOOT_TERMS`, and one's own with a parameter
-    `feet`."""
+    swing_time: Vector[Column] | None = None
+    """Time in the air that a touch-down of each foot has ended in this control step, (4), s; 0 without a touch-down. A
+    foot that is off the ground in one control step alone has bounced. None where no reward term asks for it."""
 
     @property
     def projected_gravity(self) -> Vector[Column]:

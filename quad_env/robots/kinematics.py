@@ -45,25 +45,6 @@ def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
     return depths(robot.foot_points, angles, rotation[:, None, 2, :])
 
 
-def feet_motion_in_world(robot: Robot, rotation: Array, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-    """Centres of the foot spheres, m, and their velocities, m/s, in the world frame, (n, 4, 3) each.
-
-    `rotation`: from the base frame to the world frame, (n, 3, 3); `qpos` and `qvel`: (n, 19) and (n, 18), as MuJoCo
-    orders them, with the trunk's velocity in the world frame and its angular velocity in the base frame.
-    """
-    angles, rates = qpos[:, 7:].reshape(-1, len(robot.leg_names), 3), qvel[:, 6:].reshape(-1, len(robot.leg_names), 3)
-    feet = foot_positions(robot, angles)
-    (roll, pitch, yaw), base = qvel[:, 3:6].T[:, :, None], robot.hip_positions + feet
-    x, y, z = base[..., 0], base[..., 1], base[..., 2]
-    moving = _foot_velocities(robot, angles, rates, feet)
-    moving[..., 0] += pitch * z - yaw * y
-    moving[..., 1] += yaw * x - roll * z
-    moving[..., 2] += roll * y - pitch * x
-    turned = _turned(rotation, np.concatenate((base, moving), axis=1))
-    legs = len(robot.leg_names)
-    return qpos[:, None, :3] + turned[:, :legs], qvel[:, None, :3] + turned[:, legs:]
-
-
 def foot_jacobians(robot: Robot, joints: Array) -> Array:
     """Derivatives of `foot_positions` by the angles of a leg's own joints, m/rad, (n, 4, 3, 3)."""
     each = np.eye(3)[:, None, None]

@@ -17,8 +17,6 @@ from quad_env.robots.collisions import GROUND_BIT
 from quad_env.robots.held import carried_by, hold, spare_joints
 from quad_env.robots.shapes import SHAPES
 
-LARGEST_FILE = 50_000_000
-"""Of an MJCF, bytes."""
 READABLE = ".stl", ".obj", ".msh"
 """Endings of the meshes that MuJoCo reads, of a URDF."""
 LEAST_INERTIA = 1e-12
@@ -53,8 +51,6 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
     log_to_the_console()
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
-    if path.stat().st_size > LARGEST_FILE:
-        raise ModelError(f"it is larger than {LARGEST_FILE // 1_000_000} MB")
     try:
         check_named(path)
     except OSError as error:

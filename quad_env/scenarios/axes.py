@@ -48,6 +48,8 @@ class Axis:
     """What happens in its scenarios, in a sentence."""
     scales: bool = True
     """Whether its levels are others for another robot; `slow` goes by the rule of success, the same for every robot."""
+    note: str = ""
+    """What its results depend on besides the policy; shown wherever they are."""
 
     @property
     def falling(self) -> bool:
@@ -88,6 +90,11 @@ class Axis:
 
 AS_THE_ROBOT = "m/s", "N·s", "m", "N", "kg", "N·m"
 """Units in which what is as hard for a larger robot is more; what is of electronics, in s, Hz and rad/s, is not."""
+_PUSH_NOTE = (
+    "Pushed hard, the feet slide, and falls depend on friction and on how a simulator models it: of 24 episodes at "
+    "65 N·s SimpleQuad's trot falls in 16, at friction 0.6 instead of 0.8 in 3 (docs/limits.md)."
+)
+"""Measured by `python -m research sliding`."""
 AXES: dict[str, Axis] = {}
 """By name."""
 
@@ -99,7 +106,7 @@ def axes_of(robot: Robot) -> dict[str, Axis]:
 
 
 def _axis(
-    quantity: str, unit: str, levels: tuple[float, ...], nominal: float, *, scales: bool = True
+    quantity: str, unit: str, levels: tuple[float, ...], nominal: float, *, scales: bool = True, note: str = ""
 ) -> Callable[[AtSeverity], AtSeverity]:
     """Makes the function that follows an axis, which has the name that the function gives its scenarios and the first
     sentence of its docstring."""
@@ -107,7 +114,7 @@ def _axis(
     def add(at: AtSeverity) -> AtSeverity:
         name, text = at(nominal).name, " ".join((at.__doc__ or "").split())
         sentence = text.partition(". ")[0].rstrip(".") + "."
-        AXES[name] = Axis(name, at, quantity, unit, levels, nominal, sentence, scales)
+        AXES[name] = Axis(name, at, quantity, unit, levels, nominal, sentence, scales, note)
         return at
 
     return add
@@ -124,7 +131,9 @@ def _flat(top_speed: float) -> Scenario:
     return Scenario("flat", commands=ranges.times(share, share))
 
 
-@_axis("impulse of each push", "N·s", (20.0, 35.0, 50.0, 65.0, 80.0, 100.0, 140.0, 200.0), nominal=35.0)
+@_axis(
+    "impulse of each push", "N·s", (20.0, 35.0, 50.0, 65.0, 80.0, 100.0, 140.0, 200.0), nominal=35.0, note=_PUSH_NOTE
+)
 def _push(impulse: float) -> Scenario:
     """Two pushes an episode, at random times and in random directions."""
     return Scenario("push", pushes=Pushes(impulse=impulse))

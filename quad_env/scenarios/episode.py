@@ -35,16 +35,6 @@ class PushPlan:
         return cast("Array", np.where(acting[..., None], self.force, 0.0).sum(axis=-2))
 
 
-@dataclass(frozen=True)
-class DropoutPlan:
-    """Dropouts of one episode; each lasts the same time, never two at once."""
-
-    first_step: NDArray[np.int64]
-    """Control step at which each dropout begins, (count,)."""
-    joint: NDArray[np.int64]
-    """The joint whose servo receives no targets, (count,)."""
-
-
 class Episode:
     """One episode's draws, each kind from its own stream, so that nothing depends on actions or on other robots."""
 
@@ -60,7 +50,8 @@ class Episode:
         """Steady force on the trunk in a uniformly random horizontal direction, world frame, (2,), N."""
         self.load: Array | None = None
         """Centre of the payload, ahead and to the left of the trunk's centre, (2,), m."""
-        self.dropouts: DropoutPlan | None = None
+        self.dropouts: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
+        """Control step at which each dropout begins, and the joint whose servo receives no targets, (count,) each."""
         if (steady := scenario.force) is not None:
             angle = self.streams.force.uniform(-np.pi, np.pi)
             self.force = steady.force * np.array((np.cos(angle), np.sin(angle)))
@@ -68,9 +59,7 @@ class Episode:
             self.load = self.streams.payload.uniform(-1, 1, 2) * np.array(payload.reach)
         if (dropouts := scenario.dropouts) is not None:
             first_step = _one_in_each_part(dropouts, self.streams.dropouts, dt)
-            self.dropouts = DropoutPlan(
-                first_step, self.streams.dropouts.integers(robot.num_joints, size=dropouts.count)
-            )
+            self.dropouts = first_step, self.streams.dropouts.integers(robot.num_joints, size=dropouts.count)
 
     def next_command(self) -> Array:
         """The next interval's command, (3,): forward and lateral m/s, yaw rate rad/s.

@@ -14,6 +14,7 @@ EXAMPLES = {
     "push=42": "that severity, in the unit of the axis",
     "payload=15+slope=10": "several at once, joined by +",
     "hill.toml": "a terrain of yours, a picture or an array: docs/environment.md",
+    "push:3+hardware": "any of them with the robot's hardware profile: motors, delays, sensors, estimator",
     "push:all": "every level; only in python -m evaluate --scenarios, as the next two",
     "quick": "a battery of scenarios; so are default, full and all",
     "my_file.py:NAME": "a quad_env.Scenario of yours, in a file",
@@ -39,7 +40,7 @@ def text(robot: Robot = SIMPLE_QUAD) -> str:
     """Every scenario with its severities and a sentence; how severities are written."""
     lines = [f"for {robot.name}: name, its severity, the levels of its axis from mild to hard, and what happens"]
     for axis in axes_of(robot).values():
-        lines += [axis_line(axis), f"  {'':13}{axis.sentence}"]
+        lines += [axis_line(axis), *(f"  {'':13}{line}" for line in (axis.sentence, axis.note) if line)]
     lines += [f"  {STEADY.name:13}level ground, and 0.5 m/s straight ahead: where effort is compared"]
     lines += ["", "where a scenario is asked for, write"]
     return "\n".join(lines + [f"  {written:21}{meaning}" for written, meaning in EXAMPLES.items()])

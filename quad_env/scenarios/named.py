@@ -1,5 +1,5 @@
 """Scenarios as they are written: `steady`, `push`, its level `push:3`, a severity `push=42`, several
-`payload=15+slope=10`, a user's terrain `hill.toml`.
+`payload=15+slope=10`, a user's terrain `hill.toml`; each on the hardware profile, `push+hardware`.
 
 A scenario is never tuned to a policy. Write one with `dataclasses.replace` or the constructor and pass it to `make`.
 """
@@ -10,20 +10,19 @@ from operator import attrgetter
 from pathlib import Path
 
 from quad_env.config import CommandRanges
-from quad_env.files.text import number
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
 from quad_env.scenarios.disturbances import Pushes
-from quad_env.scenarios.scenario import Scenario, scaled
+from quad_env.scenarios.scenario import HARDWARE, Scenario, on_hardware, scaled
 from quad_env.scenarios.terrain import HeightField
 
 __all__ = ["SCENARIOS", "Pushes", "Scenario", "scenario"]
 
 WRITTEN = (
     "a level of an axis such as push:3, severities of axes such as push=42 or payload=15+slope=10, "
-    "a terrain of yours such as hill.toml"
+    "a terrain of yours such as hill.toml, any of them with +hardware at its end"
 )
 """How scenarios without a name of their own are written."""
 BETWEEN, EQUALS = "+", "="
@@ -47,8 +46,8 @@ SCENARIOS = scenarios_of(SIMPLE_QUAD)
 
 def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenario:
     """The scenario of a name such as `push`, of a level such as `push:3`, of severities in physical units such as
-    `push=42` or `payload=15+slope=10`, on a terrain of yours, `hill.toml`, or the scenario itself; ValueError lists the
-    valid names.
+    `push=42` or `payload=15+slope=10`, on a terrain of yours, `hill.toml`, any of them on the robot's hardware profile,
+    `push+hardware`, or the scenario itself; ValueError lists the valid names.
 
     Names and levels are as hard for the robot as for SimpleQuad.
     """
@@ -64,6 +63,9 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
 
 def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
     """As `scenario`, but None where the name is that of no scenario and no axis."""
+    if name.endswith(HARDWARE):
+        found = find(name.removesuffix(HARDWARE), robot)
+        return found and on_hardware(found)
     if name.endswith(TERRAIN):
         return _on_terrain(Path(name), robot)
     if is_combination(name):
@@ -112,6 +114,8 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 def scaled_name(name: str, robot: Robot) -> str:
     """The name of what is as hard for a robot, to three digits, as the scenario of that name is for SimpleQuad."""
+    if name.endswith(HARDWARE):
+        return scaled_name(name.removesuffix(HARDWARE), robot) + HARDWARE
     if not is_combination(name):
         return name
     return _written([(axis, float(f"{axis.scaled(severity, robot):.3g}")) for axis, severity in _parts(name, AXES)])
@@ -127,10 +131,12 @@ def _parts(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
     parts = []
     for text in name.split(BETWEEN):
         axis, equals, written = (word.strip() for word in text.partition(EQUALS))
+        if BETWEEN + text == HARDWARE:
+            raise ValueError(f"{name}: {HARDWARE} stands at the end, once, as in payload=15+slope=10{HARDWARE}")
         if axis not in axes:
             raise ValueError(f"{name}: unknown axis {axis!r}; valid: {', '.join(axes)}, as in payload=15+slope=10")
         try:
-            severity = number(written)
+            severity = float(written)
         except ValueError:
             nominal = f"{axis}{EQUALS}{axes[axis].nominal:g}"
             what = f"{written!r} is no number" if equals else f"{axis} needs a severity"

@@ -10,6 +10,9 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 
+HARDWARE = "+hardware"
+"""End of the name of a scenario on the hardware profile."""
+
 
 @dataclass(frozen=True)
 class Scenario:
@@ -32,9 +35,17 @@ class Scenario:
     latency: Latency | None = None
     noise: SensorNoise | None = None
     dropouts: Dropouts | None = None
+    hardware: bool = False
+    """Whether the robot has its hardware profile, see `quad_env.actuation.hardware`, instead of ideal motors, no delay
+    and observations of its true state."""
 
     def __post_init__(self) -> None:
         check_kinds(self)
+
+
+def on_hardware(scenario: Scenario) -> Scenario:
+    """The same with the robot's hardware profile, under the name with HARDWARE; itself where it has that already."""
+    return scenario if scenario.hardware else replace(scenario, name=scenario.name + HARDWARE, hardware=True)
 
 
 def scaled(scenario: Scenario, robot: Robot) -> Scenario:

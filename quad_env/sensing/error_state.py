@@ -23,7 +23,7 @@ from quad_env.columns import Array
 from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 from quad_env.robots.robot import Robot
-from quad_env.sensing.estimator import cross, unit
+from quad_env.sensing.estimator import unit
 
 TILT, VELOCITY, GYRO_BIAS, ACCELEROMETER_BIAS = (slice(3 * part, 3 * part + 3) for part in range(4))
 FEET = slice(ACCELEROMETER_BIAS.stop, None)
@@ -103,7 +103,7 @@ def predicted(robot: Robot, motion: BodyMotion, to: Turned, dt: float) -> BodyMo
     """The motion one `dt`, s, later."""
     gravity = unit(to.gravity)
     velocity = to.velocity + dt * (times(0.5 * (to.turn + ONE), to.force) + GRAVITY * gravity)
-    rolled = -robot.foot_radius * cross(to.calves, gravity[:, None])
+    rolled = -robot.foot_radius * np.cross(to.calves, gravity[:, None])
     feet = times(to.turn[:, None], motion.feet) - 0.5 * dt * (to.velocity + velocity)[:, None] + rolled
     return motion._replace(gravity=gravity, velocity=velocity, feet=feet)
 

@@ -56,23 +56,11 @@ class Read(NamedTuple):
         return Read._make(readings[which] for readings in self)
 
 
-class Estimate(NamedTuple):
-    """What is estimated of n robots."""
-
-    gravity: Array
-    """Unit vectors, (n, 3)"""
-    velocity: Array
-    """Of the trunk's centre, m/s, (n, 3)"""
-
-
 class ComplementaryFilter:
     """Estimates of n robots, base frame, moved on by `dt`, s, at a time; `spacing`, s, is between encoder samples.
 
     They are of the moment that all sensors have reported; what the gyroscope says is taken as it is.
     """
-
-    covariance = None
-    """Of the error of the estimate: not known"""
 
     def __init__(self, robot: Robot, num_envs: int, dt: float, spacing: float) -> None:
         self._robot, self._dt, self._spacing = robot, dt, spacing
@@ -84,11 +72,6 @@ class ComplementaryFilter:
         """Not looked for: 0 rad/s"""
         self._gyro = np.zeros((num_envs, 3))
 
-    @property
-    def then(self) -> Estimate:
-        """The same that is shown now."""
-        return Estimate(self.gravity.copy(), self.velocity.copy())
-
     def begin(self, rows: Rows, at_rest: Array, read: Read) -> None:
         """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
         self.gravity[rows], self.velocity[rows], self._gyro[rows] = -unit(at_rest), 0.0, read.gyro
@@ -98,13 +81,13 @@ class ComplementaryFilter:
         dt, gravity, velocity = self._dt, self.gravity[rows], self.velocity[rows]
         turning = 0.5 * (self._gyro[rows] + read.gyro)
         self._gyro[rows] = read.gyro
-        gravity = unit(gravity + dt * cross(gravity, turning))
-        acceleration = read.accelerometer + GRAVITY * gravity - cross(turning, velocity)
+        gravity = unit(gravity + dt * np.cross(gravity, turning))
+        acceleration = read.accelerometer + GRAVITY * gravity - np.cross(turning, velocity)
         velocity = velocity + dt * acceleration
         by_feet, known = leg_velocity(self._robot, read, turning, gravity, self._spacing)
         error = by_feet - (velocity - 0.5 * self._spacing * acceleration)
         velocity = np.where(known, velocity + min(1.0, dt / VELOCITY_TIME) * error, velocity)
-        measured = (cross(read.gyro, velocity) - read.accelerometer) / GRAVITY
+        measured = (np.cross(read.gyro, velocity) - read.accelerometer) / GRAVITY
         gravity = gravity + dt / TILT_TIME * (measured - gravity)
         self.gravity[rows], self.velocity[rows] = unit(gravity), velocity
 
@@ -122,17 +105,12 @@ def leg_velocity(robot: Robot, read: Read, turning: Array, gravity: Array, spaci
     hip, bend = 0.5 * (joints + before)[..., 0], speed[..., 1] + speed[..., 2]
     calf = turning[:, None] + np.stack((speed[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)
     foot = robot.hip_positions + 0.5 * (now + then)
-    each = cross(calf, -robot.foot_radius * gravity[:, None]) - cross(turning[:, None], foot) - (now - then) / spacing
+    rolled = np.cross(calf, -robot.foot_radius * gravity[:, None])
+    each = rolled - np.cross(turning[:, None], foot) - (now - then) / spacing
     standing = read.standing.astype(np.float64)
     count = total(standing.T)[:, None]
     summed = total((standing[..., None] * each).transpose(1, 0, 2))
     return summed / np.maximum(count, 1.0), count > 0
-
-
-def cross(a: Array, b: Array) -> Array:
-    """a × b of vectors in the last axis, (…, 3)."""
-    (ax, ay, az), (bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
-    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
 
 
 def unit(vectors: Array) -> Array:

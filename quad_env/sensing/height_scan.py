@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Array, Column, Mask, Rows
+from quad_env.columns import Array, Column, Rows
 from quad_env.physics.state import QuadState, to_heading
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import check_amount, check_positive
@@ -21,7 +21,7 @@ from quad_env.sensing.suite import Sampled
 from quad_env.task.observations import ObservationTable, Term, observation_table
 
 UNSEEN = -2.0
-"""What a point reads that is not seen, m: a hole as deep as the scan can show."""
+"""Least that a point reads, m: its ground is so deep, or not known yet."""
 MOST_POINTS = 10_000
 """Of a scan."""
 _SCALE = 2.5
@@ -33,9 +33,9 @@ class HeightScan(Sampled):
     """Ground heights on a grid about the trunk's centre, in the heading frame: x ahead, y to the left, both level.
 
     A value is the height of the ground there minus that of the trunk's centre, m, about −0.36 under a robot that
-    stands; clipped to ±2 m, and −2 m where a point is not seen. Nothing hides behind a step, and the robot's own legs
-    are not seen. A sample that is seen late is of the place, heading and height of the trunk when it was taken. A
-    scenario's observation latency and noise come on top.
+    stands; clipped to ±2 m. Nothing hides behind a step, and the robot's own legs are not seen. A sample that is seen
+    late is of the place, heading and height of the trunk when it was taken. A scenario's observation latency and noise
+    come on top.
     """
 
     delay: float = 0.0
@@ -48,14 +48,8 @@ class HeightScan(Sampled):
     """Points to each side of it"""
     spacing: float = 0.1
     """m between two points. The grid of the defaults is that of legged_gym's `measured_points_x` and `_y`"""
-    field_of_view: float = 2 * math.pi
-    """rad, a sector about the heading, half of it to each side; points outside are no part of the scan"""
-    reach: float | None = None
-    """m, level, from the trunk's centre; points beyond are no part of the scan. None: as far as the grid goes"""
     noise: float = 0.0
     """m, standard deviation of the white noise on each point of each sample"""
-    dropouts: float = 0.0
-    """Share of the points, 0 to 1, that a sample does not see, drawn for each point of each sample"""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -65,7 +59,6 @@ class HeightScan(Sampled):
                 raise ValueError(f"a height scan's {name} must be a {kind}, got {value!r}")
         super().__post_init__()
         check_positive("a height scan's spacing", self.spacing, "m")
-        check_positive("a height scan's reach", self.reach, "m")
         check_amount("a height scan's noise", self.noise, "m")
         counts = self.ahead, self.behind, self.aside
         if min(counts) < 0 or math.prod(self._grid) > MOST_POINTS:
@@ -73,10 +66,6 @@ class HeightScan(Sampled):
                 f"a height scan has at least 0 points ahead, behind and aside and at most {MOST_POINTS} in all, "
                 f"got {counts}"
             )
-        if not 0 < self.field_of_view <= 2 * math.pi:
-            raise ValueError(f"a height scan's field_of_view must lie above 0 and at most 2π, got {self.field_of_view}")
-        if not 0 <= self.dropouts <= 1:
-            raise ValueError(f"a height scan's dropouts are a share between 0 and 1, got {self.dropouts}")
 
     @property
     def _grid(self) -> tuple[int, int]:
@@ -84,31 +73,22 @@ class HeightScan(Sampled):
 
     @property
     def grid(self) -> Array:
-        """Every point of the grid, seen or not: x and y, heading frame, (rows, columns, 2), m; rows from the hindmost,
-        in each from the right to the left."""
+        """Every point of the grid: x and y, heading frame, (rows, columns, 2), m; rows from the hindmost, in each from
+        the right to the left."""
         x = self.spacing * np.arange(-self.behind, self.ahead + 1)
         y = self.spacing * np.arange(-self.aside, self.aside + 1)
         return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
 
     @property
-    def seen(self) -> Mask:
-        """Which points of the grid are in the field of view and within reach, (rows, columns)."""
-        x, y = np.moveaxis(self.grid, -1, 0)
-        within = np.abs(np.arctan2(y, x)) <= 0.5 * self.field_of_view + 1e-9
-        at_the_centre = (x == 0) & (y == 0)
-        near = np.hypot(x, y) <= (math.inf if self.reach is None else self.reach + 1e-9)
-        return np.asarray((within | at_the_centre) & near)
-
-    @property
     def points(self) -> Array:
         """x and y of the points in the order of the term's entries, heading frame, (p, 2), m."""
-        return self.grid[self.seen]
+        return self.grid.reshape(-1, 2)
 
     @property
     def term(self) -> Term:
         """Its term of the observation."""
         unit = "m, ground minus trunk's centre"
-        return Term("height_scan", int(self.seen.sum()), unit, -UNSEEN, _SCALE)
+        return Term("height_scan", math.prod(self._grid), unit, -UNSEEN, _SCALE)
 
 
 @cache
@@ -129,7 +109,7 @@ def ground_heights(terrain: Terrain, x: Array, y: Array, z: Array, heading: Arra
 
 
 class Scanner:
-    """Noise, drop-outs, rate and delay of n robots' height scans; `latency` and `noise` come on top, s and m."""
+    """Noise, rate and delay of n robots' height scans; `latency` and `noise` come on top, s and m."""
 
     def __init__(
         self, scan: HeightScan, terrain: Terrain, num_envs: int, control_rate: float, latency: float, noise: float
@@ -138,17 +118,12 @@ class Scanner:
         width, deviation = len(self._points), float(np.hypot(scan.noise, noise))
         self._channel = Channel(num_envs, width, scan.rate, scan.delay + latency, control_rate)
         self._noise = Noise(num_envs, np.full(width, deviation, np.float32)) if deviation else None
-        self._chance = Noise(num_envs, np.ones(width, np.float32)) if scan.dropouts else None
-        self._unlikely = _quantile(scan.dropouts)
-        """A standard normal number is below it with the chance of a drop-out."""
 
     def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
         """Start these episodes of those robots."""
-        for row, episode in zip(rows, episodes, strict=True):
-            if self._noise is not None:
+        if self._noise is not None:
+            for row, episode in zip(rows, episodes, strict=True):
                 self._noise.begin(row, episode.streams.scan_noise)
-            if self._chance is not None:
-                self._chance.begin(row, episode.streams.scan_dropouts)
 
     def scan(self, state: QuadState[Column], clock: Clock, rows: Rows) -> NDArray[np.float32]:
         """What those robots, (k,), whose `state` and `clock` these are, are shown now, (k, p)."""
@@ -163,18 +138,9 @@ class Scanner:
         cos, minus_sin = to_heading(state.rotation, east)
         x, y, z, cos, sin = (np.reshape(np.asarray(each), -1)[which] for each in (*state.position, cos, -minus_sin))
         values = ground_heights(self._terrain, x, y, z, np.stack((cos, sin)), self._points)
-        number = clock // self._channel.period
         if self._noise is not None:
-            values += self._noise.at(number, rows)
-        if self._chance is not None:
-            values[self._chance.at(number, rows) < self._unlikely] = UNSEEN
+            values += self._noise.at(clock // self._channel.period, rows)
         return np.clip(values, UNSEEN, -UNSEEN, out=values)
-
-
-def _quantile(share: float) -> float:
-    from scipy.special import ndtri
-
-    return float(ndtri(share))
 
 
 def scanner_of(scan: HeightScan | None, scenario: Scenario, num_envs: int, control_rate: float) -> Scanner | None:

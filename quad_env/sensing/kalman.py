@@ -33,7 +33,7 @@ from quad_env.sensing.error_state import (
     rotation,
     times,
 )
-from quad_env.sensing.estimator import Estimate, Read, unit
+from quad_env.sensing.estimator import Read, unit
 from quad_env.sensing.suite import SensorSuite
 
 BETWEEN = 0.35
@@ -108,13 +108,7 @@ def sensor_errors(suite: SensorSuite) -> SensorErrors:
 
 
 class KalmanFilter:
-    """Estimates of n robots, base frame, moved on by `dt`, s, at a time.
-
-    Args:
-        robot, num_envs, dt: what they are of.
-        suite: sensors that they are from.
-        late: control steps from the moment of the readings to now.
-    """
+    """Estimates of n robots, base frame, moved on by `dt`, s, at a time; readings are `late` control steps old."""
 
     def __init__(self, robot: Robot, suite: SensorSuite, num_envs: int, dt: float, late: int) -> None:
         legs = len(robot.leg_names)
@@ -138,11 +132,6 @@ class KalmanFilter:
         """Of the feet by `_joints`, m/rad"""
 
     @property
-    def then(self) -> Estimate:
-        """Of the moment of the readings."""
-        return Estimate(self.motion.gravity.copy(), self.motion.velocity.copy())
-
-    @property
     def covariance(self) -> Array:
         """Of the error of `motion`, the IMU's mounting with it; (n, 24, 24), in the order of `error_state`."""
         out = self._covariance.copy()
@@ -158,9 +147,9 @@ class KalmanFilter:
         # A bias of the accelerometer is a tilt of what it reads at rest.
         tilt, bias = skew(gravity) / GRAVITY, errors.accelerometer_bias**2 * ONE
         covariance = np.zeros((len(rows), *self._covariance.shape[1:]))
-        covariance[:, TILT, TILT] = tilt @ bias @ _transposed(tilt) + 1e-6 * ONE
+        covariance[:, TILT, TILT] = tilt @ bias @ tilt.mT + 1e-6 * ONE
         covariance[:, TILT, ACCELEROMETER_BIAS] = tilt @ bias
-        covariance[:, ACCELEROMETER_BIAS, TILT] = _transposed(tilt @ bias)
+        covariance[:, ACCELEROMETER_BIAS, TILT] = (tilt @ bias).mT
         covariance[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] = bias
         covariance[:, VELOCITY, VELOCITY] = START_SPEED**2 * ONE
         covariance[:, GYRO_BIAS, GYRO_BIAS] = errors.gyro_bias**2 * ONE
@@ -193,14 +182,14 @@ class KalmanFilter:
         """Before the feet are looked at; `onward` is the transition of the error, `change` that of the angular velocity
         in this period, rad/s."""
         errors, dt = self._errors, self._dt
-        out: Array = onward @ self._covariance[rows] @ _transposed(onward)
+        out: Array = onward @ self._covariance[rows] @ onward.mT
         by_turning, by_force = onward[:, :, GYRO_BIAS].copy(), onward[:, :, ACCELEROMETER_BIAS].copy()
         by_turning[:, GYRO_BIAS] = by_force[:, ACCELEROMETER_BIAS] = 0.0
         turning = errors.gyro**2 + BETWEEN**2 / 3 * _squared(change)
         pushed, lever = errors.accelerometer**2 + FORCE_SHARE**2 * _squared(acceleration), skew(change)
-        shaken = (LEVER_SHARE * errors.lever / dt) ** 2 * (lever @ _transposed(lever))
-        out += by_turning @ (turning * _transposed(by_turning))
-        out += by_force @ (pushed * ONE + shaken) @ _transposed(by_force)
+        shaken = (LEVER_SHARE * errors.lever / dt) ** 2 * (lever @ lever.mT)
+        out += by_turning @ (turning * by_turning.mT)
+        out += by_force @ (pushed * ONE + shaken) @ by_force.mT
         out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] += BIAS_WALK**2 * dt * ONE
         return out
 
@@ -215,11 +204,11 @@ class KalmanFilter:
         self._jacobians[rows] = jacobians
         down = motion.gravity[:, None, :, None] * motion.gravity[:, None, None, :]
         landing = (LANDING_SPEED * np.exp(-self._rest[rows] / SETTLING_TIME))[..., None, None]
-        offset = (STANCE_SAMPLES * errors.zero) ** 2 * (change @ _transposed(change))
+        offset = (STANCE_SAMPLES * errors.zero) ** 2 * (change @ change.mT)
         sinking = (dt * landing) ** 2 + (COMPLIANCE * loaded) ** 2
         moved = (dt * SLIP_SPEED) ** 2 * ONE + sinking * down + offset
         angles = np.where(read.fresh, errors.angle, STALE)[:, None, None, None]
-        noise = angles * angles * (jacobians @ _transposed(jacobians))
+        noise = angles * angles * (jacobians @ jacobians.mT)
         innovation = robot.hip_positions + foot_positions(robot, samples.joints) - motion.feet
         expected = _blocks(covariance, len(robot.leg_names)) + moved + noise
         standing = standing_probability(self.standing[rows], read.contact, innovation, expected, dt)
@@ -233,8 +222,8 @@ class KalmanFilter:
         _add(seen, noise, 0)
         gain = np.linalg.solve(seen, covariance[:, FEET])
         error = (innovation.reshape(len(rows), 1, -1) @ gain)[:, 0]
-        out = covariance - _transposed(covariance[:, FEET]) @ gain
-        return error, 0.5 * (out + _transposed(out))
+        out = covariance - covariance[:, FEET].mT @ gain
+        return error, 0.5 * (out + out.mT)
 
     def _show(self, rows: Rows, motion: BodyMotion, gyro: Array, acceleration: Array, earlier: Array) -> None:
         """Go on from the moment of the readings to now, the trunk turning as it does and pushed as it is."""
@@ -273,7 +262,3 @@ def _squared(vectors: Array) -> Array:
     """Squared lengths, (k, 1, 1)."""
     out: Array = (vectors * vectors).sum(axis=-1)[:, None, None]
     return out
-
-
-def _transposed(matrices: Array) -> Array:
-    return np.swapaxes(matrices, -1, -2)

@@ -5,16 +5,13 @@ the field, with the error itself rather than its square in the exponent, so that
 pay.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, cast
 
-import numpy as np
-
-from quad_env.columns import Column, Truth, Vector, anywhere, differences, exp, sqrt, sum_of_squares, total, where
-from quad_env.config import RewardTerm, RewardWeights
-from quad_env.files.text import described
-from quad_env.physics.state import Feet, QuadState
+from quad_env.columns import Column, Truth, anywhere, differences, exp, sqrt, sum_of_squares, total, where
+from quad_env.config import RewardWeights
+from quad_env.physics.state import QuadState
 
 LINEAR_WIDTH = 0.25
 """m/s at which the linear tracking reward falls to 1/e."""
@@ -22,8 +19,6 @@ YAW_WIDTH = 0.25
 """rad/s at which the yaw tracking reward falls to 1/e."""
 AIR_TIME = 0.15
 """Length of a swing that neither pays nor costs, s: about that of the trot's."""
-CLEARANCE = 0.08
-"""Height that the lowest point of a swinging foot is to have above the ground, m: that of the trot at mid-swing."""
 MOVING = 0.1
 """Norm of a command (m/s, m/s, rad/s) up to which it asks to stand."""
 
@@ -77,42 +72,17 @@ def torque(state: QuadState[Column]) -> Column:
     return sum_of_squares(state.joint_torque)
 
 
-def foot_air_time(state: QuadState[Column], feet: Feet[Column]) -> Column:
-    """Σ (swing time - AIR_TIME) over the feet that touch down in this step, s; 0 where the command is to stand.
+def foot_air_time(state: QuadState[Column]) -> Column:
+    """Σ (swing time - AIR_TIME) over the feet that touch down in this step, s; 0 where the command is to stand, and
+    where swings are not looked at, since the term has no weight.
 
     As in legged_gym (Rudin et al. 2022, `_reward_feet_air_time`) and Isaac Lab (`feet_air_time`), to which a command to
     turn on the spot is one to stand.
     """
-    swings: Column = total(where(swing > 0.0, swing - AIR_TIME, 0.0) for swing in feet.swing_time)
+    if state.swing_time is None:
+        return 0.0 * abs(state.height)
+    swings: Column = total(where(swing > 0.0, swing - AIR_TIME, 0.0) for swing in state.swing_time)
     return cast("Column", where(sum_of_squares(state.command) > MOVING * MOVING, swings, 0.0))
-
-
-def foot_clearance(_: QuadState[Column], feet: Feet[Column]) -> Column:
-    """Σ (height - CLEARANCE)² · horizontal speed over the feet in the air, m³/s: the form of DreamWaQ (Nahrendra et al.
-    2023, table I), with heights above the ground below, and without the feet on the ground, which `foot_slip` has."""
-    each = zip(feet.contact, feet.height, map(_horizontal_speed_squared, feet.velocity), strict=True)
-    missed: Iterable[Column] = (
-        where(contact, 0.0, (height - CLEARANCE) * (height - CLEARANCE) * sqrt(speed))
-        for contact, height, speed in each
-    )
-    return total(missed)
-
-
-def foot_slip(_: QuadState[Column], feet: Feet[Column]) -> Column:
-    """Σ squared horizontal speed of the feet on the ground, (m/s)², as in MuJoCo Playground (`_cost_feet_slip`)."""
-    speeds = map(_horizontal_speed_squared, feet.velocity)
-    slips: Iterable[Column] = (where(touch, speed, 0.0) for touch, speed in zip(feet.contact, speeds, strict=True))
-    return total(slips)
-
-
-def foot_impact(_: QuadState[Column], feet: Feet[Column]) -> Column:
-    """Σ squared impact speed of the feet that touch down in this step, (m/s)²: as in Walk These Ways (Margolis and
-    Agrawal 2022, `_reward_feet_impact_vel`), the downward speed of the step before."""
-    return sum_of_squares(feet.impact_speed)
-
-
-def _horizontal_speed_squared(velocity: Vector[Column]) -> Column:
-    return velocity[0] * velocity[0] + velocity[1] * velocity[1]
 
 
 REWARD = "reward_"
@@ -129,21 +99,14 @@ TERMS: dict[str, Callable[..., Any]] = {
         tilt,
         action_rate,
         torque,
+        foot_air_time,
     )
 }
 """Key of each term in the infos -> its function of the state."""
-FOOT_TERMS: dict[str, Callable[..., Any]] = {
-    f"{REWARD}{function.__name__}": function for function in (foot_air_time, foot_clearance, foot_slip, foot_impact)
-}
-"""The same of the terms of state and feet, which are worked out where they have a weight, and 0 elsewhere."""
 FALL = f"{REWARD}fall"
 
 
-class RewardTermError(ValueError):
-    """A user's reward term that gives no reward."""
-
-
-def step_weights(weights: RewardWeights, dt: float, own: Sequence[RewardTerm] = ()) -> dict[str, float]:
+def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
     """Key of each term in the infos -> its weight in one step, in the order of `reward_terms`.
 
     Terms that accrue with time are multiplied by the control period, so that their sum over a second is their rate;
@@ -151,44 +114,15 @@ def step_weights(weights: RewardWeights, dt: float, own: Sequence[RewardTerm] = 
     """
     rates = {f"{REWARD}{name}": weight for name, weight in asdict(weights).items()}
     fall = rates.pop(FALL)
-    rates |= {f"{REWARD}{term.name}": term.weight for term in own}
     return {key: weight * dt for key, weight in rates.items()} | {FALL: fall}
 
 
-def look_at_feet(weights: dict[str, float], own: Sequence[RewardTerm]) -> bool:
-    """Whether some term asks for the feet: one of `step_weights`, or the user's `own`."""
-    return any(weights[key] for key in FOOT_TERMS) or any(term.takes_feet for term in own)
-
-
 def reward_terms(
-    state: QuadState[Column], ended: Truth, diverged: Truth, weights: dict[str, float], own: Sequence[RewardTerm] = ()
+    state: QuadState[Column], ended: Truth, diverged: Truth, weights: dict[str, float]
 ) -> dict[str, Column]:
-    """Weighted terms by `step_weights`, which add up to the reward; a diverged robot's only one is that of the fall.
-
-    Raises RewardTermError where one of the user's `own` fails.
-    """
+    """Weighted terms by `step_weights`, which add up to the reward; a diverged robot's only one is that of the fall."""
     terms = {key: weights[key] * term(state) for key, term in TERMS.items()}
-    for key, foot_term in FOOT_TERMS.items():
-        terms[key] = weights[key] * foot_term(state, state.feet) if weights[key] else 0.0 * abs(state.height)
-    terms |= {(key := f"{REWARD}{term.name}"): weights[key] * own_value(term, state) for term in own}
     if anywhere(diverged):
         terms = {key: where(diverged, 0.0, value) for key, value in terms.items()}
     terms[FALL] = weights[FALL] * where(ended, 1.0, 0.0)
     return terms
-
-
-def own_value(term: RewardTerm, state: QuadState[Column]) -> Column:
-    """What a user's term gives, not weighted. Raises RewardTermError unless it is a finite number for each robot."""
-    try:
-        asked = {"feet": state.feet} if term.takes_feet else {}
-        value = np.asarray(term.function(state, **asked), np.float64)
-    except Exception as error:
-        raise RewardTermError(f"the reward term {term.name} fails: {described(error)}") from error
-    if value.shape != np.shape(state.height):
-        of = f"of shape {value.shape}; wanted {np.shape(state.height)}, one for each robot"
-        raise RewardTermError(f"the reward term {term.name} gives numbers {of}")
-    if not np.isfinite(value).all():
-        raise RewardTermError(
-            f"the reward term {term.name} gives {value[~np.isfinite(value)][0]}; wanted finite numbers"
-        )
-    return cast("Column", value if value.ndim else float(value))

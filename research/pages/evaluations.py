@@ -1,16 +1,18 @@
 """A results.json of `python -m evaluate` for README and docs: read and checked, as Markdown tables and as a figure."""
 
 import io
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evaluate.analysis.pareto import COST_ON, Pareto, ParetoPoint
 from evaluate.analysis.results import with_nan
-from evaluate.analysis.score import WORDS, Score
+from evaluate.analysis.score import FLAT, SCORES, WORDS, Score, ranked
 from evaluate.commands.options import command
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
-from evaluate.report.headings import FIRST
-from evaluate.report.plots import drawing, success
+from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FEW, FIRST, figure_of_effort
+from evaluate.report.plots import drawing, pareto, success
 from evaluate.rollouts.battery import BATTERIES, resolve
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from policies.summaries import explained
@@ -18,9 +20,9 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import (
     ABSENT,
     counted,
-    listed,
     number,
     p_value,
+    percent,
     percent_interval,
     points,
     points_interval,
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
 
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
 """The figure's text for readers who do not see it."""
+HARDWARE_SCORES = "hardware_scores"
+KINDS = "scores", HARDWARE_SCORES
 _KEYS = "policies", "scores", "baseline", "breaking_points", "versions", "episodes", "seed"
 
 
@@ -58,9 +62,9 @@ def read(path: Path) -> dict[str, Any]:
     return found
 
 
-def scores(found: dict[str, Any]) -> list[Score]:
-    """Scores of the policies, the highest first."""
-    return [Score(**each) for each in found["scores"]]
+def scores(found: dict[str, Any], kind: str = "scores") -> list[Score]:
+    """Scores of the policies, the highest first; `hardware_scores` are those with the hardware profile, if any."""
+    return [Score(**each) for each in found.get(kind, ())]
 
 
 def scenarios_of(found: dict[str, Any]) -> list[str]:
@@ -90,23 +94,38 @@ def legend(found: dict[str, Any]) -> str:
     return "<br>".join(f"`{name}`: {text}." for name, text in explained(found["policies"]).items())
 
 
-def headline(found: dict[str, Any]) -> str:
-    """The scores in one sentence."""
-    each = scores(found)
-    figures = [f"`{score.policy}` {share(score.score, score.ci)}" for score in each]
-    count, axes = counted(found["episodes"], "episode"), len(each[0].axes)
-    return f"**Success, mean over {axes} axes of disturbance, {count} at each severity: {listed(figures)}.**"
+def overview(found: dict[str, Any]) -> list[str]:
+    """Scores and effort, a policy a row, and the success on flat ground of policies that have no score; in lines."""
+    ideal, real = ({each.policy: share(each.score, each.ci) for each in scores(found, kind)} for kind in KINDS)
+    place = next((name for name in COST_ON if name in scenarios_of(found)), "")
+    heads = {"policy": "policy", "score": "success", "real": "success with the hardware profile"}
+    heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FEW}
+    ran, rows, flat = {policy: of["scenarios"] for policy, of in found["policies"].items()}, [], ""
+    for policy in dict.fromkeys((*ideal, *real)):
+        effort = dict.fromkeys(FEW, math.nan) | ran.get(policy, {}).get(place, {}).get("effort", {})
+        row = {"policy": f"`{policy}`", "score": ideal.get(policy, ABSENT), "real": real.get(policy, ABSENT)}
+        rows.append(row | {name: figure_of_effort(name, effort[name]) for name in FEW})
+    for policy, cells in ran.items():
+        if policy not in {*ideal, *real} and FLAT in cells:
+            flat += f" `{policy}` on flat ground alone: {percent(cells[FLAT]['success_rate'])}."
+    shown = {name: head for name, head in heads.items() if any(row[name] != ABSENT for row in rows)}
+    count, axes = counted(found["episodes"], "episode"), len(scores(found)[0].axes)
+    where = f"; effort {EFFORT_ON[place]}" if set(FEW) & set(shown) else ""
+    said = f"Success: mean over {axes} axes of disturbance, {count} at each severity{where}.{flat}"
+    return [said, "", *table(shown, rows).splitlines()]
 
 
 def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
-    """Lines of the table of other robots, a robot a row: the score of each policy that all of them have."""
+    """Lines of the table of other robots: the score of each policy that all of them have, and below it, where it was
+    evaluated, that with the hardware profile."""
     of_each = [{score.policy: score for score in scores(one)} for one in found]
-    names = [name for name in of_each[0] if all(name in each for each in of_each)]
-    rows = [
-        {FIRST: f"{robot.name}, {robot.mass:.1f} kg on legs of {robot.leg_length:.2f} m"}
-        | {name: share(policies[name].score, policies[name].ci) for name in names}
-        for robot, policies in zip(map(robot_of, found), of_each, strict=True)
-    ]
+    names, rows = [name for name in of_each[0] if all(name in each for each in of_each)], []
+    for one, ideal, robot in zip(found, of_each, map(robot_of, found), strict=True):
+        about = f"{robot.name}, {robot.mass:.1f} kg on legs of {robot.leg_length:.2f} m"
+        real = {score.policy: score for score in scores(one, HARDWARE_SCORES)}
+        for words, of in ((about, ideal), (f"{robot.name}, hardware profile", real)):
+            shown = {name: share(of[name].score, of[name].ci) if name in of else ABSENT for name in names}
+            rows += [{FIRST: words, **shown}] if of else []
     return table({FIRST: "robot", **{name: f"`{name}`" for name in names}}, rows).splitlines()
 
 
@@ -116,27 +135,47 @@ def robot_of(found: dict[str, Any]) -> Robot:
     return hardware_of(name, "the results' robot").quadruped
 
 
-def score_table(of: Iterable[Score], baseline: str, called: Mapping[str, str] | None = None) -> list[str]:
-    """Each policy's score and its difference from the baseline's, in Markdown; `called` has names to show instead."""
-    names = called or {}
-    rows = [
-        {
-            "policy": names.get(each.policy, f"`{each.policy}`"),
-            "score": f"{number(100.0 * each.score, 1)} [{percent_interval(each.ci)}]",
-            "difference": f"{points(each.difference)} [{points_interval(each.difference_ci)}], {p_value(each.p_value)}"
-            if each.policy != baseline
-            else ABSENT,
-        }
-        for each in of
-    ]
-    heads = {"policy": "policy", "score": "score, %", "difference": f"minus `{baseline}`, % points"}
-    return [WORDS, "", *table(heads, rows).splitlines()]
+def score_table(
+    of: Sequence[Score], baseline: str, called: Mapping[str, str] | None = None, real: Sequence[Score] = ()
+) -> list[str]:
+    """Each policy's score and its difference from the baseline's, in Markdown, with the hardware profile on the right;
+    `called` has names to show instead."""
+    found = {name: kind for name, kind in zip(SCORES, (of, real), strict=True) if kind}
+    heads, rows = {"policy": "policy"}, {policy: dict[str, str]() for policy in ranked(*found.values())}
+    for name, kind in found.items():
+        heads |= {name: f"{name}, %", f"{name} difference": f"minus `{baseline}`, % points"}
+        for each in kind:
+            rows[each.policy] |= _score_cells(each, baseline, name)
+    names = {policy: (called or {}).get(policy, f"`{policy}`") for policy in rows}
+    full = ({"policy": names[policy], **dict.fromkeys([*heads][1:], ABSENT), **row} for policy, row in rows.items())
+    return [WORDS, "", *table(heads, list(full)).splitlines()]
+
+
+def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:
+    score = f"{number(100.0 * each.score, 1)} [{percent_interval(each.ci)}]"
+    minus = f"{points(each.difference)} [{points_interval(each.difference_ci)}], {p_value(each.p_value)}"
+    return {name: score, f"{name} difference": minus if each.policy != baseline else ABSENT}
 
 
 def draw(found: dict[str, Any], picture: Path) -> None:
-    """Write the figure, a PNG: success of every policy on every axis."""
+    """Write the figures, PNGs: success of every policy on every axis; NAME_pareto.png, the front if there is one."""
+    front = found.get("pareto", {"front": ()})
     with drawing.settings():
-        write_atomically(picture, png(success.heat_map(scores(found))))
+        write_atomically(picture, png(success.heat_map(scores(found), scores(found, HARDWARE_SCORES))))
+        if front["front"]:
+            points = tuple(ParetoPoint(**each) for each in front["points"])
+            drawn = pareto.front(Pareto(front["cost_on"], front["front"], points), tuple(found["policies"]))
+            write_atomically(picture.with_stem(f"{picture.stem}_pareto"), png(drawn))
+
+
+def pictures(found: dict[str, Any], where: str) -> str:
+    """The figures in Markdown; `where` is the place of the first, seen from the page."""
+    return f"![{ALT}]({where}) {front_picture(found, where)}".strip()
+
+
+def front_picture(found: dict[str, Any], where: str) -> str:
+    """The front alone; empty of results without one."""
+    return f"![{pareto.ALT}]({where.removesuffix('.png')}_pareto.png)" if found.get("pareto", {}).get("front") else ""
 
 
 def png(figure: "Figure") -> bytes:

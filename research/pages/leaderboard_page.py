@@ -8,7 +8,7 @@ from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import summarise
 from evaluate.measures.outcomes import ISAAC_LAB, RULES
-from evaluate.report.headings import FIRST
+from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FEW, FIRST, figure_of_effort
 from evaluate.report.page import warnings
 from evaluate.report.table import summary_figures
 from evaluate.rollouts.experiment import rescored
@@ -56,17 +56,18 @@ def page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made
 
 
 def _overview(results: Results, robots: Mapping[str, Robot], order: Sequence[str]) -> Iterator[str]:
-    """Servo gains, success on every scenario, and the cost of transport on the first."""
+    """Servo gains, success on every scenario, and effort at a steady speed, over the commands or on the first."""
     scores = {score.policy: share(score.score, score.ci) for score in results.scores}
-    first, found = results.scenarios[0], results.summaries
+    place = next(name for name in (*EFFORT_ON, results.scenarios[0]) if name in results.scenarios)
+    found = results.summaries
     heads = {FIRST: "policy", "gains": "servo: N·m/rad; N·m·s/rad", **{name: name for name in results.scenarios}}
     rows = [
         {FIRST: policy, "gains": gains(robots[policy]), "mean": scores.get(policy, ABSENT)}
         | {name: f"{number(100.0 * found[name, policy].success_rate, 0)} %" for name in results.scenarios}
-        | {COST: number(found[first, policy].cost_of_transport, 2)}
+        | {name: figure_of_effort(name, found[place, policy].effort[name]) for name in FEW}
         for policy in order
     ]
-    heads |= {"mean": "mean", COST: f"cost of transport, {first}"}
+    heads |= {"mean": "mean"} | {name: ", ".join(filter(None, (*EFFORT_TITLES[name], place))) for name in FEW}
     yield from ("## Success", "", table(heads, rows), "")
 
 

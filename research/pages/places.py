@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from quad_env.cli.command_line import UsageError, make_folder_of
+from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
 
@@ -35,10 +35,3 @@ def put(page: Path | None, lines: list[str], place: str = RESULTS) -> None:
     """Write the lines into that place of the page, if there is one."""
     if page is not None:
         write_atomically(page, insert(page_with(page), lines, place).encode())
-
-
-def make_room_for_picture(file: Path, option: str) -> None:
-    """Make the folder of a PNG to come; UsageError where it is none, or where there is no place for it."""
-    if file.suffix.lower() != ".png" or file.is_dir():
-        raise UsageError(f"{option} must be a PNG file, such as results/picture.png, not {file}")
-    make_folder_of(file, option)

@@ -1,6 +1,6 @@
-"""The README's results: `python -m research readme RESULTS_JSON` writes scores and a figure.
+"""The README's results: `python -m research readme RESULTS_JSON` writes scores, effort and figures.
 
-With `--robots` it writes the table of other robots too. The figure is the one of `python -m research results`.
+With `--robots` it writes the table of other robots too. The figures are those of `python -m research results`.
 """
 
 import os
@@ -33,17 +33,29 @@ class Options:
 
 
 def main(options: Options) -> int:
-    """Write the README and its figure; the exit code. Raises UsageError."""
+    """Write the README and its figures; the exit code. Raises UsageError."""
     text, found = page_with(options.readme), evaluations.read(options.results)
-    where = Path(os.path.relpath(options.picture, options.readme.parent)).as_posix()
-    figure = f"![{evaluations.ALT}]({where})"
-    made_by = evaluations.made_by(found)
-    about = evaluations.legend(found)
-    text = insert(text, [*([about, ""] if about else []), evaluations.headline(found), "", figure, "", made_by])
-    if options.robots:
-        others = [evaluations.read(path) for path in options.robots]
-        commands = " ".join(map(evaluations.made_by, others))
-        text = insert(text, [*evaluations.robots_table(others), "", commands], ROBOTS)
-    evaluations.draw(found, options.picture)
+    others = {_picture_of(path, options): evaluations.read(path) for path in options.robots}
+    said, *table = evaluations.overview(found)
+    lines = ["<br>".join(filter(None, (evaluations.legend(found), said))), *table, ""]
+    lines += [evaluations.pictures(found, _seen(options.picture, options)), "", evaluations.made_by(found)]
+    text = insert(text, lines)
+    if others:
+        fronts = " ".join(evaluations.front_picture(one, _seen(path, options)) for path, one in others.items())
+        commands = " ".join(map(evaluations.made_by, others.values()))
+        lines = [*evaluations.robots_table(list(others.values())), ""]
+        text = insert(text, [*lines, *([fronts, ""] if fronts.strip() else []), commands], ROBOTS)
+    for picture, one in {**others, options.picture: found}.items():
+        evaluations.draw(one, picture)
     write_atomically(options.readme, text.encode())
     return 0
+
+
+def _picture_of(results: Path, options: Options) -> Path:
+    """Where the figure of another robot goes: next to the first, called as the folder of its results."""
+    return options.picture.with_name(f"{results.resolve().parent.name}.png")
+
+
+def _seen(picture: Path, options: Options) -> str:
+    """A picture's place, seen from the README."""
+    return Path(os.path.relpath(picture, options.readme.parent)).as_posix()

@@ -13,7 +13,6 @@ from typing import Annotated, Any
 
 import tyro
 
-from evaluate.analysis.score import Score
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import make_writable_folder, write_atomically
 from research.pages import evaluations
@@ -23,6 +22,7 @@ from research.pages.places import insert, page_with
 TABLES = {
     "": "each policy on each scenario",
     "_scores": "scores",
+    "_hardware_scores": "scores with the robot's hardware profile",
     "_breaking_points": "severities at which half of the episodes fail",
 }
 """Ending of each file's name -> what the file holds."""
@@ -53,7 +53,8 @@ def main(options: Options) -> int:
     make_writable_folder(options.out)
     for name, one in found.items():
         for ending, rows in tables(one).items():
-            write_atomically(options.out / f"{name}{ending}.csv", csv_text(rows))
+            if rows:
+                write_atomically(options.out / f"{name}{ending}.csv", csv_text(rows))
         evaluations.draw(one, options.out / f"{name}.png")
         for page, text in texts.items():
             if f"<!-- {name} -->" in text:
@@ -68,23 +69,27 @@ def tables(found: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
     """Rows of each CSV file, by the ending of its name."""
     return {
         "": [
-            {"scenario": scenario, "policy": policy, **flat(cell)}
+            {"scenario": scenario, "policy": policy, **flat(cell.get("effort", {})), **flat(cell)}
             for policy, of_policy in found["policies"].items()
             for scenario, cell in of_policy["scenarios"].items()
         ],
-        "_scores": [{**flat(each), "baseline": found["baseline"]} for each in found["scores"]],
+        **{
+            f"_{kind}": [{**flat(each), "baseline": found["baseline"]} for each in found.get(kind, ())]
+            for kind in ("scores", evaluations.HARDWARE_SCORES)
+        },
         "_breaking_points": [flat(each) for each in found["breaking_points"]],
     }
 
 
 def lines(name: str, found: dict[str, Any], folder: str) -> list[str]:
     """What a page shows of an evaluation; `folder` is that of the files, seen from the page."""
-    scores: list[Score] = evaluations.scores(found)
-    files = (f"[{words}]({folder}/{name}{ending}.csv)" for ending, words in TABLES.items())
+    scores, real = (evaluations.scores(found, kind) for kind in ("scores", evaluations.HARDWARE_SCORES))
+    of = tables(found)
+    files = (f"[{words}]({folder}/{name}{ending}.csv)" for ending, words in TABLES.items() if of[ending])
     return [
-        *evaluations.score_table(scores, found["baseline"]),
+        *evaluations.score_table(scores, found["baseline"], real=real),
         "",
-        f"![{evaluations.ALT}]({folder}/{name}.png)",
+        evaluations.pictures(found, f"{folder}/{name}.png"),
         "",
         f"All figures: {'; '.join(files)}.",
         "",

@@ -14,6 +14,7 @@ from evaluate.statistics.intervals import Bools, Floats
 CAP = 2.0
 TRACKING_SHAPE, TRACKING_SCALE = 6.0, 0.05
 EARLIEST_FALL = 0.1
+SHARED = 0.5
 
 
 @dataclass(frozen=True)
@@ -25,19 +26,22 @@ class Episodes:
     """m/s"""
 
 
-def episodes(
-    generator: np.random.Generator, fall_probabilities: tuple[float, ...], count: int, shared: float = 0.5
-) -> Episodes:
-    """Policies with those fall probabilities; `shared` is the part of an episode's luck that all of them share."""
-    from scipy.special import ndtr
-
+def episodes(generator: np.random.Generator, fall_probabilities: tuple[float, ...], count: int) -> Episodes:
+    """Policies with those fall probabilities; all of them share SHARED of an episode's luck and of its error."""
     shape = (len(fall_probabilities), count)
-    luck = np.sqrt(shared) * generator.normal(size=count) + np.sqrt(1.0 - shared) * generator.normal(size=shape)
-    fell = ndtr(luck) < np.array(fall_probabilities)[:, None]
-    common = generator.gamma(shared * TRACKING_SHAPE, TRACKING_SCALE, count) if shared else 0.0
-    tracking = common + generator.gamma((1.0 - shared) * TRACKING_SHAPE, TRACKING_SCALE, shape)
+    fell = _luck(generator, *shape) < np.array(fall_probabilities)[:, None]
+    common = generator.gamma(SHARED * TRACKING_SHAPE, TRACKING_SCALE, count)
+    tracking = common + generator.gamma((1.0 - SHARED) * TRACKING_SHAPE, TRACKING_SCALE, shape)
     upright = np.where(fell, generator.uniform(EARLIEST_FALL, 1.0, shape), 1.0)
     return Episodes(fell, upright * tracking + (1.0 - upright) * CAP)
+
+
+def _luck(generator: np.random.Generator, rows: int, count: int) -> Floats:
+    """Uniform on 0 … 1, (rows, count), of which the rows of a column share a part."""
+    from scipy.special import ndtr
+
+    common, own = generator.normal(size=count), generator.normal(size=(rows, count))
+    return np.asarray(ndtr(np.sqrt(SHARED) * common + np.sqrt(1.0 - SHARED) * own))
 
 
 def mean_error(fall_probability: float) -> float:
@@ -84,10 +88,7 @@ class Axis:
             curves = [k.share * expit(self.harder * k.steepness * np.log(severities / k.median)) for k in self.kinds]
         return np.asarray(np.sum(curves, axis=0))
 
-    def falls(self, generator: np.random.Generator, count: int, shared: float = 0.5) -> Bools:
+    def falls(self, generator: np.random.Generator, count: int) -> Bools:
         """Falls (levels, n) of episodes whose luck at the levels has a part in common."""
-        from scipy.special import ndtr
-
-        shape = (len(self.severities), count)
-        luck = np.sqrt(shared) * generator.normal(size=count) + np.sqrt(1.0 - shared) * generator.normal(size=shape)
-        return np.asarray(ndtr(luck) < self.probability(np.array(self.severities))[:, None])
+        luck = _luck(generator, len(self.severities), count)
+        return np.asarray(luck < self.probability(np.array(self.severities))[:, None])

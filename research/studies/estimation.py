@@ -8,37 +8,33 @@ NEES is the normalised estimation error squared eᵀ P⁻¹ e of tilt (two entri
 estimator's covariance: 5 on average if the covariance is right. 95 % of the means over n runs lie in the band of
 χ² with 5 n degrees of freedom (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
 Navigation, 2001).
-
-A second table compares the success of policies on the truth and on estimates: `policies_on_estimates`.
 """
 
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-import policies
-from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import Hardware, check
 from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
-from policies.base import Floats, PolicyError
+from policies.base import Floats
 from policies.legs.level_frame import level_frame
 from quad_env import SCENARIOS, SENSORS
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.format import ABSENT
 from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.channel import steps_late
 from quad_env.sensing.error_state import TILT, VELOCITY
 from quad_env.sensing.estimators import ESTIMATORS
+from quad_env.sensing.kalman import KalmanFilter
 from research.pages.places import RESULTS, page_with, put
-from research.studies import policies_on_estimates
-from research.studies.ground import elsewhere
 
 SETTLING = 100
 """Control steps from the start that do not count."""
@@ -53,14 +49,8 @@ _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "thr
 class Options:
     """Measure the estimators."""
 
-    tables: tuple[Literal["errors", "success"], ...] = ("errors", "success")
-    """Tables to make: errors of the estimators, success of policies on estimates."""
     policy: str = "trot"
-    """Policy for the errors: a name or a folder, as for python -m evaluate."""
-    policies: tuple[str, ...] = ("trot_feedback", "residual", "mpc_wbc")
-    """Policies whose success is measured: names or folders."""
-    scenarios: tuple[str, ...] = ("flat", "push", "rough")
-    """Scenarios, as for python -m evaluate."""
+    """Policy that walks: a name or a folder, as for python -m evaluate."""
     sensors: str = "typical"
     """Sensors, one of quad_env.SENSORS: ideal or typical."""
     episodes: int = 32
@@ -74,8 +64,7 @@ class Options:
     threads: int = 1
     """Threads of the simulation."""
     page: Path | None = None
-    """File with the lines <!-- results --> and <!-- /results -->, and the same of success, between which the tables go,
-    such as docs/estimation.md."""
+    """File with the lines <!-- results --> and <!-- /results -->, between which the table goes."""
 
 
 class Errors(NamedTuple):
@@ -92,47 +81,20 @@ class Errors(NamedTuple):
 
 
 def main(options: Options) -> int:
-    """Measure, print, and write the tables; the exit code. Raises UsageError."""
+    """Measure, print, and write the table; the exit code. Raises UsageError."""
     check_numbers(options, _LIMITS)
     try:
         check(Hardware(sensors=options.sensors, estimator=ESTIMATORS[-1]))
     except ValueError as error:
         raise UsageError(f"--sensors: {error}") from error
-    makers = {"errors": (RESULTS, table), "success": ("success", _success)}
-    chosen = [makers[name] for name in options.tables]
-    if "success" in options.tables:
-        _check_success(options)
     if options.page is not None:
-        page_with(options.page, *(place for place, _ in chosen))
-    for place, lines_of in chosen:
-        lines = []
-        for line in lines_of(options):  # shown as they come: a row takes minutes
-            print(line, flush=True)
-            lines.append(line)
-        put(options.page, lines, place)
+        page_with(options.page, RESULTS)
+    lines = []
+    for line in table(options):  # shown as they come: a row takes minutes
+        print(line, flush=True)
+        lines.append(line)
+    put(options.page, lines)
     return 0
-
-
-def _check_success(options: Options) -> None:
-    """Raise UsageError, before anything is simulated, for unknown policies or scenarios of the second table."""
-    try:
-        battery.resolve(options.scenarios)
-    except ValueError as error:
-        raise UsageError(f"--scenarios: {error}") from error
-    try:
-        for name in options.policies:
-            policies.resolve(name)
-    except PolicyError as error:
-        raise UsageError(f"--policies: {error}") from error
-
-
-def _success(options: Options) -> Iterator[str]:
-    """Lines of the second table."""
-    scenarios = [elsewhere(scenario, options.ground) for scenario in battery.resolve(options.scenarios)]
-    seeds = episode_seeds(options.seeds, options.seed, options.episodes)
-    yield from policies_on_estimates.table(options.policies, scenarios, seeds, options.sensors, options.threads)
-    yield ""
-    yield f"Sensors `{options.sensors}`, {options.episodes} episodes of each cell, {options.seeds} seeds."
 
 
 def table(options: Options) -> Iterator[str]:
@@ -155,7 +117,9 @@ def table(options: Options) -> Iterator[str]:
 
 def walks(ground: int) -> dict[str, Scenario]:
     """Scenarios by name; the rough ground is the field of that number."""
-    flat, rough = (_forward(elsewhere(SCENARIOS[name], ground)) for name in ("flat", "rough"))
+    flat, rough = (_forward(SCENARIOS[name]) for name in ("flat", "rough"))
+    assert isinstance(rough.terrain, SmoothRandom)
+    rough = replace(rough, terrain=replace(rough.terrain, seed=ground))
     straight = replace(flat, commands=replace(flat.commands, yaw_rate=(0.0, 0.0)))
     return {"flat": flat, "rough, 0.12 m": rough, "flat, straight on": straight}
 
@@ -219,12 +183,13 @@ class _Watch:
         self._truths.append((gravity, velocity))
         if step.number <= SETTLING:
             return
-        then, (true_gravity, true_velocity) = estimator.then, self._truths[0]
+        then: Any = estimator.motion if isinstance(estimator, KalmanFilter) else estimator
+        true_gravity, true_velocity = self._truths[0]
         turned, moved = np.cross(then.gravity, true_gravity), true_velocity - then.velocity
         tilt = roll_pitch(true_gravity) - roll_pitch(then.gravity)
         nees = np.full(count, np.nan)
-        if (covariance := estimator.covariance) is not None:
-            nees = normalised(then.gravity, turned, moved, covariance)
+        if isinstance(estimator, KalmanFilter):
+            nees = normalised(then.gravity, turned, moved, estimator.covariance)
         self._rows.append((tilt, moved, velocity - estimator.velocity, nees))
 
     def errors(self, fall_step: NDArray[np.int64]) -> Errors:

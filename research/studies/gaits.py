@@ -42,8 +42,6 @@ class Options:
     """Robots a gait, and a change of gait (count)."""
     seconds: float = 10.0
     """Length of an episode without a change, s."""
-    changes: bool = True
-    """Whether to measure the changes of gait."""
     seed: int = 0
     """Which set of episodes (whole number from 0)."""
     threads: int = 2
@@ -128,6 +126,6 @@ def main(options: Options) -> int:
     check_numbers(options, LIMITS)
     console = Console(highlight=False, width=100)
     console.print(_steady_table(options))
-    if options.changes and len(options.gaits) > 1:
+    if len(options.gaits) > 1:
         console.print(_change_table(options))
     return 0

@@ -14,7 +14,7 @@ from policies.base import Floats
 from policies.behaviour import Behaviour
 from quad_env.cli.command_line import check_numbers
 from quad_env.seeding import episode_seeds
-from research.studies.standing import standing
+from research.studies.recovery import standing
 
 SETTLING, WATCHED = 0.8, 3.5
 """s before the jump is asked for, and of the whole episode."""

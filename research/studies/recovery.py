@@ -1,13 +1,13 @@
 """Getting up, measured: `python -m research recovery` drops robots in random poses and counts those that then stand.
 
 A start is any orientation, any joint angles within the limits, and random velocities, the lowest point on flat ground
-(`quad_env.AnyPose`). The time to stand is the start of the last stretch in which the robot meets the rule of
-`research.studies.standing` until the end.
+(`quad_env.AnyPose`). The time to stand is the start of the last stretch in which the robot stands, by `standing`, until
+the end.
 """
 
 import itertools
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,15 @@ from policies.behaviour import Behaviour, State
 from quad_env import OBSERVATION, SCENARIOS, AnyPose
 from quad_env.cli.command_line import check_numbers
 from quad_env.seeding import episode_seeds
-from research.studies.standing import standing
 
 TILTS = (0, 45, 90, 135, 180)
 """Edges of the classes of starts, degrees."""
+STANDING_TILT = np.deg2rad(10.0)
+"""Largest tilt of a robot that stands."""
+STANDING_HEIGHT = 0.45
+"""Least height of the trunk's centre above the terrain, m."""
+STANDING_SPEED = 0.3
+"""Speed of the trunk along, m/s, and about, rad/s, each of its axes."""
 LYING = replace(SCENARIOS["flat"], name="lying", start=AnyPose())
 TIME_ALLOWED, WATCHED = 5.0, 6.0
 """s for getting up, and of the whole episode: a robot that falls over again after standing up does not count."""
@@ -79,6 +84,19 @@ def recover(seeds: NDArray[np.int64]) -> Outcome:
     policy, still = Behaviour(start=State.RECOVER, follow=False), np.zeros(3)
     roll_out(policy, LYING, seeds, watch, steps=steps, command=still, terminate_on_fall=False)
     return Outcome(tilt, since, peak, int(diverged.sum()))
+
+
+def standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray[np.bool_]:
+    """Which robots stand, (n,), after a jump as after getting up: upright, high and still.
+
+    One that has diverged is parked in its home pose and does not.
+
+    `observation`, (n, k), is the true one; `infos` hold the environment's readings.
+    """
+    upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2] > np.cos(STANDING_TILT)
+    motion = np.abs(observation[:, OBSERVATION["angular_velocity"].start : OBSERVATION["linear_velocity"].stop])
+    still = motion.max(axis=1) < STANDING_SPEED
+    return np.asarray(upright & still & (infos["height"] > STANDING_HEIGHT) & ~infos["diverged"])
 
 
 def report(outcome: Outcome) -> str:

@@ -20,16 +20,15 @@ from policies.base import Floats
 from policies.parameters import limits_of, number
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.launcher import raise_on_interrupt
-from quad_env.files.reading import read_bytes
+from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
 from research.pages.csv_text import csv_text
 from research.pages.evaluations import png
-from research.training.trials import last_metrics
 from train.commands.run import parse
 from train.config import DEFAULTS, TrainConfig
 from train.config_file import differences, load_config
 from train.option_types import Count
-from train.run_folder import VALIDATIONS_FILE, has_checkpoint, steps_done
+from train.run_folder import METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, steps_done
 
 DEFAULT = "default"
 VARIANTS: Mapping[str, str] = {
@@ -50,6 +49,8 @@ VARIANTS: Mapping[str, str] = {
     "no curriculum": "--curriculum 1",
 }
 """Name of each variant -> the options in which it differs from the default command."""
+VALIDATED_ON = DEFAULTS["residual"].complete_validation.scenarios
+"""Scenarios of the validation of all variants: those that the default trains on."""
 
 
 @dataclass(frozen=True)
@@ -93,16 +94,11 @@ def main(options: Options) -> int:
     return 0
 
 
-def validation_scenarios() -> tuple[str, ...]:
-    """Scenarios of the validation: those that the default trains on, for all variants."""
-    return DEFAULTS["residual"].complete_validation.scenarios
-
-
 def config(options: Options, name: str, seed: int) -> TrainConfig:
     """Settings of one run."""
     words = f"{VARIANTS[name]} --steps {options.steps} --seed {seed} --threads {options.threads}".split()
     words += ["--validation.interval", "0", "--validation.episodes", str(options.episodes)]
-    words += ["--validation.scenarios", *validation_scenarios()]
+    words += ["--validation.scenarios", *VALIDATED_ON]
     folder = "".join(letter if letter.isalnum() else "-" for letter in name)
     return replace(parse(words), out=options.out / folder / f"seed-{seed}")
 
@@ -121,10 +117,11 @@ def finish(run: TrainConfig) -> None:
 def found(run: TrainConfig) -> dict[str, float]:
     """Results of a finished run: success, mean over the scenarios, %; velocity error on flat ground, m/s; minutes."""
     last = json.loads(read_bytes(run.folder / VALIDATIONS_FILE))["validations"][-1]
+    metrics = json.loads(read_bytes(run.folder / METRICS_FILE, LARGEST).splitlines()[-1])
     return {
         "success": 100.0 * last["success"],
         "flat_velocity_error": last["scenarios"]["flat"]["velocity_error"],
-        "minutes": last_metrics(run.folder)["time/seconds"] / 60.0,
+        "minutes": metrics["time/seconds"] / 60.0,
     }
 
 

@@ -10,10 +10,11 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
 from evaluate.rollouts import hardware
 from policies.base import CONTROL_PERIOD
+from policies.network import ACTIVATION
 from quad_env.cli.format import number, p_value, percent, points, share
 from research.pages import markdown
 from research.pages.evaluations import score_table
-from train.config import ACTIVATION, TrainConfig
+from train.config import TrainConfig
 from train.run_record import command
 
 BOTH = (FALL_RATE, "velocity_error", "yaw_rate_error")

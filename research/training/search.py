@@ -31,7 +31,7 @@ from train.scenarios import Purpose, practice
 from train.search.command import search
 from train.search.files import as_json, changes, method, results
 from train.search.panel import Panel
-from train.search.subject import SHORTEST, Effort, Ranges, Seeds, Subject, generations, unit_cube
+from train.search.subject import SHORTEST, Effort, Ranges, Seeds, Subject
 from train.setting_ranges import check_scenarios
 
 EXERCISES = (
@@ -135,8 +135,7 @@ def subject(options: Options) -> Subject[Parameters]:
         lines += [words, "", *changes(in_force, after, searched.ranges), "", *results(walks)]
         return as_json(after if better else in_force), "\n".join(lines) + "\n"
 
-    space = unit_cube(start, searched.ranges, costs, generations(options), digits=4, apart=True)
-    return Subject(start, file.path, conclude, space, searched.account)
+    return Subject(start, searched.ranges, costs, conclude, file.path, searched.account, digits=4, apart=True)
 
 
 def episode_costs(measures: Measures) -> Floats:

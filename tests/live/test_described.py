@@ -28,7 +28,7 @@ def found(policy: PolicyDescription) -> dict[str, Finding]:
     """Of the checks of a description."""
     file = policy.network.with_suffix(".toml")
     write_toml(policy, file)
-    return {name: finding for name, finding, _ in examine(OF_DESCRIPTION, Subject(policy=str(file)))}
+    return dict(examine(OF_DESCRIPTION, Subject(policy=str(file))))
 
 
 def test_what_was_understood_is_shown(policy: PolicyDescription) -> None:

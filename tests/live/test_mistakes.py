@@ -19,6 +19,7 @@ from quad_env.__main__ import main
         ("film mine.mcap/film.gif", "cannot write to the folder mine.mcap"),
         ("film film.gif --seconds 9000", "write an .mp4, or film less"),
         ("record mine.mcap", "exists already"),
+        ("record walk", "an MCAP file, such as walk.mcap"),
         ("record walk.mcap --policy trott", "trott"),
         ("record walk.mcap --scenario push:all", "name one of them"),
         ("record walk.mcap --seconds nan", "--seconds must be"),

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,12 @@ from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import PURPOSES, episode_seeds
 from tests.batches import Batch, begun
 from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
-from train import validation
+from train import training_robots, validation
 from train.config import PUSHES, PpoConfig, TrainConfig, ValidationConfig
 from train.run import make_env
-from train.search import subject as searches
 from train.search import trot
 from train.search.command import evolve
-from train.search.subject import Effort, unit_cube
+from train.search.subject import Effort, Subject
 
 JUDGED = ValidationConfig(episodes=1, scenarios=("flat", "push", "rough"))
 SMALL = TrainConfig(
@@ -74,8 +74,8 @@ def check_searches_are_on_their_own_episodes_and_ground() -> None:
 
     effort = Effort(generations=2, candidates=4, episodes=3, steps=BRIEF, spread=0.1)
     ranges = {"frequency": (2.0, 4.0), "duty": (0.4, 0.6)}
-    space = unit_cube(trot.TrotParameters(), ranges, costs, searches.generations(effort))
-    list(evolve(effort, space))
+    unused: dict[str, Any] = {"conclude": lambda _: ("", ""), "file": Path("unused.json"), "account": "unused.md"}
+    list(evolve(effort, Subject(trot.TrotParameters(), ranges, costs, **unused)))
     assert {PURPOSES[seed >> 48] for seed in seen} == {"search"}
     assert len(set(seen)) == 6, "every generation has new episodes"
 
@@ -92,6 +92,24 @@ def check_training_robots_have_their_own_episodes_ground_and_pushes() -> None:
     assert by_axis["push"].env.scenario.pushes == replace(SCENARIOS["push"].pushes, count=PUSHES)  # type: ignore[type-var]
     seeds = [seed for start in by_axis.values() for seed in start.seeds]
     assert len(set(seeds)) == 6
+
+
+def check_validation_and_training_have_the_hardware_profile() -> None:
+    mixture = (("flat+hardware", 0.5), ("push+hardware", 0.5))
+    config = replace(SMALL, curriculum=0.4, mixture=mixture, validation=ValidationConfig(episodes=1))
+    with begun() as starts, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(validation, "run", partial(validation.run, steps=BRIEF))
+        validation.validate(policies.make("stand"), config.complete_validation, 1, config.hardware)
+        env = make_env(config)
+        env.reset()
+        env.close()
+    assert [start.purpose for start in starts] == ["validation", "validation", "training", "training"]
+    assert [(start.sensed, start.warms) for start in starts] == [(True, True)] * 4
+    assert starts[3].env.scenario.severity < starts[1].env.scenario.severity, "eased"
+
+
+def without_profile(original: Any) -> Any:
+    return lambda *args, **kwargs: replace(original(*args, **kwargs), hardware=False)
 
 
 def seeds_of_evaluation(module: str) -> Plant:
@@ -118,6 +136,14 @@ FAULTS: Faults = {
     "validation on evaluation ground": (
         ground_of_evaluation("train.validation"),
         check_validation_is_on_its_own_episodes_and_ground,
+    ),
+    "profile not passed to validation": (
+        lambda patch: patch.setattr(validation, "practice", without_profile(validation.practice)),
+        check_validation_and_training_have_the_hardware_profile,
+    ),
+    "profile lost where a scenario is eased": (
+        lambda patch: patch.setattr(training_robots, "eased", without_profile(training_robots.eased)),
+        check_validation_and_training_have_the_hardware_profile,
     ),
     "searches on evaluation seeds": (
         seeds_of_evaluation("train.search.subject"),

@@ -25,10 +25,10 @@ from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
 
 
-def network(*sizes, activation="tanh"):
+def network(*sizes):
     rng = np.random.default_rng(7)
     weights = [rng.normal(0.0, 0.3, shape).astype(np.float32) for shape in itertools.pairwise(sizes)]
-    return Network(tuple(weights), tuple(rng.normal(size=s).astype(np.float32) for s in sizes[1:]), activation)
+    return Network(tuple(weights), tuple(rng.normal(size=s).astype(np.float32) for s in sizes[1:]))
 
 
 @pytest.fixture
@@ -66,11 +66,10 @@ def trajectory(policy, steps=20):
     return b"".join(policy.act(each).tobytes() for each in seen)
 
 
-@pytest.mark.parametrize("activation", ["tanh", "elu"])
-def test_a_loaded_policy_acts_bit_for_bit_as_the_saved_one(tmp_path, activation):
+def test_a_loaded_policy_acts_bit_for_bit_as_the_saved_one(tmp_path):
     inputs = Inputs(lags=(0.04, 0.08), averages=(0.5,), clock=2.0)
     base = policies.make("trot")
-    corrections = network(Features(base, inputs).width, 16, 12, activation=activation)
+    corrections = network(Features(base, inputs).width, 16, 12)
     policy = ResidualPolicy(base, corrections, inputs=inputs, hold=2)
     save(tmp_path, policy, {}, "unknown")
     found = load(tmp_path)
@@ -100,12 +99,8 @@ def test_what_is_more_than_a_name_and_numbers_is_no_base(tmp_path, name):
         save(tmp_path, policy, training={}, git_revision="")
 
 
-def test_a_base_with_other_parameters_than_were_trained_on_is_refused_unless_it_has_no_digest(folder):
-    """Bundles of before had none."""
+def test_a_base_with_other_parameters_than_were_trained_on_is_refused(folder):
     base = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))["base"]
-    expected = trajectory(load(folder))
-    rewrite(folder, base={name: base[name] for name in ("name", "parameters")})
-    assert trajectory(load(folder)) == expected
     base["parameters"]["duty"] += 0.01
     assert "trained on (SHA-256 differs)" in damaged(folder, lambda f: rewrite(f, base=base))
 
@@ -115,7 +110,7 @@ def test_everything_but_the_weights_is_readable_in_the_description(folder):
     assert description["env_id"] == "SimpleQuad-v0"
     assert description["observation"]["command"] == [45, 48]
     assert len(description["observation_scale"]) == OBSERVATION_SIZE
-    assert description["network"] == {"sizes": [62, 16, 12], "activation": "tanh"}
+    assert description["network"] == {"sizes": [62, 16, 12], "activation": "elu"}
     assert description["base"]["name"] == "trot"
     assert description["base"]["parameters"]["body_height"] == 0.41
     assert description["training"] == {"steps": 5, "seed": 0}
@@ -196,13 +191,16 @@ def test_tensors_other_than_described_are_refused(folder, change):
         ({"env_id": "Ant-v5"}, "Ant-v5"),
         ({"observation": {"command": [0, 3]}}, "layout"),
         ({"observation_scale": [1.0] * OBSERVATION_SIZE}, "scales"),
-        ({"network": {"sizes": [61, 12], "activation": "tanh"}}, "62 inputs"),
-        ({"network": {"sizes": [62, 10**9, 12], "activation": "tanh"}}, "sizes"),
-        ({"network": {"sizes": [62, 16, 12], "activation": "__import__"}}, "elu, tanh"),
-        ({"network": {"sizes": [62, 32, 12], "activation": "tanh"}}, "tensors"),
-        ({"base": {"name": "gallop", "parameters": {}}}, "gallop"),
-        ({"base": {"name": "stand", "parameters": {"height": 0.4}}}, "Stand has no parameters"),
-        ({"base": {"name": "walk", "parameters": {"walk": {}}}}, "those of bound, pace, pronk, trot, walk, stand"),
+        ({"network": {"sizes": [61, 12], "activation": "elu"}}, "62 inputs"),
+        ({"network": {"sizes": [62, 10**9, 12], "activation": "elu"}}, "sizes"),
+        ({"network": {"sizes": [62, 16, 12], "activation": "__import__"}}, "must be elu"),
+        ({"network": {"sizes": [62, 32, 12], "activation": "elu"}}, "tensors"),
+        ({"base": {"name": "gallop", "parameters": {}, "sha256": ""}}, "gallop"),
+        ({"base": {"name": "stand", "parameters": {"height": 0.4}, "sha256": ""}}, "Stand has no parameters"),
+        (
+            {"base": {"name": "walk", "parameters": {"walk": {}}, "sha256": ""}},
+            "those of bound, pace, pronk",
+        ),
         ({"base": {"name": "stand", "parameters": {}, "module": "policies.stand"}}, "name and parameters"),
         ({"authority": [0.3] * 11}, "authority"),
         ({"authority": [10**400] * 12}, "authority"),

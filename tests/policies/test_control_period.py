@@ -73,7 +73,7 @@ def test_a_policy_asks_for_the_same_at_the_same_time_whatever_its_control_period
 CHANGES = {
     "gait": (partial(policies.make, "gaits"), methodcaller("request", "bound"), WALKING, 1.2, 1.2),
     "jump": (partial(Behaviour, follow=False), methodcaller("request", "jump"), AT_REST, 0.2, 0.4),
-    "recover": (partial(Behaviour, State.PASSIVE, False), methodcaller("request", "stand"), ON_ITS_BACK, 0.2, 0.4),
+    "recover": (partial(Behaviour, State.RECOVER, False), methodcaller("reset"), ON_ITS_BACK, 0.2, 0.4),
     "stop": (partial(policies.make, "safe:trot"), methodcaller("emergency_stop"), AT_REST, 0.2, 0.8),
 }
 """What is made, what is requested of it, what it reads, and seconds before and after the request."""

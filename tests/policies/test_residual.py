@@ -39,28 +39,6 @@ class _AtPhases(policies.Trot):
     phase = np.array([0.0, np.pi / 2])
 
 
-def test_zero_shift_of_footholds_is_the_base_bit_for_bit():
-    width = Features(mpc := policies.make("mpc"), shift_authority=(shift := np.full(2, 0.1, np.float32))).width
-    network = Network((np.zeros((width, 14), np.float32),), (np.zeros(14, np.float32),))
-    residual = ResidualPolicy(policies.make("mpc"), network, shift_authority=shift)
-    residual.reset(2), mpc.reset(2)
-    for step in range(8):
-        observation = np.random.default_rng(step).normal(size=(2, OBSERVATION_SIZE)).astype(np.float32)
-        assert residual.act(observation).tobytes() == mpc.act(observation).tobytes()
-
-
-def test_the_footholds_of_the_base_are_shifted_by_shares_of_the_authority_from_the_next_action_on():
-    shift, bias = np.array([0.1, 0.05], np.float32), np.zeros(14, np.float32)
-    bias[12:] = 0.5, -2.0
-    base = policies.make("mpc")
-    width = Features(base, shift_authority=shift).width
-    residual = ResidualPolicy(base, Network((np.zeros((width, 14), np.float32),), (bias,)), shift_authority=shift)
-    residual.reset(2)
-    for expected in (0.0, [0.05, -0.05]):
-        residual.act(np.zeros((2, OBSERVATION_SIZE), np.float32))
-        np.testing.assert_allclose(base.foothold_shift, np.broadcast_to(expected, (2, 2)), atol=1e-7)
-
-
 def test_features_by_hand_over_a_gaited_base():
     observation = np.ones((2, OBSERVATION_SIZE), np.float32)
     base_action = np.tile(SIMPLE_QUAD.home_pose, (2, 1)).astype(np.float32) + np.float32(0.25)

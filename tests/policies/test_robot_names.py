@@ -10,7 +10,6 @@ import pytest
 import policies
 import quad_env
 from policies.article import Document
-from policies.behaviour.machine import BehaviourMachine
 from policies.gaits.policy import Gaits
 from policies.mpc.policy import Mpc, MpcWbc
 from policies.mpc.sighted import SightedMpcWbc
@@ -23,7 +22,7 @@ MAKERS: dict[str, Callable[..., object]] = {
     kind.__name__: kind
     for kind in (
         *(policies.Trot, policies.Stand, policies.Behaviour, Document, TrotIntegral, TrotFeedback, Gaits),
-        *(Mpc, MpcWbc, SightedMpcWbc, BehaviourMachine, quad_env.HomePoseSpace, SafetyLimits.of),
+        *(Mpc, MpcWbc, SightedMpcWbc, quad_env.HomePoseSpace, SafetyLimits.of),
     )
 } | {
     "make": partial(policies.make, "trot"),

@@ -13,7 +13,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
 from research.studies import jump, recovery, safety
-from research.studies.standing import standing
+from research.studies.recovery import standing
 
 
 def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch) -> None:
@@ -21,7 +21,6 @@ def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch)
     outcome = jump.jumped(policy, episode_seeds("search", 9, 4))
     assert outcome.rise.min() >= 0.15
     assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque
-    assert {change.reason for change in policy.machine.changes()} == {"jump requested", "landed"}
     assert "landed standing: 4 of 4" in jump.report(outcome)
     crouch, *_, stand = keyframes_of(SIMPLE_QUAD)
     monkeypatch.setattr("policies.behaviour.motion.keyframes_of", lambda _: (crouch, stand))

@@ -1,9 +1,6 @@
 """Each study runs the episodes that its options name, on seeds of the family that it is meant for; mistakes are one
 line."""
 
-from pathlib import Path
-
-import matplotlib.image
 import pytest
 
 from quad_env.seeding import episode_seeds
@@ -21,28 +18,24 @@ def drawn(seed: int, count: int, purpose: str = "evaluation") -> tuple[int, ...]
 
 RUNS = {
     "gaits --gaits walk stand --robots 2 --seconds 4 --threads 1": ({drawn(5, 2), drawn(6, 2)}, "from \\ to"),
-    "gait-diagram --gait pace --then stand --start 1 --out FOLDER/new/gait.png": ({drawn(5, 1)}, "gait.png"),
     "recovery --robots 2 --seeds search": ({drawn(5, 2, "search")}, "standing within 5 s"),
     "jump --robots 2": ({drawn(5, 2)}, "landed standing"),
     "safety --episodes 2 --hours 0.0015 --seeds validation": (
         {drawn(5000 + level, 2, "validation") for level in range(8)} | {drawn(5500, 4, "validation")},
         "false alarms",
     ),
-    "ground --policies stand --scenarios rough:2 --episodes 2 --threads 1": ({drawn(5, 2)}, "1 of 1"),
 }
 
 
 @pytest.mark.parametrize("words", RUNS, ids=lambda words: words.split()[0])
-def test_a_study_runs_the_episodes_of_its_options(words: str, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_study_runs_the_episodes_of_its_options(words: str, monkeypatch, capsys) -> None:
     for place in ("evaluate.rollouts.rollout", safety.__name__):
         monkeypatch.setattr(f"{place}.STEPS", BRIEF)
     seeds, said = RUNS[words]
     with begun() as batches:
-        assert main([*words.replace("FOLDER", str(tmp_path)).split(), "--seed", "5"]) == 0
+        assert main([*words.split(), "--seed", "5"]) == 0
     assert {batch.seeds for batch in batches} == seeds
     assert said in capsys.readouterr().out
-    if (picture := tmp_path / "new" / "gait.png").parent.exists():
-        assert matplotlib.image.imread(picture)[..., :3].std() > 0.1
 
 
 @pytest.mark.parametrize(
@@ -53,19 +46,11 @@ def test_a_study_runs_the_episodes_of_its_options(words: str, tmp_path: Path, mo
         ("calibration --episodes", "--episodes and --fall-probabilities must each have at least one value"),
         ("calibration --only nothing --episodes 8", "--only: no row is named like nothing"),
         ("gaits --gaits gallop", "--gaits: name each once; there are"),
-        ("gait-diagram --then gallop", "unknown gait 'gallop'; there are"),
-        ("gait-diagram --length 1000", "--start must be at least 0 s, --length at least 0.05 s"),
-        ("gait-diagram --out gait.pdf", "--out must be a PNG file"),
-        ("ground --scenarios flat", "--scenarios: the ground of flat is not random"),
-        ("ground --other 0", "--other: 0 is the ground of rough itself"),
         ("estimation --sensors truth", "--sensors: the estimator kalman has no sensors"),
         ("estimation --page nowhere.md", "cannot read the page nowhere.md"),
         ("pictures --frames 1000000000", "the last frame must lie within the episode's 10 s"),
         ("pictures --out strip.nonsense", "--out must be a .png, or a .webp or .gif"),
         ("publish no-such-run", "no run in no-such-run"),
-        ("trials .", "no run in ."),
-        ("sweep --ranges ppo.gamma 0.9 2", "--ppo.gamma must be from 0 to 1"),
-        ("sweep --ranges x 0 1", "x is no number among the settings"),
         ("ablations --variants brainless", "--variants: unknown 'brainless'; valid:"),
     ],
 )

@@ -7,10 +7,9 @@ import pytest
 
 from evaluate.rollouts import rollout
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.named import SCENARIOS
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.error_state import VELOCITY, size
-from research.studies import estimation, policies_on_estimates
+from research.studies import estimation
 from tests.batches import begun
 
 DOWN = np.array([[0.0, 0.0, -1.0]])
@@ -22,49 +21,17 @@ def brief(monkeypatch) -> None:
     monkeypatch.setattr(estimation, "STEPS", 130)
 
 
-def test_each_table_goes_to_its_own_place(brief, tmp_path: Path, capsys) -> None:
+def test_the_table_goes_to_its_place(brief, tmp_path: Path, capsys) -> None:
     page = tmp_path / "page.md"
-    page.write_text(
-        "a\n<!-- results -->\nold\n<!-- /results -->\nb\n<!-- success -->\nold\n<!-- /success -->\nc\n",
-        encoding="utf-8",
-    )
-    chosen = {"policies": ("stand",), "scenarios": ("flat",), "episodes": 2, "seed": 5, "page": page}
+    page.write_text("a\n<!-- results -->\nold\n<!-- /results -->\nb\n", encoding="utf-8")
     with begun() as batches:
-        assert estimation.main(estimation.Options(**chosen)) == 0
+        assert estimation.main(estimation.Options(policy="stand", episodes=2, seed=5, page=page)) == 0
     assert {batch.seeds for batch in batches} == {tuple(episode_seeds("validation", 5, 2).tolist())}
     assert {getattr(batch.env.scenario.terrain, "seed", 1) for batch in batches} == {1}
     text, printed = page.read_text(encoding="utf-8"), capsys.readouterr().out
     assert "old" not in text
-    assert text.index("| walk |") < text.index("<!-- /results -->") < text.index("| scenario |")
+    assert text.index("| walk |") < text.index("<!-- /results -->")
     assert all(line in printed for line in text.splitlines() if line.startswith("|"))
-    kept = text[: text.index("<!-- success -->")]
-    assert estimation.main(estimation.Options(**chosen, tables=("success",))) == 0
-    assert page.read_text(encoding="utf-8").startswith(kept)
-    assert "| walk |" not in capsys.readouterr().out
-
-
-def test_successes_are_of_the_same_episodes_with_other_eyes(brief) -> None:
-    seeds = episode_seeds("search", 0, 2)
-    with begun() as batches:
-        found = policies_on_estimates.successes("stand", SCENARIOS["flat"], seeds, "typical", 1)
-    assert {each.seeds for each in batches} == {tuple(seeds.tolist())}
-    assert [each.sensed for each in batches] == [False, True, True]
-    estimators = [type(each.env.estimator).__name__ for each in batches[1:]]
-    assert estimators == ["ComplementaryFilter", "KalmanFilter"]
-    assert len(found.truth) == 2
-    assert list(found.estimates) == ["complementary", "kalman"]
-
-
-def test_a_loss_is_below_nothing(monkeypatch) -> None:
-    """Of 40 episodes 30 succeed on the truth, 20 of these on one estimate and 30 on the other."""
-    truth, worse = np.arange(40) < 30, np.arange(40) < 20
-    made = policies_on_estimates.Successes(1.0 * truth, {"complementary": 1.0 * worse, "kalman": 1.0 * truth})
-    monkeypatch.setattr(policies_on_estimates, "successes", lambda *_: made)
-    *_, row = policies_on_estimates.table(["trot"], [SCENARIOS["flat"]], np.arange(40), "typical", 1)
-    _, name, policy, on_truth, _, less, _, same, _ = (cell.strip() for cell in row.split("|"))
-    assert (name, policy, on_truth[:4]) == ("flat", "`trot`", "75\u00a0%")
-    assert less.startswith("−25 [−40,")
-    assert same.startswith(("0 [", "+0 ["))
 
 
 def test_nees_of_an_error_of_one_deviation_is_one() -> None:

@@ -65,7 +65,8 @@ def test_a_list_of_our_controllers_becomes_a_page_and_its_data(board) -> None:
     text = (board / "docs/leaderboard_quads.md").read_text(encoding="utf-8")
     first, flat, rough = text.split("\n## ")[1:]
     assert first.startswith(
-        "Success\n\n| policy | servo: N·m/rad; N·m·s/rad | flat | rough | mean | cost of transport, flat |"
+        "Success\n\n| policy | servo: N·m/rad; N·m·s/rad | flat | rough | mean | cost of transport, flat "
+        "| step rate, 1/s, flat | flight, %, flat |"
     )
     rows = [line.split(" | ") for line in first.splitlines() if line.startswith(("| trot", "| stand"))]
     assert [(row[0], row[1]) for row in rows] == [("| trot", "300; 10"), ("| stand", "300; 10")], "the best first"

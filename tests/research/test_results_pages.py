@@ -69,13 +69,39 @@ def page(folder, found=FOUND) -> str:
 def test_the_readme_has_policies_scores_and_figure(folder) -> None:
     text = readme(folder)
     lines = text.splitlines()
-    assert lines[2] == f"`trot`: {summary('trot')}.<br>`stand`: {summary('stand')}."
-    assert "mean over 2 axes of disturbance, 128 episodes" in lines[4]
-    assert "`trot` 47\u00a0% [43,\u00a053] and `stand` 10\u00a0%" in lines[4]
-    assert lines[6].endswith("](docs/results/run.png)")
+    said = "Success: mean over 2 axes of disturbance, 128 episodes at each severity."
+    assert lines[2] == f"`trot`: {summary('trot')}.<br>`stand`: {summary('stand')}.<br>{said}"
+    assert lines[4:7] == ["| policy | success |", "|---|---:|", "| `trot` | 47\u00a0% [43,\u00a053] |"]
+    assert lines[9].endswith("](docs/results/run.png)")
     assert (folder / "docs/results/run.png").read_bytes().startswith(b"\x89PNG")
     unknown = FOUND | {"policies": {"my.onnx": FOUND["policies"]["trot"]}}
-    assert readme(folder, unknown).splitlines()[2].startswith("**Success")
+    assert readme(folder, unknown).splitlines()[2].startswith("Success")
+
+
+def test_effort_and_the_front_stand_next_to_success(folder) -> None:
+    effort = {"cost_of_transport": 1.234, "step_rate": 4.0, "flight": 0.305, "duty_factor": None}
+    points = [
+        {"policy": name, "success": share, "success_ci": [0.1, 0.6], "cost": cost, "cost_ci": [None, None]}
+        | {"dominated_by": by}
+        for name, share, cost, by in (("trot", 0.47, 1.2, []), ("stand", 0.1, None, []))
+    ]
+    front = {"cost_on": "steady", "front": ["trot"], "points": points}
+    walked = {"flat": CELL, "steady": CELL | {"effort": effort}}
+    of = {"trot": {"scenarios": walked}, "mine": {"scenarios": {"flat": CELL}}, "stand": {"scenarios": {"flat": CELL}}}
+    found = FOUND | {"pareto": front, "policies": of, "hardware_scores": [SCORE | {"score": 0.3}]}
+    lines = readme(folder, found, "--robots", evaluation(folder, found, "go")).replace("\u00a0", " ").splitlines()
+    first = lines.index("<!-- results -->")
+    assert lines[first + 1].endswith("severity; effort at a steady 0.5 m/s. `mine` on flat ground alone: 50 %.")
+    heads = "policy | success | success with the hardware profile | cost of transport | step rate, 1/s | flight, %"
+    rows = ["`trot` | 47 % [43, 53] | 30 % [43, 53] | 1.23 | 4.00 | 30.5", "`stand` | 10 % [43, 53] | – | – | – | –"]
+    assert lines[first + 3] == f"| {heads} |"
+    assert lines[first + 5 : first + 7] == [f"| {row} |" for row in rows]
+    assert lines[first + 8].endswith("(docs/results/run_pareto.png)")
+    assert sum(line.endswith("(docs/results/go_pareto.png)") for line in lines) == 1
+    assert "](results/run_pareto.png)" in page(folder, found)
+    assert (folder / "docs/results/run_pareto.png").read_bytes().startswith(b"\x89PNG")
+    with (folder / "docs/results/run.csv").open(encoding="utf-8", newline="") as file:
+        assert [row["flight"] for row in csv.DictReader(file)] == ["", "0.305", "", ""]
 
 
 def test_a_page_has_scores_figure_files_and_command_at_its_place(folder) -> None:
@@ -108,7 +134,7 @@ def test_the_command_and_versions_that_made_the_results_are_named(folder) -> Non
     hardware = {"hardware": {"actuator": "motor", "sensors": "truth"}}
     for changes, words in (
         ({"provenance": hardware}, f"{same} --episodes 128 --actuator motor`; MuJoCo 4.0.0, Python 3.11.7."),
-        ({"seed": 3, "episodes": 24}, f"{same} --seed 3`;"),
+        ({"seed": 3, "episodes": 20}, f"{same} --seed 3`;"),
         ({"versions": {"mujoco": "3", "python": "3"}}, "Python 3; success by the older rule success/1."),
     ):
         assert words in readme(folder, FOUND | changes)
@@ -118,7 +144,25 @@ def test_the_command_and_versions_that_made_the_results_are_named(folder) -> Non
 def test_a_battery_is_called_by_its_name(battery, words, folder) -> None:
     cells = dict.fromkeys((scenario.name for scenario in BATTERIES[battery](SIMPLE_QUAD)), CELL)
     of = {policy: {"scenarios": cells} for policy in DEFAULT_POLICIES}
-    assert f"\n`python -m evaluate{words}`;" in readme(folder, FOUND | {"policies": of, "episodes": 24})
+    assert f"\n`python -m evaluate{words}`;" in readme(folder, FOUND | {"policies": of, "episodes": 20})
+
+
+def test_scores_with_the_hardware_profile_stand_next_to_those_without_and_policies_without_any_in_a_sentence(
+    folder,
+) -> None:
+    alone = FOUND["policies"] | {"article": {"scenarios": {"flat": CELL}}}
+    both = FOUND | {"hardware_scores": [WORSE | {"score": 0.2, "axes": {"push": [0.2]}}], "policies": alone}
+    text = readme(folder, both, "--robots", evaluation(folder, both, "one")).replace("\u00a0", " ")
+    assert "| policy | success | success with the hardware profile |" in text
+    assert "| `stand` | 10 % [43, 53] | 20 % [43, 53] |" in text
+    assert "`article` on flat ground alone: 50 %." in text
+    assert "| simple_quad, hardware profile | – | 20 %" in text
+    run = page(folder, both).replace("\u00a0", " ")
+    assert "| hardware score, % | minus `trot`, % points |" in run
+    assert "| `trot` | 47.1 [43.2 … 53.4 %] | – | – | – |" in run
+    assert "| 20.0 [43.2 … 53.4 %] | −37.1 [–], p = 1.00 |" in run
+    assert "](results/run_hardware_scores.csv)" in run
+    assert "stand,0.2," in (folder / "docs/results/run_hardware_scores.csv").read_text(encoding="utf-8")
 
 
 def test_other_robots_have_a_row_each(folder) -> None:

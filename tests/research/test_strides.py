@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from policies.gait_cycle import WALK_OFFSETS, Gait
-from research.studies.gait_diagram import stances
 from research.studies.strides import duty_factors, landing_offsets, landings, wrapped
 
 
@@ -31,10 +30,3 @@ def test_a_foot_that_lands_late_is_behind_by_that_and_a_bounce_in_its_stance_is_
     offsets = landing_offsets(landings(contacts, cycles, duties), phase)
     np.testing.assert_allclose(offsets[:3], [0.0, -0.025, 0.0], atol=1e-9)
     assert np.isnan(offsets[3])
-
-
-def test_stances_are_the_stretches_on_the_ground():
-    contact = np.array([1, 1, 0, 0, 1, 0, 1, 1, 1], bool)
-    assert stances(contact) == [(0, 2), (4, 1), (6, 3)]
-    assert stances(np.zeros(5, bool)) == []
-    assert stances(np.ones(5, bool)) == [(0, 5)]

@@ -35,17 +35,16 @@ def test_differences_name_the_option_and_both_values():
     assert (line.option, line.old, line.new) == ("--ppo.gamma", PpoConfig().gamma, 0.5)
 
 
-def test_settings_from_before_there_were_rewards_of_the_feet_give_them_no_weight(tmp_path):
+def test_settings_from_before_there_was_a_reward_of_the_feet_give_it_no_weight(tmp_path):
     settings = to_dict(dataclasses.replace(TrainConfig(), steps=777))
-    for name in ("foot_air_time", "foot_clearance", "foot_slip", "foot_impact"):
-        assert settings["rewards"].pop(name) == 0.0
+    assert settings["rewards"].pop("foot_air_time") == 0.0
     (tmp_path / CONFIG_FILE).write_text(json.dumps(settings), encoding="utf-8")
     assert parse(["--resume", "--out", str(tmp_path)]).rewards == TrainConfig().rewards
 
 
 def test_settings_that_were_removed_may_be_there_with_the_only_value_that_is_left():
     older = to_dict(TrainConfig()) | {"hardness": 1.0, "pushes": 4, "timestep": 0.005, "space": "joints"}
-    older |= {"foothold_authority": 0.0}
+    older |= {"foothold_authority": 0.0, "rewards": older["rewards"] | {"foot_slip": 0.0}}
     older["ppo"] |= {"privileged": True, "activation": "elu", "clip_range": 0.2, "symmetry": False}
     assert from_dict(older) == TrainConfig()
 
@@ -79,6 +78,7 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--mixture flat -1.0", "not negative"),
         ("--mixture flat 0.5 flat 0.5", "twice"),
         ("--actuator steam", "unknown actuator 'steam'; valid: ideal, torque_speed, motor"),
+        ("--sensors typical --mixture push+hardware 1.0", r"push\+hardware: the profile has its own --actuator"),
         ("--resume --out no-such-folder", "no run in no-such-folder"),
     ],
 )

@@ -38,7 +38,7 @@ WORDS = (
     "--base mpc --steps 48 --seed 7 --threads 3 --joint-authority 0.2 --hip-authority 0.1 "
     "--inputs.lags 0.03 --inputs.averages 0.2 --inputs.clock 4 --mixture push=60 1 rough=0.2 3 --curriculum 0.5 "
     "--max-episode-steps 20 --servo 30/0.6 --actuator motor --sensors typical --estimator kalman "
-    "--reward-terms FOLDER/own.py:always=5 --ppo.envs 4 --ppo.rollout-steps 3 --ppo.minibatch 6 --ppo.epochs 1 "
+    "--ppo.envs 4 --ppo.rollout-steps 3 --ppo.minibatch 6 --ppo.epochs 1 "
     "--ppo.hold 3 --ppo.actor 4 --ppo.critic 4 --ppo.learning-rate-schedule adaptive --ppo.target-kl 0.04 "
     "--ppo.log-std-final -3.2 --validation.interval 24 --validation.episodes 3 --validation.scenarios push rough=0.1 "
     "--out FOLDER/elsewhere"
@@ -76,7 +76,6 @@ class Ran:
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     folder, learners, threads = tmp_path_factory.mktemp("every"), [], set[str]()
-    (folder / "own.py").write_text("def always(state):\n    return state.height * 0 + 1\n")
     true_build, true_run = training_run.build, validation.run
 
     def watched(*args: Any) -> Any:
@@ -170,11 +169,11 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
         ["push", "rough=0.1"] * 2,
     ),
 }
-ELSEWHERE = {"resume", "rewards", "robot", "reward_terms"} | {
+ELSEWHERE = {"resume", "rewards", "robot"} | {
     *("ppo.envs", "ppo.rollout_steps", "ppo.minibatch", "ppo.epochs", "ppo.learning_rate", "ppo.gamma"),
     *("ppo.gae_lambda", "ppo.entropy", "ppo.log_std_init", "ppo.actor", "ppo.critic"),
 }
-"""Options with tests of their own: below, in test_command.py, test_run.py and test_reward_term.py; those of the learner
+"""Options with tests of their own: below, in test_command.py and test_run.py; those of the learner
 are in tests/planted_faults/test_training_faults.py."""
 
 

@@ -37,7 +37,7 @@ EFFECTS = {
 def test_options_reach_what_they_govern(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 130)
     base = Trot(robot=alike(tmp_path))
-    network = Network((np.ones((Features(base).width, 12), np.float32),), (np.zeros(12, np.float32),), "tanh")
+    network = Network((np.ones((Features(base).width, 12), np.float32),), (np.zeros(12, np.float32),))
     bundle.save(tmp_path / "mine", ResidualPolicy(base, network, hold=3), {}, "0" * 40)
     assert {each.name for each in fields(export.Options)} == EFFECTS.keys()
     words = " ".join(each.words for each in EFFECTS.values()).replace("FOLDER", str(tmp_path)).split()

@@ -25,7 +25,8 @@ COMMANDS = {
     "search": Command("train.search.trot", "parameters of a robot's trot, by CMA-ES"),
     "export": Command("train.commands.export", "a trained residual as an ONNX file"),
 }
-MOVED = {name: f"now `python -m research {name}`" for name in ("ablations", "publish", "sweep", "trials")}
+MOVED = {name: f"now `python -m research {name}`" for name in ("ablations", "publish")}
+MOVED |= {name: f"gone: revision 59ce5e8 has it as `python -m research {name}`" for name in ("sweep", "trials")}
 MOVED["search feedback"] = "now `python -m research search`"
 """Where commands of older versions are."""
 REWARDS = "--rewards"

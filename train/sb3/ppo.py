@@ -13,7 +13,7 @@ from stable_baselines3.common.torch_layers import MlpExtractor
 from torch import nn
 
 from policies.network import Network
-from train.config import ACTIVATION, PpoConfig, TrainConfig
+from train.config import PpoConfig, TrainConfig
 from train.sb3.vec_env import TrainingVecEnv
 
 REWARD_SCALE = 10.0
@@ -121,7 +121,7 @@ def actor_network(model: PPO) -> Network:
     actor = (*model.policy.mlp_extractor.policy_net, model.policy.action_net)
     layers = [layer for layer in actor if isinstance(layer, nn.Linear)]
     weights, biases = [layer.weight.detach() for layer in layers], [layer.bias.detach() for layer in layers]
-    return Network(tuple(_array(weight.T) for weight in weights), tuple(map(_array, biases)), ACTIVATION)
+    return Network(tuple(_array(weight.T) for weight in weights), tuple(map(_array, biases)))
 
 
 def _array(tensor: torch.Tensor) -> NDArray[np.float32]:

@@ -13,15 +13,15 @@ from typing import Any, TypeVar
 import numpy as np
 from rich.progress import track
 
-from policies.parameters import limits_of
+from policies.parameters import Parameters, limits_of
 from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import raise_on_interrupt
 from train.search.files import check, save
-from train.search.subject import Effort, Space, Subject
+from train.search.subject import MARGIN, Effort, Subject, decode, encode, generations
 
 TRIALS = ".trials.jsonl"
 
-T = TypeVar("T")
+P = TypeVar("P", bound=Parameters)
 E = TypeVar("E", bound=Effort)
 
 
@@ -34,7 +34,7 @@ def search(subject_of: Callable[[E], Subject[Any]], options: E) -> int:
     raise_on_interrupt()
     found, lines, trials = subject.start, list[str](), out.with_suffix(TRIALS)
     try:
-        for found, tried in evolve(options, subject.space):
+        for found, tried in evolve(options, subject):
             lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": vars(found)}))
             save(trials, "\n".join(lines) + "\n")
         outcome, account = subject.conclude(found)
@@ -50,18 +50,20 @@ def search(subject_of: Callable[[E], Subject[Any]], options: E) -> int:
     return 0
 
 
-def evolve(effort: Effort, space: Space[T]) -> Iterator[tuple[T, list[dict[str, Any]]]]:
+def evolve(effort: Effort, subject: Subject[P]) -> Iterator[tuple[P, list[dict[str, Any]]]]:
     """After each generation the mean of CMA-ES's distribution, and the candidates with their costs."""
     import cma
 
     settings: dict[str, Any] = {"popsize": effort.candidates, "seed": effort.seed + 1, "verbose": -9}
-    settings |= {"bounds": [0, 1]} | ({"CMA_diagonal": True} if space.apart else {})
-    strategy = cma.CMAEvolutionStrategy(space.start, effort.spread, settings)
-    for seeds in track(space.seeds, description="generations"):
+    settings |= {"bounds": [0, 1]} | ({"CMA_diagonal": True} if subject.apart else {})
+    start, ranges, digits = subject.start, subject.ranges, subject.digits
+    first = np.clip(encode(start, ranges), MARGIN, 1.0 - MARGIN)
+    strategy = cma.CMAEvolutionStrategy(first, effort.spread, settings)
+    for seeds in track(generations(effort), description="generations"):
         points = strategy.ask()
-        candidates: list[Any] = [space.decode(point) for point in points]
-        costs = space.costs(candidates, seeds)
+        candidates = [decode(point, start, ranges, digits) for point in points]
+        costs = subject.costs(candidates, seeds)
         strategy.tell(points, list(costs))
         print(f"best {min(costs):.3f}  median {np.median(costs):.3f}", flush=True)
         tried = [{"cost": float(cost)} | asdict(each) for cost, each in zip(costs, candidates, strict=True)]
-        yield space.decode(np.clip(strategy.result.xfavorite, 0, 1)), tried
+        yield decode(np.clip(strategy.result.xfavorite, 0, 1), start, ranges, digits), tried

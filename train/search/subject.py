@@ -21,7 +21,6 @@ MARGIN = 0.02
 SHORTEST = round(SETTLING_TIME / CONTROL_PERIOD) + 1
 """Shortest episode, control steps: longer than the settling time, which no measure counts."""
 
-T = TypeVar("T")
 P = TypeVar("P", bound=Parameters)
 
 
@@ -61,45 +60,23 @@ class Effort:
 
 
 @dataclass(frozen=True)
-class Space(Generic[T]):
-    """The points of a search, in the unit cube, and what the parameters of a point cost."""
+class Subject(Generic[P]):
+    """What is searched: parameters, each of which goes from 0 to 1 over its range, in the unit cube."""
 
-    start: Floats
-    decode: Callable[[Floats], T]
-    costs: Callable[[list[T], Seeds], Sequence[float] | Floats]
+    start: P
+    ranges: Ranges
+    costs: Callable[[list[P], Seeds], Sequence[float] | Floats]
     """Costs of a generation's candidates on the same episodes."""
-    seeds: Sequence[Seeds]
-    """Of each generation's episodes."""
-    apart: bool = False
-    """Whether each parameter has a spread of its own, for spaces with too many to learn how they go together."""
-
-
-@dataclass(frozen=True)
-class Subject(Generic[T]):
-    """What is searched."""
-
-    start: T
+    conclude: Callable[[P], tuple[str, str]]
+    """Of the mean of the last generation the text of the file, and the account of how it was found, Markdown."""
     file: Path
     """Where the outcome goes."""
-    conclude: Callable[[T], tuple[str, str]]
-    """Of the mean of the last generation the text of the file, and the account of how it was found, Markdown."""
-    space: Space[T]
     account: str
     """File of the account, next to the outcome."""
-
-
-def unit_cube(
-    start: P,
-    ranges: Ranges,
-    costs: Callable[[list[P], Seeds], Sequence[float] | Floats],
-    seeds: Sequence[Seeds],
-    *,
-    digits: int | None = None,
-    apart: bool = False,
-) -> Space[P]:
-    """The space in which each searched parameter goes from 0 to 1 over its range."""
-    point = np.clip(encode(start, ranges), MARGIN, 1.0 - MARGIN)
-    return Space(point, lambda each: decode(each, start, ranges, digits), costs, seeds, apart)
+    digits: int | None = None
+    """To which candidates are rounded."""
+    apart: bool = False
+    """Whether each parameter has a spread of its own, for spaces with too many to learn how they go together."""
 
 
 def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -> P:

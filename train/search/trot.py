@@ -25,7 +25,7 @@ from train.scenarios import practice
 from train.search.command import search
 from train.search.files import as_json, changes, method, results
 from train.search.panel import Panel
-from train.search.subject import Effort, Seeds, Subject, generations, rounded, unit_cube
+from train.search.subject import Effort, Seeds, Subject, rounded
 
 SCENARIO_WEIGHTS = {"flat": 0.5, "push": 0.25, "rough": 0.25}
 ERROR_SCALES = {"velocity_error": 0.2, "mean_velocity_error": 0.12, "yaw_rate_error": 0.35, "overspeed": 0.02}
@@ -92,9 +92,8 @@ def subject(options: Options) -> Subject[TrotParameters]:
         lines += [f"On {options.check_episodes} fresh search episodes of 10 s a scenario:", "", *table]
         return as_json(after), "\n".join(lines) + "\n"
 
-    space = unit_cube(start, ranges, costs, generations(options))
     file = FILE.path if own else folder_of(robot) / FILE.path.name
-    return Subject(start, file, conclude, space, ACCOUNT)
+    return Subject(start, ranges, costs, conclude, file, ACCOUNT)
 
 
 def introduction(options: Options) -> list[str]:

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ROW, COLUMN, GAP = 0.22, 0.3, 0.12
-"""Height and width of a cell of the heat map, and room between two policies, in."""
+ROW, COLUMN, GAP, APART = 0.22, 0.3, 0.24, 0.12
+"""Height and width of a cell of the heat map, room between two policies, and before the hardware profile, in."""
 NAME_WIDTH, NAME_SIZE, NAME_LINE = 12, 8.0, 0.135
 """Characters of a policy's name in a line above its block, its size, pt, and the height of a line, in."""
 COLOURS = {
@@ -31,24 +31,31 @@ COLOURS = {
 """Colour of each outcome; `refused` is of the rule success/1."""
 
 
-def heat_map(scores: Sequence[Score]) -> "Figure":
-    """Success in per cent: an axis a row, a policy a block, in it a column a severity, the mildest to the left."""
-    names = list(scores[0].axes)
-    heads = ["\n".join(broken(score.policy, NAME_WIDTH)) for score in scores]
-    columns = max(map(len, scores[0].axes.values()))
+def heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "Figure":
+    """Success in per cent: an axis a row, a policy a block, in it a column a severity, the mildest to the left; set
+    apart on the right the same with the hardware profile."""
+    parts = [{score.policy: score.axes for score in part} for part in (scores, hardware) if part]
+    names = list(dict.fromkeys(name for part in parts for axes in part.values() for name in axes))
+    policies = list(dict.fromkeys(policy for part in parts for policy in part))
+    heads = ["\n".join(broken(policy, NAME_WIDTH)) for policy in policies]
+    counts = [max(len(rates) for axes in part.values() for rates in axes.values()) for part in parts]
+    block = sum(counts) * COLUMN + (len(parts) - 1) * APART
     widest = max(text_width(line, NAME_SIZE, "bold") for head in heads for line in head.splitlines())
-    width = max(columns * COLUMN, widest) + GAP
+    width = max(block, widest) + GAP
     top = 0.15 + NAME_LINE * max(len(head.splitlines()) for head in heads)
     margins = Margins(left=0.15 + max(map(text_width, names)), right=0.05, bottom=0.06, top=top)
-    size = len(scores) * width + margins.left + margins.right, len(names) * ROW + margins.top + margins.bottom
+    size = len(policies) * width + margins.left + margins.right, len(names) * ROW + margins.top + margins.bottom
     drawn, axes = figure(size[1], size[0], margins)
-    for number, (head, score) in enumerate(zip(heads, scores, strict=True)):
+    for number, (head, policy) in enumerate(zip(heads, policies, strict=True)):
         centre = (number + 0.5) * width
-        for row, rates in enumerate(score.axes.values()):
-            for column, rate in enumerate(rates):
-                _cell(axes, centre + (column - columns / 2) * COLUMN, row, rate)
+        left = centre - block / 2
+        for part, count in zip(parts, counts, strict=True):
+            for axis, rates in part.get(policy, {}).items():
+                for column, rate in enumerate(rates):
+                    _cell(axes, left + column * COLUMN, names.index(axis), rate)
+            left += count * COLUMN + APART
         axes.text(centre, -0.35, head, ha="center", va="bottom", fontsize=NAME_SIZE, fontweight="bold")
-    axes.set(xlim=(0.0, len(scores) * width), ylim=(len(names), 0.0), xticks=[])
+    axes.set(xlim=(0.0, len(policies) * width), ylim=(len(names), 0.0), xticks=[])
     axes.set_yticks(np.arange(len(names)) + 0.5, names)
     axes.tick_params(length=0)
     axes.grid(visible=False)

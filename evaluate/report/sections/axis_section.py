@@ -40,6 +40,8 @@ def _title(axis: SeverityAxis) -> str:
 
 
 def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
+    if axis.note:
+        yield note(axis.note)
     if len(axis.levels) > 1:
         lines = FITTED if len(axis.levels) >= LEAST_LEVELS else JOINED
         yield note(f"Bands join the levels' 95 % intervals. {lines} Harder to the right.")

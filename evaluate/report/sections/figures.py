@@ -1,4 +1,4 @@
-"""Tables of figures: what each policy did, its paired differences, every measure, and the spread over seeds."""
+"""Tables of figures: what each policy did, its paired differences, and every measure."""
 
 from collections.abc import Iterable
 from html import escape
@@ -7,29 +7,22 @@ from evaluate.analysis.comparison import ERRORS, FALL_RATE, METRICS, RATES, SUCC
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place
 from evaluate.analysis.summary import Summary
-from evaluate.analysis.training_seeds import SeededRun, SeedSpread, seed_spreads
 from evaluate.measures import catalogue
 from evaluate.measures.catalogue import BY_NAME, FIGURES, KEY, MEASURES
 from evaluate.measures.outcomes import RULES
 from evaluate.report.headings import DIFFERENCE_UNITS, FIRST, TITLES, UNITS, shares
-from evaluate.report.html import BEST, breakable, heading, mark, note, section, table
+from evaluate.report.html import BEST, breakable, heading, mark, note, table
 from evaluate.report.plots.drawing import MARKS, style
 from quad_env.cli.format import (
     ABSENT,
     interval,
     number,
     p_value,
-    percent,
     percent_interval,
     points,
     points_interval,
 )
 
-SEEDS_LEAD = (
-    "Policies from folders seed-<number> of one parent count as one training, repeated. A seed is one value, its mean "
-    "over the episodes. Below each mean over the seeds: the 95 % interval, which counts seeds (of errors Student's t), "
-    "then the lowest and highest seed."
-)
 HEADINGS = {metric: heading(TITLES[metric], UNITS[metric]) for metric in METRICS}
 """Metric -> its heading."""
 
@@ -134,27 +127,3 @@ def definitions(success_rule: str) -> str:
 def _four_digits(value: float) -> str:
     """Four significant digits."""
     return f"{value:.4g}" if abs(value) < float("inf") else ABSENT
-
-
-def training(results: Results) -> str:
-    """A table for each training that was repeated; empty without one."""
-    runs = [_run_of_seeds(name, run) for name, run in seed_spreads(results.cells).items()]
-    return section("Training seeds", note(SEEDS_LEAD), *runs) if runs else ""
-
-
-def _run_of_seeds(name: str, run: SeededRun) -> str:
-    rows = [
-        {FIRST: escape(scenario), **{metric: _over_seeds(metrics[metric], metric) for metric in HEADINGS}}
-        for scenario, metrics in run.scenarios.items()
-    ]
-    heading_of_run = f"<h3>{escape(name)} <small>{len(run.policies)} seeds</small></h3>"
-    return heading_of_run + table({FIRST: "scenario", **HEADINGS}, rows)
-
-
-def _over_seeds(spread: SeedSpread, metric: str) -> str:
-    rate = metric in RATES
-    mean = percent(spread.mean) if rate else number(spread.mean)
-    ci = percent_interval(spread.ci) if rate else interval(spread.ci)
-    ends = (spread.lowest, spread.highest)
-    span = percent_interval(ends) if rate else interval(ends)
-    return f"{mean}<small>{ci}</small><small>{span}</small>"

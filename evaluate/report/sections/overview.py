@@ -5,7 +5,7 @@ from html import escape
 
 from evaluate.analysis.breaking_points import CAVEAT, HALF, AxisBreakingPoint, Of, figure_and_interval
 from evaluate.analysis.results import Results
-from evaluate.analysis.score import WORDS, Score
+from evaluate.analysis.score import FLAT, SCORES, WORDS, Score, ranked
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.headings import FIRST
 from evaluate.report.html import grid, heading, image, note, section, table, wide
@@ -13,11 +13,12 @@ from evaluate.report.plots import success as success_plots
 from evaluate.report.plots.drawing import svg
 from evaluate.report.sections.axis_section import anchor
 from evaluate.report.sections.figures import policy_label
-from quad_env.cli.format import ABSENT, NO_BREAK, number, p_value, percent_interval, points, points_interval
+from quad_env.cli.format import ABSENT, NO_BREAK, number, p_value, percent, percent_interval, points, points_interval
 
 SUCCESS_LEAD = (
     "Episodes that succeed, in %: in each block the severities of an axis in this run, the mildest to the left. An "
-    "episode succeeds if the robot stays upright and tracks its command within tolerance in every interval."
+    "episode succeeds if the robot stays upright and tracks its command within tolerance in every interval. Set apart "
+    "on the right: with the robot's hardware profile."
 )
 BREAKING_LEAD = (
     "Severities at which half of the episodes no longer succeed, and fall, with their 95 % intervals. "
@@ -28,19 +29,31 @@ BREAKING_LEAD = (
 def success(results: Results) -> str:
     """Scores, heat map and outcomes; outcomes alone of a run of one axis."""
     outcomes = image(svg(success_plots.outcomes(results)), "What came of the episodes of each policy")
-    if not results.scores:
+    if not (results.scores or results.hardware_scores):
         return section("Success", grid([outcomes]))
     heat_map = image(
-        svg(success_plots.heat_map(results.scores)), "Success of each policy on each axis at each severity, in per cent"
-    )
-    minus = heading(f"minus {escape(results.baseline)}", "% points")
-    heads = {"policy": "policy", "score": heading("score", "%"), "difference": minus}
-    rows = (
-        {"policy": policy_label(results, each.policy), **_score_cells(each, results.baseline)}
-        for each in results.scores
+        svg(success_plots.heat_map(results.scores, results.hardware_scores)),
+        "Success of each policy on each axis at each severity, in per cent",
     )
     pictures = note(SUCCESS_LEAD), wide(heat_map), grid([outcomes])
-    return section("Success", table(heads, rows), note(WORDS), *pictures)
+    return section("Success", _scores(results), note(WORDS), *pictures)
+
+
+def _scores(results: Results) -> str:
+    """The table of scores, with the hardware profile on the right; policies without scores come last."""
+    found = {name: kind for name, kind in zip(SCORES, (results.scores, results.hardware_scores), strict=True) if kind}
+    heads, cells = {"policy": "policy"}, {policy: dict[str, str]() for policy in ranked(*found.values())}
+    for name, kind in found.items():
+        minus = heading(f"minus {escape(results.baseline)}", "% points")
+        heads |= {name: heading(name, "%"), f"{name} difference": minus}
+        for score in kind:
+            own = _score_cells(score, results.baseline)
+            cells[score.policy] |= {name: own["score"], f"{name} difference": own["difference"]}
+    for policy in results.policies:
+        if policy not in cells and (flat := results.summaries.get((FLAT, policy))):
+            cells[policy] = {next(iter(found)): f"{FLAT}: {percent(flat.success_rate)}"}
+    blank = dict.fromkeys(heads, "")
+    return table(heads, ({**blank, "policy": policy_label(results, name), **own} for name, own in cells.items()))
 
 
 def _score_cells(score: Score, baseline: str) -> dict[str, str]:

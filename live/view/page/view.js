@@ -112,7 +112,7 @@ function stated(state) {
   if (here || first) {
     [command.forward, command.left, command.turn] = state.command;
     sliders();
-    for (const id of ["forces", "follow"]) at(id).checked = state[id];
+    at("follow").checked = state.follow;
     at("compare").checked = state.robots.length > 1;
     at("speed").value = Math.round(Math.log2(state.speed));
     state.robots.forEach(({ policy }, number) => name_policy(at(`policy-${number}`), policy));
@@ -251,7 +251,7 @@ for (const [id, unit] of [["direction", "°"], ["impulse", " N·s"]]) {
   tell();
 }
 for (const number of [0, 1]) at(`policy-${number}`).onchange = ({ target }) => send("policy", { robot: number, name: target.value });
-for (const id of ["forces", "follow", "compare"]) {
+for (const id of ["follow", "compare"]) {
   at(id).onchange = ({ target }) => {
     set = performance.now();
     send(id, { on: target.checked });

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from policies.base import PolicyError
-from policies.foreign.description import TERMS, Clock, HeightGrid, Term
+from policies.foreign.description import TERMS, HeightGrid, Term
 from policies.foreign.readers.joint_orders import Joints
 from policies.foreign.readers.settings import BY_HAND, Settings
 
@@ -44,7 +44,7 @@ def term(function: str, settings: Settings, grid: HeightGrid | None = None) -> T
         raise unknown(f"{function} with modifiers")
     more: dict[str, Any] = {"grid": grid} if name == "height_scan" else {}
     if name == "gait_clock":
-        more["clock"] = Clock(1 / settings.inside("params").number(_PERIODS[function]))
+        more["clock"] = 1 / settings.inside("params").number(_PERIODS[function])
     return scaled(Term(name, clip=settings.range("clip"), history=history_of(settings), **more), settings)
 
 

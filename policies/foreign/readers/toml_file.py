@@ -9,7 +9,7 @@ from reprlib import repr as shortened
 from typing import Any, TextIO, TypeVar
 
 from policies.base import PolicyError
-from policies.foreign.description import Clock, HeightGrid, PolicyDescription, Term
+from policies.foreign.description import HeightGrid, PolicyDescription, Term
 from policies.foreign.readers.joint_orders import by_leg
 from policies.foreign.readers.settings import named
 from quad_env.files.reading import read_bytes
@@ -17,7 +17,7 @@ from quad_env.files.reading import read_bytes
 LARGEST = 2**20
 OF_JOINTS = ("default_position", "action_scale", "stiffness", "damping", "action_offset", "target_clip")
 """Fields of twelve values: one stands for all, and a table gives one for each part of a name, such as `hip`."""
-Made = TypeVar("Made", PolicyDescription, Term, Clock, HeightGrid)
+Made = TypeVar("Made", PolicyDescription, Term, HeightGrid)
 
 
 def describe(file: Path) -> PolicyDescription:
@@ -66,8 +66,6 @@ def _term(given: Any) -> Term:
     if not isinstance(given, dict):
         return _made(Term, {"name": given})
     made: dict[str, Any] = {}
-    if "clock" in given:
-        made["clock"] = _made(Clock, given["clock"])
     if "grid" in given:
         made["grid"] = _made(HeightGrid, given["grid"])
     if _is_number(given.get("scale")):

@@ -41,9 +41,10 @@ def test_a_scenario_that_was_not_run_fails_if_it_is_named(made) -> None:
     [
         ("other falls", "POLICY MEASURE"),
         ("other falls <= trot", "trot is no number"),
-        ("other tumbles <= 1", "unknown measure tumbles; valid: success, falls, .*velocity_error"),
+        ("other tumbles <= 1", "unknown measure tumbles; valid: success, falls, .*velocity_error.*flight"),
         ("other falls <= 5", "0.05 or 5 %"),
         ("other falls <= nan", "nan"),
+        ("other flight <= 5", "0.05 or 5 %"),
     ],
 )
 def test_what_cannot_be_read_is_refused_in_one_line(text, words) -> None:
@@ -59,3 +60,26 @@ def test_what_cannot_be_read_is_refused_in_one_line(text, words) -> None:
 def test_a_policy_or_scenario_that_is_not_in_the_run_is_refused(text, words) -> None:
     with pytest.raises(ValueError, match=words):
         check([parse(text)], ("trot", "other"), SCENARIOS)
+
+
+@pytest.fixture
+def walked(made):
+    """The same, and what the other took on flat ground."""
+    summary = made.summaries["flat", "other"]
+    known = {"effort": summary.effort | {"flight": 0.04, "step_rate": 4.5, "cost_of_transport": 0.9}}
+    return dataclasses.replace(made, summaries={("flat", "other"): dataclasses.replace(summary, **known)})
+
+
+@pytest.mark.parametrize(
+    ("text", "passed", "figure"),
+    [
+        ("other cost_of_transport <= 1.0 on flat", True, "0.900 on flat"),
+        ("other flight <= 5 % on flat", True, "4.0 % on flat"),
+        ("other flight <= 0.03", False, "0.040 on flat"),
+        ("other step_rate < 4", False, "4.500 on flat"),
+        ("other torque_share <= 100 %", False, "– on flat"),  # it does not exist
+    ],
+)
+def test_a_figure_of_effort_is_a_measure(walked, text, passed, figure) -> None:
+    result = evaluate(parse(text), walked)
+    assert (result.passed, result.line.partition(f"{text} ")[2].replace("\u00a0", " ")) == (passed, f"({figure})")

@@ -78,7 +78,7 @@ def ends(contents, place="") -> dict:
 
 @pytest.mark.parametrize("count", [2, 8])
 def test_no_interval_has_no_width_where_all_episodes_agree(made_up_cell, count) -> None:
-    """Two policies, three seeds of a training among them: one always succeeds, others always fall, all errors agree."""
+    """Four policies: one always succeeds, others always fall, all errors agree."""
     policies = {"trot": False, "runs/a/seed-0": True, "runs/a/seed-1": True, "runs/a/seed-2": True}
     all_cells = [
         made_up_cell(policy, np.full(count, fell), np.full(count, 2.0 if fell else 0.5), resolve((name,))[0])
@@ -87,7 +87,7 @@ def test_no_interval_has_no_width_where_all_episodes_agree(made_up_cell, count) 
     ]
     found = ends(as_json(analyse(all_cells, seed=0, episodes=count, complete=True)))
     known = {place: ci for place, ci in found.items() if None not in ci}
-    assert {place.split("/")[1] for place in known} == {"scores", "policies", "training_seeds", "comparisons"}
+    assert {place.split("/")[1] for place in known} == {"scores", "pareto", "policies", "comparisons"}
     flat = {place for place, (low, high) in known.items() if low >= high}
     assert flat == {"/scores/0/difference_ci"}  # of the baseline from itself
 
@@ -105,3 +105,26 @@ def test_who_missed_a_scenario_has_no_score_and_one_axis_is_none(cells) -> None:
     assert scores(cells("trot", push=1, push_3=4), "trot") == []
     other = [dataclasses.replace(cell, seeds=cell.seeds + 1) for cell in cells("stand", flat=0, push=1)]
     assert scores(cells("trot", flat=0, push=1) + other, "trot") == []
+
+
+def test_with_the_hardware_profile_and_without_it_there_are_two_scores(cells) -> None:
+    """Neither has an episode of the other, and each the names of the axes; the steady walk is in none."""
+    ideal, real = (40, 0, 40), (0, 20, 40)
+    names = "flat", "push", "push_4"
+    both = cells("trot", steady=40, **dict(zip(names, ideal, strict=True)))
+    both += cells("trot", **{"steady+hardware": 0, **{f"{n}+hardware": k for n, k in zip(names, real, strict=True)}})
+    alone = scores(cells("trot", **dict(zip(names, ideal, strict=True))), "trot")
+    assert scores(both, "trot") == alone
+    (found,) = scores(both, "trot", hardware=True)
+    assert found.axes == {"flat": (1.0,), "push": (0.5, 0.0)}
+    assert found.score == pytest.approx((1.0 + 0.25) / 2)
+    results = analyse(both, seed=0, episodes=COUNT, complete=True)
+    assert results.scores == tuple(alone)
+    assert [each["score"] for each in as_json(results)["hardware_scores"]] == [found.score]
+
+
+def test_a_policy_that_ran_in_one_world_alone_has_a_score_of_that_one(cells) -> None:
+    both = cells("trot", flat=0, push=0) + cells("trot", **{"flat+hardware": 0, "push+hardware": 0})
+    both += cells("stand", flat=0, push=0)
+    assert {each.policy for each in scores(both, "trot")} == {"trot", "stand"}
+    assert [each.policy for each in scores(both, "trot", hardware=True)] == ["trot"]

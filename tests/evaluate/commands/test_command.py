@@ -71,7 +71,7 @@ def test_help_loads_nothing_heavy() -> None:
     assert "loaded: [] 0" in printed
     for option in ("--policies", "--scenarios", "--episodes", "--seed", "--out", "--threads"):
         assert option in printed
-    assert "default: 24" in printed
+    assert "default: 20" in printed
 
 
 @pytest.mark.usefixtures("no_simulation")

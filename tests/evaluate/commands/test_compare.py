@@ -1,4 +1,4 @@
-"""Two results folders: paired where they ran the same episodes, and said to be unpaired where not."""
+"""Two results folders, paired by the episodes of the same seeds."""
 
 import dataclasses
 import json
@@ -10,8 +10,11 @@ import pytest
 
 import quad_env
 from evaluate.__main__ import main
+from evaluate.measures.catalogue import EFFORT
 from evaluate.records import manifest
 from evaluate.records.episode_table import read_table
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.scenario import on_hardware
 from tests.evaluate.altered import column, other
 
 
@@ -26,7 +29,6 @@ def test_a_run_and_itself_are_the_same_to_the_bit(run, capsys) -> None:
     assert code == 0
     assert "6 of 6" in said
     assert "paired by episode" in said
-    assert "unpaired" not in said
     assert "differ in: nothing that is known" in said
 
 
@@ -44,7 +46,7 @@ def test_a_difference_is_b_minus_a_paired_by_episode(run, tmp_path, capsys) -> N
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
     for match in found["comparisons"]:
         success, falls, velocity = match["contrasts"][:3]
-        assert (match["paired"], match["identical"]) == (True, match["a"] != "trot")
+        assert match["identical"] == (match["a"] != "trot")
         assert (success["metric"], success["difference"], success["p_value"]) == ("success_rate", 0.0, 1.0)
         assert (falls["metric"], falls["test"], falls["p_value"]) == ("fall_rate", "exact McNemar", 1.0)
         expected = 0.125 if match["a"] == "trot" else 0.0
@@ -58,18 +60,14 @@ def test_a_difference_is_b_minus_a_paired_by_episode(run, tmp_path, capsys) -> N
         assert velocity["p_value"] == (pytest.approx(2 / 32) if expected else 1.0)
 
 
-def test_other_seeds_and_another_definition_of_a_scenario_are_compared_unpaired(run, tmp_path, capsys) -> None:
+def test_another_definition_of_a_scenario_is_named_and_other_seeds_are_refused(run, tmp_path, capsys) -> None:
     softer = dataclasses.replace(quad_env.SCENARIOS["push"], pushes=quad_env.Pushes(impulse=5.0))
     _, said = compare(capsys, run.folder, other(run, tmp_path / "c", scenarios=(quad_env.SCENARIOS["flat"], softer)))
-    assert "push is not the same scenario in both" in said
-    assert "3 of 6" in said
+    assert "A and B differ in: the scenario push has changed" in said
+    assert "6 of 6" in said
     b = other(run, tmp_path / "b", lambda rows: column(rows, "seed", np.arange(rows.num_rows)))
-    code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
-    assert code == 0
-    assert "unpaired, since their episodes have different seeds" in said
-    assert "(=)" not in said
-    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
-    assert {c["test"] for match in found["comparisons"] for c in match["contrasts"]} == {"Barnard", "permutation"}
+    code, said = compare(capsys, run.folder, b)
+    assert (code, "no episodes of the same --seed, in common" in said) == (2, True)
 
 
 def test_of_runs_of_one_seed_the_common_episodes_are_paired(run, tmp_path, capsys) -> None:
@@ -78,11 +76,10 @@ def test_of_runs_of_one_seed_the_common_episodes_are_paired(run, tmp_path, capsy
     code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
     assert code == 0
     assert "of A's 5 episodes and B's 3, the 3 of the same seeds are compared" in said
-    assert "unpaired" not in said
     assert "6 of 6" in said
     rows = read_table(run.folder / "episodes.parquet").to_pylist()
     for match in json.loads((tmp_path / "found.json").read_text())["comparisons"]:
-        assert (match["episodes"], match["common"], match["paired"]) == ([5, 3], 3, True)
+        assert (match["episodes"], match["common"]) == ([5, 3], 3)
         errors = [
             row["velocity_error"]
             for row in rows
@@ -113,3 +110,71 @@ def test_nothing_in_common_is_said(run, tmp_path, capsys) -> None:
     b = other(run, tmp_path / "b", renamed, policies={f"old {policy}": "" for policy in ("document", "stand", "trot")})
     code, said = compare(capsys, run.folder, b)
     assert (code, "--policies ONE_OF_A ONE_OF_B" in said) == (2, True)
+
+
+def test_effort_is_compared_too_and_the_cost_is_that_of_all_episodes(run, tmp_path, capsys) -> None:
+    def wasteful(rows: pa.Table) -> pa.Table:
+        longer = column(rows, "energy", rows.column("energy").to_numpy() * np.arange(1, rows.num_rows + 1))
+        return column(longer, "flight", rows.column("flight").to_numpy() + 0.25)
+
+    b = other(run, tmp_path / "b", wasteful)
+    code, said = compare(capsys, run.folder, b, "--policies", "trot", "trot", "--json", tmp_path / "found.json")
+    assert (code, "cost of" in said, "steps" in said, "25.0" in said) == (0, True, True, True)
+    rows = read_table(b / "episodes.parquet").to_pylist()
+    for match in json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["comparisons"]:
+        found = {each["metric"]: each for each in match["contrasts"]}
+        mine = [row for row in rows if (row["policy"], row["scenario"]) == ("trot", match["scenario"])]
+        cost = sum(row["energy"] for row in mine) / sum(row["distance"] for row in mine) / (SIMPLE_QUAD.mass * 9.81)
+        assert found["cost_of_transport"]["b"] == pytest.approx(cost)
+        assert found["cost_of_transport"]["difference"] == pytest.approx(cost - found["cost_of_transport"]["a"])
+        assert found["flight"]["difference"] == pytest.approx(0.25)
+        assert set(EFFORT) <= set(found)
+
+
+def test_the_answer_whether_the_ranking_survives(run, tmp_path, capsys) -> None:
+    """Three policies of which two always fail: trot first in A, stand in B; with two there is nothing to rank."""
+
+    def swapped(rows: pa.Table) -> pa.Table:
+        policies = rows.column("policy").to_pylist()
+        outcomes = ["succeeded" if policy == "stand" else "off_command" for policy in policies]
+        return column(rows, "outcome", outcomes)
+
+    b = other(run, tmp_path / "b", swapped)
+    code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
+    assert code == 0
+    assert "does the ranking survive? no" in said
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
+    assert found["ranking"]["policies"] == ["document", "stand", "trot"]
+    assert found["ranking"]["scores"][1] == [0.0, 1.0, 0.0]
+    assert found["ranking"]["correlation"] == pytest.approx(-0.5)  # of three pairs one is tied in each, one is reversed
+    assert {match["p_value_holm"] for match in found["comparisons"]} != {None}
+    said = compare(capsys, run.folder, b, "--policies", "trot", "trot", "--json", tmp_path / "found.json")[1]
+    assert "fewer than 3 policies" in said
+    assert json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["ranking"] is None
+
+
+def test_success_that_differs_after_correction_is_named(run, tmp_path, capsys, monkeypatch) -> None:
+    """Five of five in B alone: p is 2 / 2^5 times six matches, and no less with five episodes."""
+    monkeypatch.setattr("evaluate.commands.compare.SIGNIFICANT", 0.376)
+
+    def changed(rows: pa.Table) -> pa.Table:
+        outcomes = np.array(rows.column("outcome").to_pylist(), dtype=object)
+        outcomes[np.array(rows.column("policy").to_pylist()) == "document"] = "succeeded"
+        return column(rows, "outcome", outcomes.tolist())
+
+    said = compare(capsys, run.folder, other(run, tmp_path / "b", changed))[1]
+    assert "success differs: document on flat, 100.0 points, p\u00a0=\u00a00.3" in said
+    assert "success differs: stand" not in said
+
+
+def test_runs_with_and_without_the_hardware_profile_are_matched(run, tmp_path, capsys) -> None:
+    def renamed(rows: pa.Table) -> pa.Table:
+        return column(rows, "scenario", [f"{name}+hardware" for name in rows.column("scenario").to_pylist()])
+
+    b = other(run, tmp_path / "b", renamed, scenarios=tuple(map(on_hardware, manifest.read(run.folder).scenarios)))
+    code, said = compare(capsys, run.folder, b)
+    assert code == 0
+    assert "A and B differ in: the hardware profile, which one of them has" in said
+    assert "paired by episode: same seeds" in said
+    assert "ranking of B: " in said
+    assert "ranking of B: " in compare(capsys, b, b)[1]

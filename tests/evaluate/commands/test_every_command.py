@@ -40,6 +40,7 @@ def once(read: Callable[[Batch], Any]) -> Reading:
 
 
 SCENARIOS, COUNT = once(lambda each: each.env.scenario.name), once(lambda each: len(each.seeds))
+HARDWARE = once(lambda each: (each.env.scenario.name, each.sensed, each.env.scenario.hardware))
 SEEDS, THREADS = once(lambda each: each.seeds), once(lambda each: each.threads)
 
 
@@ -64,13 +65,6 @@ def held(name: str, key: str) -> Reading:
 
 def baselines(name: str) -> Reading:
     return lambda made: {each["b"] for each in held(name, "comparisons")(made)}
-
-
-def traced(made: Called) -> tuple[bool, set[bool]]:
-    """Whether torques are in the traces, and whether robots are frozen after a fall."""
-    assert made.code in {0, 1}
-    columns = {name for path in made.folder.rglob("traces/*.parquet") for name in pq.read_schema(path).names}
-    return "joint_torque" in columns, {each.env.terminate_on_fall for each in made.batches}
 
 
 def replayed(made: Called) -> list[tuple[str, str, int]]:
@@ -103,15 +97,15 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "out": Effect("--out FOLDER/new", written("new/results.json"), True),
         "gate": FAILS,
         "baseline": Effect("--baseline crouch", baselines("new/results.json"), {"crouch"}),
-        "trace": Effect("--trace full", traced, (True, {False})),
         "threads": Effect("--threads 1", THREADS, [1]),
         "at_once": Effect("--at-once 2", COUNT, [2, 1], given=SHORT),
         "quick": Effect(
             "--quick",
             SCENARIOS,
-            ["flat", "push", "rough", "push:4", "rough:4"],
+            ["flat", "push", "rough", "push:4", "rough:4", "steady", "flat+hardware"],
             given=SHORT.replace("--scenarios flat ", ""),
         ),
+        "hardware": Effect("--hardware", HARDWARE, [("flat+hardware", True, True)], given=SHORT),
     },
     "report": {
         "folder": Effect("FOLDER/a", written("a/results.json"), True),
@@ -143,6 +137,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "episodes": Effect("--episodes 2", COUNT, [2]),
         "seed": Effect("--seed 5", SEEDS, drawn(5, 2)),
         "robot": Effect("--robot FOLDER/mine.xml", once(lambda each: each.env.robot.name), ["mine"]),
+        "hardware": Effect("--hardware", lambda made: {real for *_, real in HARDWARE(made)}, {True}),
         "out": Effect("--out FOLDER/new", written("new/results.json"), True),
         "threads": Effect("--threads 1", THREADS, [1]),
     },
@@ -152,6 +147,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
 ELSEWHERE = {
     "": {
         "resume": test_resume.test_a_killed_run_goes_on_to_the_same_files,
+        "simulator": "tests.evaluate.rollouts.test_simulator, where there is pydrake",
     },
     "report": {
         "success": test_command.test_a_report_by_another_rule_of_success_is_printed_and_leaves_the_files_alone,

@@ -60,10 +60,13 @@ def test_its_report_comparison_and_episodes_are_made_again(whole, tmp_path, caps
 def test_the_default_is_everyone_that_walks_on_the_battery_and_the_document_on_flat_ground_alone(tmp_path) -> None:
     plan = check(Options(out=tmp_path))
     battery = [scenario.name for scenario in BATTERIES["default"](SIMPLE_QUAD)]
-    assert list(plan.manifest.policies) == ["document", *WALKING_POLICIES]
-    assert plan.manifest.only_on == {"document": ("flat",)}
+    article = ("document", "document_repaired")
+    assert list(plan.manifest.policies) == [*article, *WALKING_POLICIES]
+    assert plan.manifest.only_on == dict.fromkeys(article, ("flat",))
     everywhere = {(scenario, policy) for scenario in battery for policy in WALKING_POLICIES}
-    assert {(scenario.name, policy) for scenario, policy in plan.manifest.cells} == everywhere | {("flat", "document")}
+    assert {(scenario.name, policy) for scenario, policy in plan.manifest.cells} == everywhere | {
+        ("flat", name) for name in article
+    }
 
 
 def test_of_scenarios_without_flat_ground_the_default_leaves_the_document_out() -> None:

@@ -32,7 +32,8 @@ def judged(commands, velocities, **changes):
     """The outcome of one upright episode with these commands and mean velocities, an interval a row."""
     no = np.zeros(1, np.bool_)
     arrays = {"commands": np.array([commands], float), "velocities": np.array([velocities], float)}
-    return outcomes(**{"fell": no, "diverged": no, "stopped": no} | arrays | changes)[0]
+    arrays["durations"] = np.ones(len(commands))
+    return outcomes(**dict.fromkeys(("fell", "diverged", "stopped", "failed"), no) | arrays | changes)[0]
 
 
 @pytest.mark.parametrize(
@@ -188,7 +189,7 @@ def test_isaac_labs_thresholds_are_of_the_mean_errors_of_the_steps(errors, expec
     [("trot", 0.4, True), ("stand", 0.4, True), ("stand", 0.6, False), ("document", 0.4, False)],
 )
 def test_kept_episodes_succeed_by_another_rule_as_their_record_does(policy, forward, by_isaac_lab):
-    """What `report --success` shows of a run without traces, against the rule on the steps themselves."""
+    """What `report --success` shows of a run, against the rule on the steps themselves."""
     episodes = run(policies.make(policy), asked(forward), SEED, steps=STEPS)
     cell = Cell(policy, asked(forward), SEED, episodes.fall_reason, measure(episodes))
     for rule in RULES.values():

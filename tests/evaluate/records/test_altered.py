@@ -25,7 +25,6 @@ from evaluate.records.store import EPISODES, ChunkStore, read_run
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import Chunk
 from quad_env.cli.command_line import UsageError
-from research.__main__ import main as research
 from tests.evaluate.altered import column, with_value
 
 OLD = Path(__file__).parents[2] / "data" / "results_of_2c74e47"
@@ -37,12 +36,11 @@ pytestmark = pytest.mark.usefixtures("no_page")
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """The old results as this version writes them, with their traces."""
+    """The old results as this version writes them."""
     run = read_run(OLD)
     manifest = run.manifest.begun()
     manifest.write(tmp_path)
     write_parquet(run.cells, tmp_path / EPISODES, manifest.fingerprint)
-    shutil.copytree(OLD / "traces", tmp_path / "traces")
     return tmp_path
 
 
@@ -50,8 +48,7 @@ def command(*arguments: object) -> tuple[int, str]:
     """Exit code and stderr."""
     error = io.StringIO()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(error):
-        words = [str(argument) for argument in arguments]
-        code = (research if words[0] == "rescore" else main)(words)
+        code = main([str(argument) for argument in arguments])
     return code, error.getvalue()
 
 
@@ -66,7 +63,6 @@ def commands_on(folder: Path) -> Iterator[tuple[object, ...]]:
     yield "compare", folder, OLD
     yield "compare", OLD, folder
     yield "replay", folder, 0
-    yield "rescore", folder
 
 
 def assert_refused(folder: Path, words: str) -> None:

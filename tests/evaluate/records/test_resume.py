@@ -17,13 +17,12 @@ import pytest
 
 from evaluate.__main__ import main
 from evaluate.analysis.results import Results, as_json
-from evaluate.records import manifest, store, trace
+from evaluate.records import manifest, store
 from evaluate.records.episode_table import cell_of, read_table, table, write_table
 from evaluate.records.store import FILES
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import Chunk
 from quad_env.files.writing import write_atomically
-from research.__main__ import main as research
 
 STEPS = 150
 RUN = ("--policies", "stand", "trot", "--scenarios", "flat", "push:4", "--episodes", "5", "--seed", "2")
@@ -238,23 +237,6 @@ def full(*_arguments, **_options):
     raise OSError(28, "No space left on device")
 
 
-def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
-    """A worker writes a trace before its part is kept; another number of processes cuts the cells differently."""
-    traced = (*RUN, "--trace", "compact", "--out", tmp_path)
-    assert evaluate(*traced)[0] == 0
-    names = {path.name for path in (tmp_path / "traces").iterdir()}
-    run = store.read_run(tmp_path)
-    store.ChunkStore(tmp_path, run.manifest).save(Chunk(np.arange(5), run.cells[0]))
-    for name in OUTCOME[:3]:
-        (tmp_path / name).unlink()
-    whole_trace = tmp_path / "traces" / trace.name_of("trot", "push:4", 0)
-    (tmp_path / "traces" / trace.name_of("trot", "push:4", 3)).write_bytes(whole_trace.read_bytes())
-    (tmp_path / "traces" / f".{whole_trace.name}.abcdefgh").write_bytes(b"half")
-    assert evaluate("--resume", "--threads", "1", "--out", tmp_path)[0] == 0
-    assert {path.name for path in (tmp_path / "traces").iterdir()} == names
-    assert research(["rescore", str(tmp_path)]) == 0
-
-
 @pytest.mark.parametrize(
     ("place", "said"),
     [
@@ -265,7 +247,7 @@ def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
 )
 def test_a_failure_of_the_system_is_told_from_one_of_the_folder(tmp_path, monkeypatch, place, said) -> None:
     monkeypatch.setattr(f"evaluate.{place}", full)
-    code, error = evaluate(*RUN, "--threads", "1", "--trace", "compact", "--out", tmp_path)
+    code, error = evaluate(*RUN, "--threads", "1", "--out", tmp_path)
     assert code == 2
     assert said.format(tmp_path) in error.splitlines()[-1]
 

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from html import unescape
 from typing import Any
 
-import pyarrow.parquet as pq
 import pytest
 
-from evaluate.measures.catalogue import BY_NAME
+from evaluate.measures.catalogue import BY_NAME, EFFORT
 from tests.evaluate.report.conftest import Files
 
 LEGS = ("fl", "fr", "hl", "hr")
@@ -62,11 +61,10 @@ def page_tables(page: str) -> Iterator[PageTable]:
 
 
 class Report:
-    """A page, and what its cells must say by results.json and episodes.parquet."""
+    """A page, and what its cells must say by results.json."""
 
     def __init__(self, files: Files) -> None:
         self.found = files.results
-        self.rows = pq.read_table(files.folder / "episodes.parquet").to_pylist()
         self.tables = list(page_tables(files.page))
         self.scenarios = {
             name: each for of in self.found["policies"].values() for name, each in of["scenarios"].items()
@@ -90,15 +88,10 @@ class Report:
         """What a cell must say."""
         first, axis = table.heads[0], table.section.removeprefix("axis-")
         name = row[first][0]
-        if table.section == "worst-episodes":
-            return self.worst(table, row, head)
         if table.section == "how-it-was-measured":
             about = BY_NAME[row["measure"][1]]
             said = {"unit": about.unit, "frame": about.frame, "formula": about.formula, "over": about.scope}
             return (said | {"source": about.source or "this project"})[head] or "–"
-        if table.section == "training-seeds":
-            found = self.found["training_seeds"][table.heading]["scenarios"][name][(SHARES | ERRORS)[head]]
-            return scaled(head, found["mean"], *found["ci"], found["lowest"], found["highest"])
         if table.section == "success":
             found = self.one("scores", policy=name)
             if head == "score, %":
@@ -107,6 +100,8 @@ class Report:
             if name == self.found["baseline"]:
                 return ""
             return [*(100 * each for each in (found["difference"], *found["difference_ci"])), shown_p(found["p_value"])]
+        if table.section == "effort":
+            return self.effort(name, row[first][1], head)
         if table.section == "breaking-points":
             return self.breaking(name, head, "falls" if table.heading.endswith("fall at") else "success")
         if first == "difference":
@@ -133,6 +128,12 @@ class Report:
             return [of[ERRORS[head]], *of[f"{ERRORS[head]}_ci"]]
         return known(of[{"cost of transport": "cost_of_transport", "diverged": "diverged"}[head]])
 
+    def effort(self, policy: str, scenario: str, head: str) -> Said:
+        of = self.of(policy, scenario)
+        (key,) = (name for name in EFFORT if BY_NAME[name].title == head.split(", ")[0])
+        said = [of["effort"][key], *of["effort_intervals"][key]]
+        return [(100 if head.endswith("%") else 1) * each for each in said] if said[0] == said[0] else "–"
+
     def breaking(self, axis: str, policy: str, of: str) -> Said:
         point = self.one("breaking_points", axis=axis, policy=policy, of=of)
         if point["found"] != "crossed":
@@ -140,15 +141,6 @@ class Report:
         low, high = point["ci"]
         ends = low if low == low else point["lowest"], high if high == high else point["highest"]
         return [point["severity50"], *ends]
-
-    def worst(self, table: PageTable, row: Row, head: str) -> str:
-        words = row["replay"][0].removeprefix("python -m evaluate replay ").split()
-        policy, scenario = words[words.index("--policy") + 1], words[words.index("--scenario") + 1]
-        key = (table.fold, scenario, int(words[1])) if policy == table.fold else ()
-        (of,) = (each for each in self.rows if (each["policy"], each["scenario"], each["episode"]) == key)
-        fell = f"{of['fall_reason']} at {of['fall_time']:.2f} s" if of["fell"] else ""
-        what = fell or f"velocity error {of['velocity_error']:.3f} m/s"
-        return {"scenario": scenario, "what happened": what, "replay": row["replay"][0]}[head]
 
 
 def scaled(head: str, *values: float) -> list[float]:
@@ -180,7 +172,7 @@ def wrong(report: Report, table: PageTable) -> Iterator[str]:
     heads = table.heads
     for cells in table.rows[1:]:
         row = dict(zip(heads, cells, strict=True))
-        for head in heads[1:] if table.section != "worst-episodes" else heads:
+        for head in heads[1:]:
             try:
                 said = report.cell(table, row, head)
             except (KeyError, ValueError, IndexError, AssertionError, StopIteration):
@@ -197,7 +189,7 @@ def report(four) -> Report:
 
 def test_every_cell_of_the_page_is_the_figure_that_its_heading_names(report) -> None:
     assert {table.section for table in report.tables} == {
-        "success", "breaking-points", "axis-flat", "axis-push", "axis-rough",
-        "training-seeds", "worst-episodes", "how-it-was-measured",
+        "success", "effort", "breaking-points", "axis-flat", "axis-push", "axis-rough",
+        "how-it-was-measured",
     }  # fmt: skip
     assert [line for table in report.tables for line in wrong(report, table)] == []

@@ -6,7 +6,6 @@ import re
 from datetime import UTC, date, datetime
 from html import escape, unescape
 from html.parser import HTMLParser
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,8 @@ from evaluate.analysis.gates import evaluate, parse
 from evaluate.analysis.results import Results, analyse, as_json
 from evaluate.measures.outcomes import OUTCOMES, OUTCOMES_1
 from evaluate.report.page import render
-from evaluate.report.sections.worst import worst
 from policies import summary
+from quad_env.scenarios.axes import AXES
 from tests.live.view.test_browser import CHROMIUM, QUIET
 
 
@@ -61,6 +60,12 @@ def test_the_contents_lead_to_every_section(page) -> None:
     assert {"success", "axis-push", "how-it-was-measured"} <= set(sections)
 
 
+def test_what_results_under_pushes_depend_on_is_said_where_they_are(page) -> None:
+    parts = dict(zip(re.findall(r'<section id="([^"]+)">', page), page.split("<section ")[1:], strict=True))
+    said = {name for name, part in parts.items() if escape(AXES["push"].note) in part}
+    assert said == {"axis-push"}
+
+
 def test_the_page_names_its_command_and_day(run, page) -> None:
     begun = json.loads((run.folder / "manifest.json").read_text(encoding="utf-8"))["date"]
     assert date.fromisoformat(begun) <= datetime.now(UTC).date()
@@ -68,9 +73,22 @@ def test_the_page_names_its_command_and_day(run, page) -> None:
     assert f"Made by <code>{words}</code>, begun on {begun}." in page
 
 
+def test_the_front_and_what_dominates_each_of_the_others_are_listed(four) -> None:
+    section = four.page.split('<section id="effort">')[1].split("</section>")[0]
+    lines = [unescape(re.sub(r"<span.*?</span>|<.*?>", "", line)) for line in re.findall("<li>(.*?)</li>", section)]
+    found = four.results["pareto"]
+    assert lines[0] == f"On the Pareto front, cost of transport on flat: {', '.join(found['front'])}"
+    others = {point["policy"]: point for point in found["points"] if point["policy"] not in found["front"]}
+    assert len(lines) == 1 + len(others) > 1
+    for line, (policy, point) in zip(lines[1:], others.items(), strict=True):
+        walks = point["cost"] == point["cost"]
+        by = f"is dominated by {', '.join(point['dominated_by'])}" if walks else "goes nowhere: no cost of transport"
+        assert line == f"{policy} {by}"
+
+
 def test_every_plot_says_what_it_shows(page) -> None:
     plots = [image for image in re.findall(r"<img [^>]*>", page) if "image/svg" in image]
-    assert len(plots) == 2  # success and outcomes: no axis of this run has several levels
+    assert len(plots) == 3  # success, outcomes and effort: no axis of this run has several levels
     assert all(re.search(r'alt="[^"]{10,}"', image) for image in plots)
 
 
@@ -93,7 +111,7 @@ def odd(made) -> tuple[Results, str]:
     """Its results and its page."""
     results = odd_one(made)
     gates = [evaluate(parse(gate), made) for gate in ("other falls <= 50 %", "trot diverged <= 0")]
-    return results, render(results, Path("some where"), gates=gates)
+    return results, render(results, gates=gates)
 
 
 def test_what_a_reader_has_to_know_first_stands_at_the_top(odd, page) -> None:
@@ -134,23 +152,6 @@ def test_a_policy_stands_only_where_it_ran(odd) -> None:
     assert "</span>other" not in sections["axis-push"]
     assert "</span>other" in sections["axis-flat"]
     assert "</span>trot" not in sections["axis-rough"]
-
-
-def test_the_worst_falls_come_first_with_the_command_that_replays_them(made, odd) -> None:
-    """Other falls least often on push:3 (5 %), so its falls there surprise the most; then on push:5 (43 %)."""
-    assert [(cell.scenario.name, episode) for cell, episode in worst(made, "other")][:3] == [
-        ("push:3", 0),
-        ("push:3", 1),
-        ("push:5", 0),
-    ]
-    assert "python -m evaluate replay 'some where' 0 --policy trot --scenario push:3" in unescape(odd[1])
-
-
-def test_without_falls_the_largest_errors_are_the_worst(made) -> None:
-    mild = dataclasses.replace(made, cells=tuple(c for c in made.cells if c.scenario.name in ("flat", "push:1")))
-    found = worst(mild, "trot")
-    assert [episode for _, episode in found] == [39, 39, 38, 38, 37]
-    assert {cell.fall_reason[episode] for cell, episode in found} == {None}
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs a browser: apt-get install chromium")

@@ -10,8 +10,11 @@ from rich.console import Console
 from evaluate.analysis.comparison import METRICS, RATES
 from evaluate.analysis.results import analyse
 from evaluate.report.headings import NARROW, NARROW_DIFFERENCES, TITLES, UNITS
+from evaluate.report.sections.overview import success
 from evaluate.report.table import print_results
 from evaluate.rollouts.battery import resolve
+from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.scenario import on_hardware
 
 
 def printed(results) -> list[str]:
@@ -26,7 +29,7 @@ def test_a_few_scenarios_have_every_figure(made) -> None:
     text = "\n".join(lines)
     assert "velocity" in text
     assert "minus trot" in text
-    assert "85 % [71, 93]" in text  # of 34 of 40 falls, Wilson
+    assert re.search(r"85 %.*\n.*\[71, 93\]", text)  # of 34 of 40 falls, Wilson
 
 
 def test_p_values_are_those_that_the_report_shows(made) -> None:
@@ -77,6 +80,34 @@ def test_a_name_of_sixty_characters_is_whole_and_breaks_no_figure(made_up_cell) 
     ]
     lines = printed(analyse(cells, seed=0, episodes=40, complete=True))
     assert max(map(len, lines)) <= 80
-    assert all("".join(line[:21].strip() for line in lines).count(name) == 2 for name in names)
+    assert all("".join(line[:21].strip() for line in lines).count(name) == 3 for name in names)
     for piece in ("100 %", "[91, 100]", "78 %", "[62, 88]", "22 %", "[12, 38]", "0.150", "± 0.009", "p < 0.001"):
         assert any(re.search(rf"(^| ){re.escape(piece)}( |$)", line) for line in lines), piece
+
+
+def test_scores_of_both_worlds_stand_side_by_side_and_whoever_has_none_with_its_success_on_flat(made) -> None:
+    real = [
+        dataclasses.replace(cell, scenario=on_hardware(cell.scenario), measures=cell.measures)
+        for cell in made.cells
+        if cell.scenario.name in ("flat", "push:6")
+    ]
+    (flat, *_) = (cell for cell in made.cells if cell.scenario.name == "flat")
+    alone = dataclasses.replace(flat, policy="article")
+    results = analyse([*made.cells, *real, alone], seed=0, episodes=40, complete=True)
+    lines = printed(results)
+    (first,) = (number for number, line in enumerate(lines) if "mean success over the axes" in line)
+    assert max(map(len, lines)) <= 80
+    assert lines[first + 1].split() == ["policy", "score", "hardware", "score"]
+    shown = [line.split("%")[0].split() for line in lines[first + 3 :] if "%" in line]
+    assert shown == [["trot", "79"], ["other", "72"], ["article", "flat:", "100"]]
+    assert [line.count("[") for line in lines[first + 3 :] if "%" in line] == [2, 2, 0]
+    page = success(results).replace("\u00a0", " ")
+    assert [page.count(f"{words}<") for words in ("<th>score", "<th>hardware score", "flat: 100 %")] == [1, 1, 1]
+
+
+def test_what_results_under_pushes_depend_on_is_said_below_them(made) -> None:
+    for cells in (made.cells, [cell for cell in made.cells if cell.scenario.name in ("flat", "push:3")]):
+        said = " ".join(" ".join(printed(analyse(cells, seed=0, episodes=40, complete=True))).split())
+        assert f"push: {AXES['push'].note}" in said
+    flat = [cell for cell in made.cells if cell.scenario.name == "flat"]
+    assert AXES["push"].note[:20] not in " ".join(printed(analyse(flat, seed=0, episodes=40, complete=True)))

@@ -44,7 +44,7 @@ def tasks(*labelled: LabelledPolicy, scenario: str = "push") -> list[Task]:
     seeds = evaluation_seeds(0, 6)
     chunks = (np.arange(4), np.arange(4, 6))
     return [
-        Task(policy, SCENARIOS[scenario], numbers, seeds[numbers], STEPS, None, IDEAL)
+        Task(policy, SCENARIOS[scenario], numbers, seeds[numbers], STEPS, IDEAL)
         for policy in labelled
         for numbers in chunks
     ]

@@ -13,10 +13,8 @@ from evaluate.statistics.intervals import (
     bootstrap_interval,
     difference_interval,
     mean_share_interval,
-    newcombe_interval,
     resamples,
     share_difference_interval,
-    two_sample_interval,
     wilson_interval,
 )
 
@@ -34,7 +32,7 @@ def test_share_difference_interval_ends_at_one() -> None:
 
 def test_intervals_of_too_few_values_do_not_exist() -> None:
     one = np.array([1.0])
-    found = (wilson_interval(0, 0), bootstrap_interval(one), difference_interval(one), two_sample_interval(one, one))
+    found = (wilson_interval(0, 0), bootstrap_interval(one), difference_interval(one))
     assert np.isnan(found).all()
 
 
@@ -51,15 +49,6 @@ def test_difference_interval_has_students_tails(monkeypatch, pairs, tail) -> Non
     evenly = np.linspace(0.0, 1.0, 100_001)
     monkeypatch.setattr(intervals, "_resampled_sums", lambda values, *_: evenly * len(values))
     assert difference_interval(np.arange(float(pairs))) == pytest.approx((tail, 1.0 - tail), abs=2e-6)
-
-
-def test_newcombes_interval_as_published() -> None:
-    # Newcombe 1998, Statistics in Medicine 17, Table II, method 10: 56/70 against 48/80, and 0/20 against 0/10.
-    def share(fallen: int, count: int) -> np.ndarray:
-        return np.arange(count) < fallen
-
-    assert newcombe_interval(share(48, 80), share(56, 70)) == pytest.approx((0.0524, 0.3339), abs=5e-5)
-    assert newcombe_interval(share(0, 10), share(0, 20)) == pytest.approx((-0.2775, 0.1611), abs=5e-5)
 
 
 @pytest.mark.parametrize("size", [5, KEPT_VALUES // 100, BLOCK_VALUES + 1])
@@ -79,14 +68,6 @@ def test_values_that_agree_may_hide_as_many_others_as_wilsons_interval_has_for_n
     assert bootstrap_interval(np.full(24, 0.5), (0.0, 2.0)) == pytest.approx((0.43101, 0.70697), abs=1e-4)
     assert difference_interval(np.zeros(24), (-1.0, 1.0)) == pytest.approx((-unseen, unseen), abs=1e-4)
     assert bootstrap_interval(np.full(24, 2.0)) == (-np.inf, np.inf)
-
-
-def test_two_samples_that_agree_have_the_interval_of_both_means() -> None:
-    """Of 24 and 24 each end is 0.13798 · 2 away on one side: √2 times that where both may move apart, else one."""
-    low, high = two_sample_interval(np.zeros(24), np.full(24, 2.0), (0.0, 2.0))
-    assert (low, high) == pytest.approx((2.0 - np.sqrt(2.0) * 0.27596, 2.0), abs=1e-4)
-    low, high = two_sample_interval(np.full(24, 1.0), np.full(24, 1.0), (0.0, 2.0))
-    assert (low, high) == pytest.approx((-np.sqrt(2.0) * 0.13798, np.sqrt(2.0) * 0.13798), abs=1e-4)
 
 
 @given(st.integers(1, 200).flatmap(lambda trials: st.tuples(st.integers(0, trials), st.just(trials))))

@@ -29,6 +29,6 @@ def test_a_node_of_ros_2_marches_and_receives_what_the_robot_does(tmp_path: Path
         assert state["name"] == list(SIMPLE_QUAD.joint_names)
         np.testing.assert_allclose(state["position"], walk.joints[round(state["stamp"] / 1e7) - 1], atol=1e-9)
         np.testing.assert_allclose(imu["turn"], walk.turns[round(imu["stamp"] / 1e7) - 1], atol=1e-9)
-    assert "/position_controller/command: 20 messages refused, not 12 numbers" in robot.said
-    assert "/cmd_vel: 20 messages refused" in robot.said
+    assert "/position_controller/command: refused, not 12 numbers" in robot.said
+    assert "/cmd_vel: refused" in robot.said
     assert "Traceback" not in robot.said

@@ -14,7 +14,7 @@ from PIL import Image
 import policies
 from live.session import Session
 from live.view.camera import DISTANCES, STEEPEST, Orbit, ViewCamera
-from live.view.painter import QUALITIES, Painter
+from live.view.painter import HEIGHT, WIDTH, Painter
 from quad_env.cli.pace import Pace
 
 
@@ -55,7 +55,7 @@ def test_each_picture_looks_at_its_own_robot_while_it_follows(camera: ViewCamera
 @pytest.fixture
 def drawn() -> Iterator[tuple[Painter, "queue.Queue[bytes]"]]:
     files: queue.Queue[bytes] = queue.Queue()
-    with closing(Painter(files.put, "low")) as painter:
+    with closing(Painter(files.put)) as painter:
         yield painter, files
 
 
@@ -71,7 +71,7 @@ def test_pictures_are_of_the_robots_and_the_ground_of_now(
 
     with closing(walking(camera, "trot")) as flat, closing(walking(ViewCamera(), "trot", "stand")) as two:
         alone = picture_of(flat)
-        assert alone.shape == (QUALITIES["low"].height, QUALITIES["low"].width, 3)
+        assert alone.shape == (HEIGHT, WIDTH, 3)
         assert np.abs(picture_of(flat) - alone).mean() < 1.0
         for _ in range(60):
             flat.step()
@@ -79,7 +79,7 @@ def test_pictures_are_of_the_robots_and_the_ground_of_now(
         assert np.abs(picture_of(two) - alone).mean() > 1.0  # a picture each, side by side
     with closing(walking(camera, "trot", scenario="stairs=0.3")) as stairs:
         climbed = picture_of(stairs)  # of another model: nothing of the last one is drawn
-        with closing(Painter(files.put, "low")) as fresh:
+        with closing(Painter(files.put)) as fresh:
             assert np.abs(picture_of(stairs, fresh) - climbed).mean() < 1.0
         assert np.abs(climbed - alone).mean() > 5.0
     assert painter.failure is None

@@ -17,7 +17,7 @@ from live.view.server import Server
 @pytest.fixture
 def view() -> Iterator[tuple[Driver, LiveView]]:
     driver = Driver(["stand"])
-    found = LiveView(driver, lambda receive: Server(0, receive), "low")
+    found = LiveView(driver, lambda receive: Server(0, receive))
     with closing(driver), closing(found):
         yield driver, found
 

@@ -13,7 +13,7 @@ from policies.behaviour.transitions import TIME_LIMIT, conditions
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.policies.readings import reading
 
-RESTING = {State.PASSIVE, State.STAND, State.WALK, State.RUN, State.EMERGENCY_STOP}
+RESTING = {State.STAND, State.WALK, State.RUN}
 
 
 def seen(n=1, up=1.0, turning=0.0, speed=0.0, joints=0.0, command=(0.0, 0.0, 0.0)):
@@ -23,9 +23,6 @@ def seen(n=1, up=1.0, turning=0.0, speed=0.0, joints=0.0, command=(0.0, 0.0, 0.0
 
 
 WITH = {  # a reading under which a guard holds, and steps to wait for it
-    "still": (seen(), 1),
-    "upright": (seen(), 1),
-    "tilted": (seen(up=0.0), 1),
     "in home pose": (seen(), 12),
     "toppling": (seen(up=0.2, turning=9.0), 1),
     "landed": (seen(), 95),
@@ -34,9 +31,6 @@ WITH = {  # a reading under which a guard holds, and steps to wait for it
     "": (seen(up=0.9, turning=9.0), 1),
 }
 WITHOUT = {  # a reading under which it does not
-    "still": seen(speed=1.0),
-    "upright": seen(up=0.5),
-    "tilted": seen(),
     "in home pose": seen(joints=0.5),
     "toppling": seen(),
     "landed": seen(speed=1.0),
@@ -53,7 +47,7 @@ def machine_in(state, n=1):
 EVERY_WAY = [(row, source) for row in TRANSITIONS for source in row.sources]
 
 
-def test_every_transition_happens_where_the_table_says_and_is_logged_with_its_reason():
+def test_every_transition_happens_where_the_table_says():
     for row, source in EVERY_WAY:
         machine = machine_in(source)
         observation, steps = WITH[row.guard]
@@ -69,9 +63,6 @@ def test_every_transition_happens_where_the_table_says_and_is_logged_with_its_re
                 )
             machine.request(row.request)
         assert machine.state[0] == row.target
-        change = machine.changes()[-1]
-        assert (change.robot, change.source, change.target, change.reason) == (0, source, row.target, row.reason)
-        assert change.step == machine.step
 
 
 def test_no_transition_happens_while_its_guard_does_not_hold():
@@ -81,13 +72,9 @@ def test_no_transition_happens_while_its_guard_does_not_hold():
         machine = machine_in(source)
         for _ in range(20):
             machine.observe(WITHOUT[row.guard])
+            assert machine.state[0] != row.target
             if machine.state[0] != source:
                 break
-        taken = {(change.source, change.reason) for change in machine.changes()}
-        if row.request and machine.state[0] == source:
-            machine.request(row.request)
-        taken |= {(change.source, change.reason) for change in machine.changes()}
-        assert (source, row.reason) not in taken
 
 
 def test_every_request_that_the_table_lacks_is_refused():
@@ -96,7 +83,7 @@ def test_every_request_that_the_table_lacks_is_refused():
             machine = machine_in(state)
             assert machine.request(request).all()
             assert machine.state[0] == state
-    with pytest.raises(ValueError, match="emergency_stop, passive, stand"):
+    with pytest.raises(ValueError, match="stand, walk, run, jump"):
         BehaviourMachine(1).request("gallop")
 
 
@@ -109,7 +96,7 @@ def test_batch_request_moves_those_that_may_and_gives_the_mask_of_those_that_ref
     assert machine.state.tolist() == [State.RUN, State.STAND, State.STAND]
 
 
-def test_every_state_leads_to_standing_and_every_state_but_a_stop_can_be_left_without_waiting_for_a_person():
+def test_every_state_leads_to_every_other_and_none_but_those_of_rest_waits_for_a_person():
     ahead = {state: {row.target for row in TRANSITIONS if state in row.sources} for state in State}
     for state in State:
         reached, frontier = {state}, {state}
@@ -133,12 +120,15 @@ events = st.one_of(
 
 
 @settings(max_examples=20)
-@given(st.lists(events, max_size=15), st.sampled_from(State), st.integers(0, 3))
-def test_random_commands_never_break_the_machine(script, start, robot):
-    """Never in two states, never stuck, every change in the table, an emergency stop obeyed at once and kept."""
+@given(st.lists(events, max_size=15), st.sampled_from(State))
+def test_random_commands_never_break_the_machine(script, start):
+    """Never in two states, never stuck, every change in the table."""
     machine = BehaviourMachine(4, start=start)
     legal = {(source, row.target) for row in TRANSITIONS for source in row.sources}
-    stopped = np.zeros(4, bool)
+
+    def as_the_table_says(before):
+        assert all(a == b or (a, b) in legal for a, b in zip(before, machine.state, strict=True))
+
     for kind, what, number in script:
         before = machine.state
         if kind == "ask":
@@ -146,34 +136,18 @@ def test_random_commands_never_break_the_machine(script, start, robot):
             refused = machine.request(what, mask)
             assert not (refused & ~mask).any()
             assert (machine.state[~mask | refused] == before[~mask | refused]).all()
-            if what == "emergency_stop":
-                assert not refused.any()
-                assert (machine.state[mask] == State.EMERGENCY_STOP).all()
-                stopped |= mask
-            elif what == "passive":
-                stopped &= ~(mask & ~refused)
+            as_the_table_says(before)
         else:
             for _ in range(number):
+                before = machine.state
                 machine.observe(what)
+                as_the_table_says(before)
         assert machine.state.shape == (4,)
         assert set(machine.state.tolist()) <= set(State)
-        assert (machine.state[stopped] == State.EMERGENCY_STOP).all()
-    assert all((change.source, change.target) in legal for change in machine.changes())
-    path = [change for change in machine.changes() if change.robot == robot]
-    assert all(a.target == b.source for a, b in itertools.pairwise(path))
     patience = sum(round(limit / 0.01) for limit in TIME_LIMIT.values())
     while not set(machine.state.tolist()) <= RESTING:
         machine.observe(seen(4))
         assert (patience := patience - 1) > 0
-
-
-def test_the_log_is_bounded_and_keeps_the_latest(monkeypatch):
-    monkeypatch.setattr("policies.behaviour.machine.LOG_CAPACITY", 4)
-    machine = BehaviourMachine(9, start=State.STAND)
-    machine.request("walk")
-    assert [change.robot for change in machine.changes()] == [5, 6, 7, 8]
-    machine.restart(np.arange(9) < 2)
-    assert [change.robot for change in machine.changes()] == [7, 8, 0, 1]
 
 
 def test_the_page_of_the_behaviours_has_every_transition_and_no_other():
@@ -181,28 +155,26 @@ def test_the_page_of_the_behaviours_has_every_transition_and_no_other():
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if line.startswith("|")]
     expected = []
     for row in TRANSITIONS:
-        sources = "any" if len(row.sources) == len(State) else ", ".join(source.name.lower() for source in row.sources)
-        expected.append([sources, row.request, row.guard, row.target.name.lower(), row.reason])
+        sources = ", ".join(source.name.lower() for source in row.sources)
+        expected.append([sources, row.request, row.guard, row.target.name.lower()])
     assert rows[2:] == expected
     arrows = [line.split("-->")[1].split(":")[0].strip() for line in page.splitlines() if "-->" in line]
     assert set(arrows) == {row.target.name.lower() for row in TRANSITIONS}
 
 
-def test_policy_that_follows_walks_runs_and_stands_by_the_command_until_an_emergency_stop():
+def test_policy_that_follows_walks_runs_and_stands_by_the_command_and_goes_limp_when_it_topples():
     policy = policies.make("behaviour")
     policy.reset(2)
     for command, expected in (((0.0, 0, 0), State.STAND), ((0.4, 0, 0), State.WALK), ((1.2, 0, 0), State.RUN)):
         for _ in range(30):
             policy.act(seen(2, command=command))
         assert policy.state.tolist() == [expected] * 2
-    policy.request("emergency_stop", np.array([True, False]))
     joints = np.linspace(-0.3, 0.3, 12).astype(np.float32)
-    damped, running = policy.act(seen(2, joints=joints, command=(1.2, 0, 0)))
+    lying, upright = (seen(1, up=up, joints=joints, command=(1.2, 0, 0)) for up in (0.2, 1.0))
+    damped, running = policy.act(np.concatenate((lying, upright)))
     np.testing.assert_allclose(damped, np.clip(SIMPLE_QUAD.home_pose + joints, -2.5, 1.5), atol=1e-6)
     assert np.abs(running - damped).max() > 0.1
-    for _ in range(30):
-        policy.act(seen(2))
-    assert policy.state.tolist() == [State.EMERGENCY_STOP, State.STAND]
+    assert policy.state.tolist() == [State.FALL, State.RUN]
 
 
 def test_changing_behaviour_makes_no_target_jump():

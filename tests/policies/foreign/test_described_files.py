@@ -103,7 +103,7 @@ def test_what_is_no_description_of_a_policy_is_refused_in_words(tmp_path: Path) 
 def test_an_onnx_that_says_nothing_acts_on_our_observation(tmp_path: Path) -> None:
     file = Numbers(OBSERVATION_SIZE).onnx(tmp_path / "policy.onnx")
     assert checked(file, trust=False).description is None
-    of = serve(checked(file, trust=False), "", SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
+    of = serve(checked(file, trust=False), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
     of.reset(1, 0)
     observation = np.ones((1, OBSERVATION_SIZE), np.float32)
     np.testing.assert_allclose(

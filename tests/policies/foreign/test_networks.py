@@ -101,7 +101,7 @@ def unknown_state(graph: Any) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (external, "keeps its weights in another file; write them into it"),
+        (external, "cannot be read as ONNX"),
         (short, "gives 16 numbers of type float32 for the 12 joints"),
         (unknown_state, "reads time_step besides the observation, and its outputs do not renew"),
     ],

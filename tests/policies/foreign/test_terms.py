@@ -10,7 +10,7 @@ import policies
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from policies.base import Floats, PolicyError
-from policies.foreign.description import Clock, HeightGrid, Term
+from policies.foreign.description import HeightGrid, Term
 from policies.foreign.terms import Terms, scan_of
 from quad_env import OBSERVATION, SIMPLE_QUAD, HeightScan
 from quad_env.sensing.height_scan import table_with
@@ -95,28 +95,10 @@ def test_contacts_are_those_of_the_simulation_in_nine_steps_of_ten() -> None:
     assert np.mean(agreed[30:]) > 0.9
 
 
-@pytest.mark.parametrize(
-    ("clock", "expected"),
-    [
-        (Clock(2.0), (np.sin(0.48 * np.pi), np.cos(0.48 * np.pi))),
-        (Clock(2.0, (0.0, 0.5), ("cos",)), (np.cos(0.48 * np.pi), -np.cos(0.48 * np.pi))),
-        (
-            Clock(2.0, (0.0, 0.5), by_part=True),
-            np.array([1.0, -1.0, 1.0, -1.0]) * np.repeat((np.sin(0.48 * np.pi), np.cos(0.48 * np.pi)), 2),
-        ),
-    ],
-)
-def test_a_clock_is_at_zero_at_the_first_step(clock: Clock, expected: tuple[float, ...]) -> None:
+def test_a_clock_is_at_zero_at_the_first_step() -> None:
     # The seventh step of 50 Hz is 6 * 20 ms after the first, and 2 Hz are 0.24 cycles then.
-    shown = seen(terms(Term("gait_clock", clock=clock)), *[standing(command=(0.5, 0.0, 0.0))] * 7)
-    np.testing.assert_allclose(shown, expected, atol=1e-6)
-
-
-def test_a_clock_that_knows_standing_shows_zeros_then_and_runs_on() -> None:
-    of = terms(Term("gait_clock", clock=Clock(2.0, stands=True)))
-    slow, going = (standing(command=(0.0, 0.0, yaw_rate)) for yaw_rate in (0.09, 0.11))
-    np.testing.assert_array_equal(seen(of, *[slow] * 5), (0.0, 0.0))
-    np.testing.assert_allclose(seen(of, going), (np.sin(0.4 * np.pi), np.cos(0.4 * np.pi)), atol=1e-6)
+    shown = seen(terms(Term("gait_clock", clock=2.0)), *[standing(command=(0.5, 0.0, 0.0))] * 7)
+    np.testing.assert_allclose(shown, (np.sin(0.48 * np.pi), np.cos(0.48 * np.pi)), atol=1e-6)
 
 
 @pytest.mark.parametrize("x_first", [True, False])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import policies
-from policies.foreign.description import Clock, PolicyDescription, Term
+from policies.foreign.description import PolicyDescription, Term
 from policies.legs.kinematics import joint_angles
 from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD
 
@@ -42,7 +42,7 @@ DEFAULT = SIMPLE_QUAD.home_pose + 0.1
 def write(file: Path) -> PolicyDescription:
     """Write the network; its description."""
     trot = policies.make("trot")
-    terms = [Term(name, (scale,)) for name, scale in TERMS.items()] + [Term("gait_clock", clock=Clock(trot.frequency))]
+    terms = [Term(name, (scale,)) for name, scale in TERMS.items()] + [Term("gait_clock", clock=trot.frequency)]
     found = PolicyDescription(
         network=file,
         control_rate=50.0,

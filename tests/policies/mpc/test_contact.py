@@ -9,8 +9,8 @@ from policies.mpc.contact import ContactSense, as_accelerations
 from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
 from quad_env.physics.dynamics import Dynamics
+from quad_env.robots.collisions import foot_geoms
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from research.studies.prediction import whole_body
 from tests.policies.readings import reading
 
 PERIOD, SUBSTEPS = 0.01, 5
@@ -56,8 +56,20 @@ class Trotting:
         self.forces = np.zeros((4, 3))
         for _ in range(SUBSTEPS):
             mujoco.mj_step(self.model, self.data)
-            self.forces += whole_body(SIMPLE_QUAD, self.model, self.data).forces / SUBSTEPS
+            self.forces += self.contact_forces() / SUBSTEPS
         return motion(SIMPLE_QUAD, DYNAMICS, self.observation()[None])
+
+    def contact_forces(self) -> np.ndarray:
+        """Of the ground on each foot, world frame, (4, 3), N."""
+        forces, one = np.zeros((4, 3)), np.zeros(6)
+        feet = {geom: foot for foot, leg in enumerate(SIMPLE_QUAD.leg_names) for geom in foot_geoms(self.model, leg)}
+        for number, contact in enumerate(self.data.contact):
+            for place, geom in enumerate(contact.geom):
+                if (foot := feet.get(int(geom))) is not None:
+                    mujoco.mj_contactForce(self.model, self.data, number, one)
+                    sign = 1.0 if place == 1 else -1.0  # it acts on the second of the two
+                    forces[foot] += sign * (contact.frame.reshape(3, 3).T @ one[:3])
+        return forces
 
     def turned(self, vectors: np.ndarray) -> np.ndarray:
         """World vectors in the level frame."""

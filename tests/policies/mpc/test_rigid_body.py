@@ -51,6 +51,18 @@ def of_one() -> Programs:
     return programs
 
 
+def predicted(forces: np.ndarray) -> Reference:
+    """Where the body goes under these forces, (1, N, 4, 3), N."""
+    free, linear = HORIZON.free(body()), forces.sum(axis=2) / MASS
+    angular = np.einsum("njlax,njlx->nja", HORIZON.moments(body().inertia, arms()), forces)
+    return Reference(
+        free.angles + HORIZON.place @ angular,
+        free.position + HORIZON.place @ linear,
+        free.turning + HORIZON.rate @ angular,
+        free.velocity + HORIZON.rate @ linear,
+    )
+
+
 def test_the_prediction_is_what_steps_of_newton_s_and_euler_s_laws_give() -> None:
     now, forces = body(), np.random.default_rng(0).normal(50.0, 20.0, (1, STEPS, 4, 3)) * standing()[..., None]
     angles, position, turning, velocity = now.angles[0], now.position[0], now.turning[0], now.velocity[0]
@@ -60,13 +72,13 @@ def test_the_prediction_is_what_steps_of_newton_s_and_euler_s_laws_give() -> Non
         position = position + PERIOD * velocity + 0.5 * PERIOD**2 * linear
         angles = angles + PERIOD * turning + 0.5 * PERIOD**2 * angular
         velocity, turning = velocity + PERIOD * linear, turning + PERIOD * angular
-        found = HORIZON.predicted(now, arms(), forces)
+        found = predicted(forces)
         for name, value in (("angles", angles), ("position", position), ("turning", turning), ("velocity", velocity)):
             np.testing.assert_allclose(getattr(found, name)[0, step], value, atol=1e-10, err_msg=name)
 
 
 def cost(forces: np.ndarray) -> float:
-    found, goal = HORIZON.predicted(body(), arms(), forces), wanted()
+    found, goal = predicted(forces), wanted()
     missed = sum(
         float((getattr(WEIGHTS, name) * (getattr(found, name) - getattr(goal, name)) ** 2).sum())
         for name in ("angles", "position", "turning", "velocity")

@@ -41,7 +41,7 @@ PUSHED = (0.0, 2.0, 0.0)
 
 def test_predicted_fall_is_braced_for_until_the_robot_is_at_rest_and_then_blended_back_to_the_policy():
     told = Told()
-    policy = Safe(told, SafetyLimits(torque=1e6, target_rate=1e6, joint_speed=1e6), alarm_above=1.0)
+    policy = Safe(told, SafetyLimits(torque=1e6, target_rate=1e6, joint_speed=1e6))
     policy.reset(1)
     policy.act(moving(command=(0.5, 0.0, 1.0)))
     wide = policy.act(moving(PUSHED, command=(0.5, 0.0, 1.0)))
@@ -65,7 +65,7 @@ def test_predicted_fall_is_braced_for_until_the_robot_is_at_rest_and_then_blende
 
 
 def test_push_while_getting_up_is_braced_for_again():
-    policy = Safe(Told(), alarm_above=1.0)
+    policy = Safe(Told())
     policy.reset(1)
     policy.act(moving(PUSHED))
     for _ in range(round((REST_TIME + RELEASE_TIME / 2.0) / CONTROL_PERIOD)):
@@ -78,7 +78,7 @@ def test_push_while_getting_up_is_braced_for_again():
 
 @pytest.mark.parametrize("state", [{"velocity": (0.7, 0, 0)}, {"turning": (0, 2.0, 0)}, {"up": (0.6, 0, 0.8)}])
 def test_robot_that_moves_turns_or_leans_stays_braced(state):
-    policy = Safe(Told(), alarm_above=1.0)
+    policy = Safe(Told())
     policy.reset(1)
     policy.act(moving(PUSHED))
     for _ in range(100):
@@ -87,7 +87,7 @@ def test_robot_that_moves_turns_or_leans_stays_braced(state):
 
 
 def test_robot_that_is_too_far_over_is_the_policys_again():
-    policy = Safe(Told(), alarm_above=1.0)
+    policy = Safe(Told())
     policy.reset(1)
     for up in ((0, 0, 1), (1, 0, 0), (1, 0, 0)):
         policy.act(moving(PUSHED, up=up))
@@ -132,7 +132,7 @@ def test_velocity_deviation_is_the_lesser_of_the_speeds_off_the_reference_and_of
 
 
 def test_slow_change_or_change_of_command_is_no_alarm():
-    policy = Safe(Told(), alarm_above=1.0)
+    policy = Safe(Told())
     policy.reset(1)
     for step in range(100):
         policy.act(moving((0.02 * step, 0.0, 0.0)))

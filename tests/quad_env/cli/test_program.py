@@ -57,7 +57,7 @@ def test_a_command_is_called_by_its_word_and_gets_the_rest(capsys) -> None:
     [
         ("publsh", "no policy publsh; did you mean the command publish?"),
         ("galloping", "no policy galloping"),
-        ("publish --count 1_0", "--count: '1_0' is no number; see `python -m thing publish --help`"),
+        ("publish --count ten", "--count: 'ten' is no whole number; see `python -m thing publish --help`"),
         ("publish --count 2.5", "--count: '2.5' is no whole number"),
         ("publish --out=", "empty"),
         ("publish --cuont", "--cuont; see `python -m thing publish --help`"),

@@ -1,10 +1,8 @@
-"""Folders that one process at a time writes to: by the lock of a folder, and by that of a file, as on Windows."""
+"""Folders that one process at a time writes to."""
 
 import subprocess
 import sys
-import tempfile
 
-import filelock  # noqa: F401 - here, so that it finds fcntl where a test hides it from the product
 import pytest
 
 from quad_env.files.writing import FolderInUse, sole_use
@@ -12,26 +10,11 @@ from quad_env.files.writing import FolderInUse, sole_use
 HOLDER = """
 import sys, time
 from pathlib import Path
-if sys.argv[2] == "by file":
-    import filelock
-    sys.modules["fcntl"] = None
 from quad_env.files.writing import sole_use
 with sole_use(Path(sys.argv[1])):
     print("locked", flush=True)
     time.sleep(60)
 """
-
-
-@pytest.fixture(params=["by folder", "by file"], autouse=True)
-def way(request, monkeypatch, tmp_path_factory) -> str:
-    """How the folder is locked."""
-    if request.param == "by file":
-        monkeypatch.setitem(sys.modules, "fcntl", None)
-        monkeypatch.setenv("TMPDIR", str(tmp_path_factory.mktemp("locks")))
-        monkeypatch.setattr(tempfile, "tempdir", None)
-    elif sys.platform == "win32":
-        pytest.skip("folders have no locks there")
-    return request.param
 
 
 def test_a_folder_in_use_is_refused_at_once_and_free_afterwards(tmp_path) -> None:
@@ -48,8 +31,8 @@ def test_a_folder_in_use_is_refused_at_once_and_free_afterwards(tmp_path) -> Non
         assert [path.name for path in tmp_path.iterdir()] == ["other"]
 
 
-def test_the_lock_ends_with_its_process_however_that_ends(tmp_path, way, running) -> None:
-    with running([sys.executable, "-c", HOLDER, str(tmp_path), way]) as holder:
+def test_the_lock_ends_with_its_process_however_that_ends(tmp_path, running) -> None:
+    with running([sys.executable, "-c", HOLDER, str(tmp_path)]) as holder:
         assert holder.stdout.readline() == "locked\n"
         with pytest.raises(FolderInUse), sole_use(tmp_path):
             pass
@@ -71,11 +54,11 @@ def test_a_process_that_the_user_begins_does_not_keep_the_folder(tmp_path) -> No
         sleeper.wait()
 
 
-def test_where_the_system_has_no_locks_no_process_is_kept_out(tmp_path, way, monkeypatch) -> None:
+def test_where_the_system_has_no_locks_no_process_is_kept_out(tmp_path, monkeypatch) -> None:
     def unsupported(*_) -> None:
         raise OSError(95, "Operation not supported")
 
-    monkeypatch.setattr("fcntl.flock" if way == "by folder" else "filelock.FileLock.acquire", unsupported)
+    monkeypatch.setattr("filelock.FileLock.acquire", unsupported)
     with sole_use(tmp_path), sole_use(tmp_path):
         pass
 

@@ -33,7 +33,7 @@ def test_names_of_legs_and_joints_are_the_robots_own(tmp_path: Path) -> None:
         leg_names=tuple(NAMES.values()),
         joint_names=tuple(NAMES[name[:2]] + name[2:] for name in SIMPLE_QUAD.joint_names),
     )
-    task = TaskConfig(reward_weights=RewardWeights(foot_slip=-0.1, foot_impact=-0.1))
+    task = TaskConfig(reward_weights=RewardWeights(foot_air_time=1.0))
     hardware = {"actuator": "motor", "sensors": "typical", "readings": True, "scenario": SOFT, "config": task}
     ours, theirs = (SimpleQuadVectorEnv(2, robot=robot, **hardware) for robot in (SIMPLE_QUAD, renamed))
     runs = []

@@ -358,21 +358,16 @@ def test_settings_of_the_file_that_are_ours_are_taken_without_a_word(tmp_path: P
 def test_unlikely_figures_are_named_and_not_refused(tmp_path: Path) -> None:
     assert list(warnings_of(robot_of_text(tmp_path, PLAIN))) == []
     said = {
-        "a placeholder": (Made(torque=1000.0).xml(), {}),
-        "masses in another unit": (Made(torque=0.5).xml(), {}),
-        "a model in millimetres": (
-            re.sub(
-                r'(pos|size)="([^"]*)"',
-                lambda m: f'{m[1]}="{" ".join(str(1e3 * float(v)) for v in m[2].split())}"',
-                PLAIN,
-            ),
-            {},
+        "a placeholder": Made(torque=1000.0).xml(),
+        "masses in another unit": Made(torque=0.5).xml(),
+        "a model in millimetres": re.sub(
+            r'(pos|size)="([^"]*)"',
+            lambda m: f'{m[1]}="{" ".join(str(1e3 * float(v)) for v in m[2].split())}"',
+            PLAIN,
         ),
-        "very little": (PLAIN, {"servo_damping": 0.01}),
-        "very much": (PLAIN, {"servo_damping": 500.0}),
     }
-    for words, (model, figures) in said.items():
-        lines = list(warnings_of(robot_of_text(tmp_path, model, **figures)))
+    for words, model in said.items():
+        lines = list(warnings_of(robot_of_text(tmp_path, model)))
         assert sum(words in line for line in lines) == 1, lines
 
 

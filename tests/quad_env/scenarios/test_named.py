@@ -14,6 +14,7 @@ from quad_env.scenarios.disturbances import Ground, Latency, Payload
 from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope
+from quad_env.serialisation import from_plain, to_plain
 
 
 def test_a_combination_has_what_each_of_its_axes_sets() -> None:
@@ -30,6 +31,20 @@ def test_one_severity_is_a_scenario_of_its_axis() -> None:
             assert scenario(written) == axis.scenario(severity, written)
 
 
+@pytest.mark.parametrize("name", ["push", "push:4", "push=42", "payload=15+slope=10", "steady"])
+def test_the_hardware_profile_is_asked_for_at_the_end_of_a_name(name: str) -> None:
+    found = scenario(f"{name}+hardware")
+    assert found == replace(scenario(name), name=f"{name}+hardware", hardware=True)
+    assert scenario(found.name) == found
+    assert from_plain(to_plain(found)) == found
+
+
+def test_a_scenario_of_before_there_was_a_profile_has_none() -> None:
+    written = to_plain(scenario("push:3"))
+    del written["hardware"]
+    assert from_plain(written) == scenario("push:3")
+
+
 def test_parts_of_one_thing_go_together() -> None:
     assert scenario("soft=0.02+slippery=0.4").ground == Ground(friction=0.4, sink_depth=0.02)
     assert scenario("flat=2+push=35").commands == AXES["flat"].at(2.0).commands
@@ -44,6 +59,9 @@ def test_parts_of_one_thing_go_together() -> None:
         ("slippery=0.8+surprise=1", "slippery and surprise set the ground friction differently"),
         ("push=20+push=20", "push is given twice"),
         ("push=20+pull=3", "unknown axis 'pull'; valid: flat, push"),
+        ("payload=15+hardware+slope=10", r"\+hardware stands at the end"),
+        ("shove+hardware", "unknown scenario 'shove\\+hardware'; valid: flat, push"),
+        ("push:99+hardware", "push has levels 1 to 8, not 99"),
         ("payload=15+slope", "slope needs a severity; write slope=15"),
         ("payload=heavy", "'heavy' is no number; write payload=5 for mass on the trunk"),
         ("push=-3", "impulse of each push is a number from 0 to"),

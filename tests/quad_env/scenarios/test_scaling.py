@@ -118,6 +118,7 @@ def test_what_a_user_writes_in_physical_units_stays_as_it_is(small: Robot) -> No
 def test_a_physical_name_can_be_said_for_another_robot(small: Robot) -> None:
     assert scaled_name("payload=20+slope=10", small) == "payload=2+slope=10"
     assert scaled_name("push", small) == "push"
+    assert scaled_name("payload=20+slope=10+hardware", small) == "payload=2+slope=10+hardware"
     assert scaled_name("payload=20", SIMPLE_QUAD) == "payload=20"
 
 
@@ -136,7 +137,8 @@ def test_an_evaluation_and_a_training_take_it(small: Robot, tmp_path: Path) -> N
     path = str(small.source)
     plan = check(Options(policies=("trot",), scenarios=("quick",), robot=path, out=tmp_path / "out"))
     assert [each.name for each in plan.scenarios][:3] == ["flat", "push", "rough"]
-    assert all(each == axes_of(small)[each.axis].scenario(each.severity, each.name) for each in plan.scenarios)
+    of_axes = [each for each in plan.scenarios if each.axis and not each.hardware]
+    assert all(each == axes_of(small)[each.axis].scenario(each.severity, each.name) for each in of_axes)
     assert plan.policies[0].policy.robot == small
     config = parse(["--robot", path])
     assert ("payload=2", 0.07) in config.mixture

@@ -163,11 +163,11 @@ def test_the_trunk_turns_on_as_it_does_over_the_delay_of_the_readings(axis: int,
     filter_ = after_one_sample(SensorSuite(imu=Imu(gyro_bias=0.5)), late, gyro)
     assert np.abs(filter_.gyro_bias).max() > 0.1  # the feet, which do not move, say that the trunk turns less
     speed = np.array(gyro) - filter_.gyro_bias[0]
-    expected = filter_.then.gravity[0]
+    expected = filter_.motion.gravity[0]
     for _ in range(1000):  # in small steps of dg/dt = -ω × g
         expected = expected - 1e-3 * late * DT * np.cross(speed, expected)
     np.testing.assert_allclose(filter_.gravity[0], expected, atol=1e-5)
-    change = np.linalg.norm(filter_.gravity - filter_.then.gravity)
+    change = np.linalg.norm(filter_.gravity - filter_.motion.gravity)
     assert change == pytest.approx(np.linalg.norm(speed) * late * DT, rel=0.01)
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from policies.foreign.description import Clock, HeightGrid, PolicyDescription, Term
+from policies.foreign.description import HeightGrid, PolicyDescription, Term
 from policies.foreign.readers import read, write_toml
 
 pytest.importorskip("yaml")
@@ -74,7 +74,7 @@ def test_unitree_history_by_time_scales_before_clips_and_a_gait_clock(tmp_path: 
     )
     assert policy.history_layout == "time"
     assert policy.terms[0] == Term("angular_velocity", (0.25,), (-4.0, 4.0), 4)
-    assert policy.terms[-1] == Term("gait_clock", history=4, clock=Clock(1.25))
+    assert policy.terms[-1] == Term("gait_clock", history=4, clock=1.25)
 
 
 def test_isaac_lab_joints_are_by_kind_and_gains_by_expression(tmp_path: Path) -> None:

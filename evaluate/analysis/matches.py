@@ -1,0 +1,116 @@
+"""What two runs have in common: policies on scenarios, compared over the episodes of the same seeds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from evaluate.analysis.comparison import ERRORS, FALL_RATE, SUCCESS_RATE, MetricDifference, differences_of
+from evaluate.analysis.effort import effort_by_episode
+from evaluate.analysis.ranking import LEAST_POLICIES, Ranking, ranking
+from evaluate.analysis.score import counts
+from evaluate.analysis.severity_levels import axis_name
+from evaluate.measures.catalogue import EFFORT
+from evaluate.measures.episodes import weight
+from evaluate.measures.outcomes import SUCCEEDED
+from evaluate.records.manifest import Manifest
+from evaluate.records.store import rows_of
+from evaluate.statistics.intervals import Floats
+from evaluate.statistics.significance import holm
+from quad_env.scenarios.scenario import HARDWARE
+
+Stored = tuple[Manifest, pa.Table]
+"""A run's manifest and rows."""
+Pairs = Sequence[tuple[str, str]]
+"""Policies of A and of B that go together."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """One policy on one scenario in both runs. The fields are keys of the JSON file."""
+
+    a: str
+    b: str
+    """Policies"""
+    scenario: str
+    episodes: tuple[int, int]
+    """Of A and of B."""
+    common: int
+    """Episodes of the same seeds, which alone are compared."""
+    identical: bool
+    """Every column of every episode that is compared is the same to the bit."""
+    contrasts: tuple[MetricDifference, ...]
+    p_value_holm: float = np.nan
+    """Of its difference of success, corrected over all matches."""
+
+
+def matches(pairs: Pairs, a: Stored, b: Stored) -> list[Match]:
+    """Every pair of policies on every scenario on which both ran episodes of the same seeds."""
+    scenarios = dict.fromkeys(a[1].column("scenario").to_pylist())
+    each = (_match(scenario, pair, a, b) for scenario in scenarios for pair in pairs)
+    found = [match for match in each if match]
+    p_values = [one.p_value for match in found for one in match.contrasts if one.metric == SUCCESS_RATE]
+    return [replace(match, p_value_holm=p) for match, p in zip(found, holm(p_values), strict=True)]
+
+
+def _match(scenario: str, pair: tuple[str, str], a: Stored, b: Stored) -> Match | None:
+    rows = [rows_of(table, policy, scenario) for (_, table), policy in zip((a, b), pair, strict=True)]
+    seeds = [each.column("seed").to_numpy() for each in rows]
+    common, *places = np.intersect1d(*seeds, return_indices=True)
+    if not len(common):
+        return None
+    order = places[0].argsort()  # that of A's
+    first, second = (each.take(of_it[order]) for each, of_it in zip(rows, places, strict=True))
+    values = (_values(each, _weight(run, scenario)) for each, (run, _) in zip((first, second), (a, b), strict=True))
+    return Match(
+        a=pair[0],
+        b=pair[1],
+        scenario=scenario,
+        episodes=(len(seeds[0]), len(seeds[1])),
+        common=len(common),
+        identical=_identical(first, second),
+        contrasts=tuple(differences_of(*values)),
+    )
+
+
+def _weight(manifest: Manifest, scenario: str) -> float:
+    """Of the robot and what it carries, N."""
+    return weight(manifest.hardware.quadruped, next(each for each in manifest.scenarios if each.name == scenario))
+
+
+def _values(rows: pa.Table, weighs: float) -> dict[str, Floats]:
+    """Metric -> value of each episode, of those that the run has; the robot weighs so much, N."""
+    errors = {name: rows.column(name).to_numpy() for name in ERRORS if name in rows.column_names}
+    rates = {SUCCESS_RATE: rows.column("outcome").to_numpy() == SUCCEEDED, FALL_RATE: rows.column("fell").to_numpy()}
+    effort: dict[str, Floats] = {}
+    if {*EFFORT, "energy", "distance"} <= set(rows.column_names):
+        effort = effort_by_episode(lambda name: np.array(rows.column(name).to_pylist(), np.float64), weighs)
+    return {name: held.astype(np.float64) for name, held in rates.items()} | errors | effort
+
+
+def _identical(a: pa.Table, b: pa.Table) -> bool:
+    """Whether all measures that both have are the same, to the bit."""
+    names = [name for name in a.column_names if name in b.column_names and name != "policy"]
+    return all(repr(a.column(name).to_pylist()) == repr(b.column(name).to_pylist()) for name in names)
+
+
+def ranking_of(found: Sequence[Match], a: Stored, b: Stored) -> Ranking | None:
+    """Rankings by the scenarios that a score counts, those with the hardware profile where there are no others; None
+    of too few policies that ran all of them."""
+    scenarios = {each.name: each for each in a[0].scenarios}
+    real = not any(counts(scenarios[match.scenario], hardware=False) for match in found)
+    counted = [match for match in found if counts(scenarios[match.scenario], hardware=real)]
+    axes, ran = {m.scenario: axis_name(scenarios[m.scenario]) for m in counted}, [(m.a, m.b) for m in counted]
+    pairs = [pair for pair in dict.fromkeys(ran) if ran.count(pair) == len(axes)]
+    return ranking(pairs, axes, a[1], b[1]) if len(pairs) >= LEAST_POLICIES else None
+
+
+def without_profile(run: Stored) -> Stored:
+    """A run with scenarios called as without the hardware profile."""
+    manifest, rows = run
+    scenarios = tuple(replace(each, name=each.name.removesuffix(HARDWARE)) for each in manifest.scenarios)
+    names = pc.replace_substring(rows.column("scenario"), HARDWARE, "")
+    renamed = rows.set_column(rows.column_names.index("scenario"), "scenario", names)
+    return replace(manifest, scenarios=scenarios), renamed

@@ -1,0 +1,83 @@
+"""What the simulation needs of a simulator: the calls of MuJoCo's batch that it makes, which others answer too."""
+
+from importlib.util import find_spec
+from typing import Any, Protocol
+
+from quad_env.actuation.models import ACTUATORS, Actuator
+from quad_env.columns import Array, Ids, Rows
+from quad_env.scenarios.disturbances import Motors
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import Flat, Slope, Stairs
+
+MUJOCO, DRAKE = "mujoco", "drake"
+SIMULATORS = MUJOCO, DRAKE
+SLOWNESS = {MUJOCO: 1.0, DRAKE: 12.0}
+"""Time that each takes for a control step of a robot, times MuJoCo's."""
+_KNOWN = (
+    "ideal motors, the true state, and level ground, slopes and stairs of any friction, with pushes, forces, payloads"
+)
+
+
+class Batch(Protocol):
+    """n robots of one compiled model. Fields have MuJoCo's names, order, units and frames, a row a robot."""
+
+    warning: Any
+    """Warnings of each robot since its reset, (n, kinds of MuJoCo's warnings, 2): last, and how many."""
+
+    def bind(self, field: str) -> Array:
+        """A field of the state or the outputs, which follow every step; what is written there moves the robots."""
+
+    def expand(self, field: str) -> Array:
+        """A field of the model, of each robot its own from now on."""
+
+    def sensor(self, name: str) -> Any:
+        """A sensor, whose `data`, (n, size), are of the state before the last physics step."""
+
+    def reset(self, ids: Rows, keyframe: int | None = None, *, stage: int) -> None:
+        """Put those robots at the model's start, or at a keyframe, at rest."""
+
+    def forward(self, ids: Rows, *, stage: int = ...) -> None:
+        """Work out where the bodies and sites of those robots are."""
+
+    def step(self, ids: Ids | None, nstep: int) -> None:
+        """Move those robots, or all, on by some physics steps. Raises mujoco.batch.SimulationError."""
+
+    def set_const(self, ids: Rows) -> None:
+        """Work out what depends on the expanded fields of those robots."""
+
+    def get_model(self, robot: int, model: Any) -> None:
+        """Write one robot's model there."""
+
+    def get_data(self, robot: int) -> Any:
+        """A copy of one robot's simulation."""
+
+
+def check_simulator(simulator: str, scenario: Scenario, actuator: Actuator, sensors: bool = False) -> None:
+    """ValueError, one line, unless the simulator of that name can do that; `sensors`: the robot has some of its own."""
+    if simulator not in SIMULATORS:
+        raise ValueError(f"unknown simulator {simulator!r}; valid: {', '.join(SIMULATORS)}")
+    if simulator == MUJOCO:
+        return
+    if find_spec("pydrake") is None:
+        raise ValueError('the simulator drake needs the package drake: pip install -e ".[drake]" (Linux and macOS)')
+    beyond = {
+        "sensors of the robot": sensors,
+        f"the hardware profile of {scenario.name!r}": scenario.hardware,
+        f"the motors of {scenario.name!r}": scenario.motors != Motors(),
+        "motors other than ideal ones": actuator != ACTUATORS["ideal"],
+        f"the ground of {scenario.name!r}": not isinstance(scenario.terrain, Flat | Slope | Stairs),
+        f"the soft ground of {scenario.name!r}": scenario.ground.sink_depth > 0,
+    }
+    if found := [what for what, asked in beyond.items() if asked]:
+        raise ValueError(f"the simulator drake knows {_KNOWN}; not {' and '.join(found)}: take mujoco for that")
+
+
+def batch_of(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch:
+    """n robots of that compiled model in the simulator of that name."""
+    if simulator == DRAKE:
+        from quad_env.physics.drake.batch import DrakeBatch  # an extra
+
+        return DrakeBatch(model, num_envs)
+    from mujoco.batch import Batch as MujocoBatch
+
+    return MujocoBatch(model, num_envs, nthread)  # type: ignore[no-any-return]

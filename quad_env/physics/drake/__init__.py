@@ -1,0 +1,1 @@
+"""Drake as a second simulator, an extra: `pip install -e ".[drake]"`."""

@@ -1,0 +1,206 @@
+"""Feet that slide, by settings of MuJoCo's contact: `python -m research sliding` writes docs/results/sliding.csv.
+
+MuJoCo's friction is a convex relaxation of Coulomb's: in the cone dual to that of friction what slides at v rises at
+µ v. A time step h throws it up by up to µ b v h, where b, 2/(dmax timeconst) of `solref`, is also the rate at which a
+foot that lands stops slipping. One setting is exact: each contact's reference acceleration along the normal is less by
+µ times the tangential residual (G. de Saxcé and Z.-Q. Feng, The bipotential method, Math. Comput. Modelling 28, 1998).
+"""
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+import policies
+from evaluate.rollouts.experiment import LabelledPolicy, Settings, run_cell
+from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
+from quad_env.config import GRAVITY
+from quad_env.files.writing import write_atomically
+from quad_env.robots.arena import spec_of
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.named import scenario
+from quad_env.seeding import episode_seeds
+from research.pages.csv_text import csv_text
+
+SPEEDS, BRIEF = (1.0, 4.6), 0.05
+"""m/s, the second what a push of 65 N·s gives SimpleQuad; s over which braking is measured."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A change of today's physics."""
+
+    options: Mapping[str, float] = field(default_factory=dict)
+    """Fields of MuJoCo's `mjOption`."""
+    solref: tuple[float, float] | None = None
+    friction: float | None = None
+    push: float = 0.1
+    """Duration of the pushes, s; their impulse is the scenario's."""
+    exact: bool = False
+
+    def apply(self, spec: Any) -> Any:
+        """The specification with that change."""
+        for name, value in self.options.items():
+            setattr(spec.option, name, value)
+        for geom in spec.geoms:
+            geom.solref, geom.friction[0] = self.solref or geom.solref, self.friction or geom.friction[0]
+        return spec
+
+
+_NEWTON = {"solver": mujoco.mjtSolver.mjSOL_NEWTON, "iterations": 100}
+SETTINGS = {
+    "today": Setting(),
+    "time step 1 ms": Setting({"timestep": 0.001}),
+    "time step 0.5 ms": Setting({"timestep": 0.0005}),
+    "Newton": Setting(_NEWTON),
+    "Newton, pyramids, impratio 1": Setting(_NEWTON | {"cone": mujoco.mjtCone.mjCONE_PYRAMIDAL, "impratio": 1}),
+    "impratio 1": Setting({"impratio": 1}),
+    "noslip 20": Setting({"noslip_iterations": 20}),
+    "time constant 0.02 s": Setting(solref=(0.02, 1.0)),
+    "damping ratio 0.5": Setting(solref=(0.01, 0.5)),
+    "damping 50 1/s, impratio 40": Setting({"impratio": 40}, solref=(-11080.0, -50.0)),  # as stiff as today
+    "exact Coulomb friction": Setting(_NEWTON, exact=True),
+    "friction 0.6": Setting(friction=0.6),
+    "friction 0.5": Setting(friction=0.5),
+    "push over 0.2 s": Setting(push=0.2),
+    "push over 0.3 s": Setting(push=0.3),
+    "push over 0.5 s": Setting(push=0.5),
+}
+
+
+@dataclass(frozen=True)
+class Options:
+    """Measure lift, braking and falls by settings of the contact."""
+
+    settings: tuple[str, ...] = tuple(SETTINGS)
+    """Names of settings."""
+    policy: str = "trot"
+    """Policy that walks."""
+    scenarios: tuple[str, ...] = ("flat", "push=65")
+    """Scenarios on which it does."""
+    episodes: int = 24
+    """Search episodes of 10 s on each (count)."""
+    seed: int = 38
+    """Which set of search episodes (whole number from 0)."""
+    table: Path = Path("docs/results/sliding.csv")
+    """CSV file to write."""
+
+
+def main(options: Options) -> int:
+    """Measure, print and write; the exit code. Raises UsageError."""
+    check_numbers(options, {"episodes": (1, 4096), "seed": (0, 2**31)})
+    if unknown := set(options.settings) - set(SETTINGS):
+        raise UsageError(f"--settings: there is no {', '.join(sorted(unknown))}; valid: {'; '.join(SETTINGS)}")
+    make_folder_of(options.table, "--table")
+    rows = []
+    for name in options.settings:
+        found = sliding(SETTINGS[name]) | walks(SETTINGS[name], options)
+        rows.append({"setting": name} | found)
+        print(name, *(f"{key} {value:.3g}" for key, value in found.items()), sep="\n  ", flush=True)
+    write_atomically(options.table, csv_text(rows))
+    return 0
+
+
+def sliding(setting: Setting) -> dict[str, float]:
+    """Figures of a ball of a foot's size with a quarter of the robot's mass, and of the robot in its home pose."""
+    ball, robot = (setting.apply(make(SIMPLE_QUAD)).compile() for make in (ball_spec, spec_of))
+    found: dict[str, float] = {}
+    for model, name, seconds in ((ball, "ball", 1.0), (robot, "robot", BRIEF)):
+        for speed in SPEEDS:
+            lift, brief, whole = slide(model, speed, seconds, setting.exact)
+            found |= {f"{name} lift, mm, {speed:g} m/s": lift, f"{name} braking, µg, {speed:g} m/s": brief}
+            found |= {f"{name} braking to rest, µg, {speed:g} m/s": whole} if name == "ball" else {}
+    return found
+
+
+def slide(model: Any, speed: float, seconds: float, exact: bool) -> tuple[float, float, float]:
+    """Largest height of the lowest foot, mm; mean deceleration of the centre of mass over the first 50 ms, and until a
+    twentieth of the speed is left or the time is over, units of µg."""
+    data, timestep, feet = mujoco.MjData(model), model.opt.timestep, model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
+    if model.nkey:  # the home pose
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    _step(model, data, False, 0.5)  # it settles
+    data.qvel[0] += speed
+    heights, speeds = [], []
+    for _ in range(round(seconds / timestep)):
+        mujoco.mj_subtreeVel(model, _step(model, data, exact))
+        heights.append((data.geom_xpos[feet, 2] - model.geom_size[feet, 0]).min())
+        speeds.append(data.subtree_linvel[0, 0])
+    slow = np.flatnonzero(np.array(speeds) < 0.05 * speed)
+    ends = round(BRIEF / timestep), slow[0] + 1 if slow.size else len(speeds)
+    braking = [(speed - speeds[end - 1]) / (end * timestep * _friction(model) * GRAVITY) for end in ends]
+    return 1e3 * max(heights), braking[0], braking[1]
+
+
+def ball_spec(robot: Robot) -> Any:
+    """A ball of the size of the robot's feet with a quarter of its mass, on its ground, that does not turn."""
+    theirs, spec = spec_of(robot), mujoco.MjSpec()
+    spec.option, ground, foot = theirs.option, theirs.geom("ground"), theirs.geom(f"{robot.leg_names[0]}_foot")
+    spec.worldbody.add_geom(name="ground", type=ground.type, size=ground.size, **_law(ground))
+    ball = spec.worldbody.add_body(name="ball", pos=(0.0, 0.0, robot.foot_radius))
+    for axis in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)):
+        ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    ball.add_geom(name="foot", type=foot.type, size=foot.size, mass=robot.mass / len(robot.leg_names), **_law(foot))
+    return spec
+
+
+def walks(setting: Setting, options: Options) -> dict[str, float]:
+    """Success, share, and falls, count, of the policy on each scenario."""
+    seeds = episode_seeds("search", options.seed, options.episodes)
+    found: dict[str, float] = {}
+    policy = LabelledPolicy(options.policy, policies.resolve(options.policy))
+    with ExitStack() as patches:
+        patches.enter_context(patch("quad_env.physics.model.spec_of", lambda robot: setting.apply(spec_of(robot))))
+        if setting.exact:
+            patches.enter_context(patch.object(Batch, "step", _exact_step))
+        for name in options.scenarios:
+            where = scenario(name)
+            where = replace(where, pushes=where.pushes and replace(where.pushes, duration=setting.push))
+            measures = run_cell(policy, where, seeds, Settings(1, lambda *_: None)).measures
+            found |= {f"{name} success": measures.succeeded.mean(), f"{name} falls": measures.fell.sum()}
+    return found
+
+
+def _law(geom: Any) -> dict[str, Any]:
+    return {"condim": 3, "friction": geom.friction, "solref": geom.solref}
+
+
+def _friction(model: Any) -> float:
+    return float(model.geom("ground").friction[0])
+
+
+def _step(model: Any, data: Any, exact: bool, seconds: float | None = None) -> Any:
+    """The same data after one time step, or so many seconds."""
+    mujoco.set_mjcb_control(_coulomb if exact else None)
+    try:
+        mujoco.mj_step(model, data, round((seconds or model.opt.timestep) / model.opt.timestep))
+    finally:
+        mujoco.set_mjcb_control(None)
+    return data
+
+
+def _exact_step(batch: Batch, ids: Any = None, nstep: int = 1, stage: int = 0) -> None:
+    """In place of `Batch.step`."""
+    data, state = mujoco.MjData(batch.model), mujoco.mjtState.mjSTATE_INTEGRATION
+    for robot in range(batch.nsim) if ids is None else ids:
+        mujoco.mj_setState(batch.model, data, batch.state[robot], state)
+        _step(batch.model, data, True, nstep * batch.model.opt.timestep)
+        mujoco.mj_getState(batch.model, data, batch.state[robot], state)
+    batch.forward(ids)
+
+
+def _coulomb(model: Any, data: Any) -> None:
+    """De Saxcé's correction, between MuJoCo's velocity and acceleration stages, by the last step's acceleration."""
+    touching = data.contact.efc_address >= 0
+    normal = data.contact.efc_address[touching]
+    if normal.size:
+        residual = data.efc_J.reshape(data.nefc, model.nv) @ data.qacc_warmstart - data.efc_aref
+        slip = np.hypot(residual[normal + 1], residual[normal + 2])
+        data.efc_aref[normal] -= data.contact.friction[touching, 0] * slip

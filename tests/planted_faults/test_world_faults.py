@@ -1,0 +1,84 @@
+"""Faults of the two worlds, with the robot's hardware profile and without it: what reaches robots and tables."""
+
+import numpy as np
+import pytest
+
+from evaluate.analysis import breaking_points, severity_levels
+from evaluate.analysis.score import scores
+from evaluate.rollouts import battery
+from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, labelled, run_cell
+from evaluate.rollouts.hardware import IDEAL, Hardware
+from quad_env import SIMPLE_QUAD
+from quad_env.actuation.hardware import Profile
+from quad_env.actuation.models import Actuator
+from tests.batches import begun
+from tests.evaluate.conftest import outcomes
+from tests.planted_faults.harness import Faults, checks_of, fault_tests
+
+MAKERS = "35 N·m/rad and 0.5 N·m·s/rad"
+
+
+def cells() -> list[Cell]:
+    """Everything succeeds without the profile, nothing with it."""
+    names = ("flat", "push:2", "push:3", "push:4")
+    return [
+        outcomes("trot", np.full(8, real), None, battery.one(name + real * "+hardware"))
+        for real in (False, True)
+        for name in names
+    ]
+
+
+def check_axes_and_their_breaking_points_are_of_one_world() -> None:
+    found = severity_levels.severity_axes(cells())
+    assert [axis.name for axis in found] == ["flat", "push", "flat+hardware", "push+hardware"]
+    assert [{each.hardware for each in axis.scenarios} for axis in found] == [{False}, {False}, {True}, {True}]
+    assert found[3].quantity == found[1].quantity
+    points = {point.axis: point.found for point in breaking_points.breaking_points(cells()) if point.of == "falls"}
+    assert points == {"push": "never", "push+hardware": "always"}
+
+
+def check_a_score_is_of_one_world() -> None:
+    assert [scores(cells(), "trot", hardware=real)[0].score for real in (False, True)] == [1.0, 0.0]
+
+
+def check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains() -> None:
+    soft = SIMPLE_QUAD._with(servo_stiffness=np.full(12, 35.0), servo_damping=np.full(12, 0.5))
+    both = battery.resolve(("flat", "flat+hardware"), soft)
+    with begun() as found, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Hardware, "quadruped", property(lambda _: soft))
+        trot = labelled("trot", IDEAL, both)
+        for scenario in both:
+            run_cell(trot, scenario, np.array([7]), Settings(1, lambda *_: None, steps=110))
+    assert [batch.env.robot.servo for batch in found] == [SIMPLE_QUAD.servo, MAKERS]
+    assert [(batch.sensed, batch.env.simulation.model.actuator_delay[0] > 0) for batch in found] == [
+        (False, False),
+        (True, True),
+    ]
+
+
+def without_worlds(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(severity_levels, "axis_name", lambda scenario: scenario.axis or scenario.name)
+
+
+FAULTS: Faults = {
+    "grouping by the axis's name alone": (without_worlds, check_axes_and_their_breaking_points_are_of_one_world),
+    "a score over both worlds": (
+        lambda patch: patch.setattr("evaluate.analysis.score.counts", lambda *_: True),
+        check_a_score_is_of_one_world,
+    ),
+    "profile not passed": (
+        lambda patch: patch.setattr(
+            "quad_env.envs.base.hardware_profile", lambda _: Profile(Actuator(), "truth", "complementary")
+        ),
+        check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains,
+    ),
+    "one policy for both worlds": (
+        lambda patch: patch.setattr(LabelledPolicy, "on", lambda self, _: self.policy),
+        check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains,
+    ),
+}
+
+
+test_the_code_passes, test_the_fault_turns_its_check_red, test_every_check_has_a_fault = fault_tests(
+    checks_of(globals()), FAULTS
+)

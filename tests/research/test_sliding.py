@@ -1,0 +1,70 @@
+"""Sliding feet: what is measured is what a setting and the laws of friction make it."""
+
+import numpy as np
+import pytest
+
+from quad_env.config import GRAVITY
+from quad_env.robots.arena import spec_of
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from research.__main__ import main
+from research.studies import sliding
+from research.studies.sliding import SETTINGS, Options, Setting, ball_spec, slide
+
+
+def ball(setting: Setting = SETTINGS["today"], gravity: float | None = None):
+    spec = setting.apply(ball_spec(SIMPLE_QUAD))
+    if gravity is not None:
+        spec.option.gravity[2] = -gravity
+    return spec.compile()
+
+
+@pytest.mark.parametrize("friction", [0.4, 0.8])
+def test_with_exact_friction_a_ball_brakes_at_mu_g_and_stays_on_the_ground(friction: float) -> None:
+    """From 2 m/s on the way to rest it takes v / µg, 0.255 s at 0.8; MuJoCo's own contact lifts it."""
+    exact = Setting(SETTINGS["exact Coulomb friction"].options, friction=friction, exact=True)
+    lift, _, whole = slide(ball(exact), 2.0, 1.0, exact=True)
+    assert lift < 0.0
+    assert whole == pytest.approx(1.0, abs=0.03)
+    lift, _, whole = slide(ball(Setting(friction=friction)), 2.0, 1.0, exact=False)
+    assert lift > 1.0
+    assert whole == pytest.approx(1.0, abs=0.03)
+
+
+def test_another_gravity_is_seen() -> None:
+    """Braking is in units of the earth's."""
+    assert slide(ball(gravity=0.5 * GRAVITY), 2.0, 1.0, exact=False)[2] == pytest.approx(0.5, abs=0.03)
+
+
+def test_every_setting_reaches_ball_and_robot() -> None:
+    for name, setting in SETTINGS.items():
+        for model in (setting.apply(make(SIMPLE_QUAD)).compile() for make in (ball_spec, spec_of)):
+            for option, value in setting.options.items():
+                assert getattr(model.opt, option) == value, name
+            solid = model.geom_contype > 0
+            assert np.all(model.geom_friction[solid, 0] == (setting.friction or 0.8)), name
+            assert np.all(model.geom_solref[solid] == (setting.solref or (0.01, 1.0))), name
+
+
+def test_walks_have_the_setting_and_then_today_s_again(tmp_path, monkeypatch) -> None:
+    """A trot on ice: friction of 0.02 lets no robot walk, and none is left over for the next setting."""
+    monkeypatch.setitem(SETTINGS, "ice", Setting(friction=0.02))
+    monkeypatch.setattr(sliding, "sliding", lambda setting: {})
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    table = tmp_path / "sliding.csv"
+    words = ["sliding", "--settings", "ice", "today", "--scenarios", "flat", "--episodes", "1", "--table", str(table)]
+    assert main(words) == 0
+    rows = [line.split(",") for line in table.read_text().splitlines()]
+    assert rows[0] == ["setting", "flat success", "flat falls"]
+    assert [row[:2] for row in rows[1:]] == [["ice", "0"], ["today", "1"]]
+
+
+def test_exact_friction_walks_as_far_as_today_s(monkeypatch) -> None:
+    """On flat ground nothing slides: the trot succeeds under both."""
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    options = Options(scenarios=("flat",), episodes=1)
+    assert sliding.walks(SETTINGS["exact Coulomb friction"], options)["flat success"] == 1.0
+
+
+def test_mistakes_are_one_line(capsys) -> None:
+    assert main(["sliding", "--settings", "rubber"]) == 2
+    assert "--settings: there is no rubber; valid: today; time step 1 ms" in capsys.readouterr().err
