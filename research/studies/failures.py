@@ -89,8 +89,13 @@ class Case:
     def run(self, after_falls: bool = False) -> Episodes:
         """Their record."""
         seeds = episode_seeds("validation", 0, 96)[list(self.chosen)]
-        how: dict[str, Any] = {"steps": self.steps, "hardware": self.hardware, "after_falls": after_falls}
-        return rollout.run(self.policy(), self.scenario, seeds, **how)
+        policy, how = (
+            self.policy(),
+            {"steps": self.steps, "hardware": self.hardware, "terminate_on_fall": not after_falls},
+        )
+        recorder = rollout.Recorder(policy, seeds, self.steps)
+        rollout.roll_out(policy, self.scenario, seeds, recorder, **how)
+        return recorder.episodes()
 
 
 def _named(name: str) -> Callable[[], Policy]:

@@ -117,7 +117,7 @@ def test_faults_in_what_the_rules_are_fed_with_are_caught(monkeypatch: pytest.Mo
         return true_ground(self, np.concatenate((points[:1], points[:-1])))
 
     def longer(self: Record) -> int:
-        return min(self.episodes.fall_step[self.number] + 15 * self.episodes.after_falls, self.episodes.steps - 1)
+        return min(self.episodes.fall_step[self.number] + 15, self.episodes.steps - 1)
 
     def exchanged(pairs: list[int]):
         def of(self: Record, name: str) -> np.ndarray:
