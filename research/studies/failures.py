@@ -94,7 +94,7 @@ class Case:
             {"steps": self.steps, "hardware": self.hardware, "terminate_on_fall": not after_falls},
         )
         recorder = rollout.Recorder(policy, seeds, self.steps)
-        rollout.roll_out(policy, self.scenario, seeds, recorder, **how)
+        rollout.roll_out(policy, self.scenario, seeds, recorder, terminate_on_fall=not after_falls, **how)
         return recorder.episodes()
 
 
