@@ -89,10 +89,7 @@ class Case:
     def run(self, after_falls: bool = False) -> Episodes:
         """Their record."""
         seeds = episode_seeds("validation", 0, 96)[list(self.chosen)]
-        policy, how = (
-            self.policy(),
-            {"steps": self.steps, "hardware": self.hardware, "terminate_on_fall": not after_falls},
-        )
+        policy, how = self.policy(), dict[str, Any](steps=self.steps, hardware=self.hardware)
         recorder = rollout.Recorder(policy, seeds, self.steps)
         rollout.roll_out(policy, self.scenario, seeds, recorder, terminate_on_fall=not after_falls, **how)
         return recorder.episodes()
