@@ -20,8 +20,6 @@ NARROW = TITLES | {
 """On a terminal of 80 columns."""
 NARROW_DIFFERENCES = NARROW | {rate: f"{TITLES[rate]}\n% points" for rate in RATES}
 """Of differences."""
-
-
 _PLACES = "at a steady 0.5 m/s", "over the commands"
 EFFORT_ON = dict(zip(COST_ON, (*_PLACES, *(f"{words}, hardware profile" for words in _PLACES)), strict=True))
 """Scenarios of which effort is shown."""
