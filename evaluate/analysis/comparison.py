@@ -10,12 +10,7 @@ from evaluate.analysis.effort import LIMITS
 from evaluate.measures.catalogue import EFFORT
 from evaluate.measures.tracking import VELOCITY_CAP, YAW_RATE_CAP
 from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.intervals import (
-    Floats,
-    Interval,
-    difference_interval,
-    share_difference_interval,
-)
+from evaluate.statistics.intervals import Floats, Interval, difference_interval, share_difference_interval
 from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 
 BASELINE = "trot"

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.catalogue import EFFORT
-from evaluate.measures.effort import cost_of_transport
+from evaluate.measures.effort import cost_of_all
 from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval
 
 COST = "cost_of_transport"
@@ -29,7 +29,7 @@ def cost_by_episode(energy: Floats, distance: Floats, weight: float) -> Floats:
     They are the quotient's linearised values (Woodruff 1971, Journal of the American Statistical Association 66), so
     that its intervals and paired differences are those of any mean. NaN where the quotient does not exist.
     """
-    (whole,) = cost_of_transport(energy.mean(keepdims=True), distance.mean(keepdims=True), weight)
+    whole = cost_of_all(energy, distance, weight)
     if np.isnan(whole):
         return np.full(len(energy), np.nan)
     return np.asarray(whole + (energy - whole * weight * distance) / (weight * distance.mean()))

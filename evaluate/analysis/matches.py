@@ -23,8 +23,6 @@ from quad_env.scenarios.scenario import HARDWARE
 
 Stored = tuple[Manifest, pa.Table]
 """A run's manifest and rows."""
-Pairs = Sequence[tuple[str, str]]
-"""Policies of A and of B that go together."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +44,8 @@ class Match:
     """Of its difference of success, corrected over all matches."""
 
 
-def matches(pairs: Pairs, a: Stored, b: Stored) -> list[Match]:
-    """Every pair of policies on every scenario on which both ran episodes of the same seeds."""
+def matches(pairs: Sequence[tuple[str, str]], a: Stored, b: Stored) -> list[Match]:
+    """Every pair of policies, one of A and one of B, on every scenario on which both ran episodes of the same seeds."""
     scenarios = dict.fromkeys(a[1].column("scenario").to_pylist())
     each = (_match(scenario, pair, a, b) for scenario in scenarios for pair in pairs)
     found = [match for match in each if match]

@@ -1,6 +1,6 @@
 """Success against cost of transport: the policies that none beats in both, and those that beat each of the others."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,13 +46,16 @@ class Pareto:
 
 def pareto(cells: Sequence[Cell], scores: Sequence[Score], robot: Robot) -> Pareto:
     """The front of policies that have a score; cells all have the hardware profile, or none has."""
-    names = {cell.scenario.name for cell in cells}
-    cost_on = next((name for name in COST_ON if name in names), "")
-    points = []
+    cost_on, points = place_of_cost({cell.scenario.name for cell in cells}), []
     for each in scores:
         counted = [cell for cell in cells if cell.policy == each.policy and cost_on in ("", cell.scenario.name)]
         points.append(ParetoPoint(each.policy, each.score, each.ci, *_cost(counted, robot)))
     return front_of(cost_on, points)
+
+
+def place_of_cost(scenarios: Container[str]) -> str:
+    """The scenario of a run whose cost counts; empty for all together."""
+    return next((name for name in COST_ON if name in scenarios), "")
 
 
 def front_of(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:

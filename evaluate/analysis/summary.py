@@ -11,7 +11,7 @@ from evaluate.analysis.comparison import CAPS, ERRORS
 from evaluate.analysis.effort import effort_by_episode, mean_and_interval
 from evaluate.causes.rules import CAUSES
 from evaluate.measures.catalogue import FIGURES
-from evaluate.measures.effort import cost_of_transport
+from evaluate.measures.effort import cost_of_all
 from evaluate.measures.episodes import weight
 from evaluate.measures.outcomes import OUTCOMES
 from evaluate.rollouts.experiment import Cell
@@ -76,12 +76,10 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
     """All figures of a cell of that robot; `outcomes` are those of its rule of success."""
     measures = cell.measures
     falls, successes = int(measures.fell.sum()), int(measures.succeeded.sum())
-    # A quotient of sums: an episode that commands standing still adds its energy, and dominates no mean of quotients.
-    energy, distance = measures.energy.mean(keepdims=True), measures.distance.mean(keepdims=True)
-    transport = float(cost_of_transport(energy, distance, weight(robot, cell.scenario))[0])
+    carried = weight(robot, cell.scenario)
+    transport = cost_of_all(measures.energy, measures.distance, carried)
     means: dict[str, Any] = {name: _mean(getattr(measures, name)) for name in _MEANS}
     means |= {f"{name}_ci": bootstrap_interval(getattr(measures, name), (0.0, cap)) for name, cap in CAPS.items()}
-    carried = weight(robot, cell.scenario)
     effort = {k: mean_and_interval(v, k) for k, v in effort_by_episode(partial(getattr, measures), carried).items()}
     return Summary(
         episodes=cell.episodes,

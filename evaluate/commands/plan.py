@@ -17,7 +17,7 @@ from evaluate.rollouts.hardware import Hardware
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import make_writable_folder, sole_use
 from quad_env.physics.batch import MUJOCO
-from quad_env.scenarios.scenario import Scenario, on_hardware
+from quad_env.scenarios.scenario import Scenario
 
 LIMITS = {"episodes": (1, 1_000_000), "seed": (0, 2**63 - 1), "threads": (1, 256), "at_once": (1, 65_536)}
 """Smallest and largest value of each number of the options."""
@@ -80,10 +80,12 @@ def scenarios_asked_for(options: Options) -> tuple[Scenario, ...]:
     Raises ValueError, and UsageError where both are asked for."""
     robot = options.equipment.quadruped
     found = battery.resolve(options.battery, robot)
+    if options.hardware:
+        found = battery.with_profile(found)
     if options.simulator != MUJOCO:
-        return _simulated(options, tuple(map(on_hardware, found)) if options.hardware else found)
+        return _simulated(options, found)
     if not options.equipment.chosen:
-        return tuple({each.name: each for each in map(on_hardware, found)}.values()) if options.hardware else found
+        return found
     named = tuple(name for name in options.battery if name not in battery.BATTERIES)
     asked = [each.name for each in (battery.resolve(named, robot) if named else ()) if each.hardware]
     if options.hardware or asked:

@@ -84,6 +84,15 @@ def cost_of_transport(energy: Floats, distance: Floats, weight: float) -> Floats
     return np.where(distance < SHORTEST_DISTANCE, np.nan, energy / (weight * np.maximum(distance, SHORTEST_DISTANCE)))
 
 
+def cost_of_all(energy: Floats, distance: Floats, weight: float) -> float:
+    """Cost of transport of episodes together, of the energy, (n,) J, and the distance, (n,) m, of each.
+
+    A quotient of sums: an episode that commands standing still adds its energy, and dominates no mean of quotients.
+    """
+    (whole,) = cost_of_transport(energy.mean(keepdims=True), distance.mean(keepdims=True), weight)
+    return float(whole)
+
+
 def residual_use(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
     """Every measure of a residual's correction; NaN of other policies."""
     if episodes.correction is None or episodes.base_action is None:

@@ -1,10 +1,10 @@
 """Headings of tables: a table's headings and the cells of its rows are kept by the same names of columns."""
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, RATES, SUCCESS_RATE
+from evaluate.analysis.pareto import COST_ON
 from evaluate.analysis.summary import Summary
 from evaluate.measures.catalogue import BY_NAME, EFFORT
 from quad_env.cli.format import ABSENT, NO_BREAK, number
-from quad_env.scenarios.scenario import HARDWARE
 
 FIRST = ""
 """Name of the column that says what a row is of, in tables whose other columns are named by the user."""
@@ -20,10 +20,8 @@ NARROW = TITLES | {
 """On a terminal of 80 columns."""
 NARROW_DIFFERENCES = NARROW | {rate: f"{TITLES[rate]}\n% points" for rate in RATES}
 """Of differences."""
-
-
-_EFFORT_ON = {"steady": "at a steady 0.5 m/s", "flat": "over the commands"}
-EFFORT_ON = _EFFORT_ON | {f"{name}{HARDWARE}": f"{words}, hardware profile" for name, words in _EFFORT_ON.items()}
+_PLACES = "at a steady 0.5 m/s", "over the commands"
+EFFORT_ON = dict(zip(COST_ON, (*_PLACES, *(f"{words}, hardware profile" for words in _PLACES)), strict=True))
 """Scenarios of which effort is shown."""
 EFFORT_TITLES = {name: (BY_NAME[name].title, BY_NAME[name].unit) for name in EFFORT} | {
     name: (BY_NAME[name].title, "%") for name in ("trunk_height", "torque_share", "speed_share", "flight")

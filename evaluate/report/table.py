@@ -14,15 +14,7 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.score import FLAT, SCORES, ranked
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes
 from evaluate.analysis.summary import Summary
-from evaluate.report.headings import (
-    EFFORT_ON,
-    FEW,
-    FIRST,
-    NARROW,
-    NARROW_DIFFERENCES,
-    effort_with_interval,
-    shares,
-)
+from evaluate.report.headings import EFFORT_ON, FEW, FIRST, NARROW, NARROW_DIFFERENCES, effort_with_interval, shares
 from quad_env.cli.format import broken, counted, number, p_value, percent, points, share
 
 SHOWN = "success % (falls %)"

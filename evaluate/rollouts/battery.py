@@ -73,8 +73,7 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if name in BATTERIES:
         return BATTERIES[name](robot)
     if name.endswith(HARDWARE):
-        found = map(on_hardware, _named(name.removesuffix(HARDWARE), robot))
-        return tuple({each.name: each for each in found}.values())
+        return with_profile(_named(name.removesuffix(HARDWARE), robot))
     if _FILE in name:
         return _from_file(name)
     axis, colon, level = name.partition(":")
@@ -88,7 +87,12 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
 def _real(robot: Robot) -> tuple[Scenario, ...]:
     """With the hardware profile: level ground, the steady walk, and every axis at the level after its nominal one."""
     levels = (axis.level(min(axis.nominal_level + 1, len(axis.levels))) for axis in axes_of(robot).values())
-    return tuple(map(on_hardware, (scenarios_of(robot)[NOMINAL[0]], STEADY, *levels)))
+    return with_profile((scenarios_of(robot)[NOMINAL[0]], STEADY, *levels))
+
+
+def with_profile(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
+    """The scenarios with the robot's hardware profile, none twice."""
+    return tuple({each.name: each for each in map(on_hardware, scenarios)}.values())
 
 
 def _battery(

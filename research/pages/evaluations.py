@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evaluate.analysis.pareto import COST_ON, Pareto, ParetoPoint
+from evaluate.analysis.pareto import Pareto, ParetoPoint, place_of_cost
 from evaluate.analysis.results import with_nan
 from evaluate.analysis.score import FLAT, SCORES, WORDS, Score, ranked
 from evaluate.commands.options import command
@@ -97,7 +97,7 @@ def legend(found: dict[str, Any]) -> str:
 def overview(found: dict[str, Any]) -> list[str]:
     """Scores and effort, a policy a row, and the success on flat ground of policies that have no score; in lines."""
     ideal, real = ({each.policy: share(each.score, each.ci) for each in scores(found, kind)} for kind in KINDS)
-    place = next((name for name in COST_ON if name in scenarios_of(found)), "")
+    place = place_of_cost(scenarios_of(found))
     heads = {"policy": "policy", "score": "success", "real": "success with the hardware profile"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FEW}
     ran, rows, flat = {policy: of["scenarios"] for policy, of in found["policies"].items()}, [], ""

@@ -5,10 +5,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE, Comparison
+from evaluate.analysis.pareto import place_of_cost
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import summarise
 from evaluate.measures.outcomes import ISAAC_LAB, RULES
-from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FEW, FIRST, figure_of_effort
+from evaluate.report.headings import EFFORT_TITLES, FEW, FIRST, figure_of_effort
 from evaluate.report.page import warnings
 from evaluate.report.table import summary_figures
 from evaluate.rollouts.experiment import rescored
@@ -58,7 +59,7 @@ def page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made
 def _overview(results: Results, robots: Mapping[str, Robot], order: Sequence[str]) -> Iterator[str]:
     """Servo gains, success on every scenario, and effort at a steady speed, over the commands or on the first."""
     scores = {score.policy: share(score.score, score.ci) for score in results.scores}
-    place = next(name for name in (*EFFORT_ON, results.scenarios[0]) if name in results.scenarios)
+    place = place_of_cost(results.scenarios) or results.scenarios[0]
     found = results.summaries
     heads = {FIRST: "policy", "gains": "servo: N·m/rad; N·m·s/rad", **{name: name for name in results.scenarios}}
     rows = [

@@ -1,18 +1,17 @@
 """Two runs of the same episodes in two simulators: `python -m research simulators A B` writes their table."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import pyarrow as pa
 import tyro
 
-from evaluate.analysis.comparison import paired_difference
-from evaluate.analysis.effort import COST, mean_and_interval
-from evaluate.records.manifest import Manifest
-from evaluate.records.store import read_rows, rows_of
+from evaluate.analysis.comparison import FALL_RATE
+from evaluate.analysis.effort import COST
+from evaluate.analysis.matches import Stored, matches
+from evaluate.records.store import read_rows
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import interval, number
 from quad_env.files.writing import write_atomically
@@ -42,7 +41,7 @@ def main(options: Options) -> int:
     """Print and write the table; the exit code. Raises UsageError."""
     a, b = read_rows(options.a), read_rows(options.b)
     names = [manifest.hardware.simulator for manifest, _ in (a, b)]
-    rows = list(_rows(a, b[1]))
+    rows = list(_rows(a, b))
     if not rows:
         raise UsageError(f"{options.a} and {options.b} have no finished episodes in common")
     text = table(_heads(names), map(_shown, rows))
@@ -53,30 +52,27 @@ def main(options: Options) -> int:
     return 0
 
 
-def _rows(a: tuple[Manifest, pa.Table], b: pa.Table) -> Iterator[dict[str, str | float | int]]:
+def _rows(a: Stored, b: Stored) -> Iterator[dict[str, str | float | int]]:
     """The figures of each cell that both have, of their common episodes."""
-    for scenario, policy in a[0].cells:
-        cells = [rows_of(rows, policy, scenario.name) for rows in (a[1], b)]
-        seeds = [cell.column("seed").to_numpy() for cell in cells]
-        _, *places = np.intersect1d(*seeds, return_indices=True)
-        if not len(places[0]):
-            continue
-        first, second = (cell.take(at) for cell, at in zip(cells, places, strict=True))
-        errors, costs = ([each.column(name).to_numpy() for each in (first, second)] for name in (ERROR, COST))
-        difference, ci, p_value, _ = paired_difference(ERROR, errors[1], errors[0])
-        falls = [int(each.column("fell").to_numpy().sum()) for each in (first, second)]
+    for match in matches([(policy, policy) for policy in a[0].policies], a, b):
+        of = {each.metric: (each.a, each.b) for each in match.contrasts}
+        error = next(each for each in match.contrasts if each.metric == ERROR)
         yield {
-            "scenario": scenario.name,
-            "policy": policy,
-            "episodes": len(errors[0]),
-            **{f"{ERROR}_{side}": float(error.mean()) for side, error in zip("ab", errors, strict=True)},
-            "difference": difference,
-            "low": ci[0],
-            "high": ci[1],
-            "p_value": p_value,
-            **{f"falls_{side}": fell for side, fell in zip("ab", falls, strict=True)},
-            **{f"{COST}_{side}": mean_and_interval(cost, COST)[0] for side, cost in zip("ab", costs, strict=True)},
+            "scenario": match.scenario,
+            "policy": match.a,
+            "episodes": match.common,
+            **_sides(ERROR, of[ERROR]),
+            "difference": error.difference,
+            "low": error.ci[0],
+            "high": error.ci[1],
+            "p_value": error.p_value,
+            **_sides("falls", [round(rate * match.common) for rate in of[FALL_RATE]]),
+            **_sides(COST, of.get(COST, (np.nan, np.nan))),
         }
+
+
+def _sides(name: str, figures: Sequence[float]) -> dict[str, float]:
+    return {f"{name}_{side}": figure for side, figure in zip("ab", figures, strict=True)}
 
 
 def _heads(names: list[str]) -> dict[str, str]:

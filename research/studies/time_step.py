@@ -10,7 +10,7 @@ import numpy as np
 
 import policies
 from evaluate.measures.catalogue import EFFORT
-from evaluate.measures.effort import cost_of_transport
+from evaluate.measures.effort import cost_of_all
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import evaluation_seeds
@@ -65,7 +65,6 @@ def figures(options: Options) -> Iterator[dict[str, Any]]:
     for scenario, name, step in product(options.scenarios, options.policies, STEPS):
         record = rollout.run(policies.resolve(name), scenario, seeds, nthread=2, hardware=_Stepped(timestep=step))
         found = measure(record)
-        energy, distance = (each.mean(keepdims=True) for each in (found.energy, found.distance))
         row = {"policy": name, "scenario": scenario, "step": step, "success_rate": float(found.succeeded.mean())}
-        row["cost_of_transport"] = float(cost_of_transport(energy, distance, record.weight)[0])
+        row["cost_of_transport"] = cost_of_all(found.energy, found.distance, record.weight)
         yield row | {each: float(np.nanmean(getattr(found, each))) for each in MEANS}

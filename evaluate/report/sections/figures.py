@@ -13,15 +13,7 @@ from evaluate.measures.outcomes import RULES
 from evaluate.report.headings import DIFFERENCE_UNITS, FIRST, TITLES, UNITS, shares
 from evaluate.report.html import BEST, breakable, heading, mark, note, table
 from evaluate.report.plots.drawing import MARKS, style
-from quad_env.cli.format import (
-    ABSENT,
-    interval,
-    number,
-    p_value,
-    percent_interval,
-    points,
-    points_interval,
-)
+from quad_env.cli.format import ABSENT, interval, number, p_value, percent_interval, points, points_interval
 
 HEADINGS = {metric: heading(TITLES[metric], UNITS[metric]) for metric in METRICS}
 """Metric -> its heading."""

@@ -18,10 +18,10 @@ from quad_env.seeding import episode_seeds
 from tests.policies.readings import feet, reading
 
 
-class Told(Policy):
-    """Legs straight down; notes the commands that it is told."""
+class Noting(Policy):
+    """Legs straight down; notes the commands that it is given."""
 
-    name = "told"
+    name = "noting"
 
     def _allocate(self, num_envs):
         self.notes = []
@@ -40,32 +40,32 @@ PUSHED = (0.0, 2.0, 0.0)
 
 
 def test_predicted_fall_is_braced_for_until_the_robot_is_at_rest_and_then_blended_back_to_the_policy():
-    told = Told()
-    policy = Safe(told, SafetyLimits(torque=1e6, target_rate=1e6, joint_speed=1e6))
+    noting = Noting()
+    policy = Safe(noting, SafetyLimits(torque=1e6, target_rate=1e6, joint_speed=1e6))
     policy.reset(1)
     policy.act(moving(command=(0.5, 0.0, 1.0)))
     wide = policy.act(moving(PUSHED, command=(0.5, 0.0, 1.0)))
     np.testing.assert_allclose(wide, braced(SIMPLE_QUAD, moving(PUSHED)), atol=1e-6)
     assert policy.mode[0] == Mode.CATCH
-    assert not told.notes[-1].any()
+    assert not noting.notes[-1].any()
     for _ in range(50):
         action = policy.act(moving(PUSHED, command=(0.5, 0.0, 1.0)))
     np.testing.assert_array_equal(action, wide)
-    distance, told_of = [], []
+    distance, commanded = [], []
     while policy.mode[0] == Mode.CATCH:
         action = policy.act(moving(command=(0.5, 0.0, 1.0)))
         distance.append(np.abs(action - wide).max())
-        told_of.append(told.notes[-1][0, 0])
+        commanded.append(noting.notes[-1][0, 0])
     assert len(distance) * CONTROL_PERIOD == pytest.approx(REST_TIME + RELEASE_TIME, abs=CONTROL_PERIOD)
     assert (np.diff(distance) >= 0.0).all()
-    assert (np.diff(told_of) >= 0.0).all()
+    assert (np.diff(commanded) >= 0.0).all()
     assert distance[0] < 1e-6 < distance[-1]
     np.testing.assert_array_equal(action, 0.0)
     assert [event.reason for event in policy.events()] == ["fall predicted", "at rest again"]
 
 
 def test_push_while_getting_up_is_braced_for_again():
-    policy = Safe(Told())
+    policy = Safe(Noting())
     policy.reset(1)
     policy.act(moving(PUSHED))
     for _ in range(round((REST_TIME + RELEASE_TIME / 2.0) / CONTROL_PERIOD)):
@@ -78,7 +78,7 @@ def test_push_while_getting_up_is_braced_for_again():
 
 @pytest.mark.parametrize("state", [{"velocity": (0.7, 0, 0)}, {"turning": (0, 2.0, 0)}, {"up": (0.6, 0, 0.8)}])
 def test_robot_that_moves_turns_or_leans_stays_braced(state):
-    policy = Safe(Told())
+    policy = Safe(Noting())
     policy.reset(1)
     policy.act(moving(PUSHED))
     for _ in range(100):
@@ -87,7 +87,7 @@ def test_robot_that_moves_turns_or_leans_stays_braced(state):
 
 
 def test_robot_that_is_too_far_over_is_the_policys_again():
-    policy = Safe(Told())
+    policy = Safe(Noting())
     policy.reset(1)
     for up in ((0, 0, 1), (1, 0, 0), (1, 0, 0)):
         policy.act(moving(PUSHED, up=up))
@@ -132,7 +132,7 @@ def test_velocity_deviation_is_the_lesser_of_the_speeds_off_the_reference_and_of
 
 
 def test_slow_change_or_change_of_command_is_no_alarm():
-    policy = Safe(Told())
+    policy = Safe(Noting())
     policy.reset(1)
     for step in range(100):
         policy.act(moving((0.02 * step, 0.0, 0.0)))
