@@ -169,13 +169,10 @@ def draw(found: dict[str, Any], picture: Path) -> None:
 
 
 def pictures(found: dict[str, Any], where: str) -> str:
-    """The figures in Markdown; `where` is the place of the first, seen from the page."""
-    return f"![{ALT}]({where}) {front_picture(found, where)}".strip()
-
-
-def front_picture(found: dict[str, Any], where: str) -> str:
-    """The front alone; empty of results without one."""
-    return f"![{pareto.ALT}]({where.removesuffix('.png')}_pareto.png)" if found.get("pareto", {}).get("front") else ""
+    """The figures in Markdown, without the front where there is none; `where` is the place of the first, seen from the
+    page."""
+    front = f" ![{pareto.ALT}]({where.removesuffix('.png')}_pareto.png)" if found.get("pareto", {}).get("front") else ""
+    return f"![{ALT}]({where}){front}"
 
 
 def png(figure: "Figure") -> bytes:

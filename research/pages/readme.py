@@ -41,10 +41,8 @@ def main(options: Options) -> int:
     lines += [evaluations.pictures(found, _seen(options.picture, options)), "", evaluations.made_by(found)]
     text = insert(text, lines)
     if others:
-        fronts = " ".join(evaluations.front_picture(one, _seen(path, options)) for path, one in others.items())
         commands = " ".join(map(evaluations.made_by, others.values()))
-        lines = [*evaluations.robots_table(list(others.values())), ""]
-        text = insert(text, [*lines, *([fronts, ""] if fronts.strip() else []), commands], ROBOTS)
+        text = insert(text, [*evaluations.robots_table(list(others.values())), "", commands], ROBOTS)
     for picture, one in {**others, options.picture: found}.items():
         evaluations.draw(one, picture)
     write_atomically(options.readme, text.encode())
