@@ -9,7 +9,7 @@ import pyarrow.compute as pc
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, SUCCESS_RATE, MetricDifference, differences_of
 from evaluate.analysis.effort import effort_by_episode
-from evaluate.analysis.ranking import LEAST_POLICIES, Ranking, ranking
+from evaluate.analysis.rank_correlation import LEAST_POLICIES, RankCorrelation, rank_correlation
 from evaluate.analysis.score import counts
 from evaluate.analysis.severity_levels import axis_name
 from evaluate.measures.catalogue import EFFORT
@@ -94,7 +94,7 @@ def _identical(a: pa.Table, b: pa.Table) -> bool:
     return all(repr(a.column(name).to_pylist()) == repr(b.column(name).to_pylist()) for name in names)
 
 
-def ranking_of(found: Sequence[Match], a: Stored, b: Stored) -> Ranking | None:
+def correlation_of(found: Sequence[Match], a: Stored, b: Stored) -> RankCorrelation | None:
     """Rankings by the scenarios that a score counts, those with the hardware profile where there are no others; None
     of too few policies that ran all of them."""
     scenarios = {each.name: each for each in a[0].scenarios}
@@ -102,7 +102,7 @@ def ranking_of(found: Sequence[Match], a: Stored, b: Stored) -> Ranking | None:
     counted = [match for match in found if counts(scenarios[match.scenario], hardware=real)]
     axes, ran = {m.scenario: axis_name(scenarios[m.scenario]) for m in counted}, [(m.a, m.b) for m in counted]
     pairs = [pair for pair in dict.fromkeys(ran) if ran.count(pair) == len(axes)]
-    return ranking(pairs, axes, a[1], b[1]) if len(pairs) >= LEAST_POLICIES else None
+    return rank_correlation(pairs, axes, a[1], b[1]) if len(pairs) >= LEAST_POLICIES else None
 
 
 def without_profile(run: Stored) -> Stored:

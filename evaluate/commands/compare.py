@@ -13,8 +13,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from evaluate.analysis.comparison import METRICS, RATES, SIGNIFICANT, MetricDifference
-from evaluate.analysis.matches import Match, Stored, matches, ranking_of, without_profile
-from evaluate.analysis.ranking import LEAST_POLICIES, Ranking
+from evaluate.analysis.matches import Match, Stored, correlation_of, matches, without_profile
+from evaluate.analysis.rank_correlation import LEAST_POLICIES, RankCorrelation
 from evaluate.analysis.results import without_nan
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
 from evaluate.records.episode_table import by_energy_rule, by_success_rule
@@ -59,7 +59,7 @@ def main(options: Options) -> int:
     if not found:
         what = "no scenario of these policies, or no episodes of the same --seed, in common"
         raise UsageError(f"{options.a} and {options.b} have {what}")
-    console, ranked = Console(), ranking_of(found, a, b)
+    console, ranked = Console(), correlation_of(found, a, b)
     console.print(_table(options, found, NARROW_DIFFERENCES))
     if any(each.metric in FEW for match in found for each in match.contrasts):
         console.print(_table(options, found, FEW))
@@ -100,7 +100,7 @@ def _pairs(options: Options, a: Manifest, b: Manifest) -> list[tuple[str, str]]:
     return common
 
 
-def _survives(ranked: Ranking | None, found: Sequence[Match]) -> Iterator[str]:
+def _survives(ranked: RankCorrelation | None, found: Sequence[Match]) -> Iterator[str]:
     """Whether the ranking survives, and the cells of which success differs."""
     few = f"fewer than {LEAST_POLICIES} policies ran every scenario of both: too few to rank"
     yield from ranked.lines() if ranked else (f"does the ranking survive? {few}",)
@@ -150,7 +150,9 @@ def _left_out(a: Stored, b: Stored) -> Iterator[str]:
             yield f"{name} is not finished, and left out of it are: {', '.join(left)}"
 
 
-def _write(options: Options, found: Sequence[Match], ranked: Ranking | None, changed: list[str], path: Path) -> None:
+def _write(
+    options: Options, found: Sequence[Match], ranked: RankCorrelation | None, changed: list[str], path: Path
+) -> None:
     contents: dict[str, Any] = {"schema": 1, "a": str(options.a), "b": str(options.b), "differences": changed}
     contents["comparisons"] = [asdict(match) for match in found]
     contents["ranking"] = asdict(ranked) if ranked else None

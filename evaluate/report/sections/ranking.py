@@ -1,0 +1,85 @@
+"""The opening of the page: the ranking with the front, and where each policy is best and worst."""
+
+from html import escape
+
+from evaluate.analysis.ranking import Ranking
+from evaluate.analysis.results import Results
+from evaluate.analysis.score import FLAT, SCORES
+from evaluate.analysis.strengths import Strength, strengths
+from evaluate.report.headings import FIRST
+from evaluate.report.html import breakable, grid, heading, image, note, section, table
+from evaluate.report.plots import pareto as plots
+from evaluate.report.plots.drawing import svg
+from evaluate.report.sections.axis_section import anchor
+from evaluate.report.sections.figures import policy_label
+from evaluate.report.verdict import lines
+from quad_env.cli.format import interval, listed, number, percent, points_interval
+
+WORST = 3
+"""Axes that are shown of those on which a policy is worst."""
+
+
+def ranking(results: Results) -> str:
+    """Scores, what is shown of each two neighbours, and success against cost of transport."""
+    said = zip(results.ranking.neighbours, lines(results.ranking), strict=True)
+    items = (f'<li class="{"better" if each.distinguished else "alike"}">{breakable(line)}</li>' for each, line in said)
+    pair = grid((_table(results), front(results, hardware=results.ranking.hardware)))
+    return section("Ranking", pair, f'<ul class="verdicts">{"".join(items)}</ul>', note(_lead(results.ranking)))
+
+
+def _lead(of: Ranking) -> str:
+    """What the figures are."""
+    score = f"Score: mean success over {of.axes} axes, each axis and each of its severities alike. " * (of.axes > 1)
+    return f"{score}Brackets: 95 % intervals. Differences are paired by episode; all claims are corrected together."
+
+
+def front(results: Results, *, hardware: bool) -> str:
+    """Success against cost of transport, with the hardware profile or without; empty where no policy goes anywhere."""
+    found = results.hardware_pareto if hardware else results.pareto
+    if not found.front:
+        return ""
+    on = f"cost of transport on {found.cost_on or 'all scenarios'}"
+    caption = f"{on.capitalize()}. On the Pareto front (filled marks, line): {listed(found.front)}."
+    return f"<div>{image(svg(plots.front(found, results.policies)), plots.ALT)}{note(caption)}</div>"
+
+
+def _table(results: Results) -> str:
+    """A policy a row; those without a score come last."""
+    names = SCORES if results.ranking.axes > 1 else ("success", "success, hardware profile")
+    kinds = {name: of.points for name, of in zip(names, (results.pareto, results.hardware_pareto), strict=True)}
+    kinds = {name: points for name, points in kinds.items() if points}
+    rows: dict[str, dict[str, str]] = {}
+    for name, points in kinds.items():
+        for each in points:
+            row = rows.setdefault(each.policy, {})
+            row[name] = f"{number(100.0 * each.success, 1)}<small>{points_interval(each.success_ci)}</small>"
+            row.setdefault("cost", f"{number(each.cost, 2)}<small>{interval(each.cost_ci, 2)}</small>")
+    for policy in results.policies:
+        if policy not in rows:
+            flat = results.summaries.get((FLAT, policy))
+            rows[policy] = {next(iter(kinds), "cost"): f"{FLAT}: {percent(flat.success_rate)}" if flat else ""}
+    heads = {FIRST: "policy", **{name: heading(name, "%") for name in kinds}, "cost": "cost of transport"}
+    blank = dict.fromkeys(heads, "")
+    return table(heads, (blank | row | {FIRST: policy_label(results, policy)} for policy, row in rows.items()))
+
+
+def best_and_worst(results: Results) -> str:
+    """A policy a row: the axes on which it is best, and those on which it is worst with the most common cause there."""
+    worst_heads = {str(k): heading("then on" if k else "worst on", "success; most common cause") for k in range(WORST)}
+    heads, rows = {FIRST: "policy", "best": heading("best on", "success"), **worst_heads}, []
+    for policy in [each.policy for each in results.ranking.places] or results.policies:
+        found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
+        best = [each for each in found if each.success == found[0].success]
+        worst = [each for each in found[::-1] if each not in best][:WORST]
+        row = dict.fromkeys(heads, "") | {FIRST: policy_label(results, policy)}
+        row["best"] = f"{', '.join(map(_axis, best[:WORST]))}<small>{percent(best[0].success)}</small>" if best else ""
+        rows.append(row | {str(k): _weakness(each) for k, each in enumerate(worst)})
+    return section("Best and worst", table(heads, rows, "text"))
+
+
+def _axis(of: Strength) -> str:
+    return f'<a href="#{anchor(of.axis)}">{escape(of.axis)}</a>'
+
+
+def _weakness(of: Strength) -> str:
+    return f"{_axis(of)} {percent(of.success)}<small>{escape(of.reason)}</small>"

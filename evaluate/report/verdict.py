@@ -1,0 +1,68 @@
+"""The ranking in words: which policy is best, and what is shown of each two neighbours."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+from evaluate.analysis.ranking import Neighbours, Ranking
+from quad_env.cli.format import counted, listed, points, share
+
+MOST_NEEDED = 10_000
+"""Episodes beyond which no number is given."""
+NAMED = 3
+"""Scenarios that are named in a line."""
+
+
+def verdict(ranked: Ranking) -> str:
+    """Which policy is best, and by how much."""
+    if not ranked.places:
+        return "No ranking: no policy has run every scenario"
+    best, *others = ranked.places
+    score = f"success {share(best.success, best.success_ci)}"
+    if not others:
+        return f"{best.policy}: {score}"
+    if ranked.neighbours[0].distinguished:
+        return f"{best.policy} is best: {score}, {_size(ranked.neighbours[0])} more than {others[0].policy}"
+    end = next((k for k, each in enumerate(ranked.neighbours) if each.distinguished), len(others))
+    tied = listed([each.policy for each in others[:end]])
+    return f"{best.policy} comes first, {score}, but is not distinguished from {tied}"
+
+
+def lines(ranked: Ranking) -> Iterator[str]:
+    """For each two neighbours: what all scenarios together show of them, and what single ones do."""
+    for each in ranked.neighbours:
+        yield f"{_together(each, ranked.episodes)}{_alone(each, ranked)}"
+
+
+def _size(of: Neighbours) -> str:
+    return f"{points(of.difference)} points [{', '.join(map(points, of.ci))}]"
+
+
+def _together(of: Neighbours, episodes: int) -> str:
+    if of.distinguished:
+        return f"{of.better} beats {of.worse} by {_size(of)}"
+    needed = f"about {_rounded(of.needed)}" if of.needed <= MOST_NEEDED else f"more than {MOST_NEEDED}"
+    with_so_many = f"cannot be distinguished with {counted(episodes, 'episode')}"
+    return f"{of.better} and {of.worse} {with_so_many}; {needed} would be needed ({_size(of)})"
+
+
+def _alone(of: Neighbours, ranked: Ranking) -> str:
+    """What single scenarios show, so that they do not seem to contradict all of them together."""
+    against = [(of.worse, of.worse_on)] if of.distinguished else [(of.better, of.better_on), (of.worse, of.worse_on)]
+    but = [f"{policy} is better on {_named(on)}" for policy, on in against if on]
+    said = [f"but {listed(but)}"] if but else []
+    if of.distinguished and len(ranked.scenarios) > 1:
+        together = f"{ranked.axes} axes" if ranked.axes > 1 else f"{len(ranked.scenarios)} levels"
+        shown = f"{_named(of.better_on)} show{'s' * (len(of.better_on) == 1)} it alone"
+        said = [shown if of.better_on else f"no single scenario shows it, the {together} together do", *said]
+    return "".join(f"; {each}" for each in said)
+
+
+def _named(scenarios: Sequence[str]) -> str:
+    more = len(scenarios) - NAMED
+    return listed([*scenarios[:NAMED], f"{more} more"] if more > 0 else scenarios)
+
+
+def _rounded(count: float) -> str:
+    """To two significant digits, upwards."""
+    unit = 10.0 ** max(0, math.floor(math.log10(count)) - 1)
+    return f"{math.ceil(count / unit) * unit:.0f}"
