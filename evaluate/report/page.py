@@ -16,7 +16,7 @@ from evaluate.report.sections.effort import effort
 from evaluate.report.sections.figures import definitions, policy_label
 from evaluate.report.sections.overview import overview
 from evaluate.report.sections.ranking import best_and_worst, ranking
-from evaluate.report.verdict import verdict
+from evaluate.report.verdict import CLAIMS, verdict
 from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
 from quad_env.cli.format import counted, listed
@@ -30,11 +30,7 @@ NOTES = (
     "over the quotient's linearised values, Woodruff 1971), Tango's score interval for differences of successes "
     "and falls, bootstrap over pairs (percentiles, widened to Student's t) for those of means. Where all episodes "
     "agree, others may have the share that Wilson's interval has for none of so many, and any value up to the cap.",
-    "Tests are paired by episode and two-sided: exact McNemar for falls, sign-flip permutation for means. p-values are "
-    "corrected by Holm's method, metric by metric, over the comparisons with the baseline on every scenario of the "
-    "run; those of the other pairs are families of their own. With those below 0.05 claimed, the chance of any "
-    "false claim in a family is at most 5 %. Where p is larger there may still be a difference that so many episodes "
-    "cannot show.",
+    CLAIMS,
     "A breaking point is where a monotone regression, straight over the logarithm of severity between the levels, "
     "crosses one half. No shape is assumed. What fewer and more are is shown by exact binomial tests.",
     "The intervals speak of episodes, not of training: another training seed gives another policy.",

@@ -60,7 +60,7 @@ def _differences(results: Results, axis: SeverityAxis) -> Iterator[str]:
     baseline = results.baseline
     shown = [c for c in results.comparisons if c.scenario in axis.scenario_names]
     against = [c for c in shown if c.b == baseline]
-    lead = note("Paired by episode. p-values are corrected for their number (Holm).")
+    lead = note("Paired by episode, with 95 % intervals; p-values are corrected together with all other claims.")
     yield fold(f"Differences from {escape(baseline)}", lead + comparison_table(results, against) if against else "")
     others = [c for c in shown if c.b != baseline]
     yield fold("Differences of every other pair", lead + comparison_table(results, others) if others else "")

@@ -2,9 +2,8 @@
 
 from html import escape
 
-from evaluate.analysis.ranking import Ranking
 from evaluate.analysis.results import Results
-from evaluate.analysis.score import FLAT, SCORES
+from evaluate.analysis.score import SCORES
 from evaluate.analysis.strengths import Strength, strengths
 from evaluate.report.headings import FIRST
 from evaluate.report.html import breakable, grid, heading, image, note, section, table
@@ -24,13 +23,16 @@ def ranking(results: Results) -> str:
     said = zip(results.ranking.neighbours, lines(results.ranking), strict=True)
     items = (f'<li class="{"better" if each.distinguished else "alike"}">{breakable(line)}</li>' for each, line in said)
     pair = grid((_table(results), front(results, hardware=results.ranking.hardware)))
-    return section("Ranking", pair, f'<ul class="verdicts">{"".join(items)}</ul>', note(_lead(results.ranking)))
+    return section("Ranking", pair, f'<ul class="verdicts">{"".join(items)}</ul>', note(_lead(results)))
 
 
-def _lead(of: Ranking) -> str:
-    """What the figures are."""
-    score = f"Score: mean success over {of.axes} axes, each axis and each of its severities alike. " * (of.axes > 1)
-    return f"{score}Brackets: 95 % intervals. Differences are paired by episode; all claims are corrected together."
+def _lead(results: Results) -> str:
+    """What the figures are, and which policies have none."""
+    axes = results.ranking.axes
+    score = f"Score: mean success over {axes} axes, each axis and each of its severities alike. " * (axes > 1)
+    rest = [name for name in results.policies if all(each.policy != name for each in results.ranking.places)]
+    out = f" Not ranked, for want of scenarios that the others ran: {listed(rest)}." if rest else ""
+    return f"{score}95 % intervals; differences paired by episode; all claims are corrected together.{out}"
 
 
 def front(results: Results, *, hardware: bool) -> str:
@@ -44,7 +46,7 @@ def front(results: Results, *, hardware: bool) -> str:
 
 
 def _table(results: Results) -> str:
-    """A policy a row; those without a score come last."""
+    """A policy a row, with the hardware profile on the right."""
     names = SCORES if results.ranking.axes > 1 else ("success", "success, hardware profile")
     kinds = {name: of.points for name, of in zip(names, (results.pareto, results.hardware_pareto), strict=True)}
     kinds = {name: points for name, points in kinds.items() if points}
@@ -54,10 +56,6 @@ def _table(results: Results) -> str:
             row = rows.setdefault(each.policy, {})
             row[name] = f"{number(100.0 * each.success, 1)}<small>{points_interval(each.success_ci)}</small>"
             row.setdefault("cost", f"{number(each.cost, 2)}<small>{interval(each.cost_ci, 2)}</small>")
-    for policy in results.policies:
-        if policy not in rows:
-            flat = results.summaries.get((FLAT, policy))
-            rows[policy] = {next(iter(kinds), "cost"): f"{FLAT}: {percent(flat.success_rate)}" if flat else ""}
     heads = {FIRST: "policy", **{name: heading(name, "%") for name in kinds}, "cost": "cost of transport"}
     blank = dict.fromkeys(heads, "")
     return table(heads, (blank | row | {FIRST: policy_label(results, policy)} for policy, row in rows.items()))
