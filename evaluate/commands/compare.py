@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import tyro
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from evaluate.analysis.comparison import METRICS, RATES, SIGNIFICANT, MetricDifference
 from evaluate.analysis.matches import Match, Stored, correlation_of, matches, without_profile
@@ -20,8 +19,8 @@ from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
 from evaluate.records.episode_table import by_energy_rule, by_success_rule
 from evaluate.records.manifest import Manifest, differences
 from evaluate.records.store import read_rows
+from evaluate.report.console import FittedTable, console_table, row_name
 from evaluate.report.headings import FEW, FIRST, NARROW_DIFFERENCES, figure_of_effort, interval_of_effort
-from evaluate.report.table import console_table, row_name
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import ABSENT, counted, interval, number, p_value, points, points_interval
 from quad_env.files.writing import write_atomically
@@ -110,7 +109,7 @@ def _survives(ranked: RankCorrelation | None, found: Sequence[Match]) -> Iterato
             yield f"success differs: {match.a} on {match.scenario}, {said}"
 
 
-def _table(options: Options, found: Sequence[Match], heads: Mapping[str, str]) -> Table:
+def _table(options: Options, found: Sequence[Match], heads: Mapping[str, str]) -> FittedTable:
     title = f"B minus A, 95 % interval, uncorrected p\nA: {options.a}\nB: {options.b}"
     groups: dict[str, list[dict[str, str]]] = {match.scenario: [] for match in found}
     for match in found:

@@ -48,7 +48,12 @@ def render(results: Results, *, gates: Sequence[GateResult] = (), made_by: Origi
     """The whole page."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings():
-        answers = [ranking(results), best_and_worst(results), effort(results), _gates(gates)]
+        answers = [
+            ranking(results),
+            best_and_worst(results),
+            effort(results),
+            _gates(gates),
+        ]
         axes = disturbances(results)
         details = [overview(results), contents(axes, "Axes"), axes, _about(results), _notes(results)]
     body = "".join([*answers, *details])

@@ -4,21 +4,23 @@ import math
 from collections.abc import Iterator, Sequence
 
 from evaluate.analysis.ranking import Neighbours, Ranking
-from quad_env.cli.format import counted, listed, points, share
+from evaluate.analysis.results import Results
+from evaluate.analysis.strengths import Strength, strengths
+from quad_env.cli.format import NO_BREAK, counted, listed, percent, points, share
 
 MOST_NEEDED = 10_000
 """Episodes beyond which no number is given."""
 NAMED = 3
-"""Scenarios that are named in a line."""
+"""Scenarios or axes that are named in a line."""
 
 
 CLAIMS = (
-    "Claimed is which of two neighbours in the ranking has the better score, and on which scenarios alone neighbours, or "
-    "a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip permutation of "
-    "scores, exact McNemar of success. One correction holds for all of these claims (Holm's method, four fifths of the "
-    "weight for the ranking): the chance that any of them is false is at most 5 %. The episodes that would be needed "
-    "find a difference as large as the one seen with a chance of 80 %. Falls and errors have intervals, each by itself, "
-    "and no tests."
+    "Claimed is which of two neighbours in the ranking has the better score, and on which scenarios alone neighbours, "
+    "or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip permutation "
+    "of scores, exact McNemar of success. One correction holds for all of these claims (Holm's method, four fifths of "
+    "the weight for the ranking): the chance that any of them is false is at most 5 %. The episodes that would be "
+    "needed find a difference as large as the one seen with a chance of 80 %. Falls and errors have intervals, each by "
+    "itself, and no tests."
 )
 """How claims are made, for readers."""
 
@@ -44,8 +46,26 @@ def lines(ranked: Ranking) -> Iterator[str]:
         yield f"{_together(each, ranked.episodes)}{_alone(each, ranked)}"
 
 
+def strengths_in_words(results: Results) -> dict[str, str]:
+    """Ranked policy -> the axes on which it is best, and those on which it is worst with the most common cause."""
+    found = {}
+    for policy in [each.policy for each in results.ranking.places] or results.policies:
+        best, worst = ends_of(results, policy)
+        words = [f"best on {', '.join(each.axis for each in best)} ({percent(best[0].success)})"] if best else []
+        weak = (f"{each.axis} {percent(each.success)} ({each.reason})" for each in worst)
+        found[policy] = "; ".join([*words, *([f"worst on {', '.join(weak)}"] if worst else [])])
+    return found
+
+
+def ends_of(results: Results, policy: str) -> tuple[list[Strength], list[Strength]]:
+    """The axes on which a policy is best, all with the same success, and those on which it is worst, that one first."""
+    found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
+    best = [each for each in found if each.success == found[0].success]
+    return best[:NAMED], [each for each in found[::-1] if each not in best][:NAMED]
+
+
 def _size(of: Neighbours) -> str:
-    return f"{points(of.difference)} points [{', '.join(map(points, of.ci))}]"
+    return f"{points(of.difference)} points [{f',{NO_BREAK}'.join(map(points, of.ci))}]"
 
 
 def _together(of: Neighbours, episodes: int) -> str:

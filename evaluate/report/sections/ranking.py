@@ -4,18 +4,15 @@ from html import escape
 
 from evaluate.analysis.results import Results
 from evaluate.analysis.score import SCORES
-from evaluate.analysis.strengths import Strength, strengths
+from evaluate.analysis.strengths import Strength
 from evaluate.report.headings import FIRST
 from evaluate.report.html import breakable, grid, heading, image, note, section, table
 from evaluate.report.plots import pareto as plots
 from evaluate.report.plots.drawing import svg
 from evaluate.report.sections.axis_section import anchor
 from evaluate.report.sections.figures import policy_label
-from evaluate.report.verdict import lines
+from evaluate.report.verdict import NAMED, ends_of, lines
 from quad_env.cli.format import interval, listed, number, percent, points_interval
-
-WORST = 3
-"""Axes that are shown of those on which a policy is worst."""
 
 
 def ranking(results: Results) -> str:
@@ -63,14 +60,12 @@ def _table(results: Results) -> str:
 
 def best_and_worst(results: Results) -> str:
     """A policy a row: the axes on which it is best, and those on which it is worst with the most common cause there."""
-    worst_heads = {str(k): heading("then on" if k else "worst on", "success; most common cause") for k in range(WORST)}
+    worst_heads = {str(k): heading("then on" if k else "worst on", "success; most common cause") for k in range(NAMED)}
     heads, rows = {FIRST: "policy", "best": heading("best on", "success"), **worst_heads}, []
     for policy in [each.policy for each in results.ranking.places] or results.policies:
-        found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
-        best = [each for each in found if each.success == found[0].success]
-        worst = [each for each in found[::-1] if each not in best][:WORST]
+        best, worst = ends_of(results, policy)
         row = dict.fromkeys(heads, "") | {FIRST: policy_label(results, policy)}
-        row["best"] = f"{', '.join(map(_axis, best[:WORST]))}<small>{percent(best[0].success)}</small>" if best else ""
+        row["best"] = f"{', '.join(map(_axis, best))}<small>{percent(best[0].success)}</small>" if best else ""
         rows.append(row | {str(k): _weakness(each) for k, each in enumerate(worst)})
     return section("Best and worst", table(heads, rows, "text"))
 
