@@ -1,16 +1,11 @@
 """Whether the ranking of policies by success is the same in two runs, such as those of two simulators."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
-from numpy.typing import NDArray
 
 from evaluate.measures.averages import quotient
-from evaluate.measures.outcomes import SUCCEEDED
-from evaluate.records.store import rows_of
 from evaluate.statistics.intervals import RESAMPLES, Floats, Interval, percentile_interval, resamples
 from quad_env.cli.format import interval, number, percent
 
@@ -42,19 +37,14 @@ class RankCorrelation:
             yield f"ranking of {run}: {', '.join(f'{policy} {percent(score)}' for policy, score in order)}"
 
 
-def rank_correlation(pairs: Sequence[tuple[str, str]], axes: Mapping[str, str], *runs: pa.Table) -> RankCorrelation:
-    """Of policies of A and B, from scenario -> axis and the rows of both runs, of which common seeds alone count."""
-    common = np.intersect1d(*(rows.column("seed").to_numpy() for rows in runs))
-    of_axis = list(axes.values())
-    shares = np.array([1.0 / of_axis.count(axis) for axis in of_axis]) / len(set(of_axis))
-    named = zip(*pairs, strict=True)
-    scores = [_scores(rows, common, names, axes, shares) for rows, names in zip(runs, named, strict=True)]
-    resampled = kendall(*map(_resampled, scores))
-    known, (a, b) = resampled[~np.isnan(resampled)], (each.mean(axis=-1) for each in scores)
+def rank_correlation(policies: Sequence[str], a: Floats, b: Floats) -> RankCorrelation:
+    """Of k policies by their scores in n common episodes of A and B, (k, n) each."""
+    resampled = kendall(_resampled(a), _resampled(b))
+    known, means = resampled[~np.isnan(resampled)], (a.mean(axis=-1), b.mean(axis=-1))
     return RankCorrelation(
-        policies=tuple(policy for policy, _ in pairs),
-        scores=(tuple(a.tolist()), tuple(b.tolist())),
-        correlation=float(kendall(a, b)),
+        policies=tuple(policies),
+        scores=(tuple(means[0].tolist()), tuple(means[1].tolist())),
+        correlation=float(kendall(*means)),
         ci=percentile_interval(known) if len(known) else (np.nan, np.nan),
     )
 
@@ -64,15 +54,6 @@ def kendall(a: Floats, b: Floats) -> Floats:
     first, second = np.triu_indices(a.shape[-1], 1)
     in_a, in_b = (np.sign(np.round(each[..., first] - each[..., second], 9)) for each in (a, b))
     return quotient((in_a * in_b).sum(-1), np.sqrt((in_a**2).sum(-1) * (in_b**2).sum(-1)))
-
-
-def _scores(
-    rows: pa.Table, seeds: NDArray[np.int64], policies: Sequence[str], axes: Mapping[str, str], shares: Floats
-) -> Floats:
-    """Score of each policy in each episode, (k, n): success, every axis and each of its scenarios alike."""
-    kept = rows.filter(pc.is_in(rows.column("seed"), pa.array(seeds))).sort_by("seed")
-    found = [[rows_of(kept, policy, name).column("outcome").to_pylist() for policy in policies] for name in axes]
-    return np.asarray(np.tensordot(shares, np.array(found) == SUCCEEDED, 1))
 
 
 def _resampled(scores: Floats) -> Floats:

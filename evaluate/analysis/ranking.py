@@ -81,19 +81,22 @@ def _neighbours(better: str, worse: str, a: Floats, b: Floats) -> Neighbours:
     return Neighbours(better, worse, float(differences.mean()), deviation, ci, sign_flip_test(differences))
 
 
-def claims(ranked: Ranking, comparisons: Sequence[Comparison], baseline: str) -> tuple[Ranking, list[Comparison]]:
+def claims(
+    ranked: Ranking, comparisons: Sequence[Comparison], baseline: str | None = None
+) -> tuple[Ranking, list[Comparison]]:
     """The same with one correction for all that a report claims: Holm's method with weights.
 
-    The claims are the differences of neighbours, with RANKING_WEIGHT together, and those of success on single
-    scenarios, of neighbours and from the baseline, with the rest. The chance of any false one is at most SIGNIFICANT.
-    That the same data say who are neighbours costs nothing: a gap between neighbours among m policies that are equally
-    good is a gap of at least m − 1 of their m (m − 1) / 2 pairs, so that it is at most m / 2 times as likely as that of
-    one pair, and it is corrected for m − 1. Success of other pairs is no claim and has NaN; other metrics stay as is.
+    The claims are the differences of neighbours, with RANKING_WEIGHT together, and those of success on single scenarios
+    of neighbours and from the baseline, or, without one, all that are given, with the rest. The chance of any false one
+    is at most SIGNIFICANT. That the same data say who are neighbours costs nothing: a gap between neighbours among m
+    policies that are equally good is a gap of at least m − 1 of their m (m − 1) / 2 pairs, so that it is at most m / 2
+    times as likely as that of one pair, and it is corrected for m − 1. Success of other pairs is no claim and has NaN;
+    other metrics stay as they are.
     """
     pairs = {frozenset((each.better, each.worse)): each for each in ranked.neighbours}
     place = ranked.scenarios[0] if len(ranked.scenarios) == 1 else ""
     success = {(c.scenario, frozenset((c.a, c.b))): c for c in comparisons if c.metric == SUCCESS_RATE}
-    single = {key: c.p_value for key, c in success.items() if key[1] in pairs or c.b == baseline}
+    single = {key: c.p_value for key, c in success.items() if key[1] in pairs or baseline in (None, c.b)}
     together = {(place, pair): each.p_value for pair, each in pairs.items()}
     weights = dict.fromkeys(single, (1.0 - RANKING_WEIGHT) / max(1, len(single)))
     weights |= dict.fromkeys(together, RANKING_WEIGHT / max(1, len(pairs)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evaluate.analysis.score import counts
-from evaluate.analysis.severity_levels import severity_axes
+from evaluate.analysis.severity_levels import place, severity_axes
 from evaluate.analysis.summary import Summary
 from evaluate.measures.outcomes import SUCCEEDED
 from evaluate.rollouts.experiment import Cell
@@ -15,36 +15,36 @@ from evaluate.rollouts.experiment import Cell
 
 @dataclass(frozen=True)
 class Strength:
-    """One policy on one axis, all severities together."""
+    """One policy on one axis, all severities together, or in a run of one axis at one severity."""
 
     axis: str
+    name: str
+    """Of the axis, or of its severity."""
     success: float
     """Mean over the severities."""
-    failures: int
-    """Episodes"""
-    reasons: tuple[tuple[str, int], ...]
-    """Causes of these failures and how many have each, or their outcomes where no cause is known; most common first."""
-
-    @property
-    def reason(self) -> str:
-        """`trip, 31 of 46 failures`; empty without a failure."""
-        return (
-            f"{self.reasons[0][0].replace('_', ' ')}, {self.reasons[0][1]} of {self.failures}" if self.reasons else ""
-        )
+    reason: str
+    """The most common cause of failure, `trip, 31 of 46`, or outcome where no cause is known; empty without a failure."""
 
 
 def strengths(
     cells: Sequence[Cell], summaries: Mapping[tuple[str, str], Summary], policy: str, *, hardware: bool = False
 ) -> list[Strength]:
-    """Every axis that the policy ran and a score counts, the most successful first."""
+    """All that the policy ran and a score counts, the most successful first."""
+    axes = severity_axes([cell for cell in cells if cell.policy == policy and counts(cell.scenario, hardware)])
+    parts = [(axis.name, axis.name, axis.levels) for axis in axes]
+    if len(axes) == 1:
+        parts = [(axes[0].name, place(level), (level,)) for level in axes[0].levels]
     found = []
-    for axis in severity_axes([cell for cell in cells if cell.policy == policy and counts(cell.scenario, hardware)]):
-        of = [summaries[name, policy] for name in axis.scenario_names]
-        causes, outcomes = Counter[str](), Counter[str]()
-        for each in of:
-            causes.update(each.causes)
-            outcomes.update({name: count for name, count in each.outcomes.items() if name != SUCCEEDED})
-        rate = float(np.mean([summaries[level.name, policy].success_rate for level in axis.levels]))
-        reasons = [(name, count) for name, count in (causes or outcomes).most_common() if count]
-        found.append(Strength(axis.name, rate, sum(each.episodes - each.successes for each in of), tuple(reasons)))
+    for axis, name, levels in parts:
+        of = [summaries[level.name, policy] for level in levels]
+        found.append(Strength(axis, name, float(np.mean([each.success_rate for each in of])), _reason(of)))
     return sorted(found, key=lambda each: -each.success)
+
+
+def _reason(of: Sequence[Summary]) -> str:
+    failures = sum(each.episodes - each.successes for each in of)
+    causes = sum((Counter(each.causes) for each in of), Counter[str]())
+    outcomes = sum((Counter(each.outcomes) for each in of), Counter[str]())
+    del outcomes[SUCCEEDED]
+    ((name, count),) = (causes or outcomes).most_common(1) if failures else (("", 0),)
+    return f"{name.replace('_', ' ')}, {count} of {failures}" if failures else ""

@@ -8,16 +8,16 @@ from rich.markup import escape
 from rich.padding import Padding
 
 from evaluate.analysis.breaking_points import Of, breaking_point_text
-from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
+from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE
 from evaluate.analysis.ranking import Ranking
 from evaluate.analysis.results import Results
 from evaluate.analysis.score import SCORES, Score
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes
 from evaluate.analysis.summary import Summary
 from evaluate.report.console import FittedTable, console_table, row_name
-from evaluate.report.headings import EFFORT_ON, FEW, FIRST, NARROW, NARROW_DIFFERENCES, effort_with_interval, shares
+from evaluate.report.headings import FIRST, NARROW, shares
 from evaluate.report.verdict import lines, strengths_in_words, verdict
-from quad_env.cli.format import ABSENT, broken, counted, interval, number, p_value, points, share
+from quad_env.cli.format import ABSENT, broken, counted, interval, number, share
 
 SHOWN = "success % (falls %)"
 MOST_SCENARIOS = 6
@@ -27,33 +27,33 @@ HEAD_WIDTH = 9
 
 
 def print_results(results: Results, console: Console) -> None:
-    """Print the ranking, then every cell and every policy's difference from the baseline.
+    """Print the ranking, then every cell.
 
     Of more scenarios than a screen holds, the shares of successes and of falls on each and the breaking points.
     """
     if len(results.scenarios) > MOST_SCENARIOS:
         print_levels(results, console)
     else:
-        print_ranking(results, console)
+        _print_answers(results, console)
         console.print(summary_table(results))
-        _print_effort(results, console)
-        if results.against_baseline:
-            console.print()
-            console.print(difference_table(results))
         _print_notes(results, console)
     console.print()
 
 
-def print_ranking(results: Results, console: Console) -> None:
-    """Print the verdict, the ranking, a line for each two neighbours, and where each policy is best and worst."""
-    ranked = results.ranking
+def print_ranking(ranked: Ranking, console: Console, hardware: Sequence[Score] = ()) -> None:
+    """Print the verdict, the ranking and a line for each two neighbours."""
     console.print(f"[bold]{escape(verdict(ranked))}[/bold]\n", highlight=False)
     if ranked.places:
-        console.print(ranking_table(ranked, results.hardware_scores if not ranked.hardware else ()))
+        console.print(ranking_table(ranked, hardware if not ranked.hardware else ()))
         console.print()
-        for line in lines(ranked):
-            console.print(Padding(f"- {escape(line)}", (0, 0, 0, 1)), highlight=False)
-        console.print()
+    for line in lines(ranked):
+        console.print(Padding(f"- {escape(line)}", (0, 0, 0, 1)), highlight=False)
+    console.print()
+
+
+def _print_answers(results: Results, console: Console) -> None:
+    """Print the ranking, and where each policy is best and worst."""
+    print_ranking(results.ranking, console, results.hardware_scores)
     for policy, words in strengths_in_words(results).items():
         console.print(Padding(f"[bold]{escape(policy)}[/bold]: {escape(words)}", (0, 0, 0, 1)), highlight=False)
     console.print()
@@ -81,13 +81,12 @@ def ranking_table(ranked: Ranking, hardware: Sequence[Score] = ()) -> FittedTabl
 def print_levels(results: Results, console: Console) -> None:
     """Print the ranking, successes and falls at each level of each axis and the breaking points, and the verdict again,
     which is then on the screen."""
-    print_ranking(results, console)
+    _print_answers(results, console)
     axes = severity_axes(results.cells)
     for axis in (axis for axis in axes if len(axis.levels) > 1):
         console.print(level_table(results, axis))
     if single := [axis for axis in axes if len(axis.levels) == 1]:
         console.print(single_table(results, single))
-    _print_effort(results, console)
     console.print(f"\n{_widest(results)}", highlight=False)
     _print_notes(results, console)
     console.print(f"\n[bold]{escape(verdict(results.ranking))}[/bold]", highlight=False)
@@ -160,39 +159,6 @@ def summary_figures(summary: Summary, end: str) -> dict[str, str]:
         value, ci = getattr(summary, metric), getattr(summary, f"{metric}_ci")
         cells[metric] = share(value, ci) if metric in RATES else f"{number(value)} ± {number((ci[1] - ci[0]) / 2)}"
     return {column: re.sub(r" (?=\[|±)", end, cell) for column, cell in cells.items()}
-
-
-def _print_effort(results: Results, console: Console) -> None:
-    if not set(EFFORT_ON).isdisjoint(results.scenarios):
-        console.print()
-        console.print(effort_table(results))
-
-
-def effort_table(results: Results) -> FittedTable:
-    """A row for each policy at a steady speed and over the commands: effort where there is room for three figures."""
-    groups: dict[str, list[dict[str, str]]] = {name: [] for name in EFFORT_ON if name in results.scenarios}
-    for (scenario, policy), summary in results.summaries.items():
-        if scenario in groups:
-            cells = {name: effort_with_interval(name, summary, " [{}]") for name in FEW}
-            groups[scenario].append({FIRST: row_name(policy), **cells})
-    return console_table("effort while upright, with 95 % intervals", {FIRST: "policy", **FEW}, groups)
-
-
-def difference_table(results: Results) -> FittedTable:
-    """A row for each policy on each scenario: its difference from the baseline, with the corrected p-value below."""
-    title = f"minus {escape(results.baseline)}, paired by episode\np corrected for their number (Holm)"
-    rows: dict[str, dict[str, dict[str, str]]] = {}
-    for each in results.against_baseline:
-        row = rows.setdefault(each.scenario, {}).setdefault(each.a, {FIRST: row_name(each.a)})
-        row[each.metric] = _difference(each)
-    groups = {scenario: by_policy.values() for scenario, by_policy in rows.items()}
-    return console_table(title, {FIRST: "policy", **NARROW_DIFFERENCES}, groups)
-
-
-def _difference(comparison: Comparison) -> str:
-    value = comparison.difference
-    shown = points(value) if comparison.metric in RATES else number(value)
-    return f"{shown}\n{p_value(comparison.p_value_holm)}"
 
 
 def _percent(share: float) -> str:

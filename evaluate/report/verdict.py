@@ -47,20 +47,20 @@ def lines(ranked: Ranking) -> Iterator[str]:
 
 
 def strengths_in_words(results: Results) -> dict[str, str]:
-    """Ranked policy -> the axes on which it is best, and those on which it is worst with the most common cause."""
+    """Ranked policy -> where it is best, and where it is worst with the most common cause there."""
     found = {}
     for policy in [each.policy for each in results.ranking.places] or results.policies:
         best, worst = ends_of(results, policy)
-        words = [f"best on {', '.join(each.axis for each in best)} ({percent(best[0].success)})"] if best else []
-        weak = (f"{each.axis} {percent(each.success)} ({each.reason})" for each in worst)
+        words = [f"best on {', '.join(each.name for each in best)} ({percent(best[0].success)})"] if best else []
+        weak = (f"{each.name} {percent(each.success)} ({each.reason})" for each in worst)
         found[policy] = "; ".join([*words, *([f"worst on {', '.join(weak)}"] if worst else [])])
     return found
 
 
 def ends_of(results: Results, policy: str) -> tuple[list[Strength], list[Strength]]:
-    """The axes on which a policy is best, all with the same success, and those on which it is worst, that one first."""
+    """Where a policy is best, everywhere with the same success, and where it is worst, that one first."""
     found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
-    best = [each for each in found if each.success == found[0].success]
+    best = [each for each in found if each.success == found[0].success > 0.0]
     return best[:NAMED], [each for each in found[::-1] if each not in best][:NAMED]
 
 

@@ -1,6 +1,5 @@
 """Tables of figures: what each policy did, its paired differences, and every measure."""
 
-import math
 from collections.abc import Iterable
 from html import escape
 
@@ -81,8 +80,8 @@ def _difference(comparison: Comparison) -> str:
     rate = comparison.metric in RATES
     value = points(comparison.difference) if rate else number(comparison.difference)
     ci = points_interval(comparison.ci) if rate else interval(comparison.ci)
-    claimed = comparison.metric == SUCCESS_RATE and not math.isnan(comparison.p_value_holm)
-    return f"{value}<small>{ci}</small>{f'<small>{p_value(comparison.p_value_holm)}</small>' if claimed else ''}"
+    claim = f"<small>{p_value(comparison.p_value_holm)}</small>" if comparison.metric == SUCCESS_RATE else ""
+    return f"{value}<small>{ci}</small>{claim}"
 
 
 def figures_table(results: Results, scenario: str) -> str:

@@ -59,7 +59,7 @@ def _table(results: Results) -> str:
 
 
 def best_and_worst(results: Results) -> str:
-    """A policy a row: the axes on which it is best, and those on which it is worst with the most common cause there."""
+    """A policy a row: where it is best, and where it is worst with the most common cause of failure there."""
     worst_heads = {str(k): heading("then on" if k else "worst on", "success; most common cause") for k in range(NAMED)}
     heads, rows = {FIRST: "policy", "best": heading("best on", "success"), **worst_heads}, []
     for policy in [each.policy for each in results.ranking.places] or results.policies:
@@ -71,7 +71,7 @@ def best_and_worst(results: Results) -> str:
 
 
 def _axis(of: Strength) -> str:
-    return f'<a href="#{anchor(of.axis)}">{escape(of.axis)}</a>'
+    return f'<a href="#{anchor(of.axis)}">{escape(of.name)}</a>'
 
 
 def _weakness(of: Strength) -> str:
