@@ -40,6 +40,12 @@ def verdict(ranked: Ranking) -> str:
     return f"{best.policy} comes first, {score}, but is not distinguished from {tied}"
 
 
+def unranked(results: Results) -> str:
+    """Which policies have no place in the ranking, and why; empty where all have one."""
+    rest = [name for name in results.policies if all(each.policy != name for each in results.ranking.places)]
+    return f"not ranked, for want of scenarios that the others ran: {listed(rest)}" if rest else ""
+
+
 def lines(ranked: Ranking) -> Iterator[str]:
     """For each two neighbours: what all scenarios together show of them, and what single ones do."""
     for each in ranked.neighbours:
@@ -54,14 +60,14 @@ def strengths_in_words(results: Results) -> dict[str, str]:
         words = [f"best on {', '.join(each.name for each in best)} ({percent(best[0].success)})"] if best else []
         weak = (f"{each.name} {percent(each.success)} ({each.reason})" for each in worst)
         found[policy] = "; ".join([*words, *([f"worst on {', '.join(weak)}"] if worst else [])])
-    return found
+    return {policy: words for policy, words in found.items() if words}
 
 
 def ends_of(results: Results, policy: str) -> tuple[list[Strength], list[Strength]]:
     """Where a policy is best, everywhere with the same success, and where it is worst, that one first."""
     found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
-    best = [each for each in found if each.success == found[0].success > 0.0]
-    return best[:NAMED], [each for each in found[::-1] if each not in best][:NAMED]
+    best = [each for each in found if each.success == found[0].success > 0.0] if len(found) > 1 else []
+    return best[:NAMED], [each for each in found[::-1] if each not in best and each.reason][:NAMED]
 
 
 def _size(of: Neighbours) -> str:
