@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from evaluate.analysis.ranking import Neighbours, Ranking
 from evaluate.analysis.results import Results
 from evaluate.analysis.strengths import Strength, strengths
-from quad_env.cli.format import NO_BREAK, counted, listed, percent, points, share
+from quad_env.cli.format import brackets, counted, listed, percent, points, share
 
 MOST_NEEDED = 10_000
 """Episodes beyond which no number is given."""
@@ -71,7 +71,7 @@ def ends_of(results: Results, policy: str) -> tuple[list[Strength], list[Strengt
 
 
 def _size(of: Neighbours) -> str:
-    return f"{points(of.difference)} points [{f',{NO_BREAK}'.join(map(points, of.ci))}]"
+    return f"{points(of.difference)} points {brackets((100.0 * of.ci[0], 100.0 * of.ci[1]))}"
 
 
 def _together(of: Neighbours, episodes: int) -> str:
