@@ -1,26 +1,23 @@
 """The ranking in words: which policy is best, and what is shown of each two neighbours."""
 
-import math
 from collections.abc import Iterator, Sequence
 
 from evaluate.analysis.ranking import Neighbours, Ranking
 from evaluate.analysis.results import Results
 from evaluate.analysis.strengths import Strength, strengths
-from quad_env.cli.format import brackets, counted, listed, percent, points, share
+from quad_env.cli.format import brackets, counted, listed, p_value, percent, points, share
 
 MOST_NEEDED = 10_000
 """Episodes beyond which no number is given."""
 NAMED = 3
 """Scenarios or axes that are named in a line."""
-
-
 CLAIMS = (
     "Claimed is which of two neighbours in the ranking has the better score, and on which scenarios alone neighbours, "
     "or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip permutation "
-    "of scores, exact McNemar of success. One correction holds for all of these claims (Holm's method, four fifths of "
-    "the weight for the ranking): the chance that any of them is false is at most 5 %. The episodes that would be "
-    "needed find a difference as large as the one seen with a chance of 80 %. Falls and errors have intervals, each by "
-    "itself, and no tests."
+    "of scores, exact McNemar of success. One correction holds for all of these claims (Holm's method, nine tenths of "
+    "the weight for the ranking): the chance that any of them is false is at most 5 %. Intervals are each by itself. "
+    "The episodes that would be needed find a difference as large as the one seen with a chance of 80 %. Falls and "
+    "errors have intervals and no tests."
 )
 """How claims are made, for readers."""
 
@@ -77,9 +74,11 @@ def _size(of: Neighbours) -> str:
 def _together(of: Neighbours, episodes: int) -> str:
     if of.distinguished:
         return f"{of.better} beats {of.worse} by {_size(of)}"
-    needed = f"about {_rounded(of.needed)}" if of.needed <= MOST_NEEDED else f"more than {MOST_NEEDED}"
-    with_so_many = f"cannot be distinguished with {counted(episodes, 'episode')}"
-    return f"{of.better} and {of.worse} {with_so_many}; {needed} would be needed ({_size(of)})"
+    said = f"{of.better} and {of.worse} cannot be distinguished with {counted(episodes, 'episode')}"
+    if episodes > 1:
+        needed = f"about {float(f'{of.needed:.2g}'):.0f}" if of.needed <= MOST_NEEDED else f"more than {MOST_NEEDED}"
+        said += f"; {needed} would be needed"
+    return f"{said} ({_size(of)}, corrected {p_value(of.p_value_holm)})"
 
 
 def _alone(of: Neighbours, ranked: Ranking) -> str:
@@ -100,9 +99,3 @@ def _alone(of: Neighbours, ranked: Ranking) -> str:
 def _named(scenarios: Sequence[str]) -> str:
     more = len(scenarios) - NAMED
     return listed([*scenarios[:NAMED], f"{more} more"] if more > 0 else scenarios)
-
-
-def _rounded(count: float) -> str:
-    """To two significant digits, upwards."""
-    unit = 10.0 ** max(0, math.floor(math.log10(count)) - 1)
-    return f"{math.ceil(count / unit) * unit:.0f}"

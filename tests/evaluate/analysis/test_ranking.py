@@ -78,7 +78,7 @@ def test_of_a_single_scenario_the_ranking_is_by_success_with_its_test(run) -> No
 
 
 def test_one_correction_holds_for_the_ranking_and_for_single_scenarios(run) -> None:
-    """Neighbours have four fifths of the weight; success of pairs that are neither them nor with the baseline, none."""
+    """Neighbours have nine tenths of the weight; success of pairs that are neither them nor with the baseline, none."""
     policies = {
         name: dict.fromkeys(AXES, np.arange(COUNT) < k) for name, k in (("a", 40), ("b", 31), ("trot", 30), ("c", 12))
     }
@@ -90,7 +90,7 @@ def test_one_correction_holds_for_the_ranking_and_for_single_scenarios(run) -> N
     ]
     assert len(claimed) == 4 * len(AXES)
     p_values = [each.p_value for each in (*neighbours, *claimed)]
-    expected = holm(p_values, [0.8 / 3] * 3 + [0.2 / 16] * 16)
+    expected = holm(p_values, [0.9 / 3] * 3 + [0.1 / 16] * 16)
     assert [each.p_value_holm for each in (*neighbours, *claimed)] == pytest.approx(expected)
     assert np.isnan([each.p_value_holm for each in success if each not in claimed]).all()
     others = [each for each in results.comparisons if each.metric == "fall_rate"]
@@ -123,7 +123,7 @@ def test_the_episodes_that_would_be_needed_are_those_of_the_formula_and_find_the
     second = {name: generator.random(COUNT) < 0.55 for name in AXES}
     results = run(trot=second, other=first)
     (found,) = results.ranking.neighbours
-    level = 0.05 * 0.8  # nothing is claimed, so that all weights are left
+    level = 0.05 * 0.9  # nothing is claimed, so that all weights are left
     assert not any(each.p_value_holm < 0.05 for each in (*results.comparisons, found))
     quantile = norm.ppf(1 - level / 2)
     expected = ((quantile + norm.ppf(0.8)) * found.deviation / found.difference) ** 2 + quantile**2 / 2
