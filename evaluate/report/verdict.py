@@ -63,7 +63,8 @@ def strengths_in_words(results: Results) -> dict[str, str]:
 def ends_of(results: Results, policy: str) -> tuple[list[Strength], list[Strength]]:
     """Where a policy is best, everywhere with the same success, and where it is worst, that one first."""
     found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
-    best = [each for each in found if each.success == found[0].success > 0.0] if len(found) > 1 else []
+    top, bottom = (found[0].success, found[-1].success) if found else (0.0, 0.0)
+    best = [each for each in found if each.success == top and (top > bottom or (len(found) > 1 and top == 1.0))]
     return best[:NAMED], [each for each in found[::-1] if each not in best and each.reason][:NAMED]
 
 
