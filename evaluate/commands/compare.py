@@ -147,7 +147,8 @@ def _shown(found: MetricDifference, corrected: float) -> str:
     if found.metric in FEW:
         value, ends = partial(figure_of_effort, found.metric), partial(interval_of_effort, found.metric)
     claim = f"\n{p_value(corrected)}" if found.metric == SUCCESS_RATE else ""
-    return f"{value(found.difference)}\n{ends(found.ci)}{claim}"
+    shown = ends(found.ci).replace("… ", "…\n")
+    return f"{value(found.difference)}\n{shown}{claim}"
 
 
 def _notes(a: Stored, b: Stored, found: Sequence[Match], rules: tuple[str, str]) -> Iterator[str]:

@@ -32,9 +32,7 @@ def verdict(ranked: Ranking) -> str:
         return f"{best.policy}: {score}"
     if ranked.neighbours[0].distinguished:
         return f"{best.policy} is best: {score}, {_size(ranked.neighbours[0])} more than {others[0].policy}"
-    end = next((k for k, each in enumerate(ranked.neighbours) if each.distinguished), len(others))
-    tied = listed([each.policy for each in others[:end]])
-    return f"{best.policy} comes first, {score}, but is not distinguished from {tied}"
+    return f"{best.policy} comes first, {score}, but is not distinguished from {others[0].policy}"
 
 
 def unranked(results: Results) -> str:
