@@ -1,0 +1,100 @@
+"""The ranking in words: which policy is best, and what is shown of each two neighbours."""
+
+from collections.abc import Iterator, Sequence
+
+from evaluate.analysis.ranking import Neighbours, Ranking
+from evaluate.analysis.results import Results
+from evaluate.analysis.strengths import Strength, strengths
+from quad_env.cli.format import brackets, counted, listed, p_value, percent, points, share
+
+MOST_NEEDED = 10_000
+"""Episodes beyond which no number is given."""
+NAMED = 3
+"""Scenarios or axes that are named in a line."""
+CLAIMS = (
+    "Claimed is which of two neighbours in the ranking has the better score, and on which scenarios alone neighbours, "
+    "or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip permutation "
+    "of scores, exact McNemar of success. One correction holds for all of these claims (Holm's method, nine tenths of "
+    "the weight for the ranking): the chance that any of them is false is at most 5 %. Intervals are each by itself. "
+    "The episodes that would be needed find a difference as large as the one seen with a chance of 80 %. Falls and "
+    "errors have intervals and no tests."
+)
+"""How claims are made, for readers."""
+
+
+def verdict(ranked: Ranking) -> str:
+    """Which policy is best, and by how much."""
+    if not ranked.places:
+        return "No ranking: no policy has run every scenario"
+    best, *others = ranked.places
+    score = f"success {share(best.success, best.success_ci)}"
+    if not others:
+        return f"{best.policy}: {score}"
+    if ranked.neighbours[0].distinguished:
+        return f"{best.policy} is best: {score}, {_size(ranked.neighbours[0])} more than {others[0].policy}"
+    return f"{best.policy} comes first, {score}, but is not distinguished from {others[0].policy}"
+
+
+def unranked(results: Results) -> str:
+    """Which policies have no place in the ranking, and why; empty where all have one."""
+    rest = [name for name in results.policies if all(each.policy != name for each in results.ranking.places)]
+    return f"not ranked, for want of scenarios that the others ran: {listed(rest)}" if rest else ""
+
+
+def lines(ranked: Ranking) -> Iterator[str]:
+    """For each two neighbours: what all scenarios together show of them, and what single ones do."""
+    for each in ranked.neighbours:
+        yield f"{_together(each, ranked.episodes)}{_alone(each, ranked)}"
+
+
+def strengths_in_words(results: Results) -> dict[str, str]:
+    """Ranked policy -> where it is best, and where it is worst with the most common cause there."""
+    found = {}
+    for policy in [each.policy for each in results.ranking.places] or results.policies:
+        best, worst = ends_of(results, policy)
+        words = [f"best on {', '.join(each.name for each in best)} ({percent(best[0].success)})"] if best else []
+        weak = (f"{each.name} {percent(each.success)} ({each.reason})" for each in worst)
+        found[policy] = "; ".join([*words, *([f"worst on {', '.join(weak)}"] if worst else [])])
+    return {policy: words for policy, words in found.items() if words}
+
+
+def ends_of(results: Results, policy: str) -> tuple[list[Strength], list[Strength]]:
+    """Where a policy is best, everywhere with the same success, and where it is worst, that one first."""
+    found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
+    top, bottom = (found[0].success, found[-1].success) if found else (0.0, 0.0)
+    best = [each for each in found if each.success == top and (top > bottom or (len(found) > 1 and top == 1.0))]
+    return best[:NAMED], [each for each in found[::-1] if each not in best and each.reason][:NAMED]
+
+
+def _size(of: Neighbours) -> str:
+    return f"{points(of.difference)} points {brackets((100.0 * of.ci[0], 100.0 * of.ci[1]))}"
+
+
+def _together(of: Neighbours, episodes: int) -> str:
+    if of.distinguished:
+        return f"{of.better} beats {of.worse} by {_size(of)}"
+    said = f"{of.better} and {of.worse} cannot be distinguished with {counted(episodes, 'episode')}"
+    if episodes > 1:
+        needed = f"about {float(f'{of.needed:.2g}'):.0f}" if of.needed <= MOST_NEEDED else f"more than {MOST_NEEDED}"
+        said += f"; {needed} would be needed"
+    return f"{said} ({_size(of)}, corrected {p_value(of.p_value_holm)})"
+
+
+def _alone(of: Neighbours, ranked: Ranking) -> str:
+    """What single scenarios show, so that they do not seem to contradict all of them together."""
+    if len(ranked.scenarios) == 1:
+        return ""
+    against = [(of.worse, of.worse_on)] if of.distinguished else [(of.better, of.better_on), (of.worse, of.worse_on)]
+    but = [f"{policy} is better on {_named(on)}" for policy, on in against if on]
+    said = [f"but {listed(but)}"] if but else []
+    if of.distinguished and of.better_on:
+        said = [f"{_named(of.better_on)} alone show{'s' * (len(of.better_on) == 1)} it", *said]
+    elif of.distinguished:
+        together = f"{ranked.axes} axes" if ranked.axes > 1 else f"{len(ranked.scenarios)} levels"
+        said = [f"no single scenario shows it, the {together} together do", *said]
+    return "".join(f"; {each}" for each in said)
+
+
+def _named(scenarios: Sequence[str]) -> str:
+    more = len(scenarios) - NAMED
+    return listed([*scenarios[:NAMED], f"{more} more"] if more > 0 else scenarios)
