@@ -56,15 +56,20 @@ def _of_today(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 def load_config(folder: Path) -> TrainConfig:
     """The settings of the run in `folder`. Raises UsageError where there is none."""
+    return from_dict(load_settings(folder))
+
+
+def load_settings(folder: Path) -> dict[str, Any]:
+    """The settings of the run in `folder` as its version wrote them. Raises UsageError where there is none."""
     try:
         settings = json.loads(read_bytes(folder / CONFIG_FILE))
     except OSError as error:
-        raise UsageError(
-            f"no run in {folder}: {CONFIG_FILE} cannot be read ({error.strerror}); name its folder with --out"
-        ) from None
+        raise UsageError(f"no run in {folder}: {CONFIG_FILE} cannot be read ({error.strerror})") from None
     except ValueError:
-        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is not JSON; name another folder with --out") from None
-    return from_dict(settings)
+        settings = None
+    if not isinstance(settings, dict):
+        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is not JSON of settings")
+    return settings
 
 
 def decode(kind: Any, value: Any) -> Any:

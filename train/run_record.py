@@ -1,5 +1,6 @@
 """Records in a run's folder: the command that repeats it, packages, validations, metrics."""
 
+import dataclasses
 import json
 import shlex
 from collections.abc import Mapping, Sequence
@@ -7,6 +8,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from evaluate.analysis.results import without_nan
 from evaluate.records.provenance import model_of, versions
 from evaluate.rollouts.hardware import Hardware
 from quad_env.files.reading import read_bytes
@@ -33,6 +35,16 @@ def command(config: TrainConfig) -> str:
     options += [f"{each.option} {words(each.new)}" for each in others]
     options += [f"--rewards {' '.join(weights)}"] if weights else []
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
+
+
+def evaluation(config: TrainConfig) -> str:
+    """The command that evaluates a run's best policy, next to its base, on robots like those of its training."""
+    hardware, folder = dataclasses.asdict(config.hardware).items(), shlex.quote(str(config.folder))
+    usual = dataclasses.asdict(Hardware())
+    chosen = [f"--{name} {shlex.quote(value)}" for name, value in hardware if value != usual[name]]
+    compared = [config.base, folder] if config.policy == "residual" else [folder]
+    out = shlex.quote(str(config.folder / "evaluation"))
+    return " ".join(["python -m evaluate --policies", *compared, *chosen, f"--out {out}"])
 
 
 def words(value: Any) -> str:
@@ -65,7 +77,7 @@ def _sessions(path: Path) -> list[dict[str, Any]]:
 
 def write_validations(folder: Path, best: int, validations: Sequence[Mapping[str, Any]]) -> None:
     """Write all validations, the last of a finished run being the final one, and the steps of the best."""
-    write_atomically(folder / VALIDATIONS_FILE, _lines({"best": best, "validations": validations}))
+    write_atomically(folder / VALIDATIONS_FILE, _lines(without_nan({"best": best, "validations": validations})))
 
 
 def _lines(record: Mapping[str, Any]) -> bytes:

@@ -37,6 +37,13 @@ def success(results: Results) -> float:
     return sum(means["success_rate"] for means in results.values()) / len(results)
 
 
+def cost_of_transport(results: Results) -> float:
+    """Cost of transport over all scenarios, a quotient of sums; NaN where nothing was carried anywhere."""
+    energy = sum(means["energy"] for means in results.values())
+    carried = sum(means["energy"] / cost for means in results.values() if (cost := means["cost_of_transport"]) > 0.0)
+    return energy / carried if carried else float("nan")
+
+
 def score(results: Results) -> float:
     """Velocity error plus half the yaw-rate error, m/s, mean over scenarios.
 

@@ -23,6 +23,7 @@ NAME = "python -m train"
 COMMANDS = {
     "robot": Command("train.commands.robot", "all steps for your own robot: describe, search, train, evaluate, report"),
     "search": Command("train.search.trot", "parameters of a robot's trot, by CMA-ES"),
+    "curves": Command("train.commands.curves", "learning curves of runs as a picture, with a band over seeds"),
     "export": Command("train.commands.export", "a trained residual as an ONNX file"),
 }
 MOVED = {name: f"now `python -m research {name}`" for name in ("ablations", "publish")}

@@ -23,15 +23,20 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig
 from train.config_file import decode, to_dict
+from train.curves.figure import write_picture
+from train.curves.run import by_seed, read_curve
 from train.residual_env import FloatArray, ResidualVectorEnv
-from train.run_folder import BEST, CHECKPOINTS, LAST
+from train.run_folder import BEST, CHECKPOINTS, CURVE_FILE, LAST
 from train.run_record import write_validations
 from train.sb3 import checkpoint
 from train.sb3.display import Display
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import TrainingRobots, make_batch, segment_steps, training_seeds
-from train.validation import rank, score, success, validate
+from train.validation import cost_of_transport, rank, score, success, validate
+
+FIRST_CHECKPOINT = 30.0
+"""Work of a session after which its first checkpoint is written, s: later if its first rollout is longer."""
 
 
 @dataclass
@@ -93,18 +98,6 @@ class BetweenRollouts(BaseCallback):
 
     def _on_step(self) -> bool:
         return True
-
-
-class RolloutFigures(BetweenRollouts):
-    """Shows and logs the figures of each rollout."""
-
-    def _on_rollout_end(self) -> None:
-        figures = self._session.robots.take_statistics().means()
-        for name, value in figures.items():
-            self.logger.record(name if "/" in name else f"rollout/{name}", value)
-        if self._state.validations:
-            figures["success"] = self._state.validations[-1]["success"]
-        self._session.display.update(self.num_timesteps, figures)
 
 
 class Schedules(BetweenRollouts):
@@ -201,13 +194,24 @@ class Curriculum(BetweenRollouts):
 
 
 class ValidateAndSave(BetweenRollouts):
-    """Validates, saves the best and the last bundle, writes checkpoints, and ends the run after Ctrl-C."""
+    """Shows and logs figures, validates, saves the best and the last bundle, writes checkpoints, ends after Ctrl-C."""
 
     def __init__(self, session: Session, segments: Segments) -> None:
         super().__init__(session)
         self._segments = segments
         self._earlier_seconds, self._began = self._state.seconds, time.monotonic()
-        self._kept = 0
+        self._kept, self._start = 0, 0
+
+    def _on_rollout_end(self) -> None:
+        figures = self._session.robots.take_statistics().means()
+        for name, value in figures.items():
+            self.logger.record(name if "/" in name else f"rollout/{name}", value)
+        if self._state.validations:
+            figures["success"] = self._state.validations[-1]["success"]
+        self._session.display.update(self.num_timesteps, figures)
+
+    def _on_training_start(self) -> None:
+        self._start = self.num_timesteps
 
     def _on_rollout_start(self) -> None:
         interval = self._config.validation.interval
@@ -216,17 +220,25 @@ class ValidateAndSave(BetweenRollouts):
         self._log()
         if self._segments.over:
             self._keep()
+        elif self._kept <= self._start < self.num_timesteps and self._first_is_due:
+            self._keep(self._session.env.taken)
         if self._session.interrupt.asked:
             self._end()
 
+    @property
+    def _first_is_due(self) -> bool:
+        """Whether another rollout as long as the mean one would take the session beyond FIRST_CHECKPOINT."""
+        worked = time.monotonic() - self._began
+        rollouts = (self.num_timesteps - self._start) / (self._config.ppo.envs * self._config.ppo.rollout_steps)
+        return worked * (1.0 + 1.0 / rollouts) > FIRST_CHECKPOINT
+
     def _end(self) -> None:
         """Save everything, and end."""
-        self._save(current_policy(self._config, self._learner), LAST)
-        if not self._segments.over:
+        if self._kept < self.num_timesteps:
             self._keep(self._session.env.taken)
-        again = self.num_timesteps - self._kept
-        kept = f"{again:,} steps since its checkpoint will be repeated" if again else f"{self._kept:,} steps are kept"
-        raise KeyboardInterrupt(f"{kept}; the policy until now is {self._config.folder / LAST}")
+        untrained = "" if self.num_timesteps else ", its base without a correction"
+        last = self._config.folder / LAST
+        raise KeyboardInterrupt(f"{self._kept:,} steps are kept; the policy until now is {last}{untrained}")
 
     def _on_training_end(self) -> None:
         if self._state.validated < self.num_timesteps:
@@ -236,23 +248,26 @@ class ValidateAndSave(BetweenRollouts):
 
     def _validate(self) -> None:
         """Validate the policy, and save it if it is the best so far."""
-        policy, state = current_policy(self._config, self._learner), self._state
-        results = validate(policy, self._config.complete_validation, self._config.threads, self._config.hardware)
-        means = {"success": success(results), "score": score(results)}
+        policy, state, config = current_policy(self._config, self._learner), self._state, self._config
+        with self._session.display.pace.validation(self.num_timesteps):
+            results = validate(policy, config.complete_validation, config.threads, config.hardware)
+        means = {"success": success(results), "score": score(results), "cost_of_transport": cost_of_transport(results)}
         state.validated = self.num_timesteps
         state.validations.append({"steps": self.num_timesteps, **means, "scenarios": results})
-        for name, value in means.items():
-            self.logger.record(f"validation/{name}", value)
-        for scenario, figures in results.items():
+        for scenario, figures in {"": means, **results}.items():
             for name, value in figures.items():
-                self.logger.record(f"validation/{scenario}/{name}", value)
+                self.logger.record("/".join(filter(None, ("validation", scenario, name))), value)
         found = rank(results)
         better = state.best is None or found < state.best
         if better:
             state.best, state.best_steps = found, self.num_timesteps
             self._save(policy, BEST)
-        write_validations(self._config.folder, state.best_steps, state.validations)
-        self._session.display.note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
+        write_validations(config.folder, state.best_steps, state.validations)
+        write_picture(by_seed([read_curve(config.folder)]), config.folder / CURVE_FILE, config.folder.name)
+        shares = ", ".join(f"{name} {figures['success_rate']:.0%}" for name, figures in results.items())
+        line = f"{self.num_timesteps:>10,} validation: {means['success']:.0%} succeed ({shares}), "
+        line += f"cost of transport {means['cost_of_transport']:.2f}"
+        self._session.display.note(line + ("  best so far" if better else ""))
 
     def _log(self) -> None:
         """Write the figures of the rollout, its update and validation; SB3 would write the latter one rollout later."""
@@ -265,23 +280,18 @@ class ValidateAndSave(BetweenRollouts):
         return self._earlier_seconds + time.monotonic() - self._began
 
     def _keep(self, actions: Sequence[FloatArray] = ()) -> None:
+        """Write the last bundle and a checkpoint, with the actions of a segment that is not over."""
         self._state.seconds = self._seconds
-        if self.num_timesteps:  # no bundle before the first checkpoint: a folder without one holds nothing to lose
-            self._save(current_policy(self._config, self._learner), LAST)
-        # The checkpoint last: a resumed run repeats only what follows its checkpoint.
+        policy = current_policy(self._config, self._learner)
+        # The checkpoint last: a resumed run repeats only what follows its checkpoint. But the first one first: a folder
+        # without one holds nothing to lose.
+        if self.num_timesteps:
+            self._save(policy, LAST)
         state = checkpoint.capture(self._learner, vars(self._state), actions)
         checkpoint.save(self._config.folder / CHECKPOINTS, state)
+        if not self.num_timesteps:
+            self._save(policy, LAST)
         self._kept = self.num_timesteps
 
     def _save(self, policy: ResidualPolicy, name: str) -> None:
         save_bundle(self._config.folder / name, policy, to_dict(self._config), git_revision(REPOSITORY) or "unknown")
-
-
-def _line(steps: int, results: dict[str, dict[str, float]]) -> str:
-    """One line on a validation."""
-    cells = (
-        f"{name} {means['success_rate']:.0%} succeed {means['velocity_error']:.3f} m/s "
-        f"{means['yaw_rate_error']:.3f} rad/s {means['fall_rate']:.1%} fall"
-        for name, means in results.items()
-    )
-    return f"{steps:>10,} validation: " + " | ".join(cells)
