@@ -12,7 +12,7 @@ from train.residual_env import ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, new_run, refuse_folder_in_use, writing
 from train.run_record import evaluation, write_settings
 from train.sb3 import checkpoint
-from train.sb3.callbacks import CallbackState, Curriculum, Schedules, Segments, Session, ValidateAndSave
+from train.sb3.callbacks import BetweenRollouts, CallbackState
 from train.sb3.display import Display
 from train.sb3.log import run_logger
 from train.sb3.pace import Pace
@@ -58,12 +58,10 @@ def _run(config: TrainConfig, interrupt: Interrupt, found: checkpoint.Checkpoint
                 for notice in notices:
                     display.note(notice)
                 model.set_logger(logger)
-                session = Session(config, env, display, interrupt, state)
-                # The robots first repeat the actions of an unfinished segment.
-                segments = Segments(session, found.actions if found else ())
-                callbacks = [Schedules(session), Curriculum(session, segments), ValidateAndSave(session, segments)]
+                actions = found.actions if found else ()
+                callback = BetweenRollouts(config, env, display, interrupt, state, actions)
                 # Without SB3's own log, whose means reach back beyond the last checkpoint.
-                model.learn(config.steps - done, [*callbacks, segments], config.steps + 1, reset_num_timesteps=False)
+                model.learn(config.steps - done, callback, config.steps + 1, reset_num_timesteps=False)
 
 
 def make_env(config: TrainConfig) -> TrainingVecEnv:

@@ -44,9 +44,9 @@ def refuse_folder_in_use(folder: Path) -> None:
         raise UsageError(f"{folder} is a file: name a folder with --out")
     if has_checkpoint(folder):
         raise UsageError(f"{folder} holds a run: choose another --out, or continue that run with --resume")
-    left = (CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS)
-    halves = tuple(f".{name}." for name in left)  # of files that were being written
-    if any(entry.name not in left and not entry.name.startswith(halves) for entry in folder.iterdir()):
+    left = CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS
+    # A file that was being written is `.NAME.` and more.
+    if any(entry.name not in left and entry.name[1:].rpartition(".")[0] not in left for entry in folder.iterdir()):
         raise UsageError(f"{folder} is not empty: choose another --out")
 
 
@@ -68,9 +68,6 @@ def writing(folder: Path) -> Iterator[None]:
     except FolderInUse:
         raise
     except OSError as error:
-        remedy = (
-            "make room, then continue the run with --resume"
-            if has_checkpoint(folder)
-            else "choose another --out, where there is room"
-        )
+        kept = has_checkpoint(folder)
+        remedy = "make room, then continue the run with --resume" if kept else "choose another --out"
         raise UsageError(f"cannot write into {folder} ({error.strerror or error}): {remedy}") from None

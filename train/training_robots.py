@@ -1,7 +1,6 @@
 """The robots of a training run: one native batch for each scenario, stepped as one, with statistics of what they do."""
 
 import dataclasses
-from collections import defaultdict
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -26,6 +25,7 @@ from train.scenarios import practice
 
 PUSH = 500.0
 """N that count as a push of unit size."""
+OF_EPISODES = "return", "falls"
 NEVER = np.iinfo(np.int64).max
 """Control steps after which no episode is cut."""
 
@@ -36,15 +36,17 @@ class Statistics:
 
     steps: int = 0
     episodes: int = 0
-    over_steps: defaultdict[str, float] = dataclasses.field(default_factory=lambda: defaultdict(float))
-    over_episodes: dict[str, float] = dataclasses.field(default_factory=lambda: {"return": 0.0, "falls": 0.0})
+    sums: dict[str, float] = dataclasses.field(default_factory=lambda: dict.fromkeys(OF_EPISODES, 0.0))
+
+    def add(self, name: str, values: NDArray[Any]) -> None:
+        """Add values of robots."""
+        self.sums[name] = self.sums.get(name, 0.0) + float(values.sum())
 
     def means(self) -> dict[str, float]:
         """Means a step (velocity error, m/s, yaw-rate error, rad/s, reward terms) and a finished episode (return,
         falls), NaN where there was none; their count."""
         step, episode = max(self.steps, 1), self.episodes or float("nan")
-        means = {name: total / step for name, total in self.over_steps.items()}
-        means |= {name: total / episode for name, total in self.over_episodes.items()}
+        means = {name: total / (episode if name in OF_EPISODES else step) for name, total in self.sums.items()}
         return {"episodes": self.episodes, **means}
 
 
@@ -106,8 +108,7 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         if mask is not None:
             self._count_episodes(mask)
         self._cuts[chosen] = NEVER if mask is not None else self._first_episode_steps(seeds)
-        self._elapsed[chosen] = 0
-        self._returns[chosen] = 0.0
+        self._elapsed[chosen] = self._returns[chosen] = 0
         self._intervals.restart(chosen)
         infos = _joined([infos for _, infos in results])
         infos["privileged"] = self._privileged(infos)
@@ -118,16 +119,13 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         own = [actions[part] for part in self._parts]
         each = map if self._pool is None else self._pool.map
         results = list(each(lambda batch, targets: batch.step(targets), self.batches, own))
-        observation, rewards, terminated, truncated = (
-            np.concatenate([result[k] for result in results]) for k in range(4)
-        )
+        observation, rewards, terminated, truncated = map(np.concatenate, list(zip(*results, strict=True))[:4])
         infos = _joined([result[4] for result in results])
         self._elapsed += 1
         self._returns += rewards
-        self._count_intervals(infos, terminated & ~self._fell)
+        self._count(infos, terminated & ~self._fell)
         self._fell = terminated
         truncated |= self._elapsed >= self._cuts
-        self._count_step(infos)
         infos["episode"] = {"r": self._returns.copy(), "l": self._elapsed.copy()}
         infos["_episode"] = terminated | truncated
         infos["privileged"] = self._privileged(infos)
@@ -159,33 +157,32 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         pushes = np.concatenate([_push(batch) for batch in self.batches], axis=1) / PUSH
         return np.concatenate((self._which, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
 
-    def _count_intervals(self, infos: Infos, fell: BoolArray) -> None:
+    def _count(self, infos: Infos, fell: BoolArray) -> None:
+        """Count a step, and the command intervals that it ends."""
         ended, kept = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
         for part, count in zip(self._parts, self._kept, strict=True):
             count.counted += int(ended[part].sum())
             count.kept += int((ended & kept)[part].sum())
-
-    def _count_step(self, infos: Infos) -> None:
-        error = infos["command"] - infos["heading_velocity"]
-        counted = {"velocity_error": np.hypot(error[:, 0], error[:, 1]), "yaw_rate_error": np.abs(error[:, 2])}
-        counted |= {f"reward/{key.removeprefix(REWARD)}": infos[key] for key in infos if key.startswith(REWARD)}
-        self._statistics.steps += len(error)
-        for name, values in counted.items():
-            self._statistics.over_steps[name] += float(values.sum())
+        error, statistics = infos["command"] - infos["heading_velocity"], self._statistics
+        statistics.steps += len(error)
+        statistics.add("velocity_error", np.hypot(error[:, 0], error[:, 1]))
+        statistics.add("yaw_rate_error", np.abs(error[:, 2]))
+        for key in infos:
+            if key.startswith(REWARD):
+                statistics.add(f"reward/{key.removeprefix(REWARD)}", infos[key])
 
     def _count_episodes(self, finished: BoolArray) -> None:
         self._statistics.episodes += int(finished.sum())
-        self._statistics.over_episodes["return"] += float(self._returns[finished].sum())
-        self._statistics.over_episodes["falls"] += int((finished & self._fell).sum())
+        self._statistics.add("return", self._returns[finished])
+        self._statistics.add("falls", finished & self._fell)
 
 
 def _push(batch: SimpleQuadVectorEnv) -> Array:
     """Pushing force on every trunk during the last step, heading frame, forward and lateral, (2, n), N."""
-    simulation = batch.simulation
     if batch.scenario.pushes is None:
         return np.zeros((2, batch.num_envs))
-    rotation = rotation_matrix(of_robots(simulation.quaternion))
-    return np.stack(to_heading(rotation, of_robots(simulation.push)))
+    rotation = rotation_matrix(of_robots(batch.simulation.quaternion))
+    return np.stack(to_heading(rotation, of_robots(batch.simulation.push)))
 
 
 def _joined(infos: Sequence[Infos]) -> Infos:
@@ -195,9 +192,8 @@ def _joined(infos: Sequence[Infos]) -> Infos:
 
 def training_seeds(config: TrainConfig, segment: int = 0) -> list[int]:
     """Seed of each robot of a run, n of them; others in each segment."""
-    robots = config.ppo.envs
-    seeds: list[int] = episode_seeds("training", config.seed, robots * (segment + 1))[-robots:].tolist()
-    return seeds
+    count = config.ppo.envs
+    return list(map(int, episode_seeds("training", config.seed, count * (segment + 1))[-count:]))
 
 
 def segment_steps(config: TrainConfig) -> int:
@@ -215,11 +211,9 @@ def make_robots(config: TrainConfig) -> TrainingRobots:
     """The robots of a run on their scenarios; the seeds of a reset decide where first episodes are cut."""
 
     def cuts(seeds: Sequence[int] | None) -> NDArray[np.int64]:
-        generator = np.random.default_rng(seeds)
-        return generator.integers(1, config.max_episode_steps, config.ppo.envs, endpoint=True)
+        return np.random.default_rng(seeds).integers(1, config.max_episode_steps, config.ppo.envs, endpoint=True)
 
-    shares = [config.curriculum] * len(robots_per_scenario(config))
-    batches = [make_batch(config, number, share) for number, share in enumerate(shares)]
+    batches = [make_batch(config, number, config.curriculum) for number in range(len(robots_per_scenario(config)))]
     return TrainingRobots(batches, cuts, config.threads if side_by_side(config) else 1)
 
 
@@ -244,10 +238,10 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
     """The batch of a run's scenario of that number, at that share of its severity."""
     name, count = list(robots_per_scenario(config).items())[number]
     robot = config.hardware.quadruped
-    scenario = find_scenario(name, robot)
+    scenario = practice(eased(find_scenario(name, robot), share, robot), "training", config.seed)
     return SimpleQuadVectorEnv(
         count,
-        scenario=_pushed(practice(eased(scenario, share, robot), "training", config.seed)),
+        scenario=_pushed(scenario),
         nthread=1 if side_by_side(config) else config.threads,
         autoreset_mode=AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps,
@@ -258,6 +252,5 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
 
 def _pushed(original: Scenario) -> Scenario:
     """The scenario with the number of pushes of a training episode, if it has any."""
-    if original.pushes is None:
-        return original
-    return dataclasses.replace(original, pushes=dataclasses.replace(original.pushes, count=PUSHES))
+    pushes = original.pushes and dataclasses.replace(original.pushes, count=PUSHES)
+    return dataclasses.replace(original, pushes=pushes)

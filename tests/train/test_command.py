@@ -129,7 +129,7 @@ def test_a_finished_run_says_how_to_extend_it_and_can_be(copied_run, capsys):
 
 def test_tensorboard_has_every_validation_and_update_at_the_step_it_was_made(tmp_path, monkeypatch):
     errors = iter([0.5, 0.25, 0.75])
-    flat = {"success_rate": 0.5, "yaw_rate_error": 0.0, "fall_rate": 0.0}
+    flat = {"success_rate": 0.5, "yaw_rate_error": 0.0, "fall_rate": 0.0, "energy": 1.0, "cost_of_transport": 0.5}
     monkeypatch.setattr("train.sb3.callbacks.validate", lambda *_: {"flat": flat | {"velocity_error": next(errors)}})
     folder = tmp_path / "run"
     words = ["--ppo.hold", "1", "--validation.interval", "256", "--steps", "640"]

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import tyro
 
 from quad_env.cli.command_line import UsageError, make_folder_of
-from train.curves.figure import FORMATS, write_picture
-from train.curves.run import SeedBand, by_seed, read_curve
+from train.curves.figure import DATES, write_picture
+from train.curves.run import by_seed, read_curve
 
 
 @dataclass(frozen=True)
@@ -27,32 +26,20 @@ class Options:
 
 
 def main(options: Options) -> int:
-    """Write the picture, and print where each curve begins and ends; the exit code. Raises UsageError."""
-    if options.out.suffix not in FORMATS:
-        raise UsageError(f"--out must end in {', '.join(FORMATS)}, not {options.out.suffix or options.out.name}")
+    """Write the picture, and print the last point of each curve; the exit code. Raises UsageError or OSError."""
+    if options.out.suffix not in DATES:
+        raise UsageError(f"--out must end in {', '.join(DATES)}, unlike {options.out}")
     runs = [read_curve(folder) for folder in options.runs]
     for run in runs:
         if not len(run.steps):
             print(f"{run.folder} has no validation yet: left out", file=sys.stderr)
-    bands = by_seed([run for run in runs if len(run.steps)])
-    if not bands:
+    if not (drawn := [run for run in runs if len(run.steps)]):
         raise UsageError("no run with a validation to draw: name the folders of training runs, such as runs/residual-0")
+    bands = by_seed(drawn)
     make_folder_of(options.out, "--out")
     write_picture(bands, options.out)
     for band in bands:
-        print(described(band))
+        for steps, (success, cost) in list(zip(band.steps, band.over_seeds()[0].T, strict=True))[-1:]:
+            print(f"{band.label}: success {success:.0%}, cost of transport {cost:.2f} after {steps:,.0f} steps")
     print(options.out)
     return 0
-
-
-def described(band: SeedBand) -> str:
-    """First and last common validation of a curve, on a line."""
-    if not len(band.steps):
-        return f"{band.label}: no validation that all seeds have in common"
-    mean, low, high = band.over_seeds()
-    spread = f" [{100 * low[0, -1]:.0f}, {100 * high[0, -1]:.0f}]" if len(band.runs) > 1 else ""
-    effort = f", cost of transport {mean[1, -1]:.2f}" if np.isfinite(mean[1, -1]) else ""
-    return (
-        f"{band.label}: success {100 * mean[0, 0]:.0f} % at {band.steps[0]:,.0f} steps, "
-        f"{100 * mean[0, -1]:.0f} %{spread} at {band.steps[-1]:,.0f}{effort}"
-    )

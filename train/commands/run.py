@@ -15,7 +15,7 @@ from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP, Command, Program
 from train.config import DEFAULTS, TrainConfig, for_robot
 from train.config_file import differences, load_config
-from train.option_types import weight_words
+from train.reward_weights import weight_words
 from train.run_folder import has_checkpoint, steps_done
 from train.setting_ranges import check
 
@@ -53,21 +53,17 @@ def run(words: list[str]) -> int:
 def parse(words: Sequence[str]) -> TrainConfig:
     """The settings of a command line. Raises UsageError; SystemExit(0) after --help.
 
-    The defaults shown and used are those of the chosen --policy and --robot, or with --resume those of the run that is
-    continued.
+    The defaults are those of the chosen --policy and --robot, or with --resume those of the run that is continued.
     """
     words = as_spelled(TrainConfig, list(words))
-    defaults = _defaults(words)
-    description = f"{__doc__}{PROGRAM.listing()}"
+    defaults, description = _defaults(words), f"{__doc__}{PROGRAM.listing()}"
     words = _with_all_weights(words, defaults)
     config = parse_options(TrainConfig, words, program=NAME, description=description, default=defaults)
     check(defaults)
     check(config)
     if config.resume and (changed := [each for each in differences(defaults, config) if not each.extends]):
-        raise UsageError(
-            f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}; "
-            "only a larger --steps may be given, to extend it"
-        )
+        said = f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}"
+        raise UsageError(f"{said}; only a larger --steps may be given, to extend it")
     return config
 
 

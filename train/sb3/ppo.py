@@ -16,6 +16,7 @@ from policies.network import Network
 from train.config import PpoConfig, TrainConfig
 from train.sb3.vec_env import TrainingVecEnv
 
+LOWEST_RATE, HIGHEST_RATE = 1e-5, 1e-2
 REWARD_SCALE = 10.0
 """Factor on the reward before the learner sees it: brings returns to about unit size for the value network."""
 
@@ -26,8 +27,6 @@ class AdaptiveRate:
 
     rate: float
     target_kl: float
-    lowest: float = 1e-5
-    highest: float = 1e-2
 
     def __call__(self, progress_remaining: float) -> float:
         """The rate now, whatever the progress."""
@@ -36,9 +35,9 @@ class AdaptiveRate:
     def update(self, kl: float) -> None:
         """Lower the rate after a step of more than twice the target, raise it after one of less than half."""
         if kl > 2.0 * self.target_kl:
-            self.rate = max(self.rate / 1.5, self.lowest)
+            self.rate = max(self.rate / 1.5, LOWEST_RATE)
         elif kl < 0.5 * self.target_kl:
-            self.rate = min(self.rate * 1.5, self.highest)
+            self.rate = min(self.rate * 1.5, HIGHEST_RATE)
 
 
 class AsymmetricPolicy(ActorCriticPolicy):
@@ -120,8 +119,7 @@ def actor_network(model: PPO) -> Network:
     """The mean of the policy as the NumPy network that a bundle holds, without the privileged inputs."""
     actor = (*model.policy.mlp_extractor.policy_net, model.policy.action_net)
     layers = [layer for layer in actor if isinstance(layer, nn.Linear)]
-    weights, biases = [layer.weight.detach() for layer in layers], [layer.bias.detach() for layer in layers]
-    return Network(tuple(_array(weight.T) for weight in weights), tuple(map(_array, biases)))
+    return Network(tuple(_array(each.weight.T) for each in layers), tuple(_array(each.bias) for each in layers))
 
 
 def _array(tensor: torch.Tensor) -> NDArray[np.float32]:

@@ -54,8 +54,8 @@ def evolve(effort: Effort, subject: Subject[P]) -> Iterator[tuple[P, list[dict[s
     """After each generation the mean of CMA-ES's distribution, and the candidates with their costs."""
     import cma
 
-    settings: dict[str, Any] = {"popsize": effort.candidates, "seed": effort.seed + 1, "verbose": -9}
-    settings |= {"bounds": [0, 1]} | ({"CMA_diagonal": True} if subject.apart else {})
+    settings = {"popsize": effort.candidates, "seed": effort.seed + 1, "verbose": -9, "bounds": [0, 1]}
+    settings |= {"CMA_diagonal": True} if subject.apart else {}
     start, ranges, digits = subject.start, subject.ranges, subject.digits
     first = np.clip(encode(start, ranges), MARGIN, 1.0 - MARGIN)
     strategy = cma.CMAEvolutionStrategy(first, effort.spread, settings)

@@ -9,7 +9,7 @@ from train.training_robots import Statistics
 def counted(episodes=0, falls=0, returned=0.0):
     """Of 100 steps with fixed errors."""
     errors = {"velocity_error": 12.0, "yaw_rate_error": 30.0}
-    return Statistics(100, episodes, errors, {"return": returned, "falls": falls})
+    return Statistics(100, episodes, errors | {"return": returned, "falls": falls})
 
 
 @pytest.mark.parametrize(
