@@ -19,7 +19,7 @@ from quad_env.physics import simulation
 from train.__main__ import main
 from train.commands.run import COMMANDS, parse
 from train.config_file import load_config, to_dict
-from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
+from train.run_folder import CONFIG_FILE, CURVE_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 from train.sb3 import checkpoint
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -111,7 +111,8 @@ def test_a_folder_that_another_run_writes_to_is_refused_and_left_alone(how, copi
         shutil.rmtree(copied_run / "checkpoints")
         for name in ("best", "last"):
             shutil.rmtree(copied_run / name)
-        (copied_run / VALIDATIONS_FILE).unlink()
+        for name in (VALIDATIONS_FILE, CURVE_FILE):
+            (copied_run / name).unlink()
     before = files(copied_run)
     with sole_use(copied_run):
         assert main([*(how or TINY), "--steps", "512", "--out", str(copied_run)]) == 2

@@ -11,6 +11,7 @@ from typing import Annotated
 import tyro
 
 from quad_env.cli.command_line import UsageError, make_folder_of
+from quad_env.cli.format import number
 from train.curves.figure import DATES, write_picture
 from train.curves.run import by_seed, read_curve
 
@@ -40,6 +41,6 @@ def main(options: Options) -> int:
     write_picture(bands, options.out)
     for band in bands:
         for steps, (success, cost) in list(zip(band.steps, band.over_seeds()[0].T, strict=True))[-1:]:
-            print(f"{band.label}: success {success:.0%}, cost of transport {cost:.2f} after {steps:,.0f} steps")
+            print(f"{band.label}: success {success:.0%}, cost of transport {number(cost, 2)} after {steps:,.0f} steps")
     print(options.out)
     return 0

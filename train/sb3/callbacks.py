@@ -1,9 +1,9 @@
 """What happens between two rollouts: progress, TensorBoard, validation, checkpoints, and a clean end on Ctrl-C.
 
 SB3 calls `_on_rollout_start` after the update of the last rollout: the one place where learner and random generators
-can be saved together. The state of the robots is not saved: a run is a chain of segments, all robots start each with
-new episodes, and checkpoints lie between segments, or within one with the actions of the robots since its start. A run
-that was stopped anywhere and resumed is the uninterrupted one, bit for bit, on the same machine and packages.
+can be saved together. The state of the robots is not saved: all robots start each segment of a run with new episodes,
+and a checkpoint within a segment holds their actions since its start. A run that was stopped anywhere and resumed is
+the uninterrupted one, bit for bit, on the same machine and packages.
 """
 
 import dataclasses
@@ -82,16 +82,8 @@ def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
 
 
 class BetweenRollouts(BaseCallback):
-    """Schedules, curriculum, validation, bundles, checkpoints and segments of a run, in this order.
-
-    Args:
-        config: the run's settings.
-        env: its robots.
-        display: where progress is shown.
-        interrupt: asked for by Ctrl-C, after which all is saved and the run ends.
-        state: of earlier sessions; changed here.
-        actions: of an unfinished segment, which the robots first repeat.
-    """
+    """Schedules, curriculum, validation, bundles, checkpoints and segments of a run, in this order; `state` is changed,
+    and `actions` are those of an unfinished segment, which the robots first repeat."""
 
     def __init__(
         self,

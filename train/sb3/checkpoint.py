@@ -128,15 +128,10 @@ def _read(record_path: Path) -> Checkpoint:
     try:
         record = json.loads(read_bytes(record_path))
         content = read_bytes(record_path.with_suffix(".safetensors"), LARGEST)
-    except (OSError, ValueError, RecursionError) as error:
+        if (record.pop("schema"), record.pop("sha256")) != (SCHEMA, hashlib.sha256(content).hexdigest()):
+            raise ValueError(f"not whole, or not of schema {SCHEMA}")
+        if type(record["steps"]) is int and isinstance(record["remembered"], dict):
+            return Checkpoint(load_tensors(content), record)
+        raise ValueError("without its number of steps")
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError, SafetensorError) as error:
         raise UsageError(f"{record_path.name} cannot be read: {error}") from None
-    if not isinstance(record, dict) or record.pop("schema", None) != SCHEMA:
-        raise UsageError(f"{record_path.name} is not a checkpoint of schema {SCHEMA}")
-    if record.pop("sha256", None) != hashlib.sha256(content).hexdigest():
-        raise UsageError(f"{record_path.stem}.safetensors is damaged")
-    if type(record.get("steps")) is not int or not isinstance(record.get("remembered"), dict):
-        raise UsageError(f"{record_path.name} does not say how many steps the run had made")
-    try:
-        return Checkpoint(load_tensors(content), record)
-    except SafetensorError as error:
-        raise UsageError(f"{record_path.stem}.safetensors is damaged: {error}") from None
