@@ -70,9 +70,7 @@ def by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
     for run in runs:
         same = groups.setdefault(json.dumps(run.settings, sort_keys=True), [])
         if twice := [each for each in same if each.seed == run.seed]:
-            raise UsageError(
-                f"{twice[0].folder} and {run.folder} are the same seed, {run.seed}, of one recipe: name one"
-            )
+            raise UsageError(f"{twice[0].folder} and {run.folder} are both seed {run.seed} of one recipe: name one")
         same.append(run)
     recipes = [each[0].settings for each in groups.values()]
     differ = [name for name in recipes[0] if any(each.get(name) != recipes[0][name] for each in recipes)]

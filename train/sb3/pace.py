@@ -42,7 +42,7 @@ class Pace:
         ppo, interval = self._config.ppo, self._config.validation.interval
         rollout, rate = ppo.envs * ppo.rollout_steps, self.rate(steps)
         rest = rollout * math.ceil(max(self._config.steps - steps, 0) / rollout)
-        apart = rollout * math.ceil(interval / rollout) or math.inf
+        apart = rollout * math.ceil(interval / rollout) or steps + rest
         validations = math.ceil((steps + rest - self._validated) / apart)
         return rest / rate + validations * self._seconds(rate)
 
