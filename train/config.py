@@ -154,25 +154,16 @@ class TrainConfig:
         return dataclasses.replace(self.validation, scenarios=self.validation.scenarios or trained)
 
 
-_ON_A_POSE = PpoConfig(
-    envs=512, minibatch=1024, epochs=5, learning_rate=4e-4, learning_rate_schedule="adaptive", target_kl=0.02,
-    gamma=0.97, log_std_init=-1.0, log_std_final=-2.5,
-)  # fmt: skip
-DEFAULTS: dict[PolicyKind, TrainConfig] = {
-    "residual": TrainConfig(),
-    "end-to-end": TrainConfig(
-        policy="end-to-end",
-        base="crouch",
-        joint_authority=1.0,
-        hip_authority=0.4,
-        steps=4_000_000,
-        inputs=Inputs(clock=3.5),
-        mixture=(("flat", 1.0),),
-        curriculum=1.0,
-        rewards=dataclasses.replace(REWARDS, foot_air_time=10.0),
-        ppo=_ON_A_POSE,
+_END_TO_END = TrainConfig(
+    policy="end-to-end", base="crouch", joint_authority=1.0, hip_authority=0.4, steps=4_000_000,
+    inputs=Inputs(clock=3.5), mixture=(("flat", 1.0),), curriculum=1.0,
+    rewards=dataclasses.replace(REWARDS, foot_air_time=10.0),
+    ppo=PpoConfig(
+        envs=512, minibatch=1024, epochs=5, learning_rate=4e-4, learning_rate_schedule="adaptive", target_kl=0.02,
+        gamma=0.97, log_std_init=-1.0, log_std_final=-2.5,
     ),
-}
+)  # fmt: skip
+DEFAULTS: dict[PolicyKind, TrainConfig] = {"residual": TrainConfig(), "end-to-end": _END_TO_END}
 """Defaults of each kind of policy."""
 
 

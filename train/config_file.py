@@ -37,20 +37,15 @@ _REMOVED: Mapping[str, Mapping[str, Any]] = {
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
     """The inverse of `to_dict`, of older versions too. Raises UsageError on what is no configuration."""
     try:
-        return typing.cast(TrainConfig, decode(TrainConfig, _of_today(settings)))
+        found = {**settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
+        for group, removed in _REMOVED.items():
+            values = found.get(group, {}) if group else found
+            for name, only in removed.items():
+                if values.pop(name, only) != only and only is not None:
+                    raise ValueError(f"{name} was removed")
+        return typing.cast(TrainConfig, decode(TrainConfig, found))
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UsageError(f"not a training configuration: {error}") from None
-
-
-def _of_today(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings without those that were removed. Raises ValueError where a run depends on one of them."""
-    found = {**settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
-    for group, removed in _REMOVED.items():
-        values = found.get(group, {}) if group else found
-        for name, only in removed.items():
-            if values.pop(name, only) != only and only is not None:
-                raise ValueError(f"{name} was removed")
-    return found
 
 
 def load_config(folder: Path) -> TrainConfig:

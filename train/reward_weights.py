@@ -29,13 +29,8 @@ def weight_words(rewards: RewardWeights) -> list[str]:
     return [f"{name.replace('_', '-')}={weight}" for name, weight in dataclasses.asdict(rewards).items()]
 
 
-Weights = Annotated[
-    RewardWeights,
-    PrimitiveConstructorSpec(
-        nargs="*",
-        metavar="NAME=WEIGHT [NAME=WEIGHT ...]",
-        instance_from_str=weights,
-        is_instance=lambda value: isinstance(value, RewardWeights),
-        str_from_instance=weight_words,
-    ),
-]
+_WORDS = PrimitiveConstructorSpec(
+    nargs="*", metavar="NAME=WEIGHT [NAME=WEIGHT ...]", instance_from_str=weights,
+    is_instance=lambda value: isinstance(value, RewardWeights), str_from_instance=weight_words,
+)  # fmt: skip
+Weights = Annotated[RewardWeights, _WORDS]

@@ -7,20 +7,14 @@ from pathlib import Path
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import FolderInUse, make_writable_folder, sole_use
 
-CONFIG_FILE = "config.json"
-"""Settings of the run."""
-RECORD_FILE = "run.json"
-"""The command that repeats the run; revision and packages of each session."""
-METRICS_FILE = "metrics.jsonl"
-"""Figures of each rollout, a line each."""
-VALIDATIONS_FILE = "validations.json"
-"""Every validation, and which was the best."""
-CURVE_FILE = "learning_curve.svg"
-"""Success and cost of transport of the validations."""
+CONFIG_FILE, RECORD_FILE = "config.json", "run.json"
+"""Settings of the run; the command that repeats it, with revision and packages of each session."""
+METRICS_FILE, TENSORBOARD = "metrics.jsonl", "tensorboard"
+"""Figures of each rollout, a line each; the same as TensorBoard's events."""
+VALIDATIONS_FILE, CURVE_FILE = "validations.json", "learning_curve.svg"
+"""Every validation, and which was the best; their success and cost of transport as a picture."""
 CHECKPOINTS, BEST, LAST = "checkpoints", "best", "last"
 """Resumable states, the bundle of the best validation, the latest bundle."""
-TENSORBOARD = "tensorboard"
-"""TensorBoard's events."""
 
 
 def has_checkpoint(folder: Path) -> bool:
@@ -45,8 +39,8 @@ def refuse_folder_in_use(folder: Path) -> None:
     if has_checkpoint(folder):
         raise UsageError(f"{folder} holds a run: choose another --out, or continue that run with --resume")
     left = CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS
-    # A file that was being written is `.NAME.` and more.
-    if any(entry.name not in left and entry.name[1:].rpartition(".")[0] not in left for entry in folder.iterdir()):
+    halves = tuple(f".{name}." for name in left)  # of files that were being written
+    if any(entry.name not in left and not entry.name.startswith(halves) for entry in folder.iterdir()):
         raise UsageError(f"{folder} is not empty: choose another --out")
 
 

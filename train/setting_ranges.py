@@ -9,16 +9,13 @@ from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
-from train.config import PpoConfig, TrainConfig
+from train.config import TrainConfig
 
 POSES = ("crouch", "stand")
 """Bases of an end-to-end policy."""
-LARGEST_REWARD_WEIGHT = 1e4
-LARGEST_SHARE = 1e6
-MOST_HIDDEN_LAYERS = 8
-"""Limit of a bundle."""
-LARGEST_ROLLOUT = 2**24
-"""Samples."""
+LARGEST_REWARD_WEIGHT, LARGEST_SHARE = 1e4, 1e6
+MOST_HIDDEN_LAYERS, LARGEST_ROLLOUT = 8, 2**24
+"""Of a bundle; samples."""
 
 
 def check(config: TrainConfig) -> None:
@@ -29,7 +26,10 @@ def check(config: TrainConfig) -> None:
     check_numbers(config.rewards, dict.fromkeys(terms, (-LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)), "rewards ")
     if max(len(config.ppo.actor), len(config.ppo.critic)) > MOST_HIDDEN_LAYERS:
         raise UsageError(f"--ppo.actor and --ppo.critic must be at most {MOST_HIDDEN_LAYERS} widths")
-    _check_rollout(config.ppo)
+    total = config.ppo.envs * config.ppo.rollout_steps
+    if total % config.ppo.minibatch or total > LARGEST_ROLLOUT:
+        what = f"--ppo.minibatch, {config.ppo.minibatch}, must divide ppo.envs x ppo.rollout-steps, {total}"
+        raise UsageError(f"{what}, which must be at most {LARGEST_ROLLOUT}")
     try:
         hardware.check(config.hardware)
     except ValueError as error:
@@ -42,13 +42,6 @@ def check(config: TrainConfig) -> None:
         raise UsageError(f"{real}: the profile has its own --actuator, --sensors and --estimator: leave these out")
     if config.policy == "end-to-end" and config.base not in POSES:
         raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
-
-
-def _check_rollout(ppo: PpoConfig) -> None:
-    total = ppo.envs * ppo.rollout_steps
-    if total % ppo.minibatch or total > LARGEST_ROLLOUT:
-        what = f"--ppo.minibatch, {ppo.minibatch}, must divide ppo.envs x ppo.rollout-steps, {total}"
-        raise UsageError(f"{what}, which must be at most {LARGEST_ROLLOUT}")
 
 
 def _check_mixture(config: TrainConfig) -> None:

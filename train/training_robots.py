@@ -1,6 +1,7 @@
 """The robots of a training run: one native batch for each scenario, stepped as one, with statistics of what they do."""
 
 import dataclasses
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -19,35 +20,14 @@ from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.seeding import episode_seeds
 from quad_env.task.rewards import REWARD
 from train.config import PUSHES, TIMESTEP, TrainConfig
-from train.curriculum import Intervals, Kept, eased
+from train.curriculum import Intervals, eased
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 from train.scenarios import practice
 
 PUSH = 500.0
 """N that count as a push of unit size."""
-OF_EPISODES = "return", "falls"
 NEVER = np.iinfo(np.int64).max
 """Control steps after which no episode is cut."""
-
-
-@dataclasses.dataclass
-class Statistics:
-    """Sums over steps and over finished episodes, by name, for the progress display."""
-
-    steps: int = 0
-    episodes: int = 0
-    sums: dict[str, float] = dataclasses.field(default_factory=lambda: dict.fromkeys(OF_EPISODES, 0.0))
-
-    def add(self, name: str, values: NDArray[Any]) -> None:
-        """Add values of robots."""
-        self.sums[name] = self.sums.get(name, 0.0) + float(values.sum())
-
-    def means(self) -> dict[str, float]:
-        """Means a step (velocity error, m/s, yaw-rate error, rad/s, reward terms) and a finished episode (return,
-        falls), NaN where there was none; their count."""
-        step, episode = max(self.steps, 1), self.episodes or float("nan")
-        means = {name: total / (episode if name in OF_EPISODES else step) for name, total in self.sums.items()}
-        return {"episodes": self.episodes, **means}
 
 
 class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
@@ -85,11 +65,11 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._elapsed, self._returns = np.zeros(n, np.int64), np.zeros(n)
         self._fell = np.zeros(n, np.bool_)
         self._intervals = Intervals(n, self.dt)
-        self._kept = [Kept() for _ in batches]
         self._which = np.repeat(np.eye(len(batches), dtype=np.float32), [each.num_envs for each in batches], axis=0)
         self.privileged_width = len(batches) + 3 + 2
         """Numbers of a row of `infos["privileged"]`: which scenario, true velocity, push."""
-        self._statistics = Statistics()
+        self._sums = defaultdict[str, float](float)
+        self._counted = np.zeros((2, len(batches)), np.int64)
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
@@ -131,14 +111,17 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         infos["privileged"] = self._privileged(infos)
         return observation, rewards, terminated, truncated, infos
 
-    def take_statistics(self) -> Statistics:
-        """What was counted since the last call."""
-        taken, self._statistics = self._statistics, Statistics()
-        return taken
+    def take_statistics(self) -> dict[str, float]:
+        """Means since the last call: of a step (velocity error, m/s, yaw-rate error, rad/s, reward terms) and of a
+        finished episode (return, falls), NaN without one; and the number of finished episodes."""
+        sums, self._sums = self._sums, defaultdict(float)
+        steps, episodes = max(sums.pop("steps", 0.0), 1.0), sums.pop("episodes", 0.0)
+        of_episodes = {name: sums.pop(name, 0.0) / (episodes or float("nan")) for name in ("return", "falls")}
+        return {"episodes": episodes, **of_episodes, **{name: total / steps for name, total in sums.items()}}
 
-    def take_kept(self) -> list[Kept]:
-        """Command intervals of each batch since the last call."""
-        taken, self._kept = self._kept, [Kept() for _ in self.batches]
+    def take_intervals(self) -> NDArray[np.int64]:
+        """Command intervals of each of the b batches since the last call, and how many were tracked, (2, b)."""
+        taken, self._counted = self._counted, np.zeros((2, len(self.batches)), np.int64)
         return taken
 
     def replace(self, number: int, batch: SimpleQuadVectorEnv) -> None:
@@ -160,21 +143,20 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     def _count(self, infos: Infos, fell: BoolArray) -> None:
         """Count a step, and the command intervals that it ends."""
         ended, kept = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
-        for part, count in zip(self._parts, self._kept, strict=True):
-            count.counted += int(ended[part].sum())
-            count.kept += int((ended & kept)[part].sum())
-        error, statistics = infos["command"] - infos["heading_velocity"], self._statistics
-        statistics.steps += len(error)
-        statistics.add("velocity_error", np.hypot(error[:, 0], error[:, 1]))
-        statistics.add("yaw_rate_error", np.abs(error[:, 2]))
+        starts = [part.start for part in self._parts]
+        self._counted += np.add.reduceat(np.stack((ended, ended & kept)).astype(np.int64), starts, axis=1)
+        error = infos["command"] - infos["heading_velocity"]
+        self._sums["steps"] += len(error)
+        self._sums["velocity_error"] += float(np.hypot(error[:, 0], error[:, 1]).sum())
+        self._sums["yaw_rate_error"] += float(np.abs(error[:, 2]).sum())
         for key in infos:
             if key.startswith(REWARD):
-                statistics.add(f"reward/{key.removeprefix(REWARD)}", infos[key])
+                self._sums[f"reward/{key.removeprefix(REWARD)}"] += float(infos[key].sum())
 
     def _count_episodes(self, finished: BoolArray) -> None:
-        self._statistics.episodes += int(finished.sum())
-        self._statistics.add("return", self._returns[finished])
-        self._statistics.add("falls", finished & self._fell)
+        self._sums["episodes"] += int(finished.sum())
+        self._sums["return"] += float(self._returns[finished].sum())
+        self._sums["falls"] += int((finished & self._fell).sum())
 
 
 def _push(batch: SimpleQuadVectorEnv) -> Array:
@@ -239,15 +221,11 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
     name, count = list(robots_per_scenario(config).items())[number]
     robot = config.hardware.quadruped
     scenario = practice(eased(find_scenario(name, robot), share, robot), "training", config.seed)
+    task = TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards)
     return SimpleQuadVectorEnv(
-        count,
-        scenario=_pushed(scenario),
-        nthread=1 if side_by_side(config) else config.threads,
-        autoreset_mode=AutoresetMode.DISABLED,
-        max_episode_steps=config.max_episode_steps,
-        config=TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards),
-        **config.hardware.environment(robot.stiffer),
-    )
+        count, _pushed(scenario), 1 if side_by_side(config) else config.threads, AutoresetMode.DISABLED,
+        max_episode_steps=config.max_episode_steps, config=task, **config.hardware.environment(robot.stiffer),
+    )  # fmt: skip
 
 
 def _pushed(original: Scenario) -> Scenario:

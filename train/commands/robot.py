@@ -27,7 +27,6 @@ from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
-from quad_env.robots.robot import Robot
 from train.config import BaseName
 from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import trot
@@ -111,8 +110,14 @@ def main(options: Options) -> int:
 
 
 def _stages(options: Options) -> list[Stage]:
-    folder, robot = options.folder, partial(_robot, options)
-    toml, training, evaluation = str(options.toml), folder / "training", folder / "evaluation"
+    folder, toml = options.folder, str(options.toml)
+    training, evaluation = folder / "training", folder / "evaluation"
+
+    from evaluate.records.store import is_unfinished
+
+    def own(name: str) -> Path:
+        """A file among the robot's own."""
+        return folder_of(hardware_of(toml).quadruped) / name
 
     def search() -> None:
         trot.main(replace(SEARCH, robot=toml, seed=options.seed, threads=options.threads))
@@ -125,25 +130,22 @@ def _stages(options: Options) -> list[Stage]:
         more = [word for each in options.training for word in shlex.split(each)]
         if steps_done(training) < options.steps:
             run(["--robot", toml, "--out", str(training), *words.split(), *more])
-        bundle.copy(training / BEST, folder_of(robot()) / RESIDUAL)
+        bundle.copy(training / BEST, own(RESIDUAL))
 
     def evaluate() -> None:
         from evaluate.commands.execution import execute
         from evaluate.commands.options import Options as Comparison
         from evaluate.commands.plan import begun_with, check
-        from evaluate.records.store import is_unfinished
 
         given = {name: getattr(options, name) for name in ("policies", "scenarios", "episodes", "seed", "threads")}
         plan = Comparison(robot=toml, out=evaluation, **given)
         execute(check(replace(begun_with(evaluation), resume=True) if is_unfinished(evaluation) else plan))
 
     def compared() -> bool:
-        from evaluate.records.store import is_unfinished
-
         return (evaluation / "results.json").is_file() and not is_unfinished(evaluation)
 
     def found(name: str) -> bool:
-        return options.toml.is_file() and (folder_of(robot()) / name).is_file()
+        return options.toml.is_file() and own(name).is_file()
 
     return [
         Stage("describe the robot", 0.1, (folder / DESCRIBED).is_file, partial(_describe, options)),
@@ -168,10 +170,6 @@ def _check_same_options(options: Options) -> None:
         other = ["unreadable"]
     if other:
         raise UsageError(f"{options.folder} was started with other options ({', '.join(other)}): choose another --out")
-
-
-def _robot(options: Options) -> Robot:
-    return hardware_of(str(options.toml)).quadruped
 
 
 def _describe(options: Options) -> None:

@@ -23,6 +23,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig
 from train.config_file import decode, to_dict
+from train.curriculum import next_shares
 from train.curves.figure import write_picture
 from train.curves.run import by_seed, read_curve
 from train.residual_env import FloatArray, ResidualVectorEnv
@@ -74,13 +75,6 @@ class CallbackState:
         return int(min(self.validations, key=lambda each: rank(each["scenarios"]))["steps"])
 
 
-def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
-    """The policy of a bundle: the actor on a new base, without exploration noise."""
-    env = cast(ResidualVectorEnv, cast(TrainingVecEnv, model.get_env()).env)
-    base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
-    return ResidualPolicy(base, actor_network(model), env.authority, config.policy, config.inputs, config.ppo.hold)
-
-
 class BetweenRollouts(BaseCallback):
     """Schedules, curriculum, validation, bundles, checkpoints and segments of a run, in this order; `state` is changed,
     and `actions` are those of an unfinished segment, which the robots first repeat."""
@@ -112,6 +106,13 @@ class BetweenRollouts(BaseCallback):
         """Whether the last segment is complete."""
         return self.num_timesteps >= self._end
 
+    def _policy(self) -> ResidualPolicy:
+        """The policy of a bundle: the actor on a new base, without exploration noise."""
+        env, config = cast(ResidualVectorEnv, self._env.env), self._config
+        base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
+        actor = actor_network(self._learner)
+        return ResidualPolicy(base, actor, env.authority, config.policy, config.inputs, config.ppo.hold)
+
     def _on_step(self) -> bool:
         return True
 
@@ -126,7 +127,7 @@ class BetweenRollouts(BaseCallback):
             self._robots.take_statistics()  # of rollouts that were logged already
 
     def _on_rollout_end(self) -> None:
-        figures = self._robots.take_statistics().means()
+        figures = self._robots.take_statistics()
         for name, value in figures.items():
             self.logger.record(name if "/" in name else f"rollout/{name}", value)
         if self._state.validations:
@@ -172,13 +173,13 @@ class BetweenRollouts(BaseCallback):
 
     def _adjust_severities(self) -> None:
         """Make scenarios harder or milder by the command intervals of the segment."""
-        counted = self._robots.take_kept()
-        if not any(kept.counted for kept in counted):
+        counted, kept = self._robots.take_intervals()
+        if not counted.any():
             return
-        self._state.shares = [kept.next_share(share) for share, kept in zip(self._state.shares, counted, strict=True)]
-        for batch, share, kept in zip(self._robots.batches, self._state.shares, counted, strict=True):
-            self.logger.record(f"severity/{batch.scenario.name}", share)
-            self.logger.record(f"kept/{batch.scenario.name}", kept.kept / max(kept.counted, 1))
+        self._state.shares = next_shares(self._state.shares, counted, kept)
+        for number, batch in enumerate(self._robots.batches):
+            self.logger.record(f"severity/{batch.scenario.name}", self._state.shares[number])
+            self.logger.record(f"kept/{batch.scenario.name}", kept[number] / max(counted[number], 1))
         self._make_batches()
 
     def _make_batches(self) -> None:
@@ -197,7 +198,7 @@ class BetweenRollouts(BaseCallback):
 
     def _validate(self) -> None:
         """Validate the policy, and save it if it is the best so far."""
-        policy, state, config = current_policy(self._config, self._learner), self._state, self._config
+        policy, state, config = self._policy(), self._state, self._config
         with self._display.pace.validation(self.num_timesteps):
             results = validate(policy, config.complete_validation, config.threads, config.hardware)
         means = {"success": success(results), "score": score(results), "cost_of_transport": cost_of_transport(results)}
@@ -239,7 +240,7 @@ class BetweenRollouts(BaseCallback):
         without one holds nothing to lose.
         """
         self._state.seconds, self._kept = self._seconds, self.num_timesteps
-        policy = current_policy(self._config, self._learner)
+        policy = self._policy()
         if self._kept:
             self._save(policy, LAST)
         state = checkpoint.capture(self._learner, vars(self._state), () if self._over else self._env.taken)

@@ -57,13 +57,8 @@ def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np
     numpy_state = np.random.get_state(legacy=False)["state"]  # noqa: NPY002 - SB3 shuffles with the global generator
     key = torch.from_numpy(numpy_state["key"].astype(np.int64))
     tensors |= {"random.torch": torch.get_rng_state(), "random.numpy": key}
-    progress = {
-        "steps": model.num_timesteps,
-        "updates": model._n_updates,
-        "python_random": random.getstate(),
-        "numpy_random_position": int(numpy_state["pos"]),
-        "remembered": remembered,
-    }
+    progress: dict[str, Any] = {"steps": model.num_timesteps, "updates": model._n_updates, "remembered": remembered}
+    progress |= {"python_random": random.getstate(), "numpy_random_position": int(numpy_state["pos"])}
     if actions:
         tensors[_ACTIONS] = torch.from_numpy(np.stack(actions))
     return Checkpoint({name: value.detach().clone().contiguous() for name, value in tensors.items()}, progress)

@@ -69,11 +69,8 @@ class FirstOf(nn.Module):
 
 def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
     """The schedule that the settings name."""
-    if config.learning_rate_schedule == "adaptive":
-        return AdaptiveRate(config.learning_rate, config.target_kl)
-    if config.learning_rate_schedule == "linear":
-        return partial(_falling, config.learning_rate)
-    return config.learning_rate
+    rate, adaptive = config.learning_rate, AdaptiveRate(config.learning_rate, config.target_kl)
+    return {"adaptive": adaptive, "linear": partial(_falling, rate), "constant": rate}[config.learning_rate_schedule]
 
 
 def _falling(rate: float, remaining: float) -> float:
@@ -86,29 +83,13 @@ def build(config: TrainConfig, env: TrainingVecEnv) -> PPO:
     # More threads make networks of this size slower, much so where the simulation's threads keep the cores busy.
     torch.set_num_threads(1)
     ppo = config.ppo
+    network = {"net_arch": {"pi": list(ppo.actor), "vf": list(ppo.critic)}, "activation_fn": nn.ELU, "ortho_init": True}
     model = PPO(
-        AsymmetricPolicy,
-        env,
-        learning_rate=learning_rate(ppo),
-        n_steps=ppo.rollout_steps,
-        batch_size=ppo.minibatch,
-        n_epochs=ppo.epochs,
-        gamma=ppo.gamma,
-        gae_lambda=ppo.gae_lambda,
-        clip_range=0.2,
-        ent_coef=ppo.entropy,
-        vf_coef=0.5,
-        max_grad_norm=1.0,
-        policy_kwargs={
-            "net_arch": {"pi": list(ppo.actor), "vf": list(ppo.critic)},
-            "activation_fn": nn.ELU,
-            "log_std_init": ppo.log_std_init,
-            "ortho_init": True,
-            "privileged": env.privileged,
-        },
-        seed=config.seed,
-        device="cpu",
-    )
+        AsymmetricPolicy, env, learning_rate(ppo), n_steps=ppo.rollout_steps, batch_size=ppo.minibatch,
+        n_epochs=ppo.epochs, gamma=ppo.gamma, gae_lambda=ppo.gae_lambda, clip_range=0.2, ent_coef=ppo.entropy,
+        vf_coef=0.5, max_grad_norm=1.0, seed=config.seed, device="cpu",
+        policy_kwargs={**network, "log_std_init": ppo.log_std_init, "privileged": env.privileged},
+    )  # fmt: skip
     for parameter in model.policy.action_net.parameters():
         nn.init.zeros_(parameter)
     model.policy.log_std.requires_grad_(ppo.log_std_final is None)

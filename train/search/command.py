@@ -14,9 +14,9 @@ import numpy as np
 from rich.progress import track
 
 from policies.parameters import Parameters, limits_of
-from quad_env.cli.command_line import check_numbers
+from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.launcher import raise_on_interrupt
-from train.search.files import check, save
+from train.search.files import save
 from train.search.subject import MARGIN, Effort, Subject, decode, encode, generations
 
 TRIALS = ".trials.jsonl"
@@ -30,7 +30,9 @@ def search(subject_of: Callable[[E], Subject[Any]], options: E) -> int:
     check_numbers(options, limits_of(options))
     subject = subject_of(options)
     out = options.out or subject.file
-    check(out, subject.account)
+    if out.name == subject.account:
+        raise UsageError(f"--out must not be {subject.account}, which the account goes to")
+    make_folder_of(out, "--out")
     raise_on_interrupt()
     found, lines, trials = subject.start, list[str](), out.with_suffix(TRIALS)
     try:

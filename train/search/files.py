@@ -9,16 +9,9 @@ from typing import Any
 from evaluate.measures.metrics import Measures
 from policies.base import CONTROL_PERIOD
 from policies.parameters import Parameters
-from quad_env.cli.command_line import UsageError, make_folder_of
+from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import write_atomically
 from train.search.subject import Effort, Ranges
-
-
-def check(out: Path, account: str) -> None:
-    """Raise UsageError, one line, where no parameters can be written, with their account next to them."""
-    if out.name == account:
-        raise UsageError(f"--out must not be {account}, which the account goes to")
-    make_folder_of(out, "--out")
 
 
 def as_json(parameters: Any) -> str:
