@@ -14,13 +14,11 @@ from quad_env.files.reading import read_bytes
 from train.config import PUSHES, TIMESTEP, TrainConfig
 from train.run_folder import CONFIG_FILE
 
-_NOT_OF_THE_RUN = ("out", "resume", "threads")
-
 
 def to_dict(config: TrainConfig) -> dict[str, Any]:
     """The settings that decide a run's result, as JSON types: all but where it is written and with how many threads."""
     settings: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(config), default=str))
-    return {key: value for key, value in settings.items() if key not in _NOT_OF_THE_RUN}
+    return {key: value for key, value in settings.items() if key not in ("out", "resume", "threads")}
 
 
 _REMOVED: Mapping[str, Mapping[str, Any]] = {

@@ -15,10 +15,9 @@ from train.residual_env import BoolArray
 
 KEPT, LOST = 0.85, 0.6
 """Share of tracked command intervals above which a scenario becomes harder, and below which it becomes milder."""
-STEP = 0.1
-"""Change of severity, as a share of the way from the mildest level of its axis to that of the mixture."""
-FEWEST = 30
-"""Command intervals needed for a change."""
+STEP, FEWEST = 0.1, 30
+"""Change of severity, as a share of the way from the mildest level of its axis to that of the mixture, and the command
+intervals that are needed for it."""
 
 
 class Intervals:

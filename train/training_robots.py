@@ -74,10 +74,8 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[FloatArray, Infos]:
-        """Start the first episodes of all robots, or the next ones of those in a "reset_mask".
-
-        Robot i gets seed + i, or the i-th of a sequence.
-        """
+        """Start the first episodes of all robots, of seed + i or the i-th of a sequence, or the next ones of those in
+        a "reset_mask"."""
         seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
         mask = (options or {}).get("reset_mask")
         chosen = np.ones(self.num_envs, np.bool_) if mask is None else mask
@@ -179,11 +177,8 @@ def training_seeds(config: TrainConfig, segment: int = 0) -> list[int]:
 
 
 def segment_steps(config: TrainConfig) -> int:
-    """Steps of the learner, all robots together, between two resets of all robots.
-
-    Whole rollouts, about as long as the longest episode. No state of the robots outlasts a segment, so that a run can
-    be resumed where a segment starts.
-    """
+    """Steps of the learner, all robots together, between two resets of all robots, beyond which none of their state
+    lasts: whole rollouts, about as long as the longest episode."""
     ppo = config.ppo
     rollouts = max(round(config.max_episode_steps / (ppo.hold * ppo.rollout_steps)), 1)
     return rollouts * ppo.rollout_steps * ppo.envs

@@ -45,9 +45,6 @@ def cost_of_transport(results: Results) -> float:
 
 
 def score(results: Results) -> float:
-    """Velocity error plus half the yaw-rate error, m/s, mean over scenarios.
-
-    Falls need no term: every step after one counts as the largest error.
-    """
+    """Velocity error plus half the yaw-rate error, m/s, mean over scenarios; each step after a fall has the largest."""
     errors = [means["velocity_error"] + YAW_WEIGHT * means["yaw_rate_error"] for means in results.values()]
     return sum(errors) / len(errors)

@@ -26,9 +26,8 @@ COMMANDS = {
     "curves": Command("train.commands.curves", "learning curves of runs as a picture, with a band over seeds"),
     "export": Command("train.commands.export", "a trained residual as an ONNX file"),
 }
-MOVED = {name: f"now `python -m research {name}`" for name in ("ablations", "publish")}
+MOVED = {name: f"now `python -m research {name.split()[0]}`" for name in ("ablations", "publish", "search feedback")}
 MOVED |= {name: f"gone: revision 59ce5e8 has it as `python -m research {name}`" for name in ("sweep", "trials")}
-MOVED["search feedback"] = "now `python -m research search`"
 """Where commands of older versions are."""
 REWARDS = "--rewards"
 

@@ -60,7 +60,7 @@ def read_curve(folder: Path) -> RunCurve:
         rows = {each["steps"]: (each["steps"], each["success"], each.get("cost_of_transport")) for each in entries}
         columns = np.array(list(rows.values()), np.float64).reshape(-1, 3).T
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        raise UsageError(f"{path} holds no validations of a training run: it is damaged") from None
+        raise UsageError(f"{path} holds no validations of a training run: leave that run out") from None
     return RunCurve(folder, settings, settings.pop("seed", 0), columns[0], columns[1:])
 
 

@@ -125,6 +125,7 @@ class BetweenRollouts(BaseCallback):
             seeds = training_seeds(self._config, self._state.segments - 1)
             self._learner._last_obs, self._learner._last_episode_starts = self._env.repeat(seeds, self._actions)
             self._robots.take_statistics()  # of rollouts that were logged already
+            self._display.pace.restart()
 
     def _on_rollout_end(self) -> None:
         figures = self._robots.take_statistics()
@@ -211,10 +212,8 @@ class BetweenRollouts(BaseCallback):
         write_validations(config.folder, state.best, state.validations)
         write_picture(by_seed([read_curve(config.folder)]), config.folder / CURVE_FILE, config.folder.name)
         each = ", ".join(f"{name} {figures['success_rate']:.0%}" for name, figures in results.items())
-        line = (
-            f"validation: {means['success']:.0%} succeed ({each}), cost of transport {means['cost_of_transport']:.2f}"
-        )
-        self._display.note(f"{self.num_timesteps:>10,} {line}{'  best so far' if better else ''}")
+        line = f"{means['success']:.0%} succeed ({each}), cost of transport {means['cost_of_transport']:.2f}"
+        self._display.note(f"{state.validated:>10,} validation: {line}{'  best so far' if better else ''}")
 
     def _log(self) -> None:
         """Write the figures of the rollout, its update and validation; SB3 would write the latter one rollout later."""

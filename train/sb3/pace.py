@@ -24,6 +24,10 @@ class Pace:
         self._clock, self._began = clock, clock()
         self._durations: list[float] = []
 
+    def restart(self) -> None:
+        """Count from now on: what came before was no training."""
+        self._began = self._clock()
+
     @contextlib.contextmanager
     def validation(self, steps: int) -> Iterator[None]:
         """Context of a validation after so many steps."""

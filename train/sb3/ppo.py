@@ -69,8 +69,9 @@ class FirstOf(nn.Module):
 
 def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
     """The schedule that the settings name."""
-    rate, adaptive = config.learning_rate, AdaptiveRate(config.learning_rate, config.target_kl)
-    return {"adaptive": adaptive, "linear": partial(_falling, rate), "constant": rate}[config.learning_rate_schedule]
+    rate, schedule = config.learning_rate, config.learning_rate_schedule
+    falling = partial(_falling, rate) if schedule == "linear" else rate
+    return AdaptiveRate(rate, config.target_kl) if schedule == "adaptive" else falling
 
 
 def _falling(rate: float, remaining: float) -> float:

@@ -1,8 +1,5 @@
-"""Search of parameters by CMA-ES: a generation's candidates are simulated together on the same episodes.
-
-Every generation has new episodes, all from the "search" family of seeds, which neither training nor evaluation draws.
-Candidates and their costs are in a file that ends in .trials.jsonl, a line for each generation, with the mean of the
-distribution after it.
+"""Search of parameters by CMA-ES: a generation's candidates are simulated together on the same episodes, other ones in
+each generation, all from the "search" family of seeds, which neither training nor evaluation draws.
 """
 
 import json
@@ -20,6 +17,7 @@ from train.search.files import save
 from train.search.subject import MARGIN, Effort, Subject, decode, encode, generations
 
 TRIALS = ".trials.jsonl"
+"""End of the file of candidates and costs, a line for each generation, with the mean of the distribution after it."""
 
 P = TypeVar("P", bound=Parameters)
 E = TypeVar("E", bound=Effort)

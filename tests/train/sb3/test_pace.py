@@ -62,6 +62,8 @@ def test_validations_come_after_whole_rollouts_and_at_the_end(interval: int, val
 
 def test_a_run_that_is_continued_counts_what_this_session_does() -> None:
     run = Run(done=500, validated=300)
+    run.now += 60.0  # actions that are repeated
+    run.pace.restart()
     run.roll_out(1)
     run.validate(7.0)
     assert run.left == pytest.approx(4 * 4.0 + 2 * 7.0)  # at 900 and at the end
