@@ -28,17 +28,15 @@ def steps_done(folder: Path) -> int:
 
 
 def refuse_folder_in_use(folder: Path) -> None:
-    """Raise UsageError unless a run can start in `folder`: a new one, an empty one, or one with only settings and logs.
-
-    The latter is left by a run that was stopped before its first checkpoint was complete.
-    """
+    """Raise UsageError unless a run can start in `folder`: a new one, an empty one, or what is left by a run that was
+    stopped before its first step."""
     if not folder.exists():
         return
     if not folder.is_dir():
         raise UsageError(f"{folder} is a file: name a folder with --out")
-    if has_checkpoint(folder):
+    if steps_done(folder):
         raise UsageError(f"{folder} holds a run: choose another --out, or continue that run with --resume")
-    left = CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS
+    left = CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS, *[LAST] * has_checkpoint(folder)
     halves = tuple(f".{name}." for name in left)  # of files that were being written
     if any(entry.name not in left and not entry.name.startswith(halves) for entry in folder.iterdir()):
         raise UsageError(f"{folder} is not empty: choose another --out")

@@ -214,7 +214,7 @@ def test_the_first_checkpoint_comes_within_30_s_of_work_and_the_others_between_s
     assert kept == checkpoints
 
 
-def test_ctrl_c_before_the_first_rollout_leaves_the_base_as_a_policy_that_loads(tmp_path, monkeypatch, capsys):
+def test_ctrl_c_before_the_first_rollout_leaves_the_base_as_a_policy_that_loads(runs, tmp_path, monkeypatch, capsys):
     folder = tmp_path / "run"
 
     def pressed(*args):
@@ -222,11 +222,14 @@ def test_ctrl_c_before_the_first_rollout_leaves_the_base_as_a_policy_that_loads(
         return make(*args)
 
     make = training_run.make_env
-    monkeypatch.setattr(training_run, "make_env", pressed)
-    assert main([*OPTIONS.split(), "--out", str(folder)]) == 130
+    with monkeypatch.context() as patch:
+        patch.setattr(training_run, "make_env", pressed)
+        assert main([*OPTIONS.split(), "--out", str(folder)]) == 130
     said = f"0 steps are kept; the policy until now is {folder / 'last'}, its base without a correction"
     assert said in capsys.readouterr().err
     assert not policies.load(folder / "last").network.weights[-1].any()
+    begin(folder)  # nothing is lost by it
+    assert bits(folder) == bits(runs / "whole")
 
 
 def test_ctrl_c_again_and_again_loses_nothing(runs, tmp_path):
