@@ -206,8 +206,7 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
 
 
 def side_by_side(config: TrainConfig) -> bool:
-    """Whether each thread steps a batch of its own, instead of all threads one batch after the other: where there are
-    enough batches."""
+    """Whether there are enough batches for each thread to step one of its own; else all step one after the other."""
     return len(robots_per_scenario(config)) >= config.threads
 
 

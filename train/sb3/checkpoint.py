@@ -26,10 +26,8 @@ from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
 
-SCHEMA = 2
-KEPT = 2
-_POLICY, _OPTIMISER = "policy.", "optimiser."
-_ACTIONS = "robots.actions"
+SCHEMA, KEPT = 2, 2
+_POLICY, _OPTIMISER, _ACTIONS = "policy.", "optimiser.", "robots.actions"
 
 
 @dataclass(frozen=True)

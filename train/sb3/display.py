@@ -15,12 +15,9 @@ LINE_PERIOD = 5.0
 
 def summary(figures: Mapping[str, float]) -> str:
     """The main figures of a rollout, in words."""
-    count = int(figures["episodes"])
-    ended = (
-        f"return {figures['return']:7.2f}  {round(figures['falls'] * count)} of {count} episodes fell"
-        if count
-        else "no episode ended"
-    )
+    ended, count = "no episode ended", int(figures["episodes"])
+    if count:
+        ended = f"return {figures['return']:7.2f}  {round(figures['falls'] * count)} of {count} episodes fell"
     errors = f"velocity error {figures['velocity_error']:.3f} m/s  yaw-rate error {figures['yaw_rate_error']:.3f} rad/s"
     validated = f"{figures['success']:.0%} succeeded in validation  " if "success" in figures else ""
     return f"{validated}{ended}  {errors}"
