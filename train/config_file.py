@@ -56,11 +56,12 @@ def load_settings(folder: Path) -> dict[str, Any]:
     try:
         settings = json.loads(read_bytes(folder / CONFIG_FILE))
     except OSError as error:
-        raise UsageError(f"no run in {folder}: {CONFIG_FILE} cannot be read ({error.strerror})") from None
+        problem = f"{CONFIG_FILE} cannot be read ({error.strerror})"
+        raise UsageError(f"no run in {folder}: {problem}; name the folder of a training run") from None
     except ValueError:
         settings = None
     if not isinstance(settings, dict):
-        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is not JSON of settings")
+        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is damaged; name the folder of a training run")
     return settings
 
 
