@@ -31,7 +31,6 @@ from quad_env.cli.program import exit_code
 from quad_env.files.writing import make_writable_folder
 from quad_env.seeding import episode_seeds
 from train.config import BaseName, ValidationConfig
-from train.option_types import Count
 from train.residual_env import ResidualVectorEnv
 from train.validation import validate
 
@@ -54,7 +53,7 @@ Report = Callable[[int, float], None]
 class Options:
     """What is trained."""
 
-    steps: Count = number(300_000, limits=(1, 10**12))
+    steps: int = number(300_000, limits=(1, 10**12))
     """Steps of all robots together, rounded up to whole rollouts."""
     base: BaseName = "trot"
     """Base policy that the correction is added to."""

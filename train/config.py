@@ -10,54 +10,30 @@ from evaluate.rollouts.hardware import Hardware
 from policies.history import Inputs
 from policies.parameters import number
 from quad_env.scenarios.named import scaled_name
-from train.option_types import REWARDS, Count, Weights
+from train.reward_weights import REWARDS, Weights
 
 PolicyKind = Literal["residual", "end-to-end"]
 BaseName = Literal[
-    "bound",
-    "crouch",
-    "document",
-    "document_repaired",
-    "gaits",
-    "mpc",
-    "mpc_wbc",
-    "pace",
-    "pronk",
-    "stand",
-    "trot",
-    "trot_feedback",
-    "trot_integral",
-    "walk",
-]
+    "bound", "crouch", "document", "document_repaired", "gaits", "mpc", "mpc_wbc", "pace", "pronk", "stand", "trot",
+    "trot_feedback", "trot_integral", "walk",
+]  # fmt: skip
 """A name of `policies.residual_bases.BASES`; written out, so that --help lists them at once."""
 
 LARGEST_SEED = 2**32 - 1
 _LOG_STD = (-20.0, 2.0)
+_WIDTHS = {"limits": (1, 4096)}
 TIMESTEP = 0.005
 """Physics step in training, s; half the time of the robot's own 2 ms, by which validation and evaluation go."""
 PUSHES = 4
 """Pushes in a training episode of a scenario that has any."""
 MIXTURE = (
-    ("flat", 0.09),
-    ("flat=3", 0.06),
-    ("push=55", 0.12),
-    ("rough=0.2", 0.12),
-    ("stairs=0.15", 0.05),
-    ("soft=0.03", 0.05),
-    ("slope=20", 0.06),
-    ("slippery=0.1", 0.05),
-    ("latency=0.03", 0.05),  # without it robots trained on 0.08 are worse here than their base
-    ("latency=0.08", 0.06),
-    ("noise=0.8", 0.04),
-    ("dropout=0.8", 0.03),
-    ("payload=20", 0.07),
-    ("force=60", 0.06),
-    ("slow_motors=2", 0.05),
-    ("weak_motors=10", 0.03),
-    ("surprise=1.5", 0.08),
-)
-"""Every axis at a severity where the base starts to fail, or just beyond, and a small delay; each with its share of the
-robots."""
+    ("flat", 0.09), ("flat=3", 0.06), ("push=55", 0.12), ("rough=0.2", 0.12), ("stairs=0.15", 0.05),
+    ("soft=0.03", 0.05), ("slope=20", 0.06), ("slippery=0.1", 0.05), ("latency=0.03", 0.05), ("latency=0.08", 0.06),
+    ("noise=0.8", 0.04), ("dropout=0.8", 0.03), ("payload=20", 0.07), ("force=60", 0.06), ("slow_motors=2", 0.05),
+    ("weak_motors=10", 0.03), ("surprise=1.5", 0.08),
+)  # fmt: skip
+"""Every axis at a severity where the base starts to fail, or just beyond, each with its share of the robots; and a
+small delay, without which robots trained on a delay of 0.08 s do worse at 0.03 s than their base."""
 MEMORY = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
 """Past observations in which delays, loads, forces and slow motors can be recognised."""
 
@@ -93,9 +69,9 @@ class PpoConfig:
     the noise, -2.3 and a learning rate of 4e-4 learn more."""
     log_std_final: float | None = number(None, limits=_LOG_STD)
     """Its value at the last step, reached linearly; the noise is learned when not given."""
-    actor: tuple[int, ...] = (128, 128)
+    actor: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTHS)
     """Hidden layer widths of the policy's network."""
-    critic: tuple[int, ...] = (128, 128)
+    critic: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTHS)
     """Hidden layer widths of the value network."""
 
 
@@ -103,7 +79,7 @@ class PpoConfig:
 class ValidationConfig:
     """Evaluation during training, by the code of `evaluate`, on episodes of its own."""
 
-    interval: Count = number(1_000_000, limits=(0, 10**12))
+    interval: int = number(1_000_000, limits=(0, 10**12))
     """Steps between two validations; 0 for none but the last."""
     episodes: int = number(12, limits=(1, 100_000))
     """Episodes a scenario."""
@@ -119,7 +95,7 @@ class TrainConfig:
     """residual: a correction of --base. end-to-end: the same learner on a pose, crouch or stand."""
     base: BaseName = "trot_integral"
     """Base policy that the correction is added to."""
-    steps: Count = number(5_000_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
+    steps: int = number(5_000_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
     """Steps of the learner, all robots together, such as 3e6. With --resume a larger number than before extends the
     run; its schedules continue as in a run of that length, though the weights are not that run's to the bit."""
     seed: int = number(0, limits=(0, LARGEST_SEED))  # NumPy's global generator, which SB3 seeds, takes no other
@@ -178,31 +154,16 @@ class TrainConfig:
         return dataclasses.replace(self.validation, scenarios=self.validation.scenarios or trained)
 
 
-DEFAULTS: dict[PolicyKind, TrainConfig] = {
-    "residual": TrainConfig(),
-    "end-to-end": TrainConfig(
-        policy="end-to-end",
-        base="crouch",
-        joint_authority=1.0,
-        hip_authority=0.4,
-        steps=4_000_000,
-        inputs=Inputs(clock=3.5),
-        mixture=(("flat", 1.0),),
-        curriculum=1.0,
-        rewards=dataclasses.replace(REWARDS, foot_air_time=10.0),
-        ppo=PpoConfig(
-            envs=512,
-            minibatch=1024,
-            epochs=5,
-            learning_rate=4e-4,
-            learning_rate_schedule="adaptive",
-            target_kl=0.02,
-            gamma=0.97,
-            log_std_init=-1.0,
-            log_std_final=-2.5,
-        ),
+_END_TO_END = TrainConfig(
+    policy="end-to-end", base="crouch", joint_authority=1.0, hip_authority=0.4, steps=4_000_000,
+    inputs=Inputs(clock=3.5), mixture=(("flat", 1.0),), curriculum=1.0,
+    rewards=dataclasses.replace(REWARDS, foot_air_time=10.0),
+    ppo=PpoConfig(
+        envs=512, minibatch=1024, epochs=5, learning_rate=4e-4, learning_rate_schedule="adaptive", target_kl=0.02,
+        gamma=0.97, log_std_init=-1.0, log_std_final=-2.5,
     ),
-}
+)  # fmt: skip
+DEFAULTS: dict[PolicyKind, TrainConfig] = {"residual": TrainConfig(), "end-to-end": _END_TO_END}
 """Defaults of each kind of policy."""
 
 

@@ -14,20 +14,17 @@ from quad_env.files.reading import read_bytes
 from train.config import PUSHES, TIMESTEP, TrainConfig
 from train.run_folder import CONFIG_FILE
 
-_NOT_OF_THE_RUN = ("out", "resume", "threads")
-
 
 def to_dict(config: TrainConfig) -> dict[str, Any]:
     """The settings that decide a run's result, as JSON types: all but where it is written and with how many threads."""
-    settings = {key: value for key, value in dataclasses.asdict(config).items() if key not in _NOT_OF_THE_RUN}
-    return typing.cast(dict[str, Any], json.loads(json.dumps(settings)))
+    settings: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(config), default=str))
+    return {key: value for key, value in settings.items() if key not in ("out", "resume", "threads")}
 
 
 _REMOVED: Mapping[str, Mapping[str, Any]] = {
-    "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0}
-    | {"foothold_authority": 0.0, "reward_terms": []}
-    | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}}
-    | {"pushes": PUSHES, "hardness": 1.0, "timestep": TIMESTEP},
+    "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0, "hardness": 1.0}
+    | {"foothold_authority": 0.0, "reward_terms": [], "pushes": PUSHES, "timestep": TIMESTEP}
+    | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}},
     "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
     | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
     "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
@@ -38,48 +35,46 @@ _REMOVED: Mapping[str, Mapping[str, Any]] = {
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
     """The inverse of `to_dict`, of older versions too. Raises UsageError on what is no configuration."""
     try:
-        return typing.cast(TrainConfig, decode(TrainConfig, _of_today(settings)))
+        found = {**settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
+        for group, removed in _REMOVED.items():
+            values = found.get(group, {}) if group else found
+            for name, only in removed.items():
+                if values.pop(name, only) != only and only is not None:
+                    raise ValueError(f"{name} was removed")
+        return typing.cast(TrainConfig, decode(TrainConfig, found))
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UsageError(f"not a training configuration: {error}") from None
 
 
-def _of_today(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings without those that were removed. Raises ValueError where a run depends on one of them."""
-    found = {**settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
-    for group, removed in _REMOVED.items():
-        values = found.get(group, {}) if group else found
-        for name, only in removed.items():
-            if values.pop(name, only) != only and only is not None:
-                raise ValueError(f"{name} was removed")
-    return found
-
-
 def load_config(folder: Path) -> TrainConfig:
     """The settings of the run in `folder`. Raises UsageError where there is none."""
+    return from_dict(load_settings(folder))
+
+
+def load_settings(folder: Path) -> dict[str, Any]:
+    """The settings of the run in `folder` as its version wrote them. Raises UsageError where there is none."""
     try:
         settings = json.loads(read_bytes(folder / CONFIG_FILE))
     except OSError as error:
-        raise UsageError(
-            f"no run in {folder}: {CONFIG_FILE} cannot be read ({error.strerror}); name its folder with --out"
-        ) from None
+        problem = f"{CONFIG_FILE} cannot be read ({error.strerror})"
+        raise UsageError(f"no run in {folder}: {problem}; name the folder of a training run") from None
     except ValueError:
-        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is not JSON; name another folder with --out") from None
-    return from_dict(settings)
+        settings = None
+    if not isinstance(settings, dict):
+        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is damaged; name the folder of a training run")
+    return settings
 
 
 def decode(kind: Any, value: Any) -> Any:
     """A value of that type, dataclasses among them, from JSON types. Raises an error of Python's for what is none."""
     if dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind)
-        unknown = set(value) - set(hints)
-        if unknown:
+        if unknown := set(value) - set(hints):
             raise ValueError(f"unknown settings {sorted(unknown)}")
-        decoded = {name: decode(hints[name], entry) for name, entry in value.items()}
-        return typing.cast(type[Any], kind)(**decoded)
+        return kind(**{name: decode(hints[name], entry) for name, entry in value.items()})  # type: ignore[operator]
     parts = typing.get_args(kind)
     if typing.get_origin(kind) is tuple:
-        item, *rest = parts
-        kinds = [item] * len(value) if rest == [Ellipsis] else [item, *rest]
+        kinds = parts[:1] * len(value) if parts[-1] is Ellipsis else parts
         return tuple(decode(k, v) for k, v in zip(kinds, value, strict=True))
     if typing.get_origin(kind) is Literal:
         if value not in parts:

@@ -1,6 +1,7 @@
 """Severity of each training scenario, raised where the robots track their commands and lowered where they do not."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,9 @@ from train.residual_env import BoolArray
 
 KEPT, LOST = 0.85, 0.6
 """Share of tracked command intervals above which a scenario becomes harder, and below which it becomes milder."""
-STEP = 0.1
-"""Change of severity, as a share of the way from the mildest level of its axis to that of the mixture."""
-FEWEST = 30
-"""Command intervals needed for a change."""
+STEP, FEWEST = 0.1, 30
+"""Change of severity, as a share of the way from the mildest level of its axis to that of the mixture, and the command
+intervals that are needed for it."""
 
 
 class Intervals:
@@ -66,17 +66,8 @@ def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scena
     return dataclasses.replace(found, hardware=scenario.hardware)
 
 
-@dataclasses.dataclass
-class Kept:
-    """Counted command intervals of a scenario."""
-
-    counted: int = 0
-    kept: int = 0
-
-    def next_share(self, share: float) -> float:
-        """The next share of its severity, after that one."""
-        if self.counted < FEWEST:
-            return share
-        rate = self.kept / self.counted
-        change = STEP if rate > KEPT else -STEP if rate < LOST else 0.0
-        return float(np.clip(share + change, 0.0, 1.0))
+def next_shares(shares: Sequence[float], counted: NDArray[np.int64], kept: NDArray[np.int64]) -> list[float]:
+    """Shares of severity after those, by the command intervals of each scenario and how many were tracked."""
+    rates = kept / np.maximum(counted, 1)
+    change = STEP * np.select([counted < FEWEST, rates > KEPT, rates < LOST], [0.0, 1.0, -1.0], 0.0)
+    return list(np.clip(shares + change, 0.0, 1.0).tolist())

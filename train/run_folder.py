@@ -7,18 +7,14 @@ from pathlib import Path
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import FolderInUse, make_writable_folder, sole_use
 
-CONFIG_FILE = "config.json"
-"""Settings of the run."""
-RECORD_FILE = "run.json"
-"""The command that repeats the run; revision and packages of each session."""
-METRICS_FILE = "metrics.jsonl"
-"""Figures of each rollout, a line each."""
-VALIDATIONS_FILE = "validations.json"
-"""Every validation, and which was the best."""
+CONFIG_FILE, RECORD_FILE = "config.json", "run.json"
+"""Settings of the run; the command that repeats it, with revision and packages of each session."""
+METRICS_FILE, TENSORBOARD = "metrics.jsonl", "tensorboard"
+"""Figures of each rollout, a line each; the same as TensorBoard's events."""
+VALIDATIONS_FILE, CURVE_FILE = "validations.json", "learning_curve.svg"
+"""Every validation, and which was the best; their success and cost of transport as a picture."""
 CHECKPOINTS, BEST, LAST = "checkpoints", "best", "last"
 """Resumable states, the bundle of the best validation, the latest bundle."""
-TENSORBOARD = "tensorboard"
-"""TensorBoard's events."""
 
 
 def has_checkpoint(folder: Path) -> bool:
@@ -32,17 +28,15 @@ def steps_done(folder: Path) -> int:
 
 
 def refuse_folder_in_use(folder: Path) -> None:
-    """Raise UsageError unless a run can start in `folder`: a new one, an empty one, or one with only settings and logs.
-
-    The latter is left by a run that was stopped before its first checkpoint was complete.
-    """
+    """Raise UsageError unless a run can start in `folder`: a new one, an empty one, or what is left by a run that was
+    stopped before its first step."""
     if not folder.exists():
         return
     if not folder.is_dir():
         raise UsageError(f"{folder} is a file: name a folder with --out")
-    if has_checkpoint(folder):
+    if steps_done(folder):
         raise UsageError(f"{folder} holds a run: choose another --out, or continue that run with --resume")
-    left = (CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS)
+    left = CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS, *[LAST] * has_checkpoint(folder)
     halves = tuple(f".{name}." for name in left)  # of files that were being written
     if any(entry.name not in left and not entry.name.startswith(halves) for entry in folder.iterdir()):
         raise UsageError(f"{folder} is not empty: choose another --out")
@@ -66,9 +60,6 @@ def writing(folder: Path) -> Iterator[None]:
     except FolderInUse:
         raise
     except OSError as error:
-        remedy = (
-            "make room, then continue the run with --resume"
-            if has_checkpoint(folder)
-            else "choose another --out, where there is room"
-        )
+        kept = has_checkpoint(folder)
+        remedy = "make room, then continue the run with --resume" if kept else "choose another --out"
         raise UsageError(f"cannot write into {folder} ({error.strerror or error}): {remedy}") from None

@@ -7,6 +7,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from evaluate.analysis.results import without_nan
 from evaluate.records.provenance import model_of, versions
 from evaluate.rollouts.hardware import Hardware
 from quad_env.files.reading import read_bytes
@@ -29,10 +30,18 @@ def command(config: TrainConfig) -> str:
         usual = for_robot(usual, Hardware(robot=config.robot))
     changed = differences(usual, config)
     weights = [each.option.removeprefix(WEIGHT) + f"={each.new}" for each in changed if each.option.startswith(WEIGHT)]
-    others = [each for each in changed if each.option != "--seed" and not each.option.startswith(WEIGHT)]
-    options += [f"{each.option} {words(each.new)}" for each in others]
-    options += [f"--rewards {' '.join(weights)}"] if weights else []
+    others = [each for each in changed if not each.option.startswith(("--seed", WEIGHT))]
+    options += [f"{each.option} {words(each.new)}" for each in others] + ["--rewards", *weights] * bool(weights)
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
+
+
+def evaluation(config: TrainConfig) -> str:
+    """The command that evaluates a run's best policy, next to its base, on robots like those of its training."""
+    chosen = vars(config.hardware).items() - vars(Hardware()).items()
+    base = [config.base] if config.policy == "residual" else []
+    words = ["python", "-m", "evaluate", "--policies", *base, str(config.folder)]
+    words += [word for name, value in sorted(chosen) for word in (f"--{name}", value)]
+    return shlex.join([*words, "--out", str(config.folder / "evaluation")])
 
 
 def words(value: Any) -> str:
@@ -43,16 +52,13 @@ def words(value: Any) -> str:
 def write_settings(config: TrainConfig, steps: int) -> list[str]:
     """Write the settings and this session's versions; what differs from the first session, a line each."""
     write_atomically(config.folder / CONFIG_FILE, _lines(to_dict(config)))
-    path, now = config.folder / RECORD_FILE, _versions() | model_of(config.hardware)
+    packages = {name: metadata.version(name) for name in LEARNER}
+    path, now = config.folder / RECORD_FILE, versions() | packages | model_of(config.hardware)
     earlier = _sessions(path) if steps else []
     write_atomically(path, _lines({"command": command(config), "sessions": [*earlier, {"from_steps": steps, **now}]}))
     first = earlier[0] if earlier else now
     changed = [name for name, version in now.items() if first.get(name) != version]
     return [f"{name}: started with {first.get(name)}, now {now[name]}" for name in changed]
-
-
-def _versions() -> dict[str, str | None]:
-    return versions() | {name: metadata.version(name) for name in LEARNER}
 
 
 def _sessions(path: Path) -> list[dict[str, Any]]:
@@ -69,4 +75,4 @@ def write_validations(folder: Path, best: int, validations: Sequence[Mapping[str
 
 
 def _lines(record: Mapping[str, Any]) -> bytes:
-    return (json.dumps(record, indent=2) + "\n").encode()
+    return (json.dumps(without_nan(record), indent=2) + "\n").encode()

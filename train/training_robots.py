@@ -20,7 +20,7 @@ from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.seeding import episode_seeds
 from quad_env.task.rewards import REWARD
 from train.config import PUSHES, TIMESTEP, TrainConfig
-from train.curriculum import Intervals, Kept, eased
+from train.curriculum import Intervals, eased
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 from train.scenarios import practice
 
@@ -28,24 +28,6 @@ PUSH = 500.0
 """N that count as a push of unit size."""
 NEVER = np.iinfo(np.int64).max
 """Control steps after which no episode is cut."""
-
-
-@dataclasses.dataclass
-class Statistics:
-    """Sums over steps and over finished episodes, by name, for the progress display."""
-
-    steps: int = 0
-    episodes: int = 0
-    over_steps: defaultdict[str, float] = dataclasses.field(default_factory=lambda: defaultdict(float))
-    over_episodes: dict[str, float] = dataclasses.field(default_factory=lambda: {"return": 0.0, "falls": 0.0})
-
-    def means(self) -> dict[str, float]:
-        """Means a step (velocity error, m/s, yaw-rate error, rad/s, reward terms) and a finished episode (return,
-        falls), NaN where there was none; their count."""
-        step, episode = max(self.steps, 1), self.episodes or float("nan")
-        means = {name: total / step for name, total in self.over_steps.items()}
-        means |= {name: total / episode for name, total in self.over_episodes.items()}
-        return {"episodes": self.episodes, **means}
 
 
 class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
@@ -83,19 +65,17 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._elapsed, self._returns = np.zeros(n, np.int64), np.zeros(n)
         self._fell = np.zeros(n, np.bool_)
         self._intervals = Intervals(n, self.dt)
-        self._kept = [Kept() for _ in batches]
         self._which = np.repeat(np.eye(len(batches), dtype=np.float32), [each.num_envs for each in batches], axis=0)
         self.privileged_width = len(batches) + 3 + 2
         """Numbers of a row of `infos["privileged"]`: which scenario, true velocity, push."""
-        self._statistics = Statistics()
+        self._sums = defaultdict[str, float](float)
+        self._counted = np.zeros((2, len(batches)), np.int64)
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[FloatArray, Infos]:
-        """Start the first episodes of all robots, or the next ones of those in a "reset_mask".
-
-        Robot i gets seed + i, or the i-th of a sequence.
-        """
+        """Start the first episodes of all robots, of seed + i or the i-th of a sequence, or the next ones of those in
+        a "reset_mask"."""
         seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
         mask = (options or {}).get("reset_mask")
         chosen = np.ones(self.num_envs, np.bool_) if mask is None else mask
@@ -106,8 +86,7 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         if mask is not None:
             self._count_episodes(mask)
         self._cuts[chosen] = NEVER if mask is not None else self._first_episode_steps(seeds)
-        self._elapsed[chosen] = 0
-        self._returns[chosen] = 0.0
+        self._elapsed[chosen] = self._returns[chosen] = 0
         self._intervals.restart(chosen)
         infos = _joined([infos for _, infos in results])
         infos["privileged"] = self._privileged(infos)
@@ -118,29 +97,29 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         own = [actions[part] for part in self._parts]
         each = map if self._pool is None else self._pool.map
         results = list(each(lambda batch, targets: batch.step(targets), self.batches, own))
-        observation, rewards, terminated, truncated = (
-            np.concatenate([result[k] for result in results]) for k in range(4)
-        )
+        observation, rewards, terminated, truncated = map(np.concatenate, list(zip(*results, strict=True))[:4])
         infos = _joined([result[4] for result in results])
         self._elapsed += 1
         self._returns += rewards
-        self._count_intervals(infos, terminated & ~self._fell)
+        self._count(infos, terminated & ~self._fell)
         self._fell = terminated
         truncated |= self._elapsed >= self._cuts
-        self._count_step(infos)
         infos["episode"] = {"r": self._returns.copy(), "l": self._elapsed.copy()}
         infos["_episode"] = terminated | truncated
         infos["privileged"] = self._privileged(infos)
         return observation, rewards, terminated, truncated, infos
 
-    def take_statistics(self) -> Statistics:
-        """What was counted since the last call."""
-        taken, self._statistics = self._statistics, Statistics()
-        return taken
+    def take_statistics(self) -> dict[str, float]:
+        """Means since the last call: of a step (velocity error, m/s, yaw-rate error, rad/s, reward terms) and of a
+        finished episode (return, falls), NaN without one; and the number of finished episodes."""
+        sums, self._sums = self._sums, defaultdict(float)
+        steps, episodes = max(sums.pop("steps", 0.0), 1.0), sums.pop("episodes", 0.0)
+        of_episodes = {name: sums.pop(name, 0.0) / (episodes or float("nan")) for name in ("return", "falls")}
+        return {"episodes": episodes, **of_episodes, **{name: total / steps for name, total in sums.items()}}
 
-    def take_kept(self) -> list[Kept]:
-        """Command intervals of each batch since the last call."""
-        taken, self._kept = self._kept, [Kept() for _ in self.batches]
+    def take_intervals(self) -> NDArray[np.int64]:
+        """Command intervals of each of the b batches since the last call, and how many were tracked, (2, b)."""
+        taken, self._counted = self._counted, np.zeros((2, len(self.batches)), np.int64)
         return taken
 
     def replace(self, number: int, batch: SimpleQuadVectorEnv) -> None:
@@ -159,33 +138,31 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         pushes = np.concatenate([_push(batch) for batch in self.batches], axis=1) / PUSH
         return np.concatenate((self._which, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
 
-    def _count_intervals(self, infos: Infos, fell: BoolArray) -> None:
+    def _count(self, infos: Infos, fell: BoolArray) -> None:
+        """Count a step, and the command intervals that it ends."""
         ended, kept = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
-        for part, count in zip(self._parts, self._kept, strict=True):
-            count.counted += int(ended[part].sum())
-            count.kept += int((ended & kept)[part].sum())
-
-    def _count_step(self, infos: Infos) -> None:
+        starts = [part.start for part in self._parts]
+        self._counted += np.add.reduceat(np.stack((ended, ended & kept)).astype(np.int64), starts, axis=1)
         error = infos["command"] - infos["heading_velocity"]
-        counted = {"velocity_error": np.hypot(error[:, 0], error[:, 1]), "yaw_rate_error": np.abs(error[:, 2])}
-        counted |= {f"reward/{key.removeprefix(REWARD)}": infos[key] for key in infos if key.startswith(REWARD)}
-        self._statistics.steps += len(error)
-        for name, values in counted.items():
-            self._statistics.over_steps[name] += float(values.sum())
+        self._sums["steps"] += len(error)
+        self._sums["velocity_error"] += float(np.hypot(error[:, 0], error[:, 1]).sum())
+        self._sums["yaw_rate_error"] += float(np.abs(error[:, 2]).sum())
+        for key in infos:
+            if key.startswith(REWARD):
+                self._sums[f"reward/{key.removeprefix(REWARD)}"] += float(infos[key].sum())
 
     def _count_episodes(self, finished: BoolArray) -> None:
-        self._statistics.episodes += int(finished.sum())
-        self._statistics.over_episodes["return"] += float(self._returns[finished].sum())
-        self._statistics.over_episodes["falls"] += int((finished & self._fell).sum())
+        self._sums["episodes"] += int(finished.sum())
+        self._sums["return"] += float(self._returns[finished].sum())
+        self._sums["falls"] += int((finished & self._fell).sum())
 
 
 def _push(batch: SimpleQuadVectorEnv) -> Array:
     """Pushing force on every trunk during the last step, heading frame, forward and lateral, (2, n), N."""
-    simulation = batch.simulation
     if batch.scenario.pushes is None:
         return np.zeros((2, batch.num_envs))
-    rotation = rotation_matrix(of_robots(simulation.quaternion))
-    return np.stack(to_heading(rotation, of_robots(simulation.push)))
+    rotation = rotation_matrix(of_robots(batch.simulation.quaternion))
+    return np.stack(to_heading(rotation, of_robots(batch.simulation.push)))
 
 
 def _joined(infos: Sequence[Infos]) -> Infos:
@@ -195,17 +172,13 @@ def _joined(infos: Sequence[Infos]) -> Infos:
 
 def training_seeds(config: TrainConfig, segment: int = 0) -> list[int]:
     """Seed of each robot of a run, n of them; others in each segment."""
-    robots = config.ppo.envs
-    seeds: list[int] = episode_seeds("training", config.seed, robots * (segment + 1))[-robots:].tolist()
-    return seeds
+    count = config.ppo.envs
+    return list(map(int, episode_seeds("training", config.seed, count * (segment + 1))[-count:]))
 
 
 def segment_steps(config: TrainConfig) -> int:
-    """Steps of the learner, all robots together, between two resets of all robots.
-
-    Whole rollouts, about as long as the longest episode. No state of the robots outlasts a segment, so that a run can
-    be resumed where a segment starts.
-    """
+    """Steps of the learner, all robots together, between two resets of all robots, beyond which none of their state
+    lasts: whole rollouts, about as long as the longest episode."""
     ppo = config.ppo
     rollouts = max(round(config.max_episode_steps / (ppo.hold * ppo.rollout_steps)), 1)
     return rollouts * ppo.rollout_steps * ppo.envs
@@ -215,11 +188,9 @@ def make_robots(config: TrainConfig) -> TrainingRobots:
     """The robots of a run on their scenarios; the seeds of a reset decide where first episodes are cut."""
 
     def cuts(seeds: Sequence[int] | None) -> NDArray[np.int64]:
-        generator = np.random.default_rng(seeds)
-        return generator.integers(1, config.max_episode_steps, config.ppo.envs, endpoint=True)
+        return np.random.default_rng(seeds).integers(1, config.max_episode_steps, config.ppo.envs, endpoint=True)
 
-    shares = [config.curriculum] * len(robots_per_scenario(config))
-    batches = [make_batch(config, number, share) for number, share in enumerate(shares)]
+    batches = [make_batch(config, number, config.curriculum) for number in range(len(robots_per_scenario(config)))]
     return TrainingRobots(batches, cuts, config.threads if side_by_side(config) else 1)
 
 
@@ -235,8 +206,7 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
 
 
 def side_by_side(config: TrainConfig) -> bool:
-    """Whether each thread steps a batch of its own, instead of all threads one batch after the other: where there are
-    enough batches."""
+    """Whether there are enough batches for each thread to step one of its own; else all step one after the other."""
     return len(robots_per_scenario(config)) >= config.threads
 
 
@@ -244,20 +214,15 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
     """The batch of a run's scenario of that number, at that share of its severity."""
     name, count = list(robots_per_scenario(config).items())[number]
     robot = config.hardware.quadruped
-    scenario = find_scenario(name, robot)
+    scenario = practice(eased(find_scenario(name, robot), share, robot), "training", config.seed)
+    task = TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards)
     return SimpleQuadVectorEnv(
-        count,
-        scenario=_pushed(practice(eased(scenario, share, robot), "training", config.seed)),
-        nthread=1 if side_by_side(config) else config.threads,
-        autoreset_mode=AutoresetMode.DISABLED,
-        max_episode_steps=config.max_episode_steps,
-        config=TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards),
-        **config.hardware.environment(robot.stiffer),
-    )
+        count, _pushed(scenario), 1 if side_by_side(config) else config.threads, AutoresetMode.DISABLED,
+        max_episode_steps=config.max_episode_steps, config=task, **config.hardware.environment(robot.stiffer),
+    )  # fmt: skip
 
 
 def _pushed(original: Scenario) -> Scenario:
     """The scenario with the number of pushes of a training episode, if it has any."""
-    if original.pushes is None:
-        return original
-    return dataclasses.replace(original, pushes=dataclasses.replace(original.pushes, count=PUSHES))
+    pushes = original.pushes and dataclasses.replace(original.pushes, count=PUSHES)
+    return dataclasses.replace(original, pushes=pushes)

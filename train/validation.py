@@ -37,10 +37,14 @@ def success(results: Results) -> float:
     return sum(means["success_rate"] for means in results.values()) / len(results)
 
 
-def score(results: Results) -> float:
-    """Velocity error plus half the yaw-rate error, m/s, mean over scenarios.
+def cost_of_transport(results: Results) -> float:
+    """Cost of transport over all scenarios, a quotient of sums; NaN where nothing was carried anywhere."""
+    energy = sum(means["energy"] for means in results.values())
+    carried = sum(means["energy"] / cost for means in results.values() if (cost := means["cost_of_transport"]) > 0.0)
+    return energy / carried if carried else float("nan")
 
-    Falls need no term: every step after one counts as the largest error.
-    """
+
+def score(results: Results) -> float:
+    """Velocity error plus half the yaw-rate error, m/s, mean over scenarios; each step after a fall has the largest."""
     errors = [means["velocity_error"] + YAW_WEIGHT * means["yaw_rate_error"] for means in results.values()]
     return sum(errors) / len(errors)

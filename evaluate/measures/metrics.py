@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from evaluate.measures import tracking
 from evaluate.measures.at_rest import controlled_stops, motion_of
 from evaluate.measures.averages import Bools, Floats, upright_steps
-from evaluate.measures.effort import effort, residual_use
+from evaluate.measures.effort import cost_of_all, effort, residual_use
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.gait_quality import gait
 from evaluate.measures.outcomes import RULES, STALLED, SUCCEEDED, SUCCESS_RULE, SuccessRule, outcomes
@@ -145,13 +145,15 @@ def outcome(
 
 
 def summarise(episodes: Episodes) -> dict[str, float]:
-    """Plain means over a set of episodes, name -> value: what training validates with."""
-    measures, errors = measure(episodes), ("velocity_error", "yaw_rate_error", "mean_velocity_error")
+    """Plain means over a set of episodes, name -> value, and their cost of transport together: what training validates
+    with."""
+    measures, means = measure(episodes), ("velocity_error", "yaw_rate_error", "mean_velocity_error", "energy")
     return {
         "success_rate": float(measures.succeeded.mean()),
         "fall_rate": float(measures.fell.mean()),
         "diverged_rate": float(measures.diverged.mean()),
-        **{name: float(getattr(measures, name).mean()) for name in errors},
+        **{name: float(getattr(measures, name).mean()) for name in means},
+        "cost_of_transport": cost_of_all(measures.energy, measures.distance, episodes.weight),
     }
 
 

@@ -53,7 +53,7 @@ def parse(
 
 
 def _number_rule(asked: Any) -> Any:
-    """tyro's rule for numbers, in plainer words."""
+    """tyro's rule for numbers, in plainer words; a whole number may be written as 1e6."""
     import tyro
 
     if (kind := asked.type) not in (int, float):
@@ -61,6 +61,8 @@ def _number_rule(asked: Any) -> Any:
 
     def number(word: str) -> Any:
         try:
+            if kind is int and "e" in word and float(word).is_integer():
+                return int(float(word))
             return kind(word)
         except ValueError:
             raise ValueError(f"{word!r} is no {'whole ' if kind is int else ''}number") from None
@@ -97,12 +99,13 @@ def first_sentence(box: str) -> str:
     return " ".join(itertools.takewhile(lambda line: not _RULE.search(line), below)).rstrip(".")
 
 
-def check_numbers(options: object, limits: Mapping[str, tuple[float, float]]) -> None:
-    """Raise UsageError, one line, for the first of these numbers, or of its entries, that is outside its limits."""
+def check_numbers(options: object, limits: Mapping[str, tuple[float, float]], group: str = "") -> None:
+    """Raise UsageError, one line, for the first of these numbers, or of its entries, that is outside its limits; None
+    is outside none. `group` comes before their names."""
     for name, (low, high) in limits.items():
         value = getattr(options, name)
-        if not all(low <= each <= high for each in (value if isinstance(value, tuple) else (value,))):
-            raise UsageError(f"--{name.replace('_', '-')} must be from {low} to {high}, not {value}")
+        if not all(each is None or low <= each <= high for each in (value if isinstance(value, tuple) else (value,))):
+            raise UsageError(f"--{group}{name.replace('_', '-')} must be from {low} to {high}, not {value}")
 
 
 def make_folder_of(file: Path, option: str) -> None:

@@ -27,7 +27,6 @@ from research.pages.evaluations import png
 from train.commands.run import parse
 from train.config import DEFAULTS, TrainConfig
 from train.config_file import differences, load_config
-from train.option_types import Count
 from train.run_folder import METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, steps_done
 
 DEFAULT = "default"
@@ -59,7 +58,7 @@ class Options:
 
     variants: tuple[str, ...] = tuple(VARIANTS)
     """Names of the variants."""
-    steps: Count = number(1_000_000, limits=(1, 10**12 - 1))
+    steps: int = number(1_000_000, limits=(1, 10**12 - 1))
     """Steps of each run."""
     seeds: int = number(5, limits=(2, 1000))
     """Training seeds of each variant, from 0 on."""

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -14,12 +15,17 @@ import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 import policies
+from evaluate.commands.options import Options
+from evaluate.commands.plan import check
+from quad_env.cli.command_line import parse as parse_options
 from quad_env.files.writing import sole_use
 from quad_env.physics import simulation
 from train.__main__ import main
 from train.commands.run import COMMANDS, parse
 from train.config_file import load_config, to_dict
-from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
+from train.curves.figure import write_picture
+from train.curves.run import by_seed, read_curve
+from train.run_folder import CONFIG_FILE, CURVE_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 from train.sb3 import checkpoint
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -58,6 +64,33 @@ def test_training_goes_by_its_timestep_and_validation_by_the_robots_own(tmp_path
     monkeypatch.setattr(simulation, "compile_model", noted)
     assert main([*TINY, "--steps", "128", "--out", str(tmp_path / "run")]) == 0
     assert made == [("flat", 0.005), ("push", 0.005), ("flat", 0.002)]
+
+
+def test_a_validation_has_success_falls_and_effort_and_the_picture_is_that_of_the_run(finished_run, tmp_path):
+    (entry,) = json.loads((finished_run / VALIDATIONS_FILE).read_text(encoding="utf-8"))["validations"]
+    flat = entry["scenarios"]["flat"]
+    assert entry["success"] == flat["success_rate"]
+    assert 0.0 <= flat["fall_rate"] <= 1.0
+    assert entry["cost_of_transport"] == pytest.approx(flat["cost_of_transport"])
+    assert entry["cost_of_transport"] > 0.0
+    write_picture(by_seed([read_curve(finished_run)]), tmp_path / "again.svg", finished_run.name)
+    assert (tmp_path / "again.svg").read_bytes() == (finished_run / CURVE_FILE).read_bytes()
+
+
+@pytest.mark.parametrize("kind", ["residual", "end-to-end"])
+def test_the_last_line_is_a_command_that_evaluates_the_policy(kind, tmp_path, capsys):
+    folder = tmp_path / "my run"
+    words = ["--policy", kind, *TINY, "--sensors", "typical", "--steps", "128", "--out", str(folder)]
+    assert main(words) == 0
+    said, _, command = capsys.readouterr().out.splitlines()[-1].partition("; evaluate it with: ")
+    assert said == f"the policy is {folder / 'best'}"
+    begin, words = shlex.split(command)[:3], shlex.split(command)[3:]
+    assert begin == ["python", "-m", "evaluate"]
+    plan = check(parse_options(Options, words, program="evaluate", description=""))
+    assert [each.label for each in plan.policies][-1] == str(folder)
+    assert len(plan.policies) == (2 if kind == "residual" else 1)
+    assert plan.options.equipment.sensors == "typical"
+    assert plan.options.out == folder / "evaluation"
 
 
 def test_a_folder_in_use_is_refused_and_left_alone(finished_run, capsys):
@@ -111,7 +144,8 @@ def test_a_folder_that_another_run_writes_to_is_refused_and_left_alone(how, copi
         shutil.rmtree(copied_run / "checkpoints")
         for name in ("best", "last"):
             shutil.rmtree(copied_run / name)
-        (copied_run / VALIDATIONS_FILE).unlink()
+        for name in (VALIDATIONS_FILE, CURVE_FILE):
+            (copied_run / name).unlink()
     before = files(copied_run)
     with sole_use(copied_run):
         assert main([*(how or TINY), "--steps", "512", "--out", str(copied_run)]) == 2
@@ -129,7 +163,7 @@ def test_a_finished_run_says_how_to_extend_it_and_can_be(copied_run, capsys):
 
 def test_tensorboard_has_every_validation_and_update_at_the_step_it_was_made(tmp_path, monkeypatch):
     errors = iter([0.5, 0.25, 0.75])
-    flat = {"success_rate": 0.5, "yaw_rate_error": 0.0, "fall_rate": 0.0}
+    flat = {"success_rate": 0.5, "yaw_rate_error": 0.0, "fall_rate": 0.0, "energy": 1.0, "cost_of_transport": 0.5}
     monkeypatch.setattr("train.sb3.callbacks.validate", lambda *_: {"flat": flat | {"velocity_error": next(errors)}})
     folder = tmp_path / "run"
     words = ["--ppo.hold", "1", "--validation.interval", "256", "--steps", "640"]

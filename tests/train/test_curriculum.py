@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quad_env.scenarios.named import scenario
-from train.curriculum import Intervals, Kept, eased
+from train.curriculum import Intervals, eased, next_shares
 
 FORWARD, STILL = np.array([1.0, 0.0, 0.0]), np.zeros(3)
 DT = 0.1
@@ -46,9 +46,8 @@ def test_a_fall_ends_an_interval_at_once_and_the_next_episode_starts_without_it(
 
 
 def test_shares_follow_what_was_kept_and_stay_where_little_is_known():
-    counted = [Kept(100, 90), Kept(100, 70), Kept(100, 50), Kept(20, 20), Kept(100, 100), Kept(100, 0)]
-    before = [0.5, 0.5, 0.5, 0.5, 1.0, 0.05]
-    shares = [kept.next_share(share) for share, kept in zip(before, counted, strict=True)]
+    counted, kept = np.array([[100, 90], [100, 70], [100, 50], [20, 20], [100, 100], [100, 0]]).T
+    shares = next_shares([0.5, 0.5, 0.5, 0.5, 1.0, 0.05], counted, kept)
     np.testing.assert_allclose(shares, [0.6, 0.5, 0.4, 0.5, 1.0, 0.0])
 
 

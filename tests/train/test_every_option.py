@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
 from policies.history import Inputs
+from quad_env.cli.interrupt import Interrupt
 from quad_env.config import RewardWeights
 from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
@@ -29,7 +29,7 @@ from train.commands.run import parse
 from train.config import TrainConfig
 from train.run import make_env
 from train.run_folder import VALIDATIONS_FILE, steps_done
-from train.sb3.callbacks import CallbackState, Segments, Session
+from train.sb3.callbacks import BetweenRollouts, CallbackState
 from train.sb3.ppo import build
 from train.scenarios import TERRAIN_SEEDS
 from train.training_robots import training_seeds
@@ -232,21 +232,20 @@ def test_another_robot_is_trained_and_validated_on_what_is_as_hard_for_it(tmp_pa
     assert [each.env.scenario.severity for each in batches] == [pytest.approx(35.0 * 0.1 * 0.4**0.5)]
 
 
-def test_all_episodes_start_with_their_segment() -> None:
+def test_all_episodes_start_with_their_segment(monkeypatch: pytest.MonkeyPatch) -> None:
     """Segments of two rollouts: each begins with the observations of its own seeds, as the begin of an episode."""
     config, begins = parse([*SMALL.split(), "--mixture", "flat", "1", "--max-episode-steps", "4"]), []
     env, twin = make_env(config), make_env(config)
 
-    class Watch(BaseCallback):
-        def _on_step(self) -> bool:
-            return True
+    def noted(callback: BetweenRollouts) -> None:
+        buffer = callback.locals["rollout_buffer"]
+        begins.append((buffer.episode_starts[0].all(), buffer.observations[0].copy()))
 
-        def _on_rollout_end(self) -> None:
-            buffer = self.locals["rollout_buffer"]
-            begins.append((buffer.episode_starts[0].all(), buffer.observations[0].copy()))
-
-    session = Session(config, env, None, None, CallbackState())  # type: ignore[arg-type]
-    build(config, env).learn(6 * 8, [Segments(session), Watch()])
+    for unused in ("_keep", "_validate"):
+        monkeypatch.setattr(BetweenRollouts, unused, lambda _: None)
+    monkeypatch.setattr(BetweenRollouts, "_on_rollout_end", noted)
+    callback = BetweenRollouts(config, env, None, Interrupt(), CallbackState())  # type: ignore[arg-type]
+    build(config, env).learn(6 * 8, callback)
     assert [start for start, _ in begins] == [True, False] * 3
     assert len({seen.tobytes() for _, seen in begins}) == 6
     for segment, (_, seen) in enumerate(begins[::2]):

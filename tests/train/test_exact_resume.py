@@ -9,6 +9,7 @@ import shutil
 import signal
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from gymnasium.error import ResetNeeded
 import policies
 from policies.network import Network
 from quad_env.physics.footsteps import Footsteps
+from train import run as training_run
 from train.__main__ import main
 from train.run_folder import CHECKPOINTS, METRICS_FILE, VALIDATIONS_FILE, steps_done
 from train.sb3 import callbacks, checkpoint
@@ -57,7 +59,8 @@ def of_weights(policy, *_):
     """A validation that takes no time, and finds policies worse the further they are from their base."""
     network: Network = policy.network
     error = float(np.abs(network.weights[-1]).sum())
-    return {"flat": {"success_rate": 0.5, "velocity_error": error, "yaw_rate_error": 0.0, "fall_rate": 0.0}}
+    means = {"success_rate": 0.5, "velocity_error": error, "yaw_rate_error": 0.0, "fall_rate": 0.0}
+    return {"flat": means | {"energy": 1.0, "cost_of_transport": float("nan")}}
 
 
 def every_step_an_interval(_, __, velocity, ___):
@@ -67,6 +70,7 @@ def every_step_an_interval(_, __, velocity, ___):
 
 def quicken(monkeypatch):
     monkeypatch.setattr("train.sb3.callbacks.validate", of_weights)
+    monkeypatch.setattr("train.sb3.callbacks.write_picture", lambda *_: None)
     monkeypatch.setattr("train.curriculum.Intervals.step", every_step_an_interval)
 
 
@@ -181,6 +185,53 @@ def test_ctrl_c_keeps_every_rollout_that_is_complete_and_the_run_ends_with_the_s
     assert bits(folder) == bits(runs / "whole")
 
 
+def test_a_run_that_is_killed_in_its_first_segment_keeps_its_early_checkpoint(runs, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(callbacks, "FIRST_CHECKPOINT", 0.0)
+    folder = tmp_path / "run"
+    killed_after(SEGMENT - 1, partial(begin, folder))
+    assert steps_done(folder) == ROLLOUT * 16
+    assert policies.load(folder / "last").network.weights[-1].any()
+    resume(folder)
+    assert f"continuing at {ROLLOUT * 16:,} steps" in capsys.readouterr().out
+    assert bits(folder) == bits(runs / "whole")
+
+
+@pytest.mark.parametrize(("seconds", "checkpoints"), [(16.0, [0, 128, 256]), (14.0, [0, 256]), (40.0, [0, 128, 256])])
+def test_the_first_checkpoint_comes_within_30_s_of_work_and_the_others_between_segments(
+    seconds, checkpoints, tmp_path, monkeypatch
+):
+    """Rollouts of so many seconds, two a segment."""
+
+    def stepping(env):
+        clock.append(clock[-1] + seconds / ROLLOUT)
+        return step_wait(env)
+
+    kept, clock, save, step_wait = [], [0.0], checkpoint.save, TrainingVecEnv.step_wait
+    monkeypatch.setattr(checkpoint, "save", lambda *of: (kept.append(of[1].progress["steps"]), save(*of)))
+    monkeypatch.setattr(callbacks, "time", SimpleNamespace(monotonic=lambda: clock[-1]))
+    monkeypatch.setattr(TrainingVecEnv, "step_wait", stepping)
+    killed_after(2 * SEGMENT - 1, partial(begin, tmp_path / "run"))
+    assert kept == checkpoints
+
+
+def test_ctrl_c_before_the_first_rollout_leaves_the_base_as_a_policy_that_loads(runs, tmp_path, monkeypatch, capsys):
+    folder = tmp_path / "run"
+
+    def pressed(*args):
+        os.kill(os.getpid(), signal.SIGINT)
+        return make(*args)
+
+    make = training_run.make_env
+    with monkeypatch.context() as patch:
+        patch.setattr(training_run, "make_env", pressed)
+        assert main([*OPTIONS.split(), "--out", str(folder)]) == 130
+    said = f"0 steps are kept; the policy until now is {folder / 'last'}, its base without a correction"
+    assert said in capsys.readouterr().err
+    assert not policies.load(folder / "last").network.weights[-1].any()
+    begin(folder)  # nothing is lost by it
+    assert bits(folder) == bits(runs / "whole")
+
+
 def test_ctrl_c_again_and_again_loses_nothing(runs, tmp_path):
     folder = tmp_path / "run"
     interrupted_after(3, [*OPTIONS.split(), "--out", str(folder)])
@@ -211,10 +262,9 @@ LEFT_OUT = {
     "optimiser": lambda patch: patch.setattr(checkpoint, "_restore_optimiser", lambda *_: None),
     "torch's generator": lambda patch: patch.setattr(torch, "set_rng_state", lambda _: None),
     "NumPy's generator": lambda patch: patch.setattr(np.random, "set_state", lambda _: None),
-    "adaptive rate": lambda patch: patch.setattr(callbacks.Schedules, "_on_training_start", lambda _: None),
+    "adaptive rate": lambda patch: patch.setattr(callbacks.BetweenRollouts, "_restore_rate", lambda _: None),
     "swings that end with their episode": lambda patch: patch.setattr(Footsteps, "begin", lambda *_: None),
-    "new episodes": lambda patch: patch.setattr(callbacks.Segments, "_on_rollout_start", lambda _: None),
-    "best": forget(best=None),
+    "new episodes": lambda patch: patch.setattr(callbacks.BetweenRollouts, "_begin_segment", lambda _: None),
     "severities": forget(shares=[]),
     "validations": forget(validations=[]),
 }

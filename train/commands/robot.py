@@ -5,7 +5,6 @@ report. Stages that are done are not repeated: after Ctrl-C, or when the compute
 continues.
 """
 
-import dataclasses
 import json
 import os
 import shlex
@@ -13,10 +12,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import tyro
 
@@ -28,13 +27,13 @@ from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
-from quad_env.robots.robot import Robot
 from train.config import BaseName
-from train.option_types import Count
 from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import trot
 
 RESIDUAL, BEGUN, DESCRIBED = "residual", "begun.json", "described.txt"
+FREE = "out", "threads"
+"""Options that may change from one call to the next."""
 SEARCH = trot.Options(generations=12, steps=400, check_episodes=48)
 """A short search: SimpleQuad's parameters walk on most robots already."""
 
@@ -47,7 +46,7 @@ class Options:
     """MJCF or URDF of the robot, a TOML that `python -m quad_env describe` has written, or a name such as go1."""
     base: BaseName = "trot_feedback"
     """Policy that the residual corrects."""
-    steps: Count = number(4_000_000, limits=(1, 10**12 - 1))
+    steps: int = number(4_000_000, limits=(1, 10**12 - 1))
     """Steps of the training."""
     training: tuple[str, ...] = ()
     """Further options of `python -m train`, in quotes, such as "--ppo.envs 512"."""
@@ -76,15 +75,13 @@ class Options:
         return given if given.suffix == ".toml" else self.folder / f"{given.stem}.toml"
 
 
-@dataclass(frozen=True)
-class Stage:
-    """A stage of the pipeline."""
+class Stage(NamedTuple):
+    """A stage of the pipeline, with its usual time on two cores, min."""
 
     name: str
     minutes: float
-    """Usual time on two cores."""
     done: Callable[[], bool]
-    do: Callable[[], None]
+    do: Callable[[], object]
 
 
 def main(options: Options) -> int:
@@ -98,15 +95,13 @@ def main(options: Options) -> int:
     stages = _stages(options)
     try:
         for place, stage in enumerate(stages):
+            head, done = f"[{place + 1} of {len(stages)}] {stage.name}", stage.done()
             left = sum(each.minutes for each in stages[place:] if not each.done())
-            head = f"[{place + 1} of {len(stages)}] {stage.name}"
-            if stage.done():
-                print(f"{head}: done already", flush=True)
-                continue
-            print(f"{head}; about {left:.0f} min left", flush=True)
-            began = time.monotonic()
-            stage.do()
-            print(f"{head}: {(time.monotonic() - began) / 60.0:.1f} min", flush=True)
+            print(f"{head}: done already" if done else f"{head}; about {left:.0f} min left", flush=True)
+            if not done:
+                began = time.monotonic()
+                stage.do()
+                print(f"{head}: {(time.monotonic() - began) / 60.0:.1f} min", flush=True)
     except KeyboardInterrupt as interrupt:
         again = f"continue with: python -m train robot {shlex.join(sys.argv[2:])}"
         raise KeyboardInterrupt("; ".join([*map(str, interrupt.args), again])) from None
@@ -115,45 +110,47 @@ def main(options: Options) -> int:
 
 
 def _stages(options: Options) -> list[Stage]:
-    folder, robot = options.folder, partial(_robot, options)
+    folder, toml = options.folder, str(options.toml)
     training, evaluation = folder / "training", folder / "evaluation"
 
+    from evaluate.records.store import is_unfinished
+
+    def own(name: str) -> Path:
+        """A file among the robot's own."""
+        return folder_of(hardware_of(toml).quadruped) / name
+
     def search() -> None:
-        trot.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
+        trot.main(replace(SEARCH, robot=toml, seed=options.seed, threads=options.threads))
 
     def train() -> None:
         from train.commands.run import run  # here, since it knows this command
 
-        words = ["--robot", options.toml, "--base", options.base, "--steps", options.steps, "--seed", options.seed]
-        words += ["--threads", options.threads, "--out", training]
-        words += ["--validation.interval", options.steps, *["--resume"] * has_checkpoint(training)]
-        words += [word for more in options.training for word in shlex.split(more)]
+        words = f"--base {options.base} --steps {options.steps} --validation.interval {options.steps}"
+        words += f" --seed {options.seed} --threads {options.threads}" + " --resume" * has_checkpoint(training)
+        more = [word for each in options.training for word in shlex.split(each)]
         if steps_done(training) < options.steps:
-            run([str(word) for word in words])
-        bundle.copy(training / BEST, folder_of(robot()) / RESIDUAL)
+            run(["--robot", toml, "--out", str(training), *words.split(), *more])
+        bundle.copy(training / BEST, own(RESIDUAL))
 
     def evaluate() -> None:
         from evaluate.commands.execution import execute
         from evaluate.commands.options import Options as Comparison
         from evaluate.commands.plan import begun_with, check
-        from evaluate.records.store import is_unfinished
 
         given = {name: getattr(options, name) for name in ("policies", "scenarios", "episodes", "seed", "threads")}
-        plan = Comparison(robot=str(options.toml), out=evaluation, **given)
+        plan = Comparison(robot=toml, out=evaluation, **given)
         execute(check(replace(begun_with(evaluation), resume=True) if is_unfinished(evaluation) else plan))
 
     def compared() -> bool:
-        from evaluate.records.store import is_unfinished
-
         return (evaluation / "results.json").is_file() and not is_unfinished(evaluation)
 
     def found(name: str) -> bool:
-        return options.toml.is_file() and (folder_of(robot()) / name).is_file()
+        return options.toml.is_file() and own(name).is_file()
 
     return [
         Stage("describe the robot", 0.1, (folder / DESCRIBED).is_file, partial(_describe, options)),
-        Stage("search its trot", 4.0, lambda: found(trot.ACCOUNT), search),
-        Stage("train a residual", 9.0, lambda: found(f"{RESIDUAL}/{bundle.DESCRIPTION}"), train),
+        Stage("search its trot", 4.0, partial(found, trot.ACCOUNT), search),
+        Stage("train a residual", 9.0, partial(found, f"{RESIDUAL}/{bundle.DESCRIPTION}"), train),
         Stage("compare them", 5.0, compared, evaluate),
     ]
 
@@ -161,9 +158,8 @@ def _stages(options: Options) -> list[Stage]:
 def _check_same_options(options: Options) -> None:
     """Keep the options in the folder. Raises UsageError where they are others than those that it was started with."""
     robot = str(Path(options.robot).resolve()) if Path(options.robot).suffix else options.robot
-    now = dataclasses.asdict(options) | {"robot": robot}
-    now = json.loads(json.dumps({name: now[name] for name in now if name not in ("out", "threads")}, default=str))
-    begun = options.folder / BEGUN
+    given = {name: value for name, value in asdict(replace(options, robot=robot)).items() if name not in FREE}
+    now, begun = json.loads(json.dumps(given)), options.folder / BEGUN
     if not begun.is_file():
         write_atomically(begun, (json.dumps(now, indent=2) + "\n").encode())
         return
@@ -176,22 +172,14 @@ def _check_same_options(options: Options) -> None:
         raise UsageError(f"{options.folder} was started with other options ({', '.join(other)}): choose another --out")
 
 
-def _robot(options: Options) -> Robot:
-    return hardware_of(str(options.toml)).quadruped
-
-
 def _describe(options: Options) -> None:
     """Print the description, and keep it with a TOML and a picture. Raises UsageError where the robot has errors."""
     command = [sys.executable, "-m", "quad_env", "describe", options.robot]
     written, given = options.folder / "inferred.toml", options.toml.is_file()
     if written.is_file():
         raise UsageError(f"{written} has gaps to fill: give it instead of {options.robot}, or remove it")
-    done = subprocess.run(
-        [*command, *([] if given else ["--toml", str(written)])],
-        stdout=subprocess.PIPE,
-        encoding="utf-8",
-        env=os.environ | {"PYTHONIOENCODING": "utf-8"},
-    )
+    words, utf8 = [] if given else ["--toml", str(written)], os.environ | {"PYTHONIOENCODING": "utf-8"}
+    done = subprocess.run([*command, *words], stdout=subprocess.PIPE, encoding="utf-8", env=utf8)
     print(done.stdout, end="")
     if done.returncode:
         kept = f"; fill the gaps in {written}, and give that instead" if written.is_file() else ""

@@ -15,7 +15,7 @@ from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP, Command, Program
 from train.config import DEFAULTS, TrainConfig, for_robot
 from train.config_file import differences, load_config
-from train.option_types import weight_words
+from train.reward_weights import weight_words
 from train.run_folder import has_checkpoint, steps_done
 from train.setting_ranges import check
 
@@ -23,11 +23,11 @@ NAME = "python -m train"
 COMMANDS = {
     "robot": Command("train.commands.robot", "all steps for your own robot: describe, search, train, evaluate, report"),
     "search": Command("train.search.trot", "parameters of a robot's trot, by CMA-ES"),
+    "curves": Command("train.commands.curves", "learning curves of runs as a picture, with a band over seeds"),
     "export": Command("train.commands.export", "a trained residual as an ONNX file"),
 }
-MOVED = {name: f"now `python -m research {name}`" for name in ("ablations", "publish")}
+MOVED = {name: f"now `python -m research {name.split()[0]}`" for name in ("ablations", "publish", "search feedback")}
 MOVED |= {name: f"gone: revision 59ce5e8 has it as `python -m research {name}`" for name in ("sweep", "trials")}
-MOVED["search feedback"] = "now `python -m research search`"
 """Where commands of older versions are."""
 REWARDS = "--rewards"
 
@@ -52,21 +52,17 @@ def run(words: list[str]) -> int:
 def parse(words: Sequence[str]) -> TrainConfig:
     """The settings of a command line. Raises UsageError; SystemExit(0) after --help.
 
-    The defaults shown and used are those of the chosen --policy and --robot, or with --resume those of the run that is
-    continued.
+    The defaults are those of the chosen --policy and --robot, or with --resume those of the run that is continued.
     """
     words = as_spelled(TrainConfig, list(words))
-    defaults = _defaults(words)
-    description = f"{__doc__}{PROGRAM.listing()}"
+    defaults, description = _defaults(words), f"{__doc__}{PROGRAM.listing()}"
     words = _with_all_weights(words, defaults)
     config = parse_options(TrainConfig, words, program=NAME, description=description, default=defaults)
     check(defaults)
     check(config)
     if config.resume and (changed := [each for each in differences(defaults, config) if not each.extends]):
-        raise UsageError(
-            f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}; "
-            "only a larger --steps may be given, to extend it"
-        )
+        said = f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}"
+        raise UsageError(f"{said}; only a larger --steps may be given, to extend it")
     return config
 
 

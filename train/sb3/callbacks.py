@@ -1,14 +1,14 @@
 """What happens between two rollouts: progress, TensorBoard, validation, checkpoints, and a clean end on Ctrl-C.
 
 SB3 calls `_on_rollout_start` after the update of the last rollout: the one place where learner and random generators
-can be saved together. The state of the robots is not saved: a run is a chain of segments, all robots start each with
-new episodes, and checkpoints lie between segments (after Ctrl-C within one, see `Segments`). A run that was stopped
-anywhere and resumed is the uninterrupted one, bit for bit, on the same machine with the same packages.
+can be saved together. The state of the robots is not saved: all robots start each segment of a run with new episodes,
+and a checkpoint within a segment holds their actions since its start. A run that was stopped anywhere and resumed is
+the uninterrupted one, bit for bit, on the same machine and packages.
 """
 
+import dataclasses
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
@@ -23,18 +23,24 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig
 from train.config_file import decode, to_dict
+from train.curriculum import next_shares
+from train.curves.figure import write_picture
+from train.curves.run import by_seed, read_curve
 from train.residual_env import FloatArray, ResidualVectorEnv
-from train.run_folder import BEST, CHECKPOINTS, LAST
+from train.run_folder import BEST, CHECKPOINTS, CURVE_FILE, LAST
 from train.run_record import write_validations
 from train.sb3 import checkpoint
 from train.sb3.display import Display
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import TrainingRobots, make_batch, segment_steps, training_seeds
-from train.validation import rank, score, success, validate
+from train.validation import cost_of_transport, rank, score, success, validate
+
+FIRST_CHECKPOINT = 30.0
+"""Work within which a session writes its first checkpoint, s; later if its first rollout is longer."""
 
 
-@dataclass
+@dataclasses.dataclass
 class CallbackState:
     """State of the callbacks from one session of a run to the next, as JSON types."""
 
@@ -42,217 +48,172 @@ class CallbackState:
     """Number of segments that were started."""
     seconds: float = 0.0
     """Training time of earlier sessions, validation included, s."""
-    best: tuple[float, float] | None = None
-    """Rank of the best validation, whose bundle is kept."""
-    best_steps: int = 0
-    """Steps at that validation."""
-    validated: int = 0
-    """Steps at the last validation."""
     rate: float | None = None
     """Learning rate of the adaptive schedule."""
-    shares: list[float] = field(default_factory=list)
+    shares: list[float] = dataclasses.field(default_factory=list)
     """Share of its severity that each scenario is trained at, of a run with a curriculum."""
-    validations: list[dict[str, Any]] = field(default_factory=list)
-    """{"steps", "success", "score", "scenarios"} of each validation."""
+    validations: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    """{"steps", "success", "score", "cost_of_transport", "scenarios"} of each validation."""
 
     @classmethod
     def read(cls, remembered: Mapping[str, Any]) -> "CallbackState":
-        """The state in a checkpoint. Raises UsageError where it is not one."""
+        """The state in a checkpoint, of older versions too. Raises UsageError where it is not one."""
+        older = ("best", "best_steps", "validated")  # of which the validations say the same
         try:
-            return cast(CallbackState, decode(cls, remembered))
+            return cast(CallbackState, decode(cls, {k: v for k, v in remembered.items() if k not in older}))
         except (TypeError, ValueError, OverflowError) as error:
             raise UsageError(f"the checkpoint does not fit this run: {error}") from None
 
-
-@dataclass(frozen=True)
-class Session:
-    """What the callbacks of one session of a run share."""
-
-    config: TrainConfig
-    env: TrainingVecEnv
-    display: Display
-    interrupt: Interrupt
-    state: CallbackState
+    @property
+    def validated(self) -> int:
+        """Steps at the last validation."""
+        return int(self.validations[-1]["steps"]) if self.validations else 0
 
     @property
-    def robots(self) -> TrainingRobots:
-        """The robots, without base and correction."""
-        return cast(TrainingRobots, self.env.env.unwrapped)
+    def best(self) -> int:
+        """Steps at the best validation, the first of equals."""
+        return int(min(self.validations, key=lambda each: rank(each["scenarios"]))["steps"])
 
 
 class BetweenRollouts(BaseCallback):
-    """A callback that does nothing at single steps."""
+    """Schedules, curriculum, validation, bundles, checkpoints and segments of a run, in this order; `state` is changed,
+    and `actions` are those of an unfinished segment, which the robots first repeat."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(
+        self,
+        config: TrainConfig,
+        env: TrainingVecEnv,
+        display: Display,
+        interrupt: Interrupt,
+        state: CallbackState,
+        actions: Sequence[FloatArray] = (),
+    ) -> None:
         super().__init__()
-        self._session, self._config, self._state = session, session.config, session.state
+        self._config, self._env, self._display, self._interrupt = config, env, display, interrupt
+        self._state, self._actions = state, actions
+        self._robots = cast(TrainingRobots, env.env.unwrapped)
+        self._made = [config.curriculum] * len(self._robots.batches)
+        state.shares = state.shares or list(self._made)
+        self._earlier_seconds, self._began = state.seconds, time.monotonic()
+        self._end = self._kept = self._start = 0
 
     @property
     def _learner(self) -> PPO:
         return cast(PPO, self.model)
 
+    @property
+    def _over(self) -> bool:
+        """Whether the last segment is complete."""
+        return self.num_timesteps >= self._end
+
+    def _policy(self) -> ResidualPolicy:
+        """The policy of a bundle: the actor on a new base, without exploration noise."""
+        env, config = cast(ResidualVectorEnv, self._env.env), self._config
+        base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
+        actor = actor_network(self._learner)
+        return ResidualPolicy(base, actor, env.authority, config.policy, config.inputs, config.ppo.hold)
+
     def _on_step(self) -> bool:
         return True
 
-
-class RolloutFigures(BetweenRollouts):
-    """Shows and logs the figures of each rollout."""
+    def _on_training_start(self) -> None:
+        self._start = self.num_timesteps
+        self._restore_rate()
+        self._make_batches()
+        if self._actions:
+            self._end = self._start - len(self._actions) * self._env.num_envs + segment_steps(self._config)
+            seeds = training_seeds(self._config, self._state.segments - 1)
+            self._learner._last_obs, self._learner._last_episode_starts = self._env.repeat(seeds, self._actions)
+            self._robots.take_statistics()  # of rollouts that were logged already
+            self._display.pace.restart()
 
     def _on_rollout_end(self) -> None:
-        figures = self._session.robots.take_statistics().means()
+        figures = self._robots.take_statistics()
         for name, value in figures.items():
             self.logger.record(name if "/" in name else f"rollout/{name}", value)
         if self._state.validations:
             figures["success"] = self._state.validations[-1]["success"]
-        self._session.display.update(self.num_timesteps, figures)
+        self._display.update(self.num_timesteps, figures)
 
+    def _on_rollout_start(self) -> None:
+        self._adjust_noise_and_rate()
+        if self._over and self._config.curriculum < 1.0:
+            self._adjust_severities()
+        interval = self._config.validation.interval
+        if interval > 0 and self.num_timesteps - self._state.validated >= interval:
+            self._validate()
+        self._log()
+        if self._over or self._first_is_due:
+            self._keep()
+        if self._interrupt.asked:
+            self._stop()
+        if self._over:
+            self._begin_segment()
 
-class Schedules(BetweenRollouts):
-    """Changes exploration noise and adaptive learning rate between rollouts."""
+    def _on_training_end(self) -> None:
+        if self._state.validated < self.num_timesteps:
+            self._validate()
+        self._log()
+        self._end = 0  # a run that is extended begins a new segment
+        self._keep()
 
-    def _on_training_start(self) -> None:
+    def _restore_rate(self) -> None:
         if isinstance(rate := self._learner.learning_rate, AdaptiveRate) and self._state.rate is not None:
             rate.rate = self._state.rate
 
-    def _on_rollout_start(self) -> None:
+    def _adjust_noise_and_rate(self) -> None:
         ppo = self._config.ppo
         if ppo.log_std_final is not None:
             fall = (ppo.log_std_final - ppo.log_std_init) * min(self.num_timesteps / self._config.steps, 1.0)
             self._learner.policy.log_std.data.fill_(ppo.log_std_init + fall)
         if isinstance(rate := self._learner.learning_rate, AdaptiveRate):
             # What the last update logged; absent before the first.
-            kl = self.logger.name_to_value.get("train/approx_kl")
-            if kl is not None:
+            if (kl := self.logger.name_to_value.get("train/approx_kl")) is not None:
                 rate.update(float(kl))
             self._state.rate = rate.rate
 
-
-def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
-    """The policy of a bundle: the actor on a new base, without exploration noise."""
-    env = cast(ResidualVectorEnv, cast(TrainingVecEnv, model.get_env()).env)
-    base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
-    return ResidualPolicy(base, actor_network(model), env.authority, config.policy, config.inputs, config.ppo.hold)
-
-
-class Segments(BetweenRollouts):
-    """Starts new episodes of all robots at the start of each segment.
-
-    The last of the callbacks, so that the others see the state between two segments. A segment that Ctrl-C interrupted
-    is continued: the robots first repeat its `actions`.
-    """
-
-    def __init__(self, session: Session, actions: Sequence[FloatArray] = ()) -> None:
-        super().__init__(session)
-        self._actions = actions
-        self._end = 0
-
-    @property
-    def over(self) -> bool:
-        """Whether the last segment is complete."""
-        return self.num_timesteps >= self._end
-
-    def _on_training_start(self) -> None:
-        if not self._actions:
+    def _adjust_severities(self) -> None:
+        """Make scenarios harder or milder by the command intervals of the segment."""
+        counted, kept = self._robots.take_intervals()
+        if not counted.any():
             return
-        learner, env = self._learner, self._session.env
-        self._end = self.num_timesteps - len(self._actions) * env.num_envs + segment_steps(self._config)
-        seeds = training_seeds(self._config, self._state.segments - 1)
-        learner._last_obs, learner._last_episode_starts = env.repeat(seeds, self._actions)
-        self._session.robots.take_statistics()  # of rollouts that were logged already
+        self._state.shares = next_shares(self._state.shares, counted, kept)
+        for number, batch in enumerate(self._robots.batches):
+            self.logger.record(f"severity/{batch.scenario.name}", self._state.shares[number])
+            self.logger.record(f"kept/{batch.scenario.name}", kept[number] / max(counted[number], 1))
+        self._make_batches()
 
-    def _on_rollout_start(self) -> None:
-        if self.over:
-            self._end = self.num_timesteps + segment_steps(self._config)
-            learner, env = self._learner, self._session.env
-            learner._last_obs = env.begin(training_seeds(self._config, self._state.segments))
-            learner._last_episode_starts = np.ones(env.num_envs, np.bool_)
-            self._state.segments += 1
-
-
-class Curriculum(BetweenRollouts):
-    """Makes scenarios harder or milder between two segments, before the checkpoint."""
-
-    def __init__(self, session: Session, segments: Segments) -> None:
-        super().__init__(session)
-        self._segments = segments
-        self._made = [self._config.curriculum] * len(session.robots.batches)
-        self._state.shares = self._state.shares or list(self._made)
-
-    def _on_training_start(self) -> None:
-        self._make()
-
-    def _on_rollout_start(self) -> None:
-        robots = self._session.robots
-        counted = robots.take_kept() if self._segments.over and self._config.curriculum < 1.0 else []
-        if not any(kept.counted for kept in counted):
-            return
-        self._state.shares = [kept.next_share(share) for share, kept in zip(self._state.shares, counted, strict=True)]
-        for batch, share, kept in zip(robots.batches, self._state.shares, counted, strict=True):
-            self.logger.record(f"severity/{batch.scenario.name}", share)
-            self.logger.record(f"kept/{batch.scenario.name}", kept.kept / max(kept.counted, 1))
-        self._make()
-
-    def _make(self) -> None:
+    def _make_batches(self) -> None:
         """Replace the batches whose severity has changed."""
         for number, (made, share) in enumerate(zip(self._made, self._state.shares, strict=True)):
             if made != share:
-                self._session.robots.replace(number, make_batch(self._config, number, share))
+                self._robots.replace(number, make_batch(self._config, number, share))
         self._made = list(self._state.shares)
 
-
-class ValidateAndSave(BetweenRollouts):
-    """Validates, saves the best and the last bundle, writes checkpoints, and ends the run after Ctrl-C."""
-
-    def __init__(self, session: Session, segments: Segments) -> None:
-        super().__init__(session)
-        self._segments = segments
-        self._earlier_seconds, self._began = self._state.seconds, time.monotonic()
-        self._kept = 0
-
-    def _on_rollout_start(self) -> None:
-        interval = self._config.validation.interval
-        if interval > 0 and self.num_timesteps - self._state.validated >= interval:
-            self._validate()
-        self._log()
-        if self._segments.over:
-            self._keep()
-        if self._session.interrupt.asked:
-            self._end()
-
-    def _end(self) -> None:
-        """Save everything, and end."""
-        self._save(current_policy(self._config, self._learner), LAST)
-        if not self._segments.over:
-            self._keep(self._session.env.taken)
-        again = self.num_timesteps - self._kept
-        kept = f"{again:,} steps since its checkpoint will be repeated" if again else f"{self._kept:,} steps are kept"
-        raise KeyboardInterrupt(f"{kept}; the policy until now is {self._config.folder / LAST}")
-
-    def _on_training_end(self) -> None:
-        if self._state.validated < self.num_timesteps:
-            self._validate()
-        self._log()
-        self._keep()
+    def _begin_segment(self) -> None:
+        """Start new episodes of all robots."""
+        self._end = self.num_timesteps + segment_steps(self._config)
+        self._learner._last_obs = self._env.begin(training_seeds(self._config, self._state.segments))
+        self._learner._last_episode_starts = np.ones(self._env.num_envs, np.bool_)
+        self._state.segments += 1
 
     def _validate(self) -> None:
         """Validate the policy, and save it if it is the best so far."""
-        policy, state = current_policy(self._config, self._learner), self._state
-        results = validate(policy, self._config.complete_validation, self._config.threads, self._config.hardware)
-        means = {"success": success(results), "score": score(results)}
-        state.validated = self.num_timesteps
+        policy, state, config = self._policy(), self._state, self._config
+        with self._display.pace.validation(self.num_timesteps):
+            results = validate(policy, config.complete_validation, config.threads, config.hardware)
+        means = {"success": success(results), "score": score(results), "cost_of_transport": cost_of_transport(results)}
         state.validations.append({"steps": self.num_timesteps, **means, "scenarios": results})
-        for name, value in means.items():
-            self.logger.record(f"validation/{name}", value)
-        for scenario, figures in results.items():
+        for scenario, figures in {"": means, **results}.items():
             for name, value in figures.items():
-                self.logger.record(f"validation/{scenario}/{name}", value)
-        found = rank(results)
-        better = state.best is None or found < state.best
-        if better:
-            state.best, state.best_steps = found, self.num_timesteps
+                self.logger.record("/".join(filter(None, ("validation", scenario, name))), value)
+        if better := state.best == self.num_timesteps:
             self._save(policy, BEST)
-        write_validations(self._config.folder, state.best_steps, state.validations)
-        self._session.display.note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
+        write_validations(config.folder, state.best, state.validations)
+        write_picture(by_seed([read_curve(config.folder)]), config.folder / CURVE_FILE, config.folder.name)
+        each = ", ".join(f"{name} {figures['success_rate']:.0%}" for name, figures in results.items())
+        line = f"{means['success']:.0%} succeed ({each}), cost of transport {means['cost_of_transport']:.2f}"
+        self._display.note(f"{state.validated:>10,} validation: {line}{'  best so far' if better else ''}")
 
     def _log(self) -> None:
         """Write the figures of the rollout, its update and validation; SB3 would write the latter one rollout later."""
@@ -264,24 +225,35 @@ class ValidateAndSave(BetweenRollouts):
     def _seconds(self) -> float:
         return self._earlier_seconds + time.monotonic() - self._began
 
-    def _keep(self, actions: Sequence[FloatArray] = ()) -> None:
-        self._state.seconds = self._seconds
-        if self.num_timesteps:  # no bundle before the first checkpoint: a folder without one holds nothing to lose
-            self._save(current_policy(self._config, self._learner), LAST)
-        # The checkpoint last: a resumed run repeats only what follows its checkpoint.
-        state = checkpoint.capture(self._learner, vars(self._state), actions)
+    @property
+    def _first_is_due(self) -> bool:
+        """Whether the session's first checkpoint would come after FIRST_CHECKPOINT if it waited for another rollout."""
+        rollouts = (self.num_timesteps - self._start) / (self._config.ppo.envs * self._config.ppo.rollout_steps)
+        worked = time.monotonic() - self._began
+        return self._kept <= self._start and rollouts > 0 and worked * (1.0 + 1.0 / rollouts) > FIRST_CHECKPOINT
+
+    def _keep(self) -> None:
+        """Write the last bundle, and a checkpoint with the robots' actions in a segment that is not over.
+
+        The checkpoint last: a resumed run repeats only what follows its checkpoint. But the first one first: a folder
+        without one holds nothing to lose.
+        """
+        self._state.seconds, self._kept = self._seconds, self.num_timesteps
+        policy = self._policy()
+        if self._kept:
+            self._save(policy, LAST)
+        state = checkpoint.capture(self._learner, vars(self._state), () if self._over else self._env.taken)
         checkpoint.save(self._config.folder / CHECKPOINTS, state)
-        self._kept = self.num_timesteps
+        if not self._kept:
+            self._save(policy, LAST)
 
     def _save(self, policy: ResidualPolicy, name: str) -> None:
         save_bundle(self._config.folder / name, policy, to_dict(self._config), git_revision(REPOSITORY) or "unknown")
 
-
-def _line(steps: int, results: dict[str, dict[str, float]]) -> str:
-    """One line on a validation."""
-    cells = (
-        f"{name} {means['success_rate']:.0%} succeed {means['velocity_error']:.3f} m/s "
-        f"{means['yaw_rate_error']:.3f} rad/s {means['fall_rate']:.1%} fall"
-        for name, means in results.items()
-    )
-    return f"{steps:>10,} validation: " + " | ".join(cells)
+    def _stop(self) -> None:
+        """End the run after Ctrl-C, with everything saved."""
+        if self._kept < self.num_timesteps:
+            self._keep()
+        untrained = "" if self._kept else ", its base without a correction"
+        last = self._config.folder / LAST
+        raise KeyboardInterrupt(f"{self._kept:,} steps are kept; the policy until now is {last}{untrained}")

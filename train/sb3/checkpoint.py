@@ -1,10 +1,9 @@
 """Checkpoints of a run at a rollout boundary: safetensors for arrays, JSON for the rest, no pickle anywhere.
 
-Learner, schedules and random generators are restored exactly. The robots start new episodes wherever a checkpoint is
-written, whether the run is stopped there or not; a checkpoint after Ctrl-C may lie within an episode, and holds the
-actions of the robots since their start, which are repeated. A checkpoint is two files, STEPS.safetensors and then
-STEPS.json with the hash of the first: it exists once the second does, so that a run killed at any moment leaves the one
-before complete. The last two are kept.
+Learner, schedules and random generators are restored exactly. The robots start new episodes at a checkpoint, or it
+holds their actions since they did, which are repeated. A checkpoint is two files, STEPS.safetensors and then STEPS.json
+with the hash of the first: it exists once the second does, so that a run killed at any moment leaves the one before
+complete. The last two are kept.
 """
 
 import hashlib
@@ -27,12 +26,8 @@ from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
 
-SCHEMA = 2
-KEPT = 2
-_POLICY = "policy."
-_OPTIMISER = "optimiser."
-_ACTIONS = "robots.actions"
-_UNDER_WAY = "under_way"
+SCHEMA, KEPT = 2, 2
+_POLICY, _OPTIMISER, _ACTIONS = "policy.", "optimiser.", "robots.actions"
 
 
 @dataclass(frozen=True)
@@ -57,18 +52,13 @@ def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np
     tensors = {_POLICY + name: value for name, value in model.policy.state_dict().items()}
     for index, moments in model.policy.optimizer.state_dict()["state"].items():
         tensors |= {f"{_OPTIMISER}{index}.{name}": torch.as_tensor(value) for name, value in moments.items()}
-    tensors["random.torch"] = torch.get_rng_state()
     numpy_state = np.random.get_state(legacy=False)["state"]  # noqa: NPY002 - SB3 shuffles with the global generator
-    tensors["random.numpy"] = torch.from_numpy(numpy_state["key"].astype(np.int64))
-    progress: dict[str, Any] = {
-        "steps": model.num_timesteps,
-        "updates": model._n_updates,
-        "python_random": random.getstate(),
-        "numpy_random_position": int(numpy_state["pos"]),
-        "remembered": remembered,
-    }
+    key = torch.from_numpy(numpy_state["key"].astype(np.int64))
+    tensors |= {"random.torch": torch.get_rng_state(), "random.numpy": key}
+    progress: dict[str, Any] = {"steps": model.num_timesteps, "updates": model._n_updates, "remembered": remembered}
+    progress |= {"python_random": random.getstate(), "numpy_random_position": int(numpy_state["pos"])}
     if actions:
-        tensors[_ACTIONS], progress[_UNDER_WAY] = torch.from_numpy(np.stack(actions)), True
+        tensors[_ACTIONS] = torch.from_numpy(np.stack(actions))
     return Checkpoint({name: value.detach().clone().contiguous() for name, value in tensors.items()}, progress)
 
 
@@ -76,8 +66,12 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
     """Put the learner and all random generators back to `checkpoint`."""
     tensors, progress = checkpoint.tensors, checkpoint.progress
     try:
-        model.policy.load_state_dict(_under(tensors, _POLICY))
-        _restore_optimiser(model.policy.optimizer, _under(tensors, _OPTIMISER))
+        policy, optimiser = (
+            {name.removeprefix(part): value for name, value in tensors.items() if name.startswith(part)}
+            for part in (_POLICY, _OPTIMISER)
+        )
+        model.policy.load_state_dict(policy)
+        _restore_optimiser(model.policy.optimizer, optimiser)
         model.num_timesteps = int(progress["steps"])
         model._n_updates = int(progress["updates"])
         version, words, gauss = progress["python_random"]
@@ -89,10 +83,6 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
         raise UsageError(f"the checkpoint does not fit this run: {str(error).splitlines()[0]}") from None
 
 
-def _under(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
-    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
-
-
 def _restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torch.Tensor]) -> None:
     state: dict[int, dict[str, torch.Tensor]] = {}
     for name, value in moments.items():
@@ -102,54 +92,39 @@ def _restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torc
 
 
 def save(folder: Path, checkpoint: Checkpoint) -> None:
-    """Add a checkpoint to `folder`; remove all but the last two, and earlier ones after a Ctrl-C."""
+    """Add a checkpoint to `folder`; remove all but the last two."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = f"{checkpoint.progress['steps']:012d}"
     tensors = save_tensors(checkpoint.tensors)
     write_atomically(folder / f"{stem}.safetensors", tensors)
     record = {"schema": SCHEMA, "sha256": hashlib.sha256(tensors).hexdigest(), **checkpoint.progress}
     write_atomically(folder / f"{stem}.json", json.dumps(record).encode())
-    records = sorted(folder.glob("*.json"))
-    kept = [path for path in records if path.stem == stem or not _is_under_way(path)][-KEPT:]
-    for record_path in records:
-        if record_path not in kept:
-            record_path.unlink()
-            record_path.with_suffix(".safetensors").unlink(missing_ok=True)
-
-
-def _is_under_way(record_path: Path) -> bool:
-    try:
-        return bool(json.loads(record_path.read_bytes()).get(_UNDER_WAY))
-    except (OSError, ValueError, AttributeError):
-        return False
+    for record_path in sorted(folder.glob("*.json"))[:-KEPT]:
+        record_path.unlink()
+        record_path.with_suffix(".safetensors").unlink(missing_ok=True)
 
 
 def load(folder: Path) -> Checkpoint:
     """The newest complete checkpoint of `folder`. Raises UsageError where there is none."""
-    problems: list[str] = []
+    problems = list[str]()
     for record_path in sorted(folder.glob("*.json"), reverse=True):
         try:
             return replace(_read(record_path), damaged=tuple(problems))
         except UsageError as error:
             problems.append(str(error))
-    if not problems:
-        raise UsageError(f"no checkpoint in {folder} to continue from: start again without --resume")
-    raise UsageError(f"no complete checkpoint in {folder} ({problems[0]}); start again with another --out")
+    if problems:
+        raise UsageError(f"no complete checkpoint in {folder} ({problems[0]}); start again with another --out")
+    raise UsageError(f"no checkpoint in {folder} to continue from: start again without --resume")
 
 
 def _read(record_path: Path) -> Checkpoint:
     try:
         record = json.loads(read_bytes(record_path))
         content = read_bytes(record_path.with_suffix(".safetensors"), LARGEST)
-    except (OSError, ValueError, RecursionError) as error:
+        if (record.pop("schema"), record.pop("sha256")) != (SCHEMA, hashlib.sha256(content).hexdigest()):
+            raise ValueError(f"not whole, or not of schema {SCHEMA}")
+        if type(record["steps"]) is int and isinstance(record["remembered"], dict):
+            return Checkpoint(load_tensors(content), record)
+        raise ValueError("without its number of steps")
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError, SafetensorError) as error:
         raise UsageError(f"{record_path.name} cannot be read: {error}") from None
-    if not isinstance(record, dict) or record.pop("schema", None) != SCHEMA:
-        raise UsageError(f"{record_path.name} is not a checkpoint of schema {SCHEMA}")
-    if record.pop("sha256", None) != hashlib.sha256(content).hexdigest():
-        raise UsageError(f"{record_path.stem}.safetensors is damaged")
-    if type(record.get("steps")) is not int or not isinstance(record.get("remembered"), dict):
-        raise UsageError(f"{record_path.name} does not say how many steps the run had made")
-    try:
-        return Checkpoint(load_tensors(content), record)
-    except SafetensorError as error:
-        raise UsageError(f"{record_path.stem}.safetensors is damaged: {error}") from None

@@ -4,8 +4,10 @@ import time
 from collections.abc import Mapping
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn
 from rich.text import Text
+
+from train.sb3.pace import Pace
 
 LINE_PERIOD = 5.0
 """Between two lines where there is no terminal, s."""
@@ -13,45 +15,36 @@ LINE_PERIOD = 5.0
 
 def summary(figures: Mapping[str, float]) -> str:
     """The main figures of a rollout, in words."""
-    count = int(figures["episodes"])
-    ended = (
-        f"return {figures['return']:7.2f}  {round(figures['falls'] * count)} of {count} episodes fell"
-        if count
-        else "no episode ended"
-    )
+    ended, count = "no episode ended", int(figures["episodes"])
+    if count:
+        ended = f"return {figures['return']:7.2f}  {round(figures['falls'] * count)} of {count} episodes fell"
     errors = f"velocity error {figures['velocity_error']:.3f} m/s  yaw-rate error {figures['yaw_rate_error']:.3f} rad/s"
     validated = f"{figures['success']:.0%} succeeded in validation  " if "success" in figures else ""
     return f"{validated}{ended}  {errors}"
 
 
 class Display:
-    """Progress on standard output towards `total` steps, of which earlier sessions of the run have done `done`."""
+    """Progress on standard output towards `total` steps, with the time left by `pace`."""
 
-    def __init__(self, total: int, done: int) -> None:
-        columns = (
-            BarColumn(bar_width=24),
-            TextColumn("{task.completed:,.0f}/{task.total:,.0f} steps  {task.fields[rate]:,.0f}/s"),
-            TimeRemainingColumn(),
-            TextColumn("{task.fields[summary]}"),
-        )
+    def __init__(self, total: int, pace: Pace) -> None:
+        self.pace = pace
         self._console = Console()
+        columns = BarColumn(bar_width=24), TextColumn("{task.description}", markup=False)
         self._bar = Progress(*columns, console=self._console, disable=not self._console.is_terminal)
-        self._task = self._bar.add_task("train", total=total, completed=done, rate=0.0, summary="")
-        self._total, self._done = total, done
-        self._began, self._printed = time.monotonic(), float("-inf")
+        self._task = self._bar.add_task("", total=total)
+        self._total, self._printed = total, float("-inf")
         self._bar.start()
 
     def update(self, steps: int, figures: Mapping[str, float]) -> None:
         """Show that `steps` have been taken, and the latest figures by name."""
+        minutes, seconds = divmod(round(self.pace.left(steps)), 60)
+        pace = f"{self.pace.rate(steps):6,.0f}/s  {minutes:3}:{seconds:02} left"
+        line = f"{steps:>10,}/{self._total:,} steps  {pace}  {summary(figures)}"
+        self._bar.update(self._task, completed=steps, description=line)
         now = time.monotonic()
-        rate = (steps - self._done) / max(now - self._began, 1e-9)
-        self._bar.update(self._task, completed=steps, rate=rate, summary=summary(figures))
-        if self._console.is_terminal or (now - self._printed < LINE_PERIOD and steps < self._total):
-            return
-        self._printed = now
-        left = max(self._total - steps, 0) / max(rate, 1e-9)
-        pace = f"{rate:6,.0f}/s  {left // 60:3.0f}:{left % 60:02.0f} left"
-        self.note(f"{steps:>10,}/{self._total:,} steps  {pace}  {summary(figures)}")
+        if not self._console.is_terminal and (now - self._printed >= LINE_PERIOD or steps >= self._total):
+            self._printed = now
+            self.note(line)
 
     def note(self, text: str) -> None:
         """Print a line."""

@@ -1,8 +1,8 @@
 """Where SB3's logger writes the figures of each rollout: TensorBoard's events, and one line of JSON in a plain file."""
 
 import contextlib
+import itertools
 import json
-import math
 import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from torch.utils.tensorboard import SummaryWriter
 
+from evaluate.analysis.results import without_nan
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
 from train.run_folder import METRICS_FILE, TENSORBOARD
@@ -33,10 +34,8 @@ class _Metrics(KVWriter):
 
     def write(self, key_values: dict[str, Any], key_excluded: Mapping[str, tuple[str, ...]], step: int = 0) -> None:
         """Add a line, unless there is nothing to say."""
-        values = {name: float(value) for name, value in sorted(key_values.items())}
-        finite = {name: value if math.isfinite(value) else None for name, value in values.items()}
-        if finite:
-            self._file.write(json.dumps({"steps": step} | finite) + "\n")
+        if values := {name: float(value) for name, value in sorted(key_values.items())}:
+            self._file.write(json.dumps(without_nan({"steps": step} | values)) + "\n")
             self._file.flush()
 
     def close(self) -> None:
@@ -47,11 +46,8 @@ class _Metrics(KVWriter):
 def cut_metrics(folder: Path, steps: int) -> None:
     """Remove the metrics after so many steps, which will be written again."""
     path = folder / METRICS_FILE
-    kept = []
-    for line in read_bytes(path, LARGEST).splitlines(keepends=True) if path.exists() else ():
-        if not line.endswith(b"\n") or json.loads(line)["steps"] > steps:
-            break
-        kept.append(line)
+    lines = read_bytes(path, LARGEST).splitlines(keepends=True) if path.exists() else ()
+    kept = itertools.takewhile(lambda line: line.endswith(b"\n") and json.loads(line)["steps"] <= steps, lines)
     write_atomically(path, b"".join(kept))
 
 

@@ -16,6 +16,7 @@ from policies.network import Network
 from train.config import PpoConfig, TrainConfig
 from train.sb3.vec_env import TrainingVecEnv
 
+LOWEST_RATE, HIGHEST_RATE = 1e-5, 1e-2
 REWARD_SCALE = 10.0
 """Factor on the reward before the learner sees it: brings returns to about unit size for the value network."""
 
@@ -26,8 +27,6 @@ class AdaptiveRate:
 
     rate: float
     target_kl: float
-    lowest: float = 1e-5
-    highest: float = 1e-2
 
     def __call__(self, progress_remaining: float) -> float:
         """The rate now, whatever the progress."""
@@ -36,9 +35,9 @@ class AdaptiveRate:
     def update(self, kl: float) -> None:
         """Lower the rate after a step of more than twice the target, raise it after one of less than half."""
         if kl > 2.0 * self.target_kl:
-            self.rate = max(self.rate / 1.5, self.lowest)
+            self.rate = max(self.rate / 1.5, LOWEST_RATE)
         elif kl < 0.5 * self.target_kl:
-            self.rate = min(self.rate * 1.5, self.highest)
+            self.rate = min(self.rate * 1.5, HIGHEST_RATE)
 
 
 class AsymmetricPolicy(ActorCriticPolicy):
@@ -70,11 +69,9 @@ class FirstOf(nn.Module):
 
 def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
     """The schedule that the settings name."""
-    if config.learning_rate_schedule == "adaptive":
-        return AdaptiveRate(config.learning_rate, config.target_kl)
-    if config.learning_rate_schedule == "linear":
-        return partial(_falling, config.learning_rate)
-    return config.learning_rate
+    rate, schedule = config.learning_rate, config.learning_rate_schedule
+    falling = partial(_falling, rate) if schedule == "linear" else rate
+    return AdaptiveRate(rate, config.target_kl) if schedule == "adaptive" else falling
 
 
 def _falling(rate: float, remaining: float) -> float:
@@ -87,29 +84,13 @@ def build(config: TrainConfig, env: TrainingVecEnv) -> PPO:
     # More threads make networks of this size slower, much so where the simulation's threads keep the cores busy.
     torch.set_num_threads(1)
     ppo = config.ppo
+    network = {"net_arch": {"pi": list(ppo.actor), "vf": list(ppo.critic)}, "activation_fn": nn.ELU, "ortho_init": True}
     model = PPO(
-        AsymmetricPolicy,
-        env,
-        learning_rate=learning_rate(ppo),
-        n_steps=ppo.rollout_steps,
-        batch_size=ppo.minibatch,
-        n_epochs=ppo.epochs,
-        gamma=ppo.gamma,
-        gae_lambda=ppo.gae_lambda,
-        clip_range=0.2,
-        ent_coef=ppo.entropy,
-        vf_coef=0.5,
-        max_grad_norm=1.0,
-        policy_kwargs={
-            "net_arch": {"pi": list(ppo.actor), "vf": list(ppo.critic)},
-            "activation_fn": nn.ELU,
-            "log_std_init": ppo.log_std_init,
-            "ortho_init": True,
-            "privileged": env.privileged,
-        },
-        seed=config.seed,
-        device="cpu",
-    )
+        AsymmetricPolicy, env, learning_rate(ppo), n_steps=ppo.rollout_steps, batch_size=ppo.minibatch,
+        n_epochs=ppo.epochs, gamma=ppo.gamma, gae_lambda=ppo.gae_lambda, clip_range=0.2, ent_coef=ppo.entropy,
+        vf_coef=0.5, max_grad_norm=1.0, seed=config.seed, device="cpu",
+        policy_kwargs={**network, "log_std_init": ppo.log_std_init, "privileged": env.privileged},
+    )  # fmt: skip
     for parameter in model.policy.action_net.parameters():
         nn.init.zeros_(parameter)
     model.policy.log_std.requires_grad_(ppo.log_std_final is None)
@@ -120,8 +101,7 @@ def actor_network(model: PPO) -> Network:
     """The mean of the policy as the NumPy network that a bundle holds, without the privileged inputs."""
     actor = (*model.policy.mlp_extractor.policy_net, model.policy.action_net)
     layers = [layer for layer in actor if isinstance(layer, nn.Linear)]
-    weights, biases = [layer.weight.detach() for layer in layers], [layer.bias.detach() for layer in layers]
-    return Network(tuple(_array(weight.T) for weight in weights), tuple(map(_array, biases)))
+    return Network(tuple(_array(each.weight.T) for each in layers), tuple(_array(each.bias) for each in layers))
 
 
 def _array(tensor: torch.Tensor) -> NDArray[np.float32]:

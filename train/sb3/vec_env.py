@@ -12,6 +12,8 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
 from train.residual_env import BoolArray, FloatArray
 
+SHARED = "robots of a batch are no objects with attributes of their own: make new ones, or call the methods of `env`"
+
 
 class TrainingVecEnv(VecEnv):
     """A vector environment with same-step autoreset in SB3's protocol.
@@ -44,14 +46,12 @@ class TrainingVecEnv(VecEnv):
 
     def reset(self) -> FloatArray:
         """Start every robot's first episode; shape (n, m)."""
-        self.taken = []
-        observation, infos = self.env.reset(seed=self._episode_seeds)  # type: ignore[arg-type]  # our batches take one each
-        return self._shown(observation, infos)
+        return self.begin(self._episode_seeds)
 
     def begin(self, seeds: Sequence[int]) -> FloatArray:
         """Start every robot's first episode of other seeds, one a robot; shape (n, m)."""
-        self._episode_seeds = seeds
-        return self.reset()
+        self._episode_seeds, self.taken = seeds, []
+        return self._shown(*self.env.reset(seed=seeds))  # type: ignore[arg-type]  # our batches take one each
 
     def repeat(self, seeds: Sequence[int], actions: Sequence[FloatArray]) -> tuple[FloatArray, BoolArray]:
         """Start with those seeds and repeat those actions; the last observation, (n, m), and new episodes, (n,)."""
@@ -93,12 +93,12 @@ class TrainingVecEnv(VecEnv):
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Refused: robots of a batch have no attributes of their own."""
-        raise NotImplementedError("robots of a batch have no attributes of their own; make new ones instead")
+        """Refused."""
+        raise NotImplementedError(SHARED)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Refused: robots of a batch are not objects."""
-        raise NotImplementedError("robots of a batch are not objects; call the methods of `env`")
+        """Refused."""
+        raise NotImplementedError(SHARED)
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
         """False: there are no single environments."""

@@ -1,8 +1,5 @@
-"""Search of parameters by CMA-ES: a generation's candidates are simulated together on the same episodes.
-
-Every generation has new episodes, all from the "search" family of seeds, which neither training nor evaluation draws.
-Candidates and their costs are in a file that ends in .trials.jsonl, a line for each generation, with the mean of the
-distribution after it.
+"""Search of parameters by CMA-ES: a generation's candidates are simulated together on the same episodes, other ones in
+each generation, all from the "search" family of seeds, which neither training nor evaluation draws.
 """
 
 import json
@@ -14,12 +11,13 @@ import numpy as np
 from rich.progress import track
 
 from policies.parameters import Parameters, limits_of
-from quad_env.cli.command_line import check_numbers
+from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.launcher import raise_on_interrupt
-from train.search.files import check, save
+from train.search.files import save
 from train.search.subject import MARGIN, Effort, Subject, decode, encode, generations
 
 TRIALS = ".trials.jsonl"
+"""End of the file of candidates and costs, a line for each generation, with the mean of the distribution after it."""
 
 P = TypeVar("P", bound=Parameters)
 E = TypeVar("E", bound=Effort)
@@ -30,7 +28,9 @@ def search(subject_of: Callable[[E], Subject[Any]], options: E) -> int:
     check_numbers(options, limits_of(options))
     subject = subject_of(options)
     out = options.out or subject.file
-    check(out, subject.account)
+    if out.name == subject.account:
+        raise UsageError(f"--out must not be {subject.account}, which the account goes to")
+    make_folder_of(out, "--out")
     raise_on_interrupt()
     found, lines, trials = subject.start, list[str](), out.with_suffix(TRIALS)
     try:
@@ -54,8 +54,8 @@ def evolve(effort: Effort, subject: Subject[P]) -> Iterator[tuple[P, list[dict[s
     """After each generation the mean of CMA-ES's distribution, and the candidates with their costs."""
     import cma
 
-    settings: dict[str, Any] = {"popsize": effort.candidates, "seed": effort.seed + 1, "verbose": -9}
-    settings |= {"bounds": [0, 1]} | ({"CMA_diagonal": True} if subject.apart else {})
+    settings = {"popsize": effort.candidates, "seed": effort.seed + 1, "verbose": -9, "bounds": [0, 1]}
+    settings |= {"CMA_diagonal": True} if subject.apart else {}
     start, ranges, digits = subject.start, subject.ranges, subject.digits
     first = np.clip(encode(start, ranges), MARGIN, 1.0 - MARGIN)
     strategy = cma.CMAEvolutionStrategy(first, effort.spread, settings)

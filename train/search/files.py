@@ -9,16 +9,9 @@ from typing import Any
 from evaluate.measures.metrics import Measures
 from policies.base import CONTROL_PERIOD
 from policies.parameters import Parameters
-from quad_env.cli.command_line import UsageError, make_folder_of
+from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import write_atomically
 from train.search.subject import Effort, Ranges
-
-
-def check(out: Path, account: str) -> None:
-    """Raise UsageError, one line, where no parameters can be written, with their account next to them."""
-    if out.name == account:
-        raise UsageError(f"--out must not be {account}, which the account goes to")
-    make_folder_of(out, "--out")
 
 
 def as_json(parameters: Any) -> str:
@@ -52,22 +45,19 @@ def changes(before: Parameters, after: Parameters, ranges: Ranges, fitted: Colle
     """Range and values of every parameter, as a table."""
     lines = ["| parameter | range | before | after |", "|---|---|---|---|"]
     for name, old in asdict(before).items():
-        low_high = ranges.get(name)
-        span = f"{low_high[0]:g} … {low_high[1]:g}" if low_high else "fitted" if name in fitted else "fixed"
+        otherwise = "fitted" if name in fitted else "fixed"
+        span = "{:g} … {:g}".format(*ranges[name]) if name in ranges else otherwise
         lines.append(f"| {name} | {span} | {old:.9g} | {getattr(after, name):.9g} |")
     return lines
 
 
 def results(rows: Iterable[tuple[str, str, Measures]]) -> list[str]:
     """Measures on each scenario with the parameters before and after, (scenario, which, measures) each, as a table."""
-    lines = [
-        "| scenario | parameters | succeeded | stalled | falls | velocity error, m/s | mean velocity error, m/s "
-        "| yaw-rate error, rad/s |",
-        "|---" * 8 + "|",
-    ]
+    errors = "velocity error, m/s | mean velocity error, m/s | yaw-rate error, rad/s"
+    lines = [f"| scenario | parameters | succeeded | stalled | falls | {errors} |", "|---" * 8 + "|"]
     for name, label, found in rows:
-        errors = (found.velocity_error, found.mean_velocity_error, found.yaw_rate_error)
+        means = found.velocity_error, found.mean_velocity_error, found.yaw_rate_error
         counts = " | ".join(f"{int(each.sum())}/{len(each)}" for each in (found.succeeded, found.stalled, found.fell))
-        figures = " | ".join(f"{value.mean():.3f}" for value in errors)
+        figures = " | ".join(f"{value.mean():.3f}" for value in means)
         lines.append(f"| {name} | {label} | {counts} | {figures} |")
     return lines

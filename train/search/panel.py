@@ -27,9 +27,8 @@ class Panel(Policy):
             member.reset(num_envs // len(self._members))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        shares = np.arange(len(observation)).reshape(self._blocks, len(self._members), -1)
+        shares = np.arange(len(observation)).reshape(self._blocks, len(self._members), -1).swapaxes(0, 1)
         actions = np.empty((len(observation), self.robot.num_joints), np.float32)
-        for number, member in enumerate(self._members):
-            own = shares[:, number].ravel()
-            actions[own] = member.act(observation[own])
+        for member, share in zip(self._members, shares, strict=True):
+            actions[share.ravel()] = member.act(observation[share.ravel()])
         return actions

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +54,8 @@ class Effort:
         for each in fields(self):
             value = getattr(self, each.name)
             if each.name == "seed" or (value != each.default and each.name not in ("threads", "out")):
-                entries = value if isinstance(value, tuple) else (value,)
-                words.append(f"--{each.name.replace('_', '-')} {' '.join(map(str, entries))}")
+                entries = map(str, value if isinstance(value, tuple) else (value,))
+                words += [f"--{each.name.replace('_', '-')}", *entries]
         return " ".join(words)
 
 
@@ -92,8 +92,7 @@ def encode(parameters: Parameters, ranges: Ranges) -> Floats:
 
 def rounded(parameters: P) -> P:
     """The parameters to four digits."""
-    values: dict[str, Any] = {each.name: round(float(getattr(parameters, each.name)), 4) for each in fields(parameters)}
-    return replace(parameters, **values)
+    return replace(parameters, **{name: round(float(value), 4) for name, value in vars(parameters).items()})
 
 
 def generations(effort: Effort) -> list[Seeds]:

@@ -6,6 +6,7 @@ distribution after it, which is all that Ctrl-C leaves.
 
 import sys
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Literal
 
 import numpy as np
@@ -68,8 +69,7 @@ def main(options: Options) -> int:
 def subject(options: Options) -> Subject[TrotParameters]:
     """The search of a robot's trot: from SimpleQuad's, or for another robot from that of dynamic similarity."""
     hardware = hardware_of(options.robot or Hardware.robot)
-    robot, threads = hardware.quadruped, options.threads
-    own = robot == SIMPLE_QUAD
+    robot, threads, own = hardware.quadruped, options.threads, hardware.quadruped == SIMPLE_QUAD
     start = TrotParameters() if own else scaled_parameters(searched_parameters(), robot)
     ranges = scaled_ranges(SEARCH_RANGES, TrotParameters, robot)
 
@@ -82,12 +82,9 @@ def subject(options: Options) -> Subject[TrotParameters]:
             found = mapped(found, seeds, threads, hardware)
         after = rounded(found)
         seeds = episode_seeds("search", options.seed + 1_000_000, options.check_episodes)
-        walks = (
-            (name, label, walked(parameters, name, seeds, threads, hardware))
-            for name in SCENARIO_WEIGHTS
-            for label, parameters in (("before", start), ("after", after))
-        )
-        table = results(track(walks, description="comparison", total=2 * len(SCENARIO_WEIGHTS)))
+        both = [(name, label, of) for name in SCENARIO_WEIGHTS for label, of in (("before", start), ("after", after))]
+        walks = ((name, label, walked(of, name, seeds, threads, hardware)) for name, label, of in both)
+        table = results(track(walks, description="comparison", total=len(both)))
         lines = [*introduction(options), "", *changes(start, after, ranges, COMMAND_MAP), ""]
         lines += [f"On {options.check_episodes} fresh search episodes of 10 s a scenario:", "", *table]
         return as_json(after), "\n".join(lines) + "\n"
@@ -110,19 +107,13 @@ def introduction(options: Options) -> list[str]:
     ]
 
 
-def episode_costs(measures: Measures) -> Floats:
-    """Sum of the scaled errors of each episode, (episodes,); the errors count the steps after a fall."""
+def cost(measures: Measures, members: int) -> Floats:
+    """Mean over each member's episodes, (members,), of the sum of scaled errors, which count the steps after a fall."""
     total = np.zeros(len(measures.velocity_error))
     for name, scale in ERROR_SCALES.items():
         # A robot that fell within the first second has no overspeed: all joints count as too fast all the time.
         total += np.nan_to_num(getattr(measures, name), nan=1.0) / scale
-    return total
-
-
-def cost(measures: Measures, members: int) -> Floats:
-    """Mean cost of each member's episodes, (members,)."""
-    mean: Floats = episode_costs(measures).reshape(members, -1).mean(axis=1)
-    return mean
+    return np.asarray(total.reshape(members, -1).mean(axis=1))
 
 
 def interval_response(measures: Measures) -> Floats:
@@ -132,8 +123,7 @@ def interval_response(measures: Measures) -> Floats:
     if upright.sum() < MINIMUM_INTERVALS:
         return np.zeros((4, 3))
     inputs = np.column_stack((command[upright], np.ones(upright.sum())))
-    found: Floats = np.linalg.lstsq(inputs, achieved[upright], rcond=None)[0].astype(np.float64)
-    return found
+    return np.asarray(np.linalg.lstsq(inputs, achieved[upright], rcond=None)[0], np.float64)
 
 
 def weakness(found: Floats) -> float:
@@ -150,23 +140,12 @@ def candidate_costs(
     plus a cost for a response that is too weak to be mapped.
     """
     members, robot = len(candidates), hardware.quadruped
-    runs = {
-        name: run(
-            Panel([Trot(candidate, robot=robot) for candidate in candidates]),
-            practice(name, "search", robot=robot),
-            np.tile(seeds, members),
-            nthread=threads,
-            steps=steps,
-            hardware=hardware,
-        )
-        for name in SCENARIO_WEIGHTS
-    }
-    flat = measure(runs["flat"])
-    rows = np.split(np.arange(len(seeds) * members), members)
-    maps = [
-        interval_response(replace(flat, commands=flat.commands[r], mean_velocities=flat.mean_velocities[r]))
-        for r in rows
-    ]
+    panel = Panel([Trot(candidate, robot=robot) for candidate in candidates])
+    walk = partial(run, panel, seeds=np.tile(seeds, members), nthread=threads, steps=steps, hardware=hardware)
+    runs = {name: walk(practice(name, "search", robot=robot)) for name in SCENARIO_WEIGHTS}
+    flat, rows = measure(runs["flat"]), np.split(np.arange(len(seeds) * members), members)
+    each = [replace(flat, commands=flat.commands[r], mean_velocities=flat.mean_velocities[r]) for r in rows]
+    maps = list(map(interval_response, each))
     total = np.array([weakness(found) for found in maps])
     for name, weight in SCENARIO_WEIGHTS.items():
         target = np.concatenate([runs[name].command[:, r] @ m[:3] + m[3] for r, m in zip(rows, maps, strict=True)], 1)

@@ -176,3 +176,5 @@ def test_a_summary_is_the_plain_mean_over_episodes() -> None:
     assert (summary["fall_rate"], summary["diverged_rate"], summary["success_rate"]) == (0.5, 0.0, 0.0)
     assert summary["velocity_error"] == pytest.approx((2.0 + 1.0) / 2)
     assert summary["yaw_rate_error"] == pytest.approx((3.0 + 0.5) / 2)
+    assert summary["energy"] == 0.0
+    assert np.isnan(summary["cost_of_transport"])  # neither goes anywhere

@@ -1,4 +1,4 @@
-"""Types of options that are written in a way of their own: whole numbers as 1e6, and reward weights."""
+"""Reward weights as an option, `NAME=WEIGHT` words."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -11,26 +11,6 @@ from quad_env.config import RewardWeights
 REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, fall=-5.0)
 """The environment's, and a slope where the robot is so far off its command that the tracking rewards are flat. A second
 there costs about 1: less than a fall, or falling would earn more."""
-
-
-def _whole(words: list[str]) -> int:
-    value = float(words[0])
-    if not value.is_integer():
-        raise ValueError(f"{words[0]} is no whole number")
-    return int(value)
-
-
-Count = Annotated[
-    int,
-    PrimitiveConstructorSpec(
-        nargs=1,
-        metavar="INT",
-        instance_from_str=_whole,
-        is_instance=lambda value: isinstance(value, int),
-        str_from_instance=lambda value: [str(value)],
-    ),
-]
-"""A whole number that may be written as 1e6."""
 
 
 def weights(words: Sequence[str]) -> RewardWeights:
@@ -49,13 +29,8 @@ def weight_words(rewards: RewardWeights) -> list[str]:
     return [f"{name.replace('_', '-')}={weight}" for name, weight in dataclasses.asdict(rewards).items()]
 
 
-Weights = Annotated[
-    RewardWeights,
-    PrimitiveConstructorSpec(
-        nargs="*",
-        metavar="NAME=WEIGHT [NAME=WEIGHT ...]",
-        instance_from_str=weights,
-        is_instance=lambda value: isinstance(value, RewardWeights),
-        str_from_instance=weight_words,
-    ),
-]
+_WORDS = PrimitiveConstructorSpec(
+    nargs="*", metavar="NAME=WEIGHT [NAME=WEIGHT ...]", instance_from_str=weights,
+    is_instance=lambda value: isinstance(value, RewardWeights), str_from_instance=weight_words,
+)  # fmt: skip
+Weights = Annotated[RewardWeights, _WORDS]

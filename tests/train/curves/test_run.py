@@ -1,0 +1,75 @@
+"""Validations of runs: each from its own folder, whatever version wrote it, and seeds of one recipe together."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from quad_env.cli.command_line import UsageError
+from train.config import TrainConfig
+from train.config_file import to_dict
+from train.curves.run import by_seed, read_curve
+from train.run_folder import CONFIG_FILE, VALIDATIONS_FILE
+
+Points = list[tuple[int, float, float | None]]
+
+
+def folder_of_run(folder: Path, points: Points | None, **settings: Any) -> Path:
+    """A run's folder: steps, success and cost of transport of its validations, and what differs in its settings."""
+    folder.mkdir()
+    (folder / CONFIG_FILE).write_text(json.dumps(to_dict(TrainConfig()) | settings))
+    names = "steps", "success", "cost_of_transport"
+    if points is not None:
+        entries = [dict(zip(names, point, strict=True)) for point in points]
+        (folder / VALIDATIONS_FILE).write_text(json.dumps({"best": 0, "validations": entries}))
+    return folder
+
+
+def test_runs_that_differ_in_their_seed_alone_are_one_band_over_the_seeds(tmp_path: Path) -> None:
+    a = folder_of_run(tmp_path / "a", [(100, 0.2, 1.0), (200, 0.6, 0.8)], seed=0)
+    b = folder_of_run(tmp_path / "b", [(100, 0.4, 2.0), (200, 0.4, 0.6), (300, 0.9, 0.5)], seed=1)
+    c = folder_of_run(tmp_path / "c", [(100, 0.5, 3.0)], seed=0, base="trot")
+    band, other = by_seed([read_curve(each) for each in (a, b, c)])
+    assert [run.folder for run in band.runs] == [a, b]
+    np.testing.assert_array_equal(band.steps, [100, 200])  # which both were validated at
+    mean, low, high = band.over_seeds()
+    np.testing.assert_allclose(mean, [[0.3, 0.5], [1.5, 0.7]])
+    np.testing.assert_allclose(low, [[0.2, 0.4], [1.0, 0.6]])
+    np.testing.assert_allclose(high, [[0.4, 0.6], [2.0, 0.8]])
+    assert [band.label, other.label] == ["base trot_integral (2 seeds)", "base trot (seed 0)"]
+    np.testing.assert_allclose(other.over_seeds()[0], [[0.5], [3.0]])
+
+
+def test_a_recipe_of_many_words_goes_by_its_first_folder(tmp_path: Path) -> None:
+    a, b = (folder_of_run(tmp_path / name, [(1, 0.5, 1.0)], steps=number) for name, number in (("a", 1), ("b", 10**60)))
+    assert [each.label for each in by_seed([read_curve(a), read_curve(b)])] == ["steps 1 (seed 0)", f"{b} (seed 0)"]
+
+
+def test_one_seed_given_twice_is_no_band(tmp_path: Path) -> None:
+    curves = [read_curve(folder_of_run(tmp_path / name, [(1, 0.5, 1.0)], seed=4)) for name in ("a", "b")]
+    with pytest.raises(UsageError, match="both seed 4 of one recipe"):
+        by_seed(curves)
+
+
+def test_an_older_run_has_no_cost_of_transport_and_settings_of_its_own(tmp_path: Path) -> None:
+    older = folder_of_run(tmp_path / "older", [(5, 0.5, None)], space="footholds")
+    entries = json.loads((older / VALIDATIONS_FILE).read_text())
+    del entries["validations"][0]["cost_of_transport"]
+    (older / VALIDATIONS_FILE).write_text(json.dumps(entries))
+    curve = read_curve(older)
+    assert curve.settings["space"] == "footholds"
+    np.testing.assert_array_equal(curve.figures, [[0.5], [np.nan]])
+
+
+def test_a_run_without_a_validation_is_an_empty_curve(tmp_path: Path) -> None:
+    assert len(read_curve(folder_of_run(tmp_path / "new", None)).steps) == 0
+
+
+@pytest.mark.parametrize("content", ["", "[]", '{"validations": [3]}', '{"validations": [{"steps": 1}]}', "{}"])
+def test_damaged_validations_are_one_line_that_names_the_file(content: str, tmp_path: Path) -> None:
+    folder = folder_of_run(tmp_path / "run", [])
+    (folder / VALIDATIONS_FILE).write_text(content)
+    with pytest.raises(UsageError, match=r"validations.json holds no validations of a training run"):
+        read_curve(folder)

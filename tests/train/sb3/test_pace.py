@@ -1,0 +1,70 @@
+"""The time that a run has left: rollouts and validations, by a clock that is turned by hand."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from train.config import PpoConfig, TrainConfig, ValidationConfig
+from train.sb3.pace import Pace
+
+PPO = PpoConfig(envs=10, rollout_steps=10, hold=2)
+CONFIG = TrainConfig(steps=1000, mixture=(("flat", 1.0), ("push", 1.0)), ppo=PPO, validation=ValidationConfig(300))
+
+
+class Run:
+    """A run whose rollouts of 100 steps last 4 s."""
+
+    def __init__(self, config: TrainConfig = CONFIG, done: int = 0, validated: int = 0) -> None:
+        self.now, self.steps = 50.0, done
+        self.pace = Pace(config, done, validated, lambda: self.now)
+
+    def roll_out(self, rollouts: int) -> None:
+        self.steps, self.now = self.steps + 100 * rollouts, self.now + 4.0 * rollouts
+
+    def validate(self, seconds: float) -> None:
+        with self.pace.validation(self.steps):
+            self.now += seconds
+
+    @property
+    def left(self) -> float:
+        return self.pace.left(self.steps)
+
+
+def test_time_left_counts_the_validations_to_come() -> None:
+    """At 300, 600, 900 and at the end."""
+    run = Run()
+    run.roll_out(3)
+    run.validate(30.0)
+    assert run.pace.rate(run.steps) == pytest.approx(25.0)  # without the validation
+    assert run.left == pytest.approx(7 * 4.0 + 3 * 30.0)
+    run.roll_out(6)
+    assert run.left == pytest.approx(1 * 4.0 + 3 * 30.0)  # that of 600 was missed: now, at the end of this run's steps
+    run.validate(10.0)
+    assert run.left == pytest.approx(1 * 4.0 + 1 * 20.0)
+    run.roll_out(1)
+    assert run.left == pytest.approx(20.0)
+
+
+def test_before_the_first_validation_its_control_steps_are_taken_to_last_as_long_as_those_of_training() -> None:
+    """A rollout has 20 control steps on each of two scenarios, 0.1 s each; a validation 1000 on each of two."""
+    run = Run()
+    run.roll_out(1)
+    assert run.left == pytest.approx(9 * 4.0 + 4 * 2 * 1000 * 0.1)
+
+
+@pytest.mark.parametrize(("interval", "validations"), [(0, 1), (10_000, 1), (100, 10), (250, 4), (1, 10)])
+def test_validations_come_after_whole_rollouts_and_at_the_end(interval: int, validations: int) -> None:
+    run = Run(replace(CONFIG, validation=ValidationConfig(interval)))
+    run.roll_out(1)
+    assert run.left == pytest.approx(9 * 4.0 + validations * 200.0)
+
+
+def test_a_run_that_is_continued_counts_what_this_session_does() -> None:
+    run = Run(done=500, validated=300)
+    run.now += 60.0  # actions that are repeated
+    run.pace.restart()
+    run.roll_out(1)
+    run.validate(7.0)
+    assert run.left == pytest.approx(4 * 4.0 + 2 * 7.0)  # at 900 and at the end
+    assert math.isfinite(Pace(CONFIG).left(0))

@@ -1,0 +1,1 @@
+"""Learning curves of training runs: success and effort of their validations over steps."""
