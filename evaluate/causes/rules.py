@@ -176,7 +176,7 @@ def signals(record: Record) -> Iterator[Event]:
     if plan is None or record.scenario.dropouts is None:
         return
     length, late = control_steps(record.scenario.dropouts.duration, dt), _late(record, "action")
-    for start, joint in zip(plan.first_step.tolist(), plan.joint.tolist(), strict=True):
+    for start, joint in np.transpose(plan).tolist():
         end = min(start + length, window.stop)
         if late < start < window.stop and start + length > window.start - record.steps("look back"):
             sent, name = record.of("action")[:, joint], record.episodes.robot.joint_names[joint]
