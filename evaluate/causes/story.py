@@ -1,5 +1,7 @@
 """The story of an episode in at most five lines, in the order of time, from the events that decide its cause."""
 
+import numpy as np
+
 from evaluate.causes.record import Record
 from evaluate.causes.rules import Event
 from evaluate.causes.verdict import verdict
@@ -12,7 +14,8 @@ MOST = 5
 
 
 def story(episodes: Episodes, measures: Measures, number: int = 0) -> list[str]:
-    """`2.41 s  front left foot hits a rise of 0.15 m at 0.9 m/s` for each moment of that episode, its outcome last."""
+    """`2.41 s  front left foot hits the edge of a step (0.15 m) at 0.9 m/s` for each moment of that episode, its
+    outcome last."""
     ended = str(measures.outcome[number]).replace("_", " ")
     if ended == SUCCEEDED or episodes.scenario is None:
         return [f"{episodes.steps * episodes.dt:.2f} s  {ended}"]
@@ -23,11 +26,11 @@ def story(episodes: Episodes, measures: Measures, number: int = 0) -> list[str]:
         best.setdefault(event.words[:12], event)
     moments = [(event.step, event.words) for event in list(best.values())[: MOST - 2]]
     if record.fell:
-        ended = f"{ended}: {episodes.fall_reason[number]}"
+        ended += f": {episodes.fall_reason[number]}".replace("_", " ")
     if record.fell and record.end:
         step = min(record.onset, record.end - 1)
-        tilt, away = record.of("tilt")[step], planar(record.capture)[step]
-        words = f"leaves its ordinary gait: tilt {tilt:.2f} rad, capture point {away:.2f} m from the middle of its feet"
+        tilt, away = np.degrees(record.of("tilt")[step]), planar(record.capture)[step]
+        words = f"leaves its ordinary gait: tilt {tilt:.0f}°, capture point {away:.2f} m from the middle of its feet"
         moments.append((step, words))
     cause = f"{found.event.cause.replace('_', ' ')} ({'certain' if found.certain else 'likely'})"
     moments = [*sorted(moments), (record.end + record.fell, f"{ended}; cause: {cause}")]
