@@ -110,7 +110,8 @@ class Record:
         usual = signal[self.steps("start") : max(0, self.end - self.steps("before the fall"))]
         if len(usual) > self.steps("stride"):
             most = np.quantile(usual, self.at("usual share"))
-            least = max(least, float(most + self.at("usual margin") * abs(most)))
+            highest = least + self.at("usual at most") * abs(least)
+            least = min(max(least, float(most + self.at("usual margin") * abs(most))), highest)
         return np.asarray(signal > least)
 
     @cached_property

@@ -108,15 +108,13 @@ def _off_command(record: Record, measures: Measures, interval: int) -> tuple[str
     rule, flat = outcomes.RULES[outcomes.SUCCESS_RULE], np.array([1.0, 1.0, 0.0])
     stalled = measures.outcome[record.number] == outcomes.STALLED
     turning = not stalled and rule.deviations(flat * command, flat * velocity) < rule.deviations(command, velocity)
-    asked, unit = (abs(command[2]), "rad/s") if turning else (planar(command), "m/s")
-    way = (1.0 - flat if turning else flat) * command / max(asked, 1e-9)
-    along = float(way @ velocity)
-    words = f"{along:.2f} {unit} of the commanded {asked:.2f}"
+    asked, verb, unit = (abs(command[2]), "turns", "rad/s") if turning else (planar(command), "moves", "m/s")
+    along = float((1.0 - flat if turning else flat) * command @ velocity / max(asked, 1e-9))
+    words = f"{verb} at {along:.2f} of the commanded {asked:.2f} {unit}"
     if stalled:
         return rules.STALLED, words, True
     if asked > outcomes.MOVING and 0.0 <= along < record.at("slow") * asked:
-        return rules.SLOW, f"{along / asked:.0%}: {words}", bool(along < record.at("too slow") * asked)
+        return rules.SLOW, words, bool(along < record.at("too slow") * asked)
     disturbed = record.scenario.force is not None or record.scenario.pushes is not None
-    ahead, left, yaw = velocity
-    words = f"not too slow: {ahead:.2f} and {left:.2f} m/s, {yaw:.2f} rad/s for {command.round(2)}"
-    return rules.UNCLEAR if disturbed else rules.GAIT, words, False
+    is_, should = (f"{v[0]:.2f} m/s forward, {v[1]:.2f} m/s left, {v[2]:.2f} rad/s" for v in (velocity, command))
+    return rules.UNCLEAR if disturbed else rules.GAIT, f"moves at {is_}; commanded {should}", False
