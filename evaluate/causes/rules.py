@@ -58,9 +58,8 @@ def trips(record: Record, window: slice | None = None) -> Iterator[Event]:
     strength = np.minimum(rise / record.at("rise"), lost / record.at("speed lost")) * touching
     for row in np.flatnonzero(strength.max(axis=(1, 2)) >= 0.5):
         leg, place = np.unravel_index(strength[row].argmax(), strength[row].shape)
-        at, name = (row, leg, place), record.episodes.robot.leg_names[leg]
-        part = f"{LEGS.get(name, name)} {'foot' if place == len(SHANK) - 1 else 'shin'}"
-        words = f"{part} hits {_rise(record, float(rise[at]))} at {speed[at]:.1f} m/s"
+        at, part = (row, leg, place), "foot" if place == len(SHANK) - 1 else "shin"
+        words = f"{_leg(record, int(leg))} {part} hits {_rise(record, float(rise[at]))} at {speed[at]:.1f} m/s"
         yield Event(TRIP, int(steps[row]), float(strength[at]), words, sudden=True)
 
 
@@ -117,8 +116,8 @@ def motors(record: Record) -> Iterator[Event]:
     if np.isfinite(seen.joule_heat[0, record.number]).all():  # of motors with a curve
         full |= (record.of("peak_speed") / seen.speed_limit)[window] >= record.at("saturated")
     weakest = int(full.sum(axis=0).argmax())
-    name = seen.robot.joint_names[weakest]
-    words = f"{name} is {full[:, weakest].mean():.0%} of the time at its limit, {limit[weakest]:.3g} N·m"
+    share = full[:, weakest].mean()
+    words = f"{_joint(record, weakest)} motor is {share:.0%} of the time at its limit, {limit[weakest]:.3g} N·m"
     yield Event(MOTOR, _first(window, full), float(full.mean()) / record.at("saturated joints"), words)
     if bandwidth is not None:
         behind = float(np.abs(record.of("action") - record.of("joint_position"))[window].max(axis=1).mean())
@@ -165,9 +164,9 @@ def signals(record: Record) -> Iterator[Event]:
     for start, joint in [] if plan is None else np.transpose(plan).tolist():
         end = min(start + length, window.stop)
         if late < start < window.stop and start + length > window.start - record.steps("look back"):
-            sent, name = record.of("action")[:, joint], record.episodes.robot.joint_names[joint]
+            sent = record.of("action")[:, joint]
             missed = float(np.abs(sent[start - late : end - late] - sent[start - late - 1]).max())
-            words = f"{name} receives no targets for {(end - start) * dt:.2f} s, {missed:.2f} rad off"
+            words = f"{_joint(record, joint)} receives no targets for {(end - start) * dt:.2f} s, {missed:.2f} rad off"
             yield Event(SIGNAL, start, missed / record.at("held"), words, sudden=True)
 
 
@@ -180,6 +179,15 @@ UPRIGHT_RULES = (motors, slides, estimates, signals, limits)
 def _rises(record: Record) -> bool:
     """Whether there is ground that can rise before a foot."""
     return not isinstance(record.scenario.terrain, Flat | Slope)
+
+
+def _leg(record: Record, leg: int) -> str:
+    name = record.episodes.robot.leg_names[leg]
+    return LEGS.get(name, name)
+
+
+def _joint(record: Record, joint: int) -> str:
+    return f"{_leg(record, joint // 3)} {('hip', 'thigh', 'calf')[joint % 3]}"
 
 
 def _rise(record: Record, height: float) -> str:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from evaluate.causes.record import Record
+from evaluate.causes.rules import GAIT, UNCLEAR
 from evaluate.causes.verdict import verdict
 from evaluate.measures.averages import planar
 from evaluate.measures.episodes import Episodes
@@ -23,11 +24,15 @@ def story(episodes: Episodes, measures: Measures, number: int = 0) -> list[str]:
         told.setdefault(event.cause, event)
     moments = [(event.step, event.words) for event in list(told.values())[:3]]
     if record.fell and record.end:
+        if found.event.cause in (GAIT, UNCLEAR) and found.event.step == record.onset:
+            moments = []  # nothing more is known than what follows
         step = min(record.onset, record.end - 1)
         tilt, away = np.degrees(record.of("tilt")[step]), planar(record.capture)[step]
         words = f"leaves its ordinary gait: tilt {tilt:.0f}°, capture point {away:.2f} m from the middle of its feet"
         moments.append((step, words))
         ended += f" ({episodes.fall_reason[number].replace('_', ' ')})"
-    cause = f"{found.event.cause.replace('_', ' ')} ({'certain' if found.certain else 'likely'})"
+    cause = found.event.cause.replace("_", " ")
+    if found.event.cause != UNCLEAR:
+        cause += f" ({'certain' if found.certain else 'likely'})"
     moments = [*sorted(moments), (record.end + record.fell, f"{ended}; cause: {cause}")]
     return [f"{step * episodes.dt:.2f} s  {words}" for step, words in moments]

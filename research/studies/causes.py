@@ -115,26 +115,24 @@ def film(options: Options, folder: Path) -> int:
 def read(options: Options, reading: Path) -> int:
     """Write the confusion table of the rules and a person's reading; the exit code. Raises UsageError."""
     try:
-        key, seen = ({row["film"]: row for row in csv.DictReader(file.open())} for file in (options.key, reading))
-        pairs = Counter((row["cause"], seen[film]["cause"]) for film, row in key.items())
+        key, seen = (csv.DictReader(path.read_text("utf-8").splitlines()) for path in (options.key, reading))
+        person = {row["film"]: row for row in seen}
+        films = [{**row, "read": person[row["film"]]["cause"]} for row in key]
     except (OSError, KeyError) as error:
         raise UsageError(
-            f"{reading} and {options.key} need columns film and cause, for the same films: {error}"
+            f"{options.key} and {reading} need columns film and cause, of the same films: {error}"
         ) from None
-    if unknown := {cause for pair in pairs for cause in pair} - set(CAUSES):
+    if unknown := {row["read"] for row in films} - set(CAUSES):
         raise UsageError(f"unknown causes {', '.join(sorted(unknown))}; valid: {', '.join(CAUSES)}")
-    sure = [(row["cause"], seen[film]["cause"]) for film, row in key.items() if row["certain"] == "True"]
-    same = sum(count for (rule, person), count in pairs.items() if rule == person)
-    said = f"The two agree on {same} of {len(key)} films"
-    said += f", on {sum(a == b for a, b in sure)} of the {len(sure)} where the rules are certain."
-    heads = [cause for cause in CAUSES if any(cause == person for _, person in pairs)]
-    rows = [
-        {"by the rules": cause} | {head: str(pairs[cause, head] or "") for head in heads}
-        for cause in CAUSES
-        if any(cause == rule for rule, _ in pairs)
-    ]
-    body = table({name: name for name in ("by the rules", *heads)}, rows)
-    put(options.page, [f"{said} Rows: the rules; columns: the person.", "", body], "reading")
-    joined = [{**row, "read": seen[film]["cause"], "remark": seen[film].get("remark", "")} for film, row in key.items()]
-    write_atomically(options.table.with_name("causes_films.csv"), csv_text(joined))
+    pairs = Counter((row["cause"], row["read"]) for row in films)
+    sure = [row["cause"] == row["read"] for row in films if row["certain"] == "True"]
+    same = sum(count for (rule, other), count in pairs.items() if rule == other)
+    said = f"They agree on {same} of {len(films)} films, on {sum(sure)} of the {len(sure)} where the rules are certain."
+    heads = [cause for cause in CAUSES if any(cause == other for _, other in pairs)]
+    body = [{cause: str(pairs[rule, cause] or "") for cause in heads} | {"by the rules": rule} for rule in CAUSES]
+    filled = [row for row in body if any(row[cause] for cause in heads)]
+    names = {name: name for name in ("by the rules", *heads)}
+    put(options.page, [f"{said} Rows: the rules; columns: the person.", "", table(names, filled)], "reading")
+    remarks = [{**row, "remark": person[row["film"]].get("remark", "")} for row in films]
+    write_atomically(options.table.with_name("causes_films.csv"), csv_text(remarks))
     return 0
