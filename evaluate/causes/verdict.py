@@ -77,7 +77,7 @@ def _of_controller(record: Record, nearest: float) -> Verdict:
         return Verdict(Event(rules.UNCLEAR, record.onset, 1.0, "no rule decides"), False)
     fastest = CommandRanges().forward[1] * ratio(record.episodes.robot, "m/s")
     undisturbed = all(getattr(record.scenario, name) == getattr(Scenario(""), name) for name in DISTURBANCES)
-    certain = nearest < 0.5 and undisturbed and planar(record.of("command")).max() <= fastest
+    certain = nearest < record.at("far") and undisturbed and planar(record.of("command")).max() <= fastest
     return Verdict(Event(rules.GAIT, record.onset, 1.0, "it leaves its ordinary gait by itself"), bool(certain))
 
 
@@ -91,7 +91,7 @@ def _of_upright(record: Record, measures: Measures) -> Verdict:
     cause, words, certain = _off_command(record, measures, worst)
     if hits := len({event.step // record.steps("look on") for event in trips(record) if event.strength >= 1.0}):
         words += f"; its legs hit rises {hits} times"
-    certain &= all(event.strength < record.at("nearly") for event in events if event.cause != rules.REACH)
+    certain &= all(event.strength < record.at("far") for event in events if event.cause != rules.REACH)
     return Verdict(Event(cause, record.episodes.intervals.settled[worst].start, 1.0, words), certain)
 
 

@@ -82,15 +82,11 @@ def _frames(policy: Policy, record: Record, part: slice) -> Iterator[Image.Image
                 ways = [*ways[1 - TRAIL :], step.infos["foot_position"][0]]
                 yaw = heading(step) if step.infos["tilt"][0] < FOLLOWS else yaw
                 if step.number in shown:
-                    yield _below(_marked(step, camera, scene.arrows() + _wind(record, step), yaw, ways), step, record)
-
-
-def _wind(record: Record, step: Step) -> list[Arrow]:
-    """The arrow of a steady force."""
-    if (force := record.drawn.force) is None:
-        return []
-    trunk = step.infos["position"][0]
-    return [Arrow(tuple(trunk), tuple(trunk + 0.4 * np.array([*force / np.hypot(*force), 0.0])), 0.02, PUSH)]
+                    arrows, trunk = scene.arrows(), step.infos["position"][0]
+                    if (force := record.drawn.force) is not None:
+                        end = trunk + 0.4 * np.array([*force / np.hypot(*force), 0.0])
+                        arrows.append(Arrow(tuple(trunk), tuple(end), 0.02, PUSH))
+                    yield _below(_marked(step, camera, arrows, yaw, ways), step, record)
 
 
 def _marked(step: Step, camera: Camera, arrows: list[Arrow], yaw: float, ways: list[Floats]) -> Image.Image:
@@ -151,36 +147,30 @@ def _curves(record: Record, part: slice, width: int) -> Image.Image:
     """Contacts, velocity, tilt and torques over the time of a strip."""
     from matplotlib.figure import Figure
 
-    part = slice(part.start, min(part.stop, record.end))
-    time, names = (np.arange(part.start, part.stop) + 1) * record.episodes.dt, record.episodes.robot.leg_names
-    contact, speed = record.of("foot_contact")[part].T > 0, planar(record.shank[1][part, :, -1]).T
-    share = 100.0 * record.of("peak_torque")[part] / record.episodes.torque_limit
+    part, seen, legs = slice(part.start, min(part.stop, record.end)), record.episodes, record.episodes.robot.leg_names
+    time, ends = (np.arange(part.start, part.stop) + 1) * seen.dt, (part.start * seen.dt, part.stop * seen.dt)
     velocity, command, tilt = (record.of(name)[part] for name in ("heading_velocity", "command", "tilt"))
+    share = np.sort(100.0 * record.of("peak_torque")[part] / seen.torque_limit)
     curves = {
-        "velocity, m/s": [
-            (velocity[:, 0], "C0", "forward"), (command[:, 0], "C0--", "commanded"),
-            (velocity[:, 1], "C1", "left"), (command[:, 1], "C1--", "commanded"),
-        ],
-        "tilt, °": [(np.degrees(tilt), "k", "true")],
-        "torque, % of the limit": [
-            (share.max(axis=1), "k", "joint that needs most"), (np.sort(share)[:, -4], "C0", "fourth of them"),
-        ],
-    }  # fmt: skip
-    if record.episodes.observed is not None:
+        "velocity, m/s": {"forward": velocity[:, 0], "left": velocity[:, 1]},
+        "commanded, m/s": {"forward": command[:, 0], "left": command[:, 1]},
+        "tilt, °": {"true": np.degrees(tilt)},
+        "torque, % of the limit": {"joint that needs most": share[:, -1], "fourth of them": share[:, -4]},
+    }
+    if seen.observed is not None:
         shown = record.of("observed")[part]
-        curves["velocity, m/s"].append((shown[:, 6], "r:", "forward, as shown to the policy"))
-        lean = np.degrees(np.arctan2(planar(shown), -shown[:, 2]))
-        curves["tilt, °"].append((lean, "r:", "as shown to the policy"))
+        curves["velocity, m/s"]["forward, as shown to the policy"] = shown[:, 6]
+        curves["tilt, °"]["as shown to the policy"] = np.degrees(np.arctan2(planar(shown), -shown[:, 2]))
     drawn = Figure(figsize=(width / 100, 2.4), dpi=100, layout="constrained")
     first, *others = drawn.subplots(1, 1 + len(curves))
-    ground = np.where(contact, speed, np.nan)
-    where = (time[0], time[-1], len(names) - 0.5, -0.5)
-    first.imshow(ground, "YlOrRd", vmin=-0.3, vmax=1.0, aspect="auto", interpolation="nearest", extent=where)
-    first.set_yticks(range(len(names)), [name.upper() for name in names])
-    first.set_title("feet on the ground (yellow: standing, red: sliding)", fontsize=9)
+    ground = np.where(record.of("foot_contact")[part] > 0, planar(record.shank[1][part, :, -1]), np.nan).T
+    look = {"vmin": -0.3, "vmax": 1.0, "aspect": "auto", "interpolation": "nearest"}
+    first.imshow(ground, "YlOrRd", extent=(*ends, len(legs) - 0.5, -0.5), **look)
+    first.set_yticks(range(len(legs)), [name.upper() for name in legs])
+    first.set_title("feet on the ground (red: sliding)", fontsize=9)
     for axes, (title, lines) in zip(others, curves.items(), strict=True):
-        for values, style, label in lines:
-            axes.plot(time, values, style, label=label)
+        for label, values in lines.items():
+            axes.plot(time, values, label=label)
         axes.set_title(title, fontsize=9)
         axes.legend(fontsize=7)
     buffer = io.BytesIO()
