@@ -16,9 +16,6 @@ from quad_env.config import AnyPose, CommandRanges
 from quad_env.robots.similarity import ratio
 from quad_env.scenarios.scenario import Scenario
 
-DISTURBANCES = "terrain", "pushes", "force", "ground", "motors", "payload", "latency", "noise", "dropouts"
-"""Parts of a scenario that make a fall of the controller itself less than certain."""
-
 
 class Verdict(NamedTuple):
     """Why an episode failed: the event that it began with, whether that is certain, and all events that counted, in
@@ -76,8 +73,12 @@ def _of_controller(record: Record, nearest: float) -> Verdict:
     if nearest >= record.at("nearly") or record.episodes.diverged[record.number]:
         return Verdict(Event(rules.UNCLEAR, record.onset, 1.0, "no rule decides"), False)
     fastest = CommandRanges().forward[1] * ratio(record.episodes.robot, "m/s")
-    undisturbed = all(getattr(record.scenario, name) == getattr(Scenario(""), name) for name in DISTURBANCES)
-    certain = nearest < record.at("far") and undisturbed and planar(record.of("command")).max() <= fastest
+    labels = {
+        name: getattr(record.scenario, name)
+        for name in ("name", "commands", "start", "axis", "severity", "severity_unit")
+    }
+    undisturbed = record.scenario == Scenario(**labels) and planar(record.of("command")).max() <= fastest
+    certain = undisturbed and nearest < record.at("far")
     return Verdict(Event(rules.GAIT, record.onset, 1.0, "it leaves its ordinary gait by itself"), bool(certain))
 
 

@@ -149,11 +149,10 @@ def _curves(record: Record, part: slice, width: int) -> Image.Image:
 
     part, seen, legs = slice(part.start, min(part.stop, record.end)), record.episodes, record.episodes.robot.leg_names
     time, ends = (np.arange(part.start, part.stop) + 1) * seen.dt, (part.start * seen.dt, part.stop * seen.dt)
-    velocity, command, tilt = (record.of(name)[part] for name in ("heading_velocity", "command", "tilt"))
+    velocity, tilt = record.of("heading_velocity")[part], record.of("tilt")[part]
     share = np.sort(100.0 * record.of("peak_torque")[part] / seen.torque_limit)
     curves = {
         "velocity, m/s": {"forward": velocity[:, 0], "left": velocity[:, 1]},
-        "commanded, m/s": {"forward": command[:, 0], "left": command[:, 1]},
         "tilt, °": {"true": np.degrees(tilt)},
         "torque, % of the limit": {"joint that needs most": share[:, -1], "fourth of them": share[:, -4]},
     }
