@@ -32,11 +32,13 @@ class Verdict(NamedTuple):
 
 
 def with_causes(measures: Measures, episodes: Episodes) -> Measures:
-    """The measures with the causes of the episodes that failed; without, where nothing is known of the scenario."""
+    """The measures with the causes of the episodes that failed; as they are, where nothing is known of the scenario."""
+    if episodes.scenario is None:
+        return measures
     cause, detail = np.full((2, episodes.count), None, dtype=object)
-    time, scenario = np.full(episodes.count, np.nan), episodes.scenario
-    for number in np.flatnonzero(~measures.succeeded).tolist() if scenario else ():
-        found = verdict(Record(episodes, scenario, number), measures)
+    time = np.full(episodes.count, np.nan)
+    for number in np.flatnonzero(~measures.succeeded).tolist():
+        found = verdict(Record(episodes, episodes.scenario, number), measures)
         cause[number], detail[number], time[number] = found.event.cause, found.detail, found.event.step * episodes.dt
     return replace(measures, cause=cause, cause_time=time, cause_detail=detail)
 

@@ -131,7 +131,8 @@ def _below(image: Image.Image, step: Step, record: Record) -> Image.Image:
         f"tilt {np.degrees(infos['tilt'][0]):.0f}°, torque {share.max():.0%}, {(share > 0.95).sum()} joints at limit",
     ]
     if not step.env.shows_truth:
-        gravity, velocity = (step.observation[0, table[name]] for name in ("projected_gravity", "linear_velocity"))
+        shown = step.observation[0].astype(np.float64)
+        gravity, velocity = (shown[table[name]] for name in ("projected_gravity", "linear_velocity"))
         tilt = np.degrees(np.arctan2(planar(gravity), -gravity[2]))
         lines.append(f"policy is shown tilt {tilt:.0f}°, {velocity[0]:+.2f} m/s forward, {velocity[1]:+.2f} m/s left")
     text = _text([*lines, ""][:LINES], image.width)
