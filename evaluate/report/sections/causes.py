@@ -23,10 +23,9 @@ def causes(results: Results) -> str:
     seen = {cause for summary in results.summaries.values() for cause in summary.causes}
     if not seen:
         return ""
-    key = (f"<li>{mark(plots.COLOURS[cause], '■')}{cause.replace('_', ' ')}</li>" for cause in CAUSES if cause in seen)
-    return section(
-        "Why they fail", note(LEAD), f'<nav aria-label="Colours"><ul>{"".join(key)}</ul></nav>', *_pictures(results)
-    )
+    whole = '<span style="white-space:nowrap">{}{}</span>'
+    key = (whole.format(mark(plots.COLOURS[cause], "■"), cause.replace("_", " ")) for cause in CAUSES if cause in seen)
+    return section("Why they fail", note(LEAD), f"<p>{' &ensp;'.join(key)}</p>", *_pictures(results))
 
 
 def _pictures(results: Results) -> Iterator[str]:

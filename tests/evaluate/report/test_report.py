@@ -88,7 +88,7 @@ def test_the_front_and_what_dominates_each_of_the_others_are_listed(four) -> Non
 
 def test_every_plot_says_what_it_shows(page) -> None:
     plots = [image for image in re.findall(r"<img [^>]*>", page) if "image/svg" in image]
-    assert len(plots) == 3  # success, outcomes and effort: no axis of this run has several levels
+    assert len(plots) == 6  # success, outcomes, effort, and the causes of each policy: no axis has several levels
     assert all(re.search(r'alt="[^"]{10,}"', image) for image in plots)
 
 
