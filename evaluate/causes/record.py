@@ -17,9 +17,8 @@ from quad_env.robots.similarity import ratio
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 
-THRESHOLDS: dict[str, tuple[float, str, str]] = json.loads(
-    Path(__file__).with_name("thresholds.json").read_text(encoding="utf-8")
-)
+_FILE = Path(__file__).with_name("thresholds.json")
+THRESHOLDS: dict[str, tuple[float, str, str]] = json.loads(_FILE.read_text(encoding="utf-8"))
 """Value, unit and reason of every threshold of the rules, by name."""
 SHANK = np.array([0.25, 0.5, 0.75, 1.0])
 """Places on a shank that are looked at, from the knee, 0, to the foot, 1."""
@@ -43,18 +42,18 @@ class Record:
         """Whether it ended by a fall or a divergence."""
         return self.end < self.episodes.steps
 
-    def of(self, name: str) -> Floats:
-        """That signal, (end, …)."""
-        return np.asarray(getattr(self.episodes, name)[: self.end, self.number], np.float64)
+    def of(self, signal: str) -> Floats:
+        """That signal of `Episodes`, (end, …)."""
+        return np.asarray(getattr(self.episodes, signal)[: self.end, self.number], np.float64)
 
-    def at(self, name: str) -> float:
+    def at(self, threshold: str) -> float:
         """A threshold for its robot: lengths, times and speeds are SimpleQuad's, and go with the length of the legs."""
-        value, unit, _ = THRESHOLDS[name]
+        value, unit, _ = THRESHOLDS[threshold]
         return value * (ratio(self.episodes.robot, unit) if unit in ("m", "s", "m/s") else 1.0)
 
-    def steps(self, name: str) -> int:
+    def steps(self, threshold: str) -> int:
         """Control steps of a threshold in s."""
-        return max(1, round(self.at(name) / self.episodes.dt))
+        return max(1, round(self.at(threshold) / self.episodes.dt))
 
     @cached_property
     def drawn(self) -> Episode:
@@ -70,9 +69,9 @@ class Record:
     @cached_property
     def velocity(self) -> Floats:
         """Of the trunk, world frame, (end, 2), m/s."""
-        ahead, left, _ = self.of("heading_velocity").T[..., None]
-        nose = self.rotation[:, :2, 0] / np.maximum(planar(self.rotation[:, :, 0]), 1e-6)[:, None]
-        return np.asarray(ahead * nose + left * np.stack((-nose[:, 1], nose[:, 0]), axis=-1))
+        yaw = np.arctan2(self.rotation[:, 1, 0], self.rotation[:, 0, 0])
+        from_heading = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        return np.asarray(np.einsum("ijt,tj->ti", from_heading, self.of("heading_velocity")[:, :2]))
 
     @cached_property
     def time_constant(self) -> float:
@@ -81,9 +80,9 @@ class Record:
 
     @cached_property
     def capture(self) -> Floats:
-        """Capture point as seen from the middle of the feet, world frame, (end, 2), m (Pratt et al. 2006)."""
-        point = self.of("position")[:, :2] + self.velocity * self.time_constant
-        return np.asarray(point - self.of("foot_position")[:, :, :2].mean(axis=1))
+        """Capture point from the middle of the feet, world frame, (end, 2), m (Pratt et al. 2006)."""
+        feet = self.of("foot_position")[:, :, :2].mean(axis=1)
+        return np.asarray(self.of("position")[:, :2] + self.velocity * self.time_constant - feet)
 
     @cached_property
     def shank(self) -> tuple[Floats, Floats]:
@@ -111,7 +110,8 @@ class Record:
         usual = signal[self.steps("start") : max(0, self.end - self.steps("before the fall"))]
         if len(usual) > self.steps("stride"):
             most = np.quantile(usual, self.at("usual share"))
-            least = max(least, float(most + self.at("usual margin") * abs(most)))
+            highest = least + self.at("usual at most") * abs(least)
+            least = min(max(least, float(most + self.at("usual margin") * abs(most))), highest)
         return np.asarray(signal > least)
 
     @cached_property

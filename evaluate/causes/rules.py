@@ -4,7 +4,7 @@ What is sudden, such as a blow, has a moment; what lasts, such as ice or noise, 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from evaluate.measures.averages import Bools, Floats, planar
 from evaluate.measures.effort import LIMIT_MARGIN
 from quad_env.config import GRAVITY
 from quad_env.scenarios.episode import control_steps
-from quad_env.scenarios.terrain import Flat, Slope
+from quad_env.scenarios.terrain import Flat, Slope, Stairs
 
 TRIP, SLIP, PUSH, MOTOR, REACH = "trip", "slip", "pushed_over", "motor_limit", "out_of_reach"
 ESTIMATE, SIGNAL, GAIT = "wrong_estimate", "late_or_lost_signal", "gait"
@@ -27,15 +27,13 @@ SWING, LASTING = 3, 5
 """Control steps over which the speed of a leg before a blow, and a torque at its limit, are means."""
 
 
-@dataclass(frozen=True)
-class Event:
-    """Something that can have made an episode fail."""
+class Event(NamedTuple):
+    """Something that can have made an episode fail: its cause, the control step in which it began, what decides by its
+    threshold, from 1 on it counts, and its words."""
 
     cause: str
     step: int
-    """Control step in which it began."""
     strength: float
-    """What decided, by its threshold: from 1 on it counts."""
     words: str
     sudden: bool = False
 
@@ -43,41 +41,38 @@ class Event:
 def trips(record: Record, window: slice | None = None) -> Iterator[Event]:
     """Swinging legs that lose speed where the ground rises before them: of each step the strongest blow."""
     window = window or record.window
-    first, last = max(window.start, SWING), window.stop
-    if isinstance(record.scenario.terrain, Flat | Slope) or first >= last:
-        return  # where nothing rises before a foot
+    steps = np.arange(max(window.start, SWING), min(window.stop, record.end - 1))
+    if not _rises(record) or not len(steps):
+        return
     (points, velocity), contact = record.shank, record.of("foot_contact") > 0
-    before = _running_mean(velocity[..., :2], SWING)[first - 1 : last - 1]
-    after = (velocity[first:last, ..., :2] + velocity[np.arange(first, last).clip(max=last - 2) + 1, ..., :2]) / 2
+    before = _running_mean(velocity[..., :2], SWING)[steps - 1]
+    after = (velocity[steps, ..., :2] + velocity[steps + 1, ..., :2]) / 2
     speed = planar(before)
     way = before / np.maximum(speed, 1e-9)[..., None]
     ahead = record.at("reach of a riser") * way
-    rise = record.ground(points[first:last, ..., :2] + ahead) - record.ground(points[first:last, ..., :2] - ahead)
+    rise = record.ground(points[steps, ..., :2] + ahead) - record.ground(points[steps, ..., :2] - ahead)
+    touching = np.repeat(contact[steps, :, None], len(SHANK), axis=2)
+    touching[..., :-1] = record.of("leg_contact")[steps, None, None] > 0
+    touching &= _running_mean(~contact, SWING)[steps - 1, :, None] > 0
     lost = speed - (after * way).sum(axis=-1)
-    touching = np.repeat(contact[first:last, :, None], len(SHANK), axis=2)
-    touching[..., :-1] = record.of("leg_contact")[first:last, None, None] > 0
-    touching &= _running_mean(~contact, SWING)[first - 1 : last - 1, :, None] > 0
     strength = np.minimum(rise / record.at("rise"), lost / record.at("speed lost")) * touching
-    for step in np.flatnonzero(strength.max(axis=(1, 2)) >= 0.5):
-        leg, place = np.unravel_index(strength[step].argmax(), strength[step].shape)
-        at, name = (step, leg, place), record.episodes.robot.leg_names[leg]
-        part = f"{LEGS.get(name, name)} {'foot' if place == len(SHANK) - 1 else 'shin'}"
-        words = f"{part} hits a rise of {rise[at]:.2f} m at {speed[at]:.1f} m/s"
-        yield Event(TRIP, first + int(step), float(strength[at]), words, sudden=True)
+    for row in np.flatnonzero(strength.max(axis=(1, 2)) >= 0.5):
+        leg, place = np.unravel_index(strength[row].argmax(), strength[row].shape)
+        at, part = (row, leg, place), "foot" if place == len(SHANK) - 1 else "shin"
+        words = f"{_leg(record, int(leg))} {part} hits {_rise(record, float(rise[at]))} at {speed[at]:.1f} m/s"
+        yield Event(TRIP, int(steps[row]), float(strength[at]), words, sudden=True)
 
 
 def trunk_blow(record: Record) -> Iterator[Event]:
     """The trunk that meets ground which rises before it, in an ordinary posture."""
-    last, robot = record.end - 1, record.episodes.robot
+    last, seen = record.end - 1, record.episodes
     usual = record.of("tilt")[last] <= 2 * record.at("tilt") and record.onset >= last - record.steps("look back")
-    if not usual or record.episodes.fall_reason[record.number] != "trunk_contact":
-        return
-    x, y, z = robot.trunk_size / 2 + record.at("reach of a riser") * np.array([1.0, 1.0, 0.0])
-    corners = np.array([(x, y, -z), (x, -y, -z), (-x, y, -z), (-x, -y, -z)]) @ record.rotation[last].T
-    ground = record.ground(record.of("position")[last] + corners)
-    rise = float(ground.max() - record.ground(record.of("foot_position")[last]).min())
-    if not isinstance(record.scenario.terrain, Flat | Slope):
-        words = f"the trunk meets a rise of {rise:.2f} m"
+    if _rises(record) and usual and seen.fall_reason[record.number] == "trunk_contact":
+        x, y, z = seen.robot.trunk_size / 2 + record.at("reach of a riser") * np.array([1.0, 1.0, 0.0])
+        corners = np.array([(x, y, -z), (x, -y, -z), (-x, y, -z), (-x, -y, -z)]) @ record.rotation[last].T
+        feet = record.ground(record.of("foot_position")[last])
+        rise = float((record.ground(record.of("position")[last] + corners)).max() - feet.min())
+        words = f"the trunk meets {_rise(record, rise)}"
         yield Event(TRIP, record.end, rise / record.at("trunk's rise"), words, sudden=True)
 
 
@@ -95,43 +90,35 @@ def slides(record: Record) -> Iterator[Event]:
 
 
 def pushes(record: Record) -> Iterator[Event]:
-    """Pushes shortly before the onset, by how far they move the capture point."""
-    steps, impulses = record.episodes.push_step[record.number], record.episodes.push_impulse[record.number]
-    latest = min(record.onset + record.episodes.push_steps, record.end - 1)
-    for step, impulse in zip(steps.tolist(), impulses, strict=True):
+    """Pushes shortly before the onset, by how far they move the capture point; a steady force that it gives way to."""
+    seen, force = record.episodes, record.drawn.force
+    latest = min(record.onset + seen.push_steps, record.end - 1)
+    for step, impulse in zip(seen.push_step[record.number].tolist(), seen.push_impulse[record.number], strict=True):
         if record.fell and record.onset - record.steps("push before") <= step <= latest:
             size = float(np.hypot(*impulse))
-            faster = size * GRAVITY / record.episodes.weight
-            words = f"a push of {size:.0f} N·s, {faster:.1f} m/s"
+            faster = size * GRAVITY / seen.weight
+            words = f"a push of {size:.0f} N·s, {faster:.1f} m/s for its mass"
             yield Event(PUSH, step, faster * record.time_constant / record.at("push"), words, sudden=True)
-
-
-def forces(record: Record) -> Iterator[Event]:
-    """A steady force, where the robot gives way to it."""
-    if (force := record.drawn.force) is None or not record.fell:
-        return
-    size, step = float(np.hypot(*force)), max(record.onset - 1, 0)
-    went = record.capture[step:].mean(axis=0)
-    share = size / record.episodes.weight
-    if went @ force > 0.5 * size * np.hypot(*went):
-        words = f"a steady force of {size:.0f} N, {share:.2f} of the weight"
-        yield Event(PUSH, step, share / record.at("force"), words)
+    if record.fell and force is not None:
+        size, step = float(np.hypot(*force)), max(record.onset - 1, 0)
+        went = record.capture[step:].mean(axis=0)
+        if went @ force > 0.5 * size * np.hypot(*went):
+            words = f"a steady force of {size:.0f} N, {size / seen.weight:.2f} of the weight"
+            yield Event(PUSH, step, size / seen.weight / record.at("force"), words)
 
 
 def motors(record: Record) -> Iterator[Event]:
     """Motors that stay at their limit of torque, or of speed where they have a torque-speed curve, or servos of limited
     bandwidth far behind their targets."""
-    window, bandwidth = record.window, record.scenario.motors.bandwidth
-    limit = np.broadcast_to(record.episodes.torque_limit, record.episodes.joint_torque.shape[-1:])
-    share = _running_mean(record.of("joint_torque") / limit, LASTING)[window]
-    full = np.abs(share) >= record.at("saturated")
-    if np.isfinite(record.episodes.joule_heat[0, record.number]).all():  # of motors with a curve
-        full |= (record.of("peak_speed") / record.episodes.speed_limit)[window] >= record.at("saturated")
+    window, bandwidth, seen = record.window, record.scenario.motors.bandwidth, record.episodes
+    limit = np.broadcast_to(seen.torque_limit, seen.joint_torque.shape[-1:])
+    full = np.abs(_running_mean(record.of("joint_torque") / limit, LASTING)[window]) >= record.at("saturated")
+    if np.isfinite(seen.joule_heat[0, record.number]).all():  # of motors with a curve
+        full |= (record.of("peak_speed") / seen.speed_limit)[window] >= record.at("saturated")
     weakest = int(full.sum(axis=0).argmax())
-    name = record.episodes.robot.joint_names[weakest]
-    words = f"{name} is {full[:, weakest].mean():.0%} of the time at its limit, {limit[weakest]:.3g} N·m"
-    step = _first(window, full)
-    yield Event(MOTOR, step, float(full.mean()) / record.at("saturated joints"), words)
+    share = full[:, weakest].mean()
+    words = f"{_joint(record, weakest)} motor is {share:.0%} of the time at its limit, {limit[weakest]:.3g} N·m"
+    yield Event(MOTOR, _first(window, full), float(full.mean()) / record.at("saturated joints"), words)
     if bandwidth is not None:
         behind = float(np.abs(record.of("action") - record.of("joint_position"))[window].max(axis=1).mean())
         words = f"servos of {bandwidth:g} Hz are {behind:.2f} rad behind"
@@ -142,8 +129,8 @@ def limits(record: Record) -> Iterator[Event]:
     """Standing legs at a joint limit, or stretched; targets beyond a limit are usual in crouching gaits."""
     window, robot, joints = record.window, record.episodes.robot, record.of("joint_position")
     beyond = (joints <= robot.joint_lower + LIMIT_MARGIN) | (joints >= robot.joint_upper - LIMIT_MARGIN)
-    upper, lower, bent = robot.thigh_length, robot.calf_length, np.cos(joints[:, 2::3])
-    length = np.sqrt(upper**2 + lower**2 + 2 * upper * lower * bent) / (upper + lower)
+    upper, lower = robot.thigh_length, robot.calf_length
+    length = np.sqrt(upper**2 + lower**2 + 2 * upper * lower * np.cos(joints[:, 2::3])) / (upper + lower)
     standing = (record.of("foot_contact") > 0)[window]
     legs = beyond.reshape(*length.shape, -1).any(axis=-1) | (length >= record.at("stretched"))
     if (at_limit := legs[window] & standing).any():
@@ -160,41 +147,56 @@ def estimates(record: Record) -> Iterator[Event]:
     shown, rotation = record.of("observed"), record.rotation[moments]
     down = shown[:, :3] / np.maximum(np.linalg.norm(shown[:, :3], axis=1), 1e-9)[:, None]
     tilt = np.arccos(np.clip(-(down * rotation[:, 2]).sum(axis=1), -1.0, 1.0))
-    off = planar((rotation @ shown[:, 6:9, None])[:, :2, 0] - record.velocity[moments])
-    errors = [float(np.sqrt((each[record.window] ** 2).mean())) for each in (tilt, off)]
-    strength = max(errors[0] / record.at("tilt estimate"), errors[1] / record.at("velocity estimate"))
-    words = f"the policy is shown a tilt that is {errors[0]:.2f} rad wrong, a velocity {errors[1]:.2f} m/s"
+    velocity = planar((rotation @ shown[:, 6:9, None])[:, :2, 0] - record.velocity[moments])
+    wrong, off = (float(np.sqrt((each[record.window] ** 2).mean())) for each in (tilt, velocity))
+    strength = max(wrong / record.at("tilt estimate"), off / record.at("velocity estimate"))
+    words = f"the policy is shown a tilt that is {wrong:.2f} rad wrong, a velocity {off:.2f} m/s"
     yield Event(ESTIMATE, record.window.start, strength, words)
 
 
 def signals(record: Record) -> Iterator[Event]:
     """Delay of readings and actions; servos that receive no targets shortly before the onset."""
-    plan, window, dt = record.drawn.dropouts, record.window, record.episodes.dt
-    if late := _late(record, "action") + _late(record, "observation"):
-        words = f"readings and actions are {1000 * late * dt:.0f} ms late together"
-        yield Event(SIGNAL, window.start, late * dt / record.time_constant / record.at("delay"), words)
-    if plan is None or record.scenario.dropouts is None:
-        return
-    length, late = control_steps(record.scenario.dropouts.duration, dt), _late(record, "action")
-    for start, joint in zip(plan.first_step.tolist(), plan.joint.tolist(), strict=True):
+    dropouts, plan, window, dt = record.scenario.dropouts, record.drawn.dropouts, record.window, record.episodes.dt
+    late, length = _late(record, "action"), control_steps(dropouts.duration if dropouts else 0.0, dt)
+    if both := late + _late(record, "observation"):
+        words = f"readings and actions are {1000 * both * dt:.0f} ms late together"
+        yield Event(SIGNAL, window.start, both * dt / record.time_constant / record.at("delay"), words)
+    for start, joint in [] if plan is None else np.transpose(plan).tolist():
         end = min(start + length, window.stop)
         if late < start < window.stop and start + length > window.start - record.steps("look back"):
-            sent, name = record.of("action")[:, joint], record.episodes.robot.joint_names[joint]
+            sent = record.of("action")[:, joint]
             missed = float(np.abs(sent[start - late : end - late] - sent[start - late - 1]).max())
-            words = f"{name} receives no targets for {(end - start) * dt:.2f} s, {missed:.2f} rad off"
+            words = f"{_joint(record, joint)} receives no targets for {(end - start) * dt:.2f} s, {missed:.2f} rad off"
             yield Event(SIGNAL, start, missed / record.at("held"), words, sudden=True)
 
 
-RULES = (trips, trunk_blow, slides, pushes, forces, motors, limits, estimates, signals)
+RULES = (trips, trunk_blow, slides, pushes, motors, limits, estimates, signals)
 """Every rule of a fall."""
 UPRIGHT_RULES = (motors, slides, estimates, signals, limits)
 """Those of an upright failure: the first that counts decides."""
 
 
+def _rises(record: Record) -> bool:
+    """Whether there is ground that can rise before a foot."""
+    return not isinstance(record.scenario.terrain, Flat | Slope)
+
+
+def _leg(record: Record, leg: int) -> str:
+    name = record.episodes.robot.leg_names[leg]
+    return LEGS.get(name, name)
+
+
+def _joint(record: Record, joint: int) -> str:
+    return f"{_leg(record, joint // 3)} {('hip', 'thigh', 'calf')[joint % 3]}"
+
+
+def _rise(record: Record, height: float) -> str:
+    return f"{'the edge of a step' if isinstance(record.scenario.terrain, Stairs) else 'a rise'} ({height:.2f} m)"
+
+
 def _late(record: Record, of: str) -> int:
     """Control steps of the scenario's delay of `action` or `observation`."""
-    latency = record.scenario.latency
-    return 0 if latency is None else round(getattr(latency, of) / record.episodes.dt)
+    return round(getattr(record.scenario.latency, of, 0.0) / record.episodes.dt)
 
 
 def _running_mean(values: Floats | Bools, length: int) -> Floats:

@@ -1,34 +1,38 @@
 """The story of an episode in at most five lines, in the order of time, from the events that decide its cause."""
 
+import numpy as np
+
 from evaluate.causes.record import Record
-from evaluate.causes.rules import Event
+from evaluate.causes.rules import GAIT, UNCLEAR
 from evaluate.causes.verdict import verdict
 from evaluate.measures.averages import planar
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import SUCCEEDED
 
-MOST = 5
-
 
 def story(episodes: Episodes, measures: Measures, number: int = 0) -> list[str]:
-    """`2.41 s  front left foot hits a rise of 0.15 m at 0.9 m/s` for each moment of that episode, its outcome last."""
+    """`2.41 s  front left foot hits the edge of a step (0.15 m) at 0.9 m/s` and so on, the outcome last: the event that
+    decided, the strongest of two other causes, and when the robot left its gait."""
     ended = str(measures.outcome[number]).replace("_", " ")
     if ended == SUCCEEDED or episodes.scenario is None:
         return [f"{episodes.steps * episodes.dt:.2f} s  {ended}"]
     record = Record(episodes, episodes.scenario, number)
     found = verdict(record, measures)
-    best: dict[str, Event] = {found.event.words[:12]: found.event}  # of each leg and kind, the strongest
+    told = {found.event.cause: found.event}
     for event in sorted(found.seen, key=lambda event: -event.strength):
-        best.setdefault(event.words[:12], event)
-    moments = [(event.step, event.words) for event in list(best.values())[: MOST - 2]]
-    if record.fell:
-        ended = f"{ended}: {episodes.fall_reason[number]}"
+        told.setdefault(event.cause, event)
+    moments = [(event.step, event.words) for event in list(told.values())[:3]]
     if record.fell and record.end:
+        if found.event.cause in (GAIT, UNCLEAR) and found.event.step == record.onset:
+            moments = []  # nothing more is known than what follows
         step = min(record.onset, record.end - 1)
-        tilt, away = record.of("tilt")[step], planar(record.capture)[step]
-        words = f"leaves its ordinary gait: tilt {tilt:.2f} rad, capture point {away:.2f} m from the middle of its feet"
+        tilt, away = np.degrees(record.of("tilt")[step]), planar(record.capture)[step]
+        words = f"leaves its ordinary gait: tilt {tilt:.0f}°, capture point {away:.2f} m from the middle of its feet"
         moments.append((step, words))
-    cause = f"{found.event.cause.replace('_', ' ')} ({'certain' if found.certain else 'likely'})"
+        ended += f" ({episodes.fall_reason[number].replace('_', ' ')})"
+    cause = found.event.cause.replace("_", " ")
+    if found.event.cause != UNCLEAR:
+        cause += f" ({'certain' if found.certain else 'likely'})"
     moments = [*sorted(moments), (record.end + record.fell, f"{ended}; cause: {cause}")]
     return [f"{step * episodes.dt:.2f} s  {words}" for step, words in moments]

@@ -1,6 +1,7 @@
 """Which cause a failed episode has: the first event that decides, and how certain that is."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,26 +9,21 @@ from evaluate.causes import rules
 from evaluate.causes.record import Record
 from evaluate.causes.rules import Event, trips
 from evaluate.measures import outcomes
-from evaluate.measures.averages import Floats, planar
+from evaluate.measures.averages import planar
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures
 from quad_env.config import AnyPose, CommandRanges
 from quad_env.robots.similarity import ratio
 from quad_env.scenarios.scenario import Scenario
 
-DISTURBANCES = "terrain", "pushes", "force", "ground", "motors", "payload", "latency", "noise", "dropouts"
-"""Parts of a scenario that make a fall of the controller itself less than certain."""
 
-
-@dataclass(frozen=True)
-class Verdict:
-    """Why an episode failed."""
+class Verdict(NamedTuple):
+    """Why an episode failed: the event that it began with, whether that is certain, and all events that counted, in
+    the order of time."""
 
     event: Event
-    """What it began with."""
     certain: bool
     seen: tuple[Event, ...] = ()
-    """All that counted, in the order of time."""
 
     @property
     def detail(self) -> str:
@@ -35,25 +31,25 @@ class Verdict:
         return f"{self.event.words} ({'certain' if self.certain else 'likely'})"
 
 
-def verdict(record: Record, measures: Measures) -> Verdict:
-    """Why that episode failed."""
-    outcome, failures = measures.outcome[record.number], record.episodes.failure
-    if outcome == outcomes.POLICY_ERROR and failures is not None:
-        words = f"the policy {' '.join(str(failures[record.number]).split())[:120]}"
-        steps = record.episodes.failure_step
-        return Verdict(Event(rules.POLICY, 0 if steps is None else int(steps[record.number]), 1.0, words), True)
-    return _of_fall(record) if record.fell else _of_upright(record, measures)
-
-
 def with_causes(measures: Measures, episodes: Episodes) -> Measures:
-    """The measures with the causes of the episodes that failed; without, where nothing is known of the scenario."""
+    """The measures with the causes of the episodes that failed; as they are, where nothing is known of the scenario."""
+    if episodes.scenario is None:
+        return measures
     cause, detail = np.full((2, episodes.count), None, dtype=object)
     time = np.full(episodes.count, np.nan)
-    for number in np.flatnonzero(measures.outcome != outcomes.SUCCEEDED).tolist() if episodes.scenario else ():
-        found = verdict(Record(episodes, episodes.scenario, number), measures)  # type: ignore[arg-type]
-        cause[number], detail[number] = found.event.cause, found.detail
-        time[number] = found.event.step * episodes.dt
+    for number in np.flatnonzero(~measures.succeeded).tolist():
+        found = verdict(Record(episodes, episodes.scenario, number), measures)
+        cause[number], detail[number], time[number] = found.event.cause, found.detail, found.event.step * episodes.dt
     return replace(measures, cause=cause, cause_time=time, cause_detail=detail)
+
+
+def verdict(record: Record, measures: Measures) -> Verdict:
+    """Why that episode failed."""
+    failures, steps = record.episodes.failure, record.episodes.failure_step
+    if measures.outcome[record.number] != outcomes.POLICY_ERROR or failures is None:
+        return _of_fall(record) if record.fell else _of_upright(record, measures)
+    words = f"the policy {' '.join(str(failures[record.number]).split())[:120]}"
+    return Verdict(Event(rules.POLICY, 0 if steps is None else int(steps[record.number]), 1.0, words), True)
 
 
 def _of_fall(record: Record) -> Verdict:
@@ -64,18 +60,14 @@ def _of_fall(record: Record) -> Verdict:
     seen = tuple(event for event in events if event.strength >= 1.0)
     if not seen:
         return _of_controller(record, max((each.strength for each in events if each.cause != rules.REACH), default=0.0))
-    first = min(
-        seen, key=lambda each: (not each.sudden, each.cause == rules.REACH, 0.0 if each.sudden else -each.strength)
-    )
-    rivals = [each for each in seen if each.cause not in (first.cause, rules.REACH) and each.step <= first.step]
-    alone = not rivals and first.cause != rules.REACH and not _usual(record, first)
-    return Verdict(first, alone and first.strength >= record.at("certain"), seen)
-
-
-def _usual(record: Record, event: Event) -> bool:
-    """Whether its legs were hit as hard before without a fall."""
-    before = trips(record, slice(0, record.window.start))
-    return event.cause == rules.TRIP and event.step < record.end and any(each.strength >= 1.0 for each in before)
+    sudden = [event for event in seen if event.sudden]
+    first = sudden[0] if sudden else max(seen, key=lambda each: (each.cause != rules.REACH, each.strength))
+    rivals = any(each.step <= first.step for each in seen if each.cause not in (first.cause, rules.REACH))
+    # its legs may have been hit as hard before without a fall
+    usual = first.cause == rules.TRIP and first.step < record.end
+    usual = usual and any(each.strength >= 1.0 for each in trips(record, slice(0, record.window.start)))
+    certain = first.strength >= record.at("certain") and first.cause != rules.REACH and not rivals and not usual
+    return Verdict(first, certain, seen)
 
 
 def _of_controller(record: Record, nearest: float) -> Verdict:
@@ -83,8 +75,12 @@ def _of_controller(record: Record, nearest: float) -> Verdict:
     if nearest >= record.at("nearly") or record.episodes.diverged[record.number]:
         return Verdict(Event(rules.UNCLEAR, record.onset, 1.0, "no rule decides"), False)
     fastest = CommandRanges().forward[1] * ratio(record.episodes.robot, "m/s")
-    undisturbed = all(getattr(record.scenario, name) == getattr(Scenario(""), name) for name in DISTURBANCES)
-    certain = nearest < 0.5 and undisturbed and planar(record.of("command")).max() <= fastest
+    labels = {
+        name: getattr(record.scenario, name)
+        for name in ("name", "commands", "start", "axis", "severity", "severity_unit")
+    }
+    undisturbed = record.scenario == Scenario(**labels) and planar(record.of("command")).max() <= fastest
+    certain = undisturbed and nearest < record.at("far")
     return Verdict(Event(rules.GAIT, record.onset, 1.0, "it leaves its ordinary gait by itself"), bool(certain))
 
 
@@ -94,30 +90,34 @@ def _of_upright(record: Record, measures: Measures) -> Verdict:
     if seen := tuple(event for event in events if event.strength >= 1.0):
         alone = seen[0].cause in (rules.MOTOR, rules.SLIP) and len({event.cause for event in seen} - {rules.REACH}) == 1
         return Verdict(seen[0], alone and seen[0].strength >= record.at("certain"), seen)
-    rule, commands = outcomes.RULES[outcomes.SUCCESS_RULE], measures.commands[record.number]
-    velocities = measures.mean_velocities[record.number]
-    worst = int(np.nanargmax(rule.deviations(commands, velocities) + 10.0 * rule.stalled(commands, velocities)))
-    hits = len({event.step // record.steps("look on") for event in trips(record) if event.strength >= 1.0})
-    cause, words, certain = _off(record, measures, commands[worst], velocities[worst])
-    step = record.episodes.intervals.settled[worst].start
-    certain &= all(event.strength < record.at("nearly") for event in events if event.cause != rules.REACH)
-    return Verdict(Event(cause, step, 1.0, f"{words}{f'; its legs hit rises {hits} times' if hits else ''}"), certain)
+    worst = worst_interval(measures, record.number)
+    cause, words, certain = _off_command(record, measures, worst)
+    if hits := len({event.step // record.steps("look on") for event in trips(record) if event.strength >= 1.0}):
+        words += f"; its legs hit rises {hits} times"
+    certain &= all(event.strength < record.at("far") for event in events if event.cause != rules.REACH)
+    return Verdict(Event(cause, record.episodes.intervals.settled[worst].start, 1.0, words), certain)
 
 
-def _off(record: Record, measures: Measures, command: Floats, velocity: Floats) -> tuple[str, str, bool]:
-    """Cause, words and certainty by the command and the mean velocity of the worst interval, (3,) each."""
-    rule, stalled = outcomes.RULES[outcomes.SUCCESS_RULE], measures.outcome[record.number] == outcomes.STALLED
-    speed, turn = float(planar(command)), abs(float(command[2]))
-    off = planar(velocity - command) / (rule.linear + rule.share * speed)
-    turning = not stalled and abs(velocity[2] - command[2]) / (rule.angular + rule.share * turn) > off
-    asked, unit = (turn, "rad/s") if turning else (speed, "m/s")
-    along = float(np.sign(command[2]) * velocity[2] if turning else command[:2] @ velocity[:2] / max(speed, 1e-9))
-    words = f"{along:.2f} {unit} of the commanded {asked:.2f}"
+def worst_interval(measures: Measures, number: int) -> int:
+    """The command interval in which that episode is farthest off its command; one that is stalled before any other."""
+    rule = outcomes.RULES[outcomes.SUCCESS_RULE]
+    commands, velocities = measures.commands[number], measures.mean_velocities[number]
+    return int(np.nanargmax(rule.deviations(commands, velocities) + 10.0 * rule.stalled(commands, velocities)))
+
+
+def _off_command(record: Record, measures: Measures, interval: int) -> tuple[str, str, bool]:
+    """Cause, words and certainty by what was reached of the command in that interval."""
+    command, velocity = measures.commands[record.number, interval], measures.mean_velocities[record.number, interval]
+    rule, flat = outcomes.RULES[outcomes.SUCCESS_RULE], np.array([1.0, 1.0, 0.0])
+    stalled = measures.outcome[record.number] == outcomes.STALLED
+    turning = not stalled and rule.deviations(flat * command, flat * velocity) < rule.deviations(command, velocity)
+    asked, verb, unit = (abs(command[2]), "turns", "rad/s") if turning else (planar(command), "moves", "m/s")
+    along = float((1.0 - flat if turning else flat) * command @ velocity / max(asked, 1e-9))
+    words = f"{verb} at {along:.2f} of the commanded {asked:.2f} {unit}"
     if stalled:
         return rules.STALLED, words, True
     if asked > outcomes.MOVING and 0.0 <= along < record.at("slow") * asked:
-        return rules.SLOW, f"{along / asked:.0%}: {words}", along < record.at("too slow") * asked
+        return rules.SLOW, words, bool(along < record.at("too slow") * asked)
     disturbed = record.scenario.force is not None or record.scenario.pushes is not None
-    ahead, left, yaw = velocity
-    words = f"not too slow: {ahead:.2f} and {left:.2f} m/s, {yaw:.2f} rad/s for {command.round(2)}"
-    return rules.UNCLEAR if disturbed else rules.GAIT, words, False
+    is_, should = (f"{v[0]:.2f} m/s forward, {v[1]:.2f} m/s left, {v[2]:.2f} rad/s" for v in (velocity, command))
+    return rules.UNCLEAR if disturbed else rules.GAIT, f"moves at {is_}; commanded {should}", False

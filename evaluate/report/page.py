@@ -12,6 +12,7 @@ from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
+from evaluate.report.sections.causes import causes
 from evaluate.report.sections.effort import effort
 from evaluate.report.sections.figures import definitions, policy_label
 from evaluate.report.sections.overview import overview
@@ -51,6 +52,7 @@ def render(results: Results, *, gates: Sequence[GateResult] = (), made_by: Origi
         answers = [
             ranking(results),
             best_and_worst(results),
+            causes(results),
             effort(results),
             _gates(gates),
         ]

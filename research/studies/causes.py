@@ -1,63 +1,56 @@
-"""Rules of causes against episodes made to fail, `python -m research causes`, and films of falls for a person to read.
+"""Rules of causes against episodes made to fail, `python -m research causes`, and against a person's reading of films.
 
-With `--films FOLDER` strips of falls on validation seeds are drawn, and `readings.csv`, a form for what is seen; what
-the rules say of them is written next to the folder, where a reader does not look.
+With `--films FOLDER` strips of failures of a run are drawn; what the rules say of them is written to
+`key.csv` next to the folder, where a reader does not look. With `--reading FILE` the two are compared.
 """
 
+import csv
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import closing
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
-import policies
 from evaluate.causes.record import THRESHOLDS, Record
 from evaluate.causes.rules import CAUSES
-from evaluate.causes.verdict import verdict
-from evaluate.film.captions import Text
-from evaluate.film.files import tiled
-from evaluate.film.shooting import Filming
+from evaluate.causes.verdict import Verdict, verdict
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
 from evaluate.measures.outcomes import SUCCEEDED
+from evaluate.records.store import read_run
 from evaluate.rollouts import rollout
-from quad_env.cli.command_line import check_numbers
+from evaluate.rollouts.hardware import IDEAL
+from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import make_writable_folder, write_atomically
-from quad_env.seeding import episode_seeds
 from research.pages.csv_text import csv_text
 from research.pages.markdown import table
 from research.pages.places import put
+from research.studies.failure_films import span, strip
 from research.studies.failures import CASES
-
-POLICIES = "trot", "trot_feedback", "residual", "robust", "end_to_end"
-SCENARIOS = (
-    *("flat:5", "push:4", "push:6", "rough:4", "gravel:4", "stairs:3", "slope:5", "force:5", "slippery:5"),
-    *("weak_motors:5", "payload:5", "latency:5", "noise:4", "dropout:6", "surprise:3"),
-)
-"""Whose falls, and where, are filmed."""
-AROUND, EVERY, SIZE = (1.2, 0.3), 0.15, (320, 260)
-"""s before and after a fall that are shown, s between frames, and pixels of a frame."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """Compare the rules of causes with episodes made to fail; or film falls for a person to read."""
+    """Compare the rules of causes with episodes made to fail, or with a person's reading of films."""
 
     table: Path = Path("docs/results/causes.csv")
     """CSV file: episodes made for each cause, and the causes that the rules give them."""
     page: Path = Path("docs/causes.md")
-    """Page with places for that table and the thresholds."""
+    """Page with places for that table, the thresholds and the reading."""
     films: Path | None = None
-    """Folder for strips of falls; nothing else is written then."""
+    """Folder for strips of failures to be read; nothing else is written then but the key next to it."""
+    run: Path = Path("results/evaluation")
+    """Folder of the run whose failures are filmed."""
     count: int = 30
-    """Films (count)."""
+    """Strips (count)."""
     seed: int = 0
-    """Which falls are chosen."""
+    """Which failures are drawn."""
+    reading: Path | None = None
+    """CSV file of what a person read, columns `film` and `cause`; with `--key` its table is written into the page."""
+    key: Path = Path("key.csv")
+    """What the rules say of these films, as `--films` wrote it."""
 
 
 def main(options: Options) -> int:
@@ -65,6 +58,8 @@ def main(options: Options) -> int:
     check_numbers(options, {"count": (1, 999), "seed": (0, 2**31)})
     if options.films is not None:
         return film(options, options.films)
+    if options.reading is not None:
+        return read(options, options.reading)
     rows = list(figures())
     write_atomically(options.table, csv_text(rows))
     heads = {name: name.replace("_", " ") for name in ("made_for", "episodes", "right", "certain", "certain_and_wrong")}
@@ -78,58 +73,66 @@ def main(options: Options) -> int:
 def figures() -> Iterator[dict[str, Any]]:
     """A row a cause: episodes made for it, how many have it by the rules, certain ones, and all that they have."""
     for cause in CAUSES:
-        given = Counter[tuple[str, bool]]()
-        for case in (case for case in CASES if case.cause == cause):
-            given.update((each["cause"], each["certain"]) for each in found(case.run()))
+        runs = (case.run() for case in CASES if case.cause == cause)
+        given = Counter((each.event.cause, each.certain) for episodes in runs for _, each in found(episodes))
         by_cause = {each: given[each, True] + given[each, False] for each in CAUSES}
         sure = {each: given[each, True] for each in CAUSES}
         counts = {"episodes": given.total(), "right": by_cause[cause], "certain": sum(sure.values())}
         yield {"made_for": cause, **counts, "certain_and_wrong": sum(sure.values()) - sure[cause], **by_cause}
 
 
-def found(episodes: Episodes, falls: bool = False) -> Iterator[dict[str, Any]]:
-    """Seed, step of the fall, cause and certainty of each failed episode, or of each fall."""
+def found(episodes: Episodes) -> Iterator[tuple[Record, Verdict]]:
+    """Each failed episode, and why it failed."""
     measures = measure(episodes)
-    for number in np.flatnonzero(measures.fell if falls else measures.outcome != SUCCEEDED).tolist():
+    for number in np.flatnonzero(measures.outcome != SUCCEEDED).tolist():
         assert episodes.scenario is not None
-        of = verdict(Record(episodes, episodes.scenario, number), measures)
-        what = {"cause": of.event.cause, "certain": of.certain, "detail": of.detail}
-        yield {"seed": int(episodes.seeds[number]), "step": int(episodes.fall_step[number]), **what}
+        record = Record(episodes, episodes.scenario, number)
+        yield record, verdict(record, measures)
 
 
 def film(options: Options, folder: Path) -> int:
-    """Draw the films, one of each policy and scenario before a second one of any; the exit code."""
+    """Draw strips of failures of a run, of each policy and scenario one at most, two falls for one without; the exit
+    code. Raises UsageError."""
     make_writable_folder(folder)
-    seeds, draw = episode_seeds("validation", options.seed, 4), np.random.default_rng(options.seed)
-    falls: list[dict[str, Any]] = []
-    for policy, scenario in product(POLICIES, SCENARIOS):
-        record = rollout.run(policies.resolve(policy), scenario, seeds, nthread=2)
-        of = [{"policy": policy, "scenario": scenario, **each} for each in found(record, True)]
-        draw.shuffle(of)
-        falls += [{**each, "again": again + draw.random()} for again, each in enumerate(of)]
-    chosen = sorted(falls, key=lambda each: each["again"])[: options.count]
-    key = [{"film": f"{number:02d}.png", **each} for number, each in enumerate(chosen)]
-    for each in key:
-        tiled(list(frames(each)), 6).save(folder / each["film"])
-    form = [{"film": each["film"], "cause": "", "certain": "", "remark": ""} for each in key]
-    write_atomically(folder / "readings.csv", csv_text(form))
-    write_atomically(folder.with_name(f"{folder.name}_key.csv"), csv_text(key))
+    draw, key = np.random.default_rng(options.seed), list[dict[str, Any]]()
+    cells = [cell for cell in read_run(options.run).cells if cell.scenario.axis]
+    for cell in map(cells.__getitem__, draw.permutation(len(cells))):
+        fell = cell.measures.fell
+        if not (failed := np.flatnonzero(fell if len(key) % 3 < 2 else ~fell & ~cell.measures.succeeded)).size:
+            continue
+        policy = IDEAL.policy(cell.policy, real=cell.scenario.hardware)
+        episodes = rollout.run(policy, cell.scenario, cell.seeds[[draw.choice(failed)]])
+        [(record, why)], name = found(episodes), f"{len(key):02d}.png"
+        strip(policy, record, span(record, measure(episodes), draw.uniform(0.1, 0.5))).save(folder / name)
+        what = {"policy": cell.policy, "scenario": cell.scenario.name, "seed": int(episodes.seeds[0])}
+        key.append({"film": name, **what, "cause": why.event.cause, "certain": why.certain, "detail": why.detail})
+        write_atomically(folder.with_name("key.csv"), csv_text(key))
+        if len(key) == options.count:
+            break
     return 0
 
 
-def frames(fall: dict[str, Any]) -> Iterator[Image.Image]:
-    """Frames about a fall with their times; a push that acted since the frame before is written on it."""
-    policy = policies.resolve(fall["policy"])
-    steps = rollout.watch(policy, fall["scenario"], fall["seed"], steps=fall["step"] + 200)
-    pushed = False
-    with closing(Filming(SIZE)) as filming, closing(steps):
-        for step in steps:
-            since, dt = step.number - fall["step"] - 1, step.env.dt
-            pushed |= bool(step.infos["push"].any())
-            if since > AROUND[1] / dt + 0.5 or step.infos["diverged"][0]:
-                return
-            if since >= -AROUND[0] / dt and since % round(EVERY / dt) == 0:
-                image = Image.fromarray(filming.draw(step.env))
-                Text(16, edge=1).write(image, f"{step.number * dt:.2f} s{'  PUSH' if pushed else ''}", 0)
-                pushed = False
-                yield image
+def read(options: Options, reading: Path) -> int:
+    """Write the confusion table of the rules and a person's reading; the exit code. Raises UsageError."""
+    try:
+        key, seen = (csv.DictReader(path.read_text("utf-8").splitlines()) for path in (options.key, reading))
+        person = {row["film"]: row for row in seen}
+        films = [{**row, "read": person[row["film"]]["cause"]} for row in key]
+    except (OSError, KeyError) as error:
+        raise UsageError(
+            f"{options.key} and {reading} need columns film and cause, of the same films: {error}"
+        ) from None
+    if unknown := {row["read"] for row in films} - set(CAUSES):
+        raise UsageError(f"unknown causes {', '.join(sorted(unknown))}; valid: {', '.join(CAUSES)}")
+    pairs = Counter((row["cause"], row["read"]) for row in films)
+    sure = [row["cause"] == row["read"] for row in films if row["certain"] == "True"]
+    same = sum(count for (rule, other), count in pairs.items() if rule == other)
+    said = f"They agree on {same} of {len(films)} films, on {sum(sure)} of the {len(sure)} where the rules are certain."
+    heads = [cause for cause in CAUSES if any(cause == other for _, other in pairs)]
+    body = [{cause: str(pairs[rule, cause] or "") for cause in heads} | {"by the rules": rule} for rule in CAUSES]
+    filled = [row for row in body if any(row[cause] for cause in heads)]
+    names = {name: name for name in ("by the rules", *heads)}
+    put(options.page, [f"{said} Rows: the rules; columns: the person.", "", table(names, filled)], "reading")
+    remarks = [{**row, "remark": person[row["film"]].get("remark", "")} for row in films]
+    write_atomically(options.table.with_name("causes_films.csv"), csv_text(remarks))
+    return 0

@@ -1,11 +1,15 @@
-"""The confusion table of causes is written into its page; films are drawn without what the rules say of them."""
+"""The study of causes: its tables, films that do not say the cause, and the comparison with what a person read."""
 
 import csv
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from PIL import Image
 
+from quad_env.scenarios.named import scenario
+from quad_env.seeding import episode_seeds
 from research.__main__ import main
 from research.studies import causes
 
@@ -14,10 +18,18 @@ def rows(file: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(file.read_text(encoding="utf-8").splitlines()))
 
 
-def test_table_and_page_have_every_cause_and_every_threshold(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(causes, "CASES", [case for case in causes.CASES if case.cause == "gait"])
+@pytest.fixture
+def page(tmp_path) -> Path:
+    """With a place for everything."""
     page = tmp_path / "causes.md"
-    page.write_text("<!-- thresholds -->\n<!-- /thresholds -->\n<!-- agreement -->\n<!-- /agreement -->\n")
+    page.write_text(
+        "".join(f"<!-- {place} -->\n<!-- /{place} -->\n" for place in ("thresholds", "agreement", "reading"))
+    )
+    return page
+
+
+def test_table_and_page_have_every_cause_and_every_threshold(tmp_path, page, monkeypatch) -> None:
+    monkeypatch.setattr(causes, "CASES", [case for case in causes.CASES if case.cause == "gait"])
     assert main(["causes", "--table", str(tmp_path / "causes.csv"), "--page", str(page)]) == 0
     found = {row["made_for"]: row for row in rows(tmp_path / "causes.csv")}
     assert list(found) == list(causes.CAUSES)
@@ -28,15 +40,45 @@ def test_table_and_page_have_every_cause_and_every_threshold(tmp_path, monkeypat
 
 
 @pytest.mark.rendering
-def test_a_film_shows_the_fall_and_its_form_says_nothing_of_the_cause(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(causes, "POLICIES", ("trot",))
-    monkeypatch.setattr(causes, "SCENARIOS", ("force:6",))
-    assert main(["causes", "--films", str(tmp_path / "films"), "--count", "2"]) == 0
-    assert rows(tmp_path / "films" / "readings.csv") == [
-        {"film": f"{number:02d}.png", "cause": "", "certain": "", "remark": ""} for number in range(2)
-    ]
-    key = rows(tmp_path / "films_key.csv")
-    assert {row["cause"] for row in key} == {"pushed_over"}
-    with Image.open(tmp_path / "films" / key[0]["film"]) as strip:
-        assert strip.width == 6 * causes.SIZE[0] or strip.width % causes.SIZE[0] == 0
-        assert strip.height % causes.SIZE[1] == 0
+def test_films_show_falls_and_upright_failures_and_do_not_say_the_cause(tmp_path, monkeypatch) -> None:
+    seeds, fell = episode_seeds("validation", 0, 2), np.array([True, False])
+    measures = SimpleNamespace(fell=fell, succeeded=np.zeros(2, bool))
+    cell = SimpleNamespace(policy="trot", scenario=scenario("force:6"), seeds=seeds, measures=measures)
+    monkeypatch.setattr(causes, "read_run", lambda _: SimpleNamespace(cells=(cell, cell)))
+    films = tmp_path / "films"
+    assert main(["causes", "--films", str(films), "--count", "1"]) == 0
+    assert [file.name for file in films.iterdir()] == ["00.png"]
+    (key,) = rows(tmp_path / "key.csv")
+    assert (key["film"], key["policy"], key["cause"]) == ("00.png", "trot", "pushed_over")
+    with Image.open(films / "00.png") as strip:
+        assert strip.width == 5 * 340
+
+
+READ = "film,cause,remark\n0.png,trip,sees it\n1.png,slip,\n2.png,slip,\n"
+
+
+def reading(folder: Path, page: Path, text: str) -> list[str]:
+    """Words of the command that compares this with a key of three films."""
+    (folder / "read.csv").write_text(text)
+    (folder / "key.csv").write_text("film,cause,certain\n0.png,trip,True\n1.png,trip,True\n2.png,slip,False\n")
+    files = {"reading": folder / "read.csv", "key": folder / "key.csv", "page": page, "table": folder / "causes.csv"}
+    return ["causes", *(str(word) for name, file in files.items() for word in (f"--{name}", file))]
+
+
+def test_a_reading_is_compared_with_the_rules(tmp_path, page) -> None:
+    assert main(reading(tmp_path, page, READ)) == 0
+    text = page.read_text()
+    assert "on 2 of 3 films, on 1 of the 2 where the rules are certain" in text
+    assert "| trip | 1 | 1 |\n| slip |  | 1 |" in text
+    first = rows(tmp_path / "causes_films.csv")[0]
+    assert first == {"film": "0.png", "cause": "trip", "certain": "True", "read": "trip", "remark": "sees it"}
+
+
+@pytest.mark.parametrize(
+    "text", ["film,cause\n0.png,trip\n", "film\n", "film,cause\n0.png,x\n1.png,slip\n2.png,slip\n"]
+)
+def test_a_reading_that_does_not_fit_is_refused(tmp_path, page, refused, text: str) -> None:
+    before = page.read_text()
+    line = refused(main, *reading(tmp_path, page, text))
+    assert "film" in line or "unknown cause" in line
+    assert page.read_text() == before

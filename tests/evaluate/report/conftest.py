@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from evaluate.analysis.results import analyse, with_nan, write_json
+from evaluate.measures.catalogue import OF_CAUSES
 from evaluate.measures.metrics import Measures
 from evaluate.report.page import write_report
 from evaluate.rollouts.battery import resolve
@@ -45,7 +46,9 @@ def watch_clipping(patch: pytest.MonkeyPatch) -> list[str]:
 
 def measured(generator: np.random.Generator, successes: int, falls: int) -> Measures:
     """Episodes of which no two figures are alike."""
-    drawn = {each.name: generator.uniform(0.1, 1.9, EPISODES) for each in dataclasses.fields(Measures)}
+    names = [each.name for each in dataclasses.fields(Measures) if each.name not in OF_CAUSES]
+    drawn = {name: generator.uniform(0.1, 1.9, EPISODES) for name in names}
+    drawn |= dict.fromkeys(OF_CAUSES, np.full(EPISODES, None, dtype=object))
     drawn["distance"] = drawn["distance"] + 2.0  # far enough for a cost of transport
     order = generator.permutation(EPISODES)
     fell, succeeded = order < falls, order >= EPISODES - successes

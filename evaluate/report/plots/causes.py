@@ -1,0 +1,39 @@
+"""Causes of failures: a bar an axis, in it a piece a cause."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from evaluate.causes.rules import CAUSES
+from evaluate.report.plots.drawing import WIDTH, Margins, figure, short_name, text_width
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_COLOURS = (
+    *("#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#F0E442", "#CC79A7"),
+    *("#882255", "#009E73", "#999999", "#555555", "#000000", "#DDDDDD"),
+)
+COLOURS = dict(zip(CAUSES, _COLOURS, strict=True))
+"""Okabe and Ito's, one of Tol's, and greys: distinct to colour-blind readers, the longer pieces by their names too."""
+ROW, LETTERS = 0.19, 6.5
+"""Height of a bar with the room about it, in, and size of the letters in it, pt."""
+
+
+def bars(policy: str, shares: Mapping[str, Mapping[str, float]]) -> "Figure":
+    """Of one policy: for each axis, the share of its episodes that failed for each cause, in per cent."""
+    margins = Margins(left=0.15 + max(map(text_width, shares)), bottom=0.42, top=0.28)
+    drawn, axes = figure(ROW * len(shares) + margins.top + margins.bottom, margins=margins)
+    width = WIDTH - margins.left - margins.right
+    for row, of_axis in enumerate(shares.values()):
+        start = 0.0
+        for cause, share in of_axis.items():
+            axes.barh(row, share, left=start, color=COLOURS[cause], height=0.85, edgecolor="white", linewidth=0.5)
+            words, ink = cause.replace("_", " "), "white" if int(COLOURS[cause][3:5], 16) < 0x80 else "black"
+            if text_width(words, LETTERS) < width * share / 100.0 - 0.04:
+                axes.text(start + share / 2, row, words, ha="center", va="center", color=ink, fontsize=LETTERS)
+            start += share
+    axes.set_yticks(range(len(shares)), list(shares))
+    axes.set(xlim=(0.0, 100.0), ylim=(len(shares) - 0.5, -0.5), xlabel="failed episodes, %", title=short_name(policy))
+    axes.tick_params(left=False)
+    axes.grid(visible=False, axis="y")
+    return drawn
