@@ -114,10 +114,10 @@ def _off_command(record: Record, measures: Measures, interval: int) -> tuple[str
     asked, verb, unit = (abs(command[2]), "turns", "rad/s") if turning else (planar(command), "moves", "m/s")
     along = float((1.0 - flat if turning else flat) * command @ velocity / max(asked, 1e-9))
     words = f"{verb} at {along:.2f} of the commanded {asked:.2f} {unit}"
+    disturbed = record.scenario.force is not None or record.scenario.pushes is not None
     if stalled:
-        return rules.STALLED, words, True
+        return rules.STALLED, words, not disturbed
     if asked > outcomes.MOVING and 0.0 <= along < record.at("slow") * asked:
         return rules.SLOW, words, bool(along < record.at("too slow") * asked)
-    disturbed = record.scenario.force is not None or record.scenario.pushes is not None
     is_, should = (f"{v[0]:.2f} m/s forward, {v[1]:.2f} m/s left, {v[2]:.2f} rad/s" for v in (velocity, command))
     return rules.UNCLEAR if disturbed else rules.GAIT, f"moves at {is_}; commanded {should}", False
