@@ -51,6 +51,24 @@ class Score:
 def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> list[Score]:
     """Scores, with the hardware profile or without, of the policies that ran every such scenario, the highest first;
     none of a run of one axis. The steady walk, which nothing disturbs, is no part of a score."""
+    whole, axes = _whole(cells, hardware)
+    if len(axes) < FEWEST_AXES:
+        return []
+    by_episode = {policy: _by_episode(of, axes) for policy, of in whole.items()}
+    base = by_episode.get(baseline)
+    found = [_score(policy, whole[policy], axes, values, base) for policy, values in by_episode.items()]
+    return sorted(found, key=lambda each: -each.score)
+
+
+def scores_by_episode(cells: Sequence[Cell], *, hardware: bool = False) -> dict[str, Floats]:
+    """What each episode contributes to the score of each policy that has one, (n,) each; of one axis too."""
+    whole, axes = _whole(cells, hardware)
+    return {policy: _by_episode(of, axes) for policy, of in whole.items()}
+
+
+def _whole(cells: Sequence[Cell], hardware: bool) -> tuple[dict[str, dict[str, Cell]], tuple[SeverityAxis, ...]]:
+    """Cells by policy and scenario of the policies that ran every scenario of a score, none where their episodes
+    differ; and its axes."""
     cells = [cell for cell in cells if counts(cell.scenario, hardware)]
     axes = severity_axes(cells)
     names = {level.name for axis in axes for level in axis.levels}
@@ -58,15 +76,8 @@ def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> l
     for cell in cells:
         ran.setdefault(cell.policy, {})[cell.scenario.name] = cell
     whole = {policy: of for policy, of in ran.items() if names <= set(of)}
-    if len(axes) < FEWEST_AXES or not whole:
-        return []
-    seeds = next(iter(next(iter(whole.values())).values())).seeds
-    if not all(np.array_equal(cell.seeds, seeds) for of in whole.values() for cell in of.values()):
-        return []
-    by_episode = {policy: _by_episode(of, axes) for policy, of in whole.items()}
-    base = by_episode.get(baseline)
-    found = [_score(policy, whole[policy], axes, values, base) for policy, values in by_episode.items()]
-    return sorted(found, key=lambda each: -each.score)
+    seeds = [cell.seeds for of in whole.values() for cell in of.values()]
+    return (whole if all(np.array_equal(each, seeds[0]) for each in seeds) else {}), axes
 
 
 def ranked(*kinds: Sequence[Score]) -> list[str]:

@@ -14,6 +14,7 @@ from evaluate.records.provenance import code_digest, cpu_model, model_of, policy
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
+from evaluate.statistics.sequential import looks
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
@@ -30,6 +31,8 @@ _SHA256 = "sha256"
 """Key of the hash of all else in the file."""
 _OF_NO_FIGURE = ("options", "date", "fingerprint")
 """What no figure depends on."""
+_OF_SETTLED = ("limit", "ended")
+"""What only the file of a run --until settled has."""
 _NOT_COMPARED = {"git_revision"}
 """Versions that may change without a figure changing: the code's digest says whether one could."""
 _NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
@@ -45,7 +48,7 @@ class Manifest:
     scenarios: tuple[Scenario, ...]
     seed: int
     episodes: int
-    """Episodes of each policy on each scenario."""
+    """Episodes of each policy on each scenario; in a run --until settled as of its last look."""
     steps: int
     """Control steps of an episode."""
     versions: Mapping[str, str | None]
@@ -61,6 +64,10 @@ class Manifest:
     """Hardware of the robots."""
     only_on: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Label -> names of the scenarios of a policy that does not run on all of them."""
+    limit: int = 0
+    """Most episodes of a run --until settled; 0 of any other."""
+    ended: str = ""
+    """Why a run --until settled has ended, in words."""
     date: str = ""
     """Day on which the run began, UTC; empty where it was not written down."""
     fingerprint: str = ""
@@ -75,6 +82,16 @@ class Manifest:
             for policy in self.policies
             if scenario.name in self.only_on.get(policy, (scenario.name,))
         ]
+
+    @property
+    def open(self) -> bool:
+        """Whether it is a run --until settled that has not ended."""
+        return bool(self.limit) and not self.ended
+
+    @property
+    def following(self) -> "Manifest":
+        """Up to the next look."""
+        return replace(self, episodes=min(each for each in looks(self.limit) if each > self.episodes))
 
     @property
     def success_rule(self) -> str:
@@ -99,6 +116,7 @@ class Manifest:
     def provenance(self) -> dict[str, Any]:
         """All but the options, the date and the fingerprint, as JSON values."""
         kept = {name: value for name, value in vars(self).items() if name not in _OF_NO_FIGURE}
+        kept = {name: value for name, value in kept.items() if value or name not in _OF_SETTLED}
         return kept | {"hardware": self.hardware.as_json(), "scenarios": to_plain(self.scenarios)}
 
     def write(self, folder: Path) -> None:
@@ -115,13 +133,15 @@ def manifest(
     episodes: int,
     threads: int,
     hardware: Hardware = IDEAL,
+    settled: bool = False,
 ) -> Manifest:
-    """Manifest of a run of these here and now."""
+    """Manifest of a run of these here and now, with so many episodes, or until settled with at most so many."""
     return Manifest(
         policies={policy.label: policy_digest(*policy.versions) for policy in policies},
         scenarios=tuple(scenarios),
         seed=seed,
-        episodes=episodes,
+        episodes=looks(episodes)[0] if settled else episodes,
+        limit=episodes if settled else 0,
         steps=rollout.STEPS,
         versions=versions() | model_of(hardware),
         code=code_digest(),
@@ -170,7 +190,9 @@ def _is_changed(found: dict[str, Any]) -> bool:
 def _fingerprint(provenance: Mapping[str, Any]) -> str:
     """SHA-256 of all that a figure depends on."""
     known = {name: version for name, version in provenance["versions"].items() if name not in _NOT_IN_FINGERPRINT}
-    return _digest({**provenance, "versions": known, "threads": None})
+    begun = {name: value for name, value in provenance.items() if name != "ended"}
+    most = begun.get("limit", begun["episodes"])
+    return _digest({**begun, "versions": known, "threads": None, "episodes": most})
 
 
 def _digest(values: Mapping[str, Any]) -> str:
