@@ -84,11 +84,11 @@ def pairs(cells: Sequence[Cell], against: str) -> list[tuple[Cell, Cell]]:
     return [(later, earlier) for earlier, later in combinations(ordered, 2)]
 
 
-def compare_pair(a: Cell, b: Cell) -> Iterator[Comparison]:
-    """Every metric of two cells with the same episodes."""
+def compare_pair(a: Cell, b: Cell, metrics: Sequence[str] = METRICS) -> Iterator[Comparison]:
+    """Metrics of two cells with the same episodes."""
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
-    for metric in METRICS:
+    for metric in metrics:
         found = paired_difference(metric, by_episode(a, metric), by_episode(b, metric))
         yield Comparison(a.scenario.name, a.policy, b.policy, metric, *found, p_value_holm=found[2])
 

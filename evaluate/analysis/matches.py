@@ -9,16 +9,12 @@ import pyarrow.compute as pc
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, SUCCESS_RATE, MetricDifference, differences_of
 from evaluate.analysis.effort import effort_by_episode
-from evaluate.analysis.ranking import LEAST_POLICIES, Ranking, ranking
-from evaluate.analysis.score import counts
-from evaluate.analysis.severity_levels import axis_name
 from evaluate.measures.catalogue import EFFORT
 from evaluate.measures.episodes import weight
 from evaluate.measures.outcomes import SUCCEEDED
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import rows_of
 from evaluate.statistics.intervals import Floats
-from evaluate.statistics.significance import holm
 from quad_env.scenarios.scenario import HARDWARE
 
 Stored = tuple[Manifest, pa.Table]
@@ -41,16 +37,13 @@ class Match:
     """Every column of every episode that is compared is the same to the bit."""
     contrasts: tuple[MetricDifference, ...]
     p_value_holm: float = np.nan
-    """Of its difference of success, corrected over all matches."""
+    """Of its difference of success, corrected with all claims of the comparison."""
 
 
 def matches(pairs: Sequence[tuple[str, str]], a: Stored, b: Stored) -> list[Match]:
     """Every pair of policies, one of A and one of B, on every scenario on which both ran episodes of the same seeds."""
     scenarios = dict.fromkeys(a[1].column("scenario").to_pylist())
-    each = (_match(scenario, pair, a, b) for scenario in scenarios for pair in pairs)
-    found = [match for match in each if match]
-    p_values = [one.p_value for match in found for one in match.contrasts if one.metric == SUCCESS_RATE]
-    return [replace(match, p_value_holm=p) for match, p in zip(found, holm(p_values), strict=True)]
+    return [match for scenario in scenarios for pair in pairs if (match := _match(scenario, pair, a, b))]
 
 
 def _match(scenario: str, pair: tuple[str, str], a: Stored, b: Stored) -> Match | None:
@@ -92,17 +85,6 @@ def _identical(a: pa.Table, b: pa.Table) -> bool:
     """Whether all measures that both have are the same, to the bit."""
     names = [name for name in a.column_names if name in b.column_names and name != "policy"]
     return all(repr(a.column(name).to_pylist()) == repr(b.column(name).to_pylist()) for name in names)
-
-
-def ranking_of(found: Sequence[Match], a: Stored, b: Stored) -> Ranking | None:
-    """Rankings by the scenarios that a score counts, those with the hardware profile where there are no others; None
-    of too few policies that ran all of them."""
-    scenarios = {each.name: each for each in a[0].scenarios}
-    real = not any(counts(scenarios[match.scenario], hardware=False) for match in found)
-    counted = [match for match in found if counts(scenarios[match.scenario], hardware=real)]
-    axes, ran = {m.scenario: axis_name(scenarios[m.scenario]) for m in counted}, [(m.a, m.b) for m in counted]
-    pairs = [pair for pair in dict.fromkeys(ran) if ran.count(pair) == len(axes)]
-    return ranking(pairs, axes, a[1], b[1]) if len(pairs) >= LEAST_POLICIES else None
 
 
 def without_profile(run: Stored) -> Stored:

@@ -1,81 +1,145 @@
-"""Whether the ranking of policies by success is the same in two runs, such as those of two simulators."""
+"""The ranking of a run's policies by success, whether neighbours in it differ, and one correction for all claims."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
-from numpy.typing import NDArray
 
-from evaluate.measures.averages import quotient
-from evaluate.measures.outcomes import SUCCEEDED
-from evaluate.records.store import rows_of
-from evaluate.statistics.intervals import RESAMPLES, Floats, Interval, percentile_interval, resamples
-from quad_env.cli.format import interval, number, percent
+from evaluate.analysis.comparison import SIGNIFICANT, SUCCESS_RATE, Comparison, paired_difference
+from evaluate.analysis.pareto import ParetoPoint
+from evaluate.analysis.score import Counted
+from evaluate.statistics.intervals import Floats, Interval, difference_interval
+from evaluate.statistics.significance import holm, sign_flip_test
 
-LEAST_POLICIES = 3
-"""Policies below which there is nothing to rank."""
+RANKING_WEIGHT = 0.8
+"""Weight of the differences of neighbours, together, among all claims; those on single scenarios have the rest."""
+POWER = 0.8
+"""Chance to distinguish two neighbours with as many episodes as are said to be needed."""
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """Two policies next to each other in the ranking. The fields are keys of results.json."""
+
+    better: str
+    worse: str
+    difference: float
+    """Of their scores, paired by episode."""
+    deviation: float
+    """Standard deviation of that difference from episode to episode."""
+    ci: Interval
+    """95 %, over the episodes, each with all of its scenarios: bootstrap, of yes-or-no differences Tango's."""
+    p_value: float
+    """Paired sign-flip permutation, of yes-or-no differences exact McNemar."""
+    p_value_holm: float = np.nan
+    """Corrected together with every other claim, see `claims`."""
+    needed: float = np.nan
+    """Episodes that would distinguish the two, see `episodes_needed`; NaN where they are distinguished."""
+    better_on: tuple[str, ...] = ()
+    worse_on: tuple[str, ...] = ()
+    """Scenarios that show by themselves that `better` is better, and that `worse` is."""
+
+    @property
+    def distinguished(self) -> bool:
+        """Whether the order of the two is shown."""
+        return self.p_value_holm < SIGNIFICANT
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """Policies by their mean success over the axes of the scenarios in both runs. The fields are keys of the file."""
+    """The policies that ran all that counts. The fields are keys of results.json."""
 
-    policies: tuple[str, ...]
-    scores: tuple[tuple[float, ...], tuple[float, ...]]
-    """In A and in B."""
-    correlation: float
-    """Kendall's tau-b of the scores: 1 for the same order, −1 for the opposite one."""
-    ci: Interval
-    """95 %, bootstrap over the episodes, each with all policies and scenarios of both runs."""
-
-    def lines(self) -> Iterator[str]:
-        """The answer, `in part` where the same order lies beyond the interval, and both rankings."""
-        low, high = self.ci
-        in_part = "in part" if high < 1.0 - 1e-9 else "yes"
-        survives = in_part if low > 0.0 else "no" if high < 0.0 else "not shown"
-        figure = f"{number(self.correlation, 2)} [{interval(self.ci, 2)}]"
-        yield f"does the ranking survive? {survives}: Kendall's tau of {len(self.policies)} policies' scores {figure}"
-        for run, scores in zip("AB", self.scores, strict=True):
-            order = sorted(zip(self.policies, scores, strict=True), key=lambda each: -each[1])
-            yield f"ranking of {run}: {', '.join(f'{policy} {percent(score)}' for policy, score in order)}"
+    hardware: bool
+    """Whether the scores are those with the robot's hardware profile, for want of others."""
+    axes: int
+    """Of which the score is the mean."""
+    scenarios: tuple[str, ...]
+    """One of each severity of these axes."""
+    episodes: int
+    places: tuple[ParetoPoint, ...]
+    """The most successful first."""
+    neighbours: tuple[Neighbours, ...]
 
 
-def ranking(pairs: Sequence[tuple[str, str]], axes: Mapping[str, str], *runs: pa.Table) -> Ranking:
-    """Of policies of A and B, from scenario -> axis and the rows of both runs, of which common seeds alone count."""
-    common = np.intersect1d(*(rows.column("seed").to_numpy() for rows in runs))
-    of_axis = list(axes.values())
-    shares = np.array([1.0 / of_axis.count(axis) for axis in of_axis]) / len(set(of_axis))
-    named = zip(*pairs, strict=True)
-    scores = [_scores(rows, common, names, axes, shares) for rows, names in zip(runs, named, strict=True)]
-    resampled = rank_correlation(*map(_resampled, scores))
-    known, (a, b) = resampled[~np.isnan(resampled)], (each.mean(axis=-1) for each in scores)
-    return Ranking(
-        policies=tuple(policy for policy, _ in pairs),
-        scores=(tuple(a.tolist()), tuple(b.tolist())),
-        correlation=float(rank_correlation(a, b)),
-        ci=percentile_interval(known) if len(known) else (np.nan, np.nan),
-    )
+def ranking(counted: Counted, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:
+    """Neighbours compared by episode, each with all of its scenarios; nothing is corrected yet."""
+    values = {each.policy: counted.by_episode(each.policy) for each in places}
+    found = [_neighbours(a.policy, b.policy, values[a.policy], values[b.policy]) for a, b in pairwise(places)]
+    episodes = len(next(iter(values.values()), ()))
+    return Ranking(hardware, len(counted.axes), tuple(counted.scenarios), episodes, tuple(places), tuple(found))
 
 
-def rank_correlation(a: Floats, b: Floats) -> Floats:
-    """Kendall's tau-b of scores (…, k) of k policies; NaN where all are tied in a or in b (Biometrika 33, 1945)."""
-    first, second = np.triu_indices(a.shape[-1], 1)
-    in_a, in_b = (np.sign(np.round(each[..., first] - each[..., second], 9)) for each in (a, b))
-    return quotient((in_a * in_b).sum(-1), np.sqrt((in_a**2).sum(-1) * (in_b**2).sum(-1)))
+def _neighbours(better: str, worse: str, a: Floats, b: Floats) -> Neighbours:
+    """From the score of each episode, (n,) each, in the same order of seeds."""
+    differences = a - b
+    deviation = float(differences.std(ddof=1)) if len(differences) > 1 else np.nan
+    if np.isin([a, b], (0.0, 1.0)).all():
+        difference, ci, p_value, _ = paired_difference(SUCCESS_RATE, a, b)
+        return Neighbours(better, worse, difference, deviation, ci, p_value)
+    ci = difference_interval(differences, (-1.0, 1.0))
+    return Neighbours(better, worse, float(differences.mean()), deviation, ci, sign_flip_test(differences))
 
 
-def _scores(
-    rows: pa.Table, seeds: NDArray[np.int64], policies: Sequence[str], axes: Mapping[str, str], shares: Floats
-) -> Floats:
-    """Score of each policy in each episode, (k, n): success, every axis and each of its scenarios alike."""
-    kept = rows.filter(pc.is_in(rows.column("seed"), pa.array(seeds))).sort_by("seed")
-    found = [[rows_of(kept, policy, name).column("outcome").to_pylist() for policy in policies] for name in axes]
-    return np.asarray(np.tensordot(shares, np.array(found) == SUCCEEDED, 1))
+def claims(
+    ranked: Ranking, comparisons: Sequence[Comparison], baseline: str | None = None
+) -> tuple[Ranking, list[Comparison]]:
+    """The same with one correction for all that a report claims: Holm's method with weights.
+
+    The claims are the differences of neighbours, with RANKING_WEIGHT together, and those of success on single scenarios
+    of neighbours and from the baseline, or, without one, all that are given, with the rest. The chance of any false one
+    is at most SIGNIFICANT. That the same data say who are neighbours costs nothing: a gap between neighbours among m
+    policies that are equally good is a gap of at least m − 1 of their m (m − 1) / 2 pairs, so that it is at most m / 2
+    times as likely as that of one pair, and it is corrected for m − 1. Success of other pairs is no claim and has NaN;
+    other metrics stay as they are.
+    """
+    pairs = {frozenset((each.better, each.worse)): each for each in ranked.neighbours}
+    place = ranked.scenarios[0] if len(ranked.scenarios) == 1 else ""
+    success = {(c.scenario, frozenset((c.a, c.b))): c for c in comparisons if c.metric == SUCCESS_RATE}
+    single = {key: c.p_value for key, c in success.items() if key[1] in pairs or baseline in (None, c.b)}
+    together = {(place, pair): each.p_value for pair, each in pairs.items()}
+    weights = dict.fromkeys(single, (1.0 - RANKING_WEIGHT) / max(1, len(single)))
+    weights |= dict.fromkeys(together, RANKING_WEIGHT / max(1, len(pairs)))
+    p_values = single | together
+    corrected = dict(zip(p_values, holm([*p_values.values()], [weights[key] for key in p_values]), strict=True))
+    left = sum(weights[key] for key, p in corrected.items() if p >= SIGNIFICANT)
+    found = [
+        replace(c, p_value_holm=corrected.get((c.scenario, frozenset((c.a, c.b))), np.nan))
+        if c.metric == SUCCESS_RATE
+        else c
+        for c in comparisons
+    ]
+    shown = [c for c in found if c.metric == SUCCESS_RATE and c.p_value_holm < SIGNIFICANT]
+    return replace(
+        ranked,
+        neighbours=tuple(
+            _judged(each, corrected[key], SIGNIFICANT * weights[key] / max(left, weights[key]), ranked, shown)
+            for key, each in zip(together, ranked.neighbours, strict=True)
+        ),
+    ), found
 
 
-def _resampled(scores: Floats) -> Floats:
-    """Mean scores, (m, k), of resamples of the episodes of (k, n), the same for runs of as many."""
-    episodes = scores.shape[1]
-    return np.concatenate([counts @ scores.T / episodes for counts in resamples(episodes, RESAMPLES, 0)])
+def _judged(of: Neighbours, p_value: float, level: float, ranked: Ranking, shown: Sequence[Comparison]) -> Neighbours:
+    """With its corrected p-value, the episodes that its level takes, and the scenarios that show something alone."""
+    on = {each: list[str]() for each in (of.better, of.worse)}
+    for c in shown:
+        if {c.a, c.b} == {*on} and c.scenario in ranked.scenarios:
+            on[c.a if c.difference > 0.0 else c.b].append(c.scenario)
+    needed = np.nan if p_value < SIGNIFICANT else episodes_needed(of, level, ranked.episodes)
+    better, worse = map(tuple, on.values())
+    return replace(of, p_value_holm=p_value, needed=needed, better_on=better, worse_on=worse)
+
+
+def episodes_needed(of: Neighbours, level: float, episodes: int) -> float:
+    """Episodes with which a two-sided paired test at a level finds a difference of this size with the chance POWER.
+
+    ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² / 2 (Guenther 1981, The American
+    Statistician 35), and enough for 2^n sign flips to reach the level; infinite without a difference.
+    """
+    from scipy.special import ndtri
+
+    if of.difference == 0.0 or np.isnan(of.deviation):
+        return np.inf
+    quantile = float(ndtri(1.0 - level / 2.0))
+    found = ((quantile + float(ndtri(POWER))) * of.deviation / of.difference) ** 2 + quantile**2 / 2.0
+    return float(np.ceil(max(found, np.log2(2.0 / level), episodes + 1.0)))

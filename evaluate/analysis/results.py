@@ -12,7 +12,8 @@ import numpy as np
 from evaluate.analysis.breaking_points import AxisBreakingPoint, breaking_points
 from evaluate.analysis.comparison import Comparison, compare, usual_baseline
 from evaluate.analysis.pareto import Pareto, pareto
-from evaluate.analysis.score import Score, scores
+from evaluate.analysis.ranking import Ranking, claims, ranking
+from evaluate.analysis.score import Score, counted, scores
 from evaluate.analysis.summary import Summary, summarise
 from evaluate.measures.effort import ENERGY_1
 from evaluate.measures.outcomes import RULES, SUCCESS_1
@@ -48,12 +49,14 @@ class Results:
     cells: tuple[Cell, ...]
     baseline: str
     """The policy that the others are measured against."""
+    ranking: Ranking
+    """By the scores without the hardware profile, if there are any."""
     summaries: dict[tuple[str, str], Summary]
     """By (scenario, policy), in the order of the run."""
     comparisons: tuple[Comparison, ...]
     breaking_points: tuple[AxisBreakingPoint, ...]
     scores: tuple[Score, ...]
-    """The highest first; none of a run of a single axis."""
+    """The highest first."""
     hardware_scores: tuple[Score, ...]
     """The same with the robot's hardware profile."""
     pareto: Pareto
@@ -117,19 +120,27 @@ def analyse(
     made_by["energy_rule"] = made_by.get("energy_rule") or ENERGY_1
     names = RULES[made_by["success_rule"]].outcomes
     ideal, real = (tuple(scores(cells, against, hardware=hardware)) for hardware in (False, True))
+    fronts = [
+        pareto([cell for cell in cells if cell.scenario.hardware == each[0]], each[1], robot)
+        for each in ((False, ideal), (True, real))
+    ]
+    profile = not ideal
+    ranked = ranking(counted(cells, hardware=profile), fronts[profile].points, hardware=profile)
+    ranked, comparisons = claims(ranked, compare(cells, against), against)
     return Results(
         seed=seed,
         episodes=episodes,
         complete=complete,
         cells=tuple(cells),
         baseline=against,
+        ranking=ranked,
         summaries={(cell.scenario.name, cell.policy): summarise(cell, robot, names) for cell in cells},
-        comparisons=tuple(compare(cells, against)),
+        comparisons=tuple(comparisons),
         breaking_points=tuple(breaking_points(cells)),
         scores=ideal,
         hardware_scores=real,
-        pareto=pareto([cell for cell in cells if not cell.scenario.hardware], ideal, robot),
-        hardware_pareto=pareto([cell for cell in cells if cell.scenario.hardware], real, robot),
+        pareto=fronts[0],
+        hardware_pareto=fronts[1],
         versions=made_by,
         provenance=made_with,
     )
@@ -152,6 +163,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "versions": dict(results.versions),
         "provenance": {name: value for name, value in results.provenance.items() if name not in ("seed", "episodes")},
         "baseline": results.baseline,
+        "ranking": asdict(results.ranking),
         "policy_errors": [asdict(each) for each in results.policy_errors],
         "scores": [asdict(each) for each in results.scores],
         "hardware_scores": [asdict(each) for each in results.hardware_scores],

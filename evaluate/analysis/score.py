@@ -12,13 +12,11 @@ import numpy as np
 
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.intervals import Floats, Interval, difference_interval, mean_share_interval
+from evaluate.statistics.intervals import Floats, Interval, difference_interval, mean_share_interval, wilson_interval
 from evaluate.statistics.significance import sign_flip_test
 from quad_env.scenarios.named import STEADY
 from quad_env.scenarios.scenario import HARDWARE, Scenario
 
-FEWEST_AXES = 2
-"""Axes from which on a mean over them is a score."""
 SCORES = "score", "hardware score"
 """What tables call the two."""
 FLAT = "flat"
@@ -37,47 +35,59 @@ class Score:
     policy: str
     score: float
     ci: Interval
-    """95 %, see `mean_share_interval`."""
+    """95 %, see `score_interval`."""
     axes: dict[str, tuple[float, ...]]
     """Axis, by one name in both scores -> success at each of its severities in the run, the mildest first."""
     difference: float
     """From the baseline's score; 0 of the baseline itself, NaN where the baseline has none."""
     difference_ci: Interval
-    """95 %, bootstrap over the episodes; of the baseline itself 0."""
+    """95 %, bootstrap over the episodes; NaN of the baseline itself."""
     p_value: float
     """Of that difference, paired sign-flip permutation; not corrected."""
 
 
-def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> list[Score]:
-    """Scores, with the hardware profile or without, of the policies that ran every such scenario, the highest first;
-    none of a run of one axis. The steady walk, which nothing disturbs, is no part of a score."""
-    whole, axes = _whole(cells, hardware)
-    if len(axes) < FEWEST_AXES:
-        return []
-    by_episode = {policy: _by_episode(of, axes) for policy, of in whole.items()}
-    base = by_episode.get(baseline)
-    found = [_score(policy, whole[policy], axes, values, base) for policy, values in by_episode.items()]
-    return sorted(found, key=lambda each: -each.score)
+@dataclass(frozen=True)
+class Counted:
+    """What a score counts."""
+
+    axes: tuple[SeverityAxis, ...]
+    ran: dict[str, dict[str, Cell]]
+    """Policy -> scenario -> cell, of the policies that ran every scenario of these axes with the same episodes."""
+
+    @property
+    def scenarios(self) -> list[str]:
+        """Names of the scenarios, one of each severity."""
+        return [level.name for axis in self.axes for level in axis.levels]
+
+    def by_episode(self, policy: str) -> Floats:
+        """Mean success of each episode of a policy over the axes, (n,)."""
+        of, axes = self.ran[policy], self.axes
+        of_axes = [np.mean([of[level.name].measures.succeeded for level in axis.levels], axis=0) for axis in axes]
+        return np.asarray(np.mean(of_axes, axis=0), np.float64)
 
 
-def scores_by_episode(cells: Sequence[Cell], *, hardware: bool = False) -> dict[str, Floats]:
-    """What each episode contributes to the score of each policy that has one, (n,) each; of one axis too."""
-    whole, axes = _whole(cells, hardware)
-    return {policy: _by_episode(of, axes) for policy, of in whole.items()}
-
-
-def _whole(cells: Sequence[Cell], hardware: bool) -> tuple[dict[str, dict[str, Cell]], tuple[SeverityAxis, ...]]:
-    """Cells by policy and scenario of the policies that ran every scenario of a score, none where their episodes
-    differ; and its axes."""
-    cells = [cell for cell in cells if counts(cell.scenario, hardware)]
-    axes = severity_axes(cells)
+def counted(cells: Sequence[Cell], *, hardware: bool = False) -> Counted:
+    """What counts of these cells, with the hardware profile or without. The steady walk, which nothing disturbs, counts
+    only where there is nothing else."""
+    own = [cell for cell in cells if cell.scenario.hardware == hardware]
+    own = [cell for cell in own if counts(cell.scenario, hardware)] or own
+    axes = severity_axes(own)
     names = {level.name for axis in axes for level in axis.levels}
     ran: dict[str, dict[str, Cell]] = {}
-    for cell in cells:
+    for cell in own:
         ran.setdefault(cell.policy, {})[cell.scenario.name] = cell
     whole = {policy: of for policy, of in ran.items() if names <= set(of)}
     seeds = [cell.seeds for of in whole.values() for cell in of.values()]
-    return (whole if all(np.array_equal(each, seeds[0]) for each in seeds) else {}), axes
+    paired = all(np.array_equal(each, seeds[0]) for each in seeds)
+    return Counted(axes, whole if paired else {})
+
+
+def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> list[Score]:
+    """Scores, with the hardware profile or without, of the policies that ran every such scenario, the highest first; of
+    a single axis the success on it."""
+    found = counted(cells, hardware=hardware)
+    base = found.by_episode(baseline) if baseline in found.ran else None
+    return sorted((_score(policy, found, baseline, base) for policy in found.ran), key=lambda each: -each.score)
 
 
 def ranked(*kinds: Sequence[Score]) -> list[str]:
@@ -85,29 +95,26 @@ def ranked(*kinds: Sequence[Score]) -> list[str]:
     return list(dict.fromkeys(score.policy for kind in kinds for score in kind))
 
 
-def _score(
-    policy: str, ran: dict[str, Cell], axes: Sequence[SeverityAxis], values: Floats, base: Floats | None
-) -> Score:
-    difference = values - (np.nan if base is None else base)
-    compared = base is not None and base is not values
+def _score(policy: str, of: Counted, baseline: str, base: Floats | None) -> Score:
+    values, compared, ran = of.by_episode(policy), base is not None and policy != baseline, of.ran[policy]
+    difference = values - (base if base is not None and compared else np.nan)
     return Score(
         policy=policy,
         score=float(values.mean()),
-        ci=mean_share_interval(values),
+        ci=score_interval(values, of),
         axes={
             _base(axis.name): tuple(float(ran[level.name].measures.succeeded.mean()) for level in axis.levels)
-            for axis in axes
+            for axis in of.axes
         },
-        difference=float(difference.mean()),
-        difference_ci=difference_interval(difference, (-1.0, 1.0)) if compared else (difference[0], difference[0]),
-        p_value=float("nan") if base is None else sign_flip_test(difference),
+        difference=0.0 if policy == baseline else float(difference.mean()),
+        difference_ci=difference_interval(difference, (-1.0, 1.0)) if compared else (np.nan, np.nan),
+        p_value=sign_flip_test(difference) if compared else np.nan,
     )
 
 
-def _by_episode(ran: dict[str, Cell], axes: Sequence[SeverityAxis]) -> Floats:
-    """Mean success of each episode over the axes, (n,)."""
-    of_axes = [np.mean([ran[level.name].measures.succeeded for level in axis.levels], axis=0) for axis in axes]
-    return np.asarray(np.mean(of_axes, axis=0), np.float64)
+def score_interval(values: Floats, of: Counted) -> Interval:
+    """95 % interval of a score, from that of each episode, (n,); of a single scenario Wilson's."""
+    return wilson_interval(values.sum(), len(values)) if len(of.scenarios) == 1 else mean_share_interval(values)
 
 
 def counts(scenario: Scenario, hardware: bool) -> bool:

@@ -10,18 +10,19 @@ from typing import Annotated, Any
 import tyro
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
-from evaluate.analysis.comparison import METRICS, RATES, SIGNIFICANT, MetricDifference
-from evaluate.analysis.matches import Match, Stored, matches, ranking_of, without_profile
-from evaluate.analysis.ranking import LEAST_POLICIES, Ranking
+from evaluate.analysis.comparison import METRICS, RATES, SIGNIFICANT, SUCCESS_RATE, MetricDifference
+from evaluate.analysis.joint import Joint, joint
+from evaluate.analysis.matches import Match, Stored, matches, without_profile
+from evaluate.analysis.rank_correlation import LEAST_POLICIES, RankCorrelation
 from evaluate.analysis.results import without_nan
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
 from evaluate.records.episode_table import by_energy_rule, by_success_rule
 from evaluate.records.manifest import Manifest, differences
 from evaluate.records.store import read_rows
+from evaluate.report.console import FittedTable, console_table, row_name
 from evaluate.report.headings import FEW, FIRST, NARROW_DIFFERENCES, figure_of_effort, interval_of_effort
-from evaluate.report.table import console_table, row_name
+from evaluate.report.table import print_ranking
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import ABSENT, counted, interval, number, p_value, points, points_interval
 from quad_env.files.writing import write_atomically
@@ -56,22 +57,25 @@ def main(options: Options) -> int:
         changed = [*changed, "the hardware profile, which one of them has"]
         a, b = map(without_profile, (a, b))
     found = matches(pairs, a, b)
-    if not found:
+    both = joint(found, (a, b), _labels(options, found, a[0], b[0]))
+    if not found and not both.ranking.places:
         what = "no scenario of these policies, or no episodes of the same --seed, in common"
         raise UsageError(f"{options.a} and {options.b} have {what}")
-    console, ranked = Console(), ranking_of(found, a, b)
-    console.print(_table(options, found, NARROW_DIFFERENCES))
+    console, found = Console(), both.matches
+    print_ranking(both.ranking, console)
+    if found:
+        console.print(_table(options, found, NARROW_DIFFERENCES))
     if any(each.metric in FEW for match in found for each in match.contrasts):
         console.print(_table(options, found, FEW))
     for line in (
-        *_survives(ranked, found),
-        *_notes(found, rules),
+        *_survives(both.correlation, found),
+        *_notes(a, b, found, rules),
         *_left_out(a, b),
         f"A and B differ in: {'; '.join(changed) or 'nothing that is known'}",
     ):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     if options.json is not None:
-        _write(options, found, ranked, changed, options.json)
+        _write(options, both, changed, options.json)
         console.print(str(options.json), highlight=False, markup=False, soft_wrap=True)
     return 0
 
@@ -91,16 +95,29 @@ def _pairs(options: Options, a: Manifest, b: Manifest) -> list[tuple[str, str]]:
             if policy not in manifest.policies:
                 raise UsageError(f"--policies: {folder} has no {policy}, but {', '.join(manifest.policies)}")
         return [options.policies]
-    common = [(policy, policy) for policy in a.policies if policy in b.policies]
-    if not common and len(a.policies) == len(b.policies) == 1:
+    if len(a.policies) == len(b.policies) == 1:
         return [(next(iter(a.policies)), next(iter(b.policies)))]
-    if not common:
-        names = f"A has {', '.join(a.policies)} and B has {', '.join(b.policies)}"
-        raise UsageError(f"no policy is in both: {names}; say --policies ONE_OF_A ONE_OF_B")
-    return common
+    return [(policy, policy) for policy in a.policies if policy in b.policies]
 
 
-def _survives(ranked: Ranking | None, found: Sequence[Match]) -> Iterator[str]:
+def _labels(
+    options: Options, found: Sequence[Match], a: Manifest, b: Manifest
+) -> tuple[dict[str, str], dict[str, str]]:
+    """What the policies of A and of B are called: with the folder where both have that name, but once where all of its
+    episodes are the same."""
+    of_a, of_b = ((name,) for name in options.policies) if options.policies else (a.policies, b.policies)
+    changed = {match.a for match in found if not match.identical}
+    twice = {name for name in of_a if name in of_b and (name in changed or all(match.a != name for match in found))}
+    alike = options.a.name == options.b.name
+    folders = [str(each) if alike else each.name for each in (options.a, options.b)]
+    one, other = (
+        {name: f"{name} ({folder})" if name in twice else name for name in of}
+        for of, folder in zip((of_a, of_b), folders, strict=True)
+    )
+    return one, other
+
+
+def _survives(ranked: RankCorrelation | None, found: Sequence[Match]) -> Iterator[str]:
     """Whether the ranking survives, and the cells of which success differs."""
     few = f"fewer than {LEAST_POLICIES} policies ran every scenario of both: too few to rank"
     yield from ranked.lines() if ranked else (f"does the ranking survive? {few}",)
@@ -110,29 +127,31 @@ def _survives(ranked: Ranking | None, found: Sequence[Match]) -> Iterator[str]:
             yield f"success differs: {match.a} on {match.scenario}, {said}"
 
 
-def _table(options: Options, found: Sequence[Match], heads: Mapping[str, str]) -> Table:
-    title = f"B minus A, 95 % interval, uncorrected p\nA: {options.a}\nB: {options.b}"
+def _table(options: Options, found: Sequence[Match], heads: Mapping[str, str]) -> FittedTable:
+    title = f"B minus A, 95 % interval, p of success corrected with all claims\nA: {options.a}\nB: {options.b}"
     groups: dict[str, list[dict[str, str]]] = {match.scenario: [] for match in found}
     for match in found:
         name = match.a if match.a == match.b else f"{match.a} → {match.b}"
-        shown = dict.fromkeys((*METRICS, *FEW), ABSENT) | {each.metric: _shown(each) for each in match.contrasts}
+        shown = dict.fromkeys((*METRICS, *FEW), ABSENT) | {
+            each.metric: _shown(each, match.p_value_holm) for each in match.contrasts
+        }
         groups[match.scenario].append({FIRST: row_name(name + " (=)" * match.identical), **shown})
     return console_table(escape(title), {FIRST: "policy", **heads}, groups)
 
 
-def _shown(found: MetricDifference) -> str:
+def _shown(found: MetricDifference, corrected: float) -> str:
     value, ends = (points, points_interval) if found.metric in RATES else (number, interval)
     if found.metric in FEW:
         value, ends = partial(figure_of_effort, found.metric), partial(interval_of_effort, found.metric)
-    return f"{value(found.difference)}\n{ends(found.ci)}\n{p_value(found.p_value)}"
+    claim = f"\n{p_value(corrected)}" if found.metric == SUCCESS_RATE else ""
+    return f"{value(found.difference)}\n{ends(found.ci)}{claim}"
 
 
-def _notes(found: Sequence[Match], rules: tuple[str, str]) -> Iterator[str]:
+def _notes(a: Stored, b: Stored, found: Sequence[Match], rules: tuple[str, str]) -> Iterator[str]:
     """How the episodes were compared, and by which rule of success where it is not today's in both."""
-    yield "paired by episode: same seeds (exact McNemar, sign-flip permutation)"
-    for common, (a, b) in dict.fromkeys((match.common, match.episodes) for match in found):
-        if {common} != {a, b}:
-            yield f"of A's {counted(a, 'episode')} and B's {b}, the {common} of the same seeds are compared"
+    seeds = [{*rows.column("seed").to_pylist()} for _, rows in (a, b)]
+    count = counted(len(seeds[0] & seeds[1]), "episode")
+    yield f"paired by episode: {count} of the same seeds, of A's {len(seeds[0])} and B's {len(seeds[1])}"
     if same := sum(match.identical for match in found):
         yield f"(=): the same to the bit in every episode; {same} of {len(found)}"
     if rules[0] != rules[1]:
@@ -150,10 +169,11 @@ def _left_out(a: Stored, b: Stored) -> Iterator[str]:
             yield f"{name} is not finished, and left out of it are: {', '.join(left)}"
 
 
-def _write(options: Options, found: Sequence[Match], ranked: Ranking | None, changed: list[str], path: Path) -> None:
+def _write(options: Options, both: Joint, changed: list[str], path: Path) -> None:
     contents: dict[str, Any] = {"schema": 1, "a": str(options.a), "b": str(options.b), "differences": changed}
-    contents["comparisons"] = [asdict(match) for match in found]
-    contents["ranking"] = asdict(ranked) if ranked else None
+    contents["ranking"] = asdict(both.ranking)
+    contents["comparisons"] = [asdict(match) for match in both.matches]
+    contents["rank_correlation"] = asdict(both.correlation) if both.correlation else None
     try:
         write_atomically(path, (json.dumps(without_nan(contents), indent=2, allow_nan=False) + "\n").encode())
     except OSError as error:

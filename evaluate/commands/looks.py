@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from evaluate.analysis.score import counts, scores_by_episode
+from evaluate.analysis.score import counted, counts
 from evaluate.rollouts.experiment import Cell, LabelledPolicy
 from evaluate.statistics.sequential import Neighbours, neighbours
 from quad_env.cli.command_line import UsageError
@@ -22,10 +22,10 @@ class Look:
     @property
     def neighbours(self) -> list[Neighbours]:
         """From the best on."""
-        values = scores_by_episode(self.cells, hardware=all(cell.scenario.hardware for cell in self.cells))
-        if not values:
+        found = counted(self.cells, hardware=all(cell.scenario.hardware for cell in self.cells))
+        if not found.ran:
             raise ValueError("policies that ran different episodes are not ranked")
-        return neighbours(values, self.limit)
+        return neighbours({policy: found.by_episode(policy) for policy in found.ran}, self.limit)
 
     @property
     def ended(self) -> str:

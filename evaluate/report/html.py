@@ -16,11 +16,11 @@ def section(title: str, *parts: str, anchor: str = "") -> str:
     return f'<section id="{escape(identity)}"><h2>{title}</h2>{body}</section>\n' if body else ""
 
 
-def contents(sections: str) -> str:
+def contents(sections: str, label: str = "Contents") -> str:
     """Ways to all the sections."""
     found = re.findall(r'<section id="([^"]*)"><h2>(.*?)(?: <small>.*?)?</h2>', sections)
     links = "".join(f'<li><a href="#{identity}">{title}</a></li>' for identity, title in found)
-    return f'<nav aria-label="Contents"><ul>{links}</ul></nav>\n'
+    return f'<nav aria-label="{label}"><ul>{links}</ul></nav>\n'
 
 
 def fold(summary: str, body: str, *, printed: bool = False) -> str:
@@ -68,7 +68,7 @@ def image(svg: bytes, description: str) -> str:
 
 
 def grid(images: Iterable[str]) -> str:
-    """Images in two columns; on a phone one below the other."""
+    """Images, or other parts, in two columns; on a phone one below the other."""
     return f'<div class="plots">{"".join(images)}</div>'
 
 

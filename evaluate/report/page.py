@@ -7,7 +7,6 @@ from typing import Any
 
 from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import severity_axes
 from evaluate.measures.effort import ENERGY_1, ENERGY_RULE
 from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.html import contents, fold, note, section
@@ -15,12 +14,13 @@ from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
 from evaluate.report.sections.effort import effort
 from evaluate.report.sections.figures import definitions, policy_label
-from evaluate.report.sections.overview import overview, success
+from evaluate.report.sections.overview import overview
+from evaluate.report.sections.ranking import best_and_worst, ranking
+from evaluate.report.verdict import CLAIMS, verdict
 from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
 from quad_env.cli.format import counted, listed
 from quad_env.files.writing import write_atomically
-from quad_env.scenarios.scenario import HARDWARE
 
 NOTES = (
     "Every policy runs the same episodes: the same seeds, and so the same starts, commands, pushes and places on the "
@@ -30,11 +30,7 @@ NOTES = (
     "over the quotient's linearised values, Woodruff 1971), Tango's score interval for differences of successes "
     "and falls, bootstrap over pairs (percentiles, widened to Student's t) for those of means. Where all episodes "
     "agree, others may have the share that Wilson's interval has for none of so many, and any value up to the cap.",
-    "Tests are paired by episode and two-sided: exact McNemar for falls, sign-flip permutation for means. p-values are "
-    "corrected by Holm's method, metric by metric, over the comparisons with the baseline on every scenario of the "
-    "run; those of the other pairs are families of their own. With those below 0.05 claimed, the chance of any "
-    "false claim in a family is at most 5 %. Where p is larger there may still be a difference that so many episodes "
-    "cannot show.",
+    CLAIMS,
     "A breaking point is where a monotone regression, straight over the logarithm of severity between the levels, "
     "crosses one half. No shape is assumed. What fewer and more are is shown by exact binomial tests.",
     "The intervals speak of episodes, not of training: another training seed gives another policy.",
@@ -52,20 +48,20 @@ def render(results: Results, *, gates: Sequence[GateResult] = (), made_by: Origi
     """The whole page."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings():
-        sections = [
-            success(results),
+        answers = [
+            ranking(results),
+            best_and_worst(results),
             effort(results),
             _gates(gates),
-            overview(results),
-            disturbances(results),
-            _notes(results),
         ]
-    body = "".join(sections)
+        axes = disturbances(results)
+        details = [overview(results), contents(axes, "Axes"), axes, _about(results), _notes(results)]
+    body = "".join([*answers, *details])
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>SimpleQuad: comparison of policies</title><style>{css}</style></head>\n<body>\n"
-        f"{_head(results, made_by)}\n{contents(body)}{body}</body></html>\n"
+        f"{_head(results, made_by)}\n{contents(body.replace(axes, ''))}{body}</body></html>\n"
     )
 
 
@@ -73,24 +69,19 @@ def _head(results: Results, made_by: Origin) -> str:
     interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     warning = "" if results.complete else interrupted
     warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in warnings(results))
-    names = [escape(axis.name) for axis in severity_axes(results.cells) if not axis.name.endswith(HARDWARE)]
-    axes = listed(names) if names else ""
-    real = sum(cell.scenario.hardware for cell in {cell.scenario.name: cell for cell in results.cells}.values())
-    axes += f"{', ' if axes else ''}{counted(real, 'scenario')} with the hardware profile" if real else ""
     command, date = map(escape, made_by)
     begun = f", begun on {date}" if date else ""
-    made = f'<p class="soft">Made by <code>{command}</code>{begun}.</p>' if command else ""
+    made = f" Made by <code>{command}</code>{begun}." if command else ""
+    about = f"{escape(extent(results))}. Seed {results.seed}.{words_of(results.hardware)}{made}"
+    return f'<h1>{escape(verdict(results.ranking))}</h1><p class="soft">{about}</p>{warning}'
+
+
+def _about(results: Results) -> str:
+    """What each policy is."""
     roles = {results.baseline: " <small>(baseline)</small>"} if len(results.policies) > 1 else {}
     about = {name: f": {escape(text)}" for name, text in explained(results.policies).items()}
-    legend = "".join(
-        f"<li>{policy_label(results, name)}{roles.get(name, '')}{about.get(name, '')}</li>" for name in results.policies
-    )
-    return (
-        f"<h1>{escape(listed(results.policies))}</h1>"
-        f'<p class="soft">{escape(extent(results))}: {axes}. Seed {results.seed}.'
-        f"{words_of(results.hardware)}</p>{made}{warning}"
-        f'<ul class="legend">{legend}</ul>'
-    )
+    legend = (f"<li>{policy_label(results, p)}{roles.get(p, '')}{about.get(p, '')}</li>" for p in results.policies)
+    return section("Policies", f'<ul class="legend">{"".join(legend)}</ul>')
 
 
 def _gates(gates: Sequence[GateResult]) -> str:

@@ -1,58 +1,95 @@
-"""The comparison as a table on the terminal."""
+"""The comparison on the terminal."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
+from rich.padding import Padding
 
 from evaluate.analysis.breaking_points import Of, breaking_point_text
-from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
+from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE
+from evaluate.analysis.ranking import Ranking
 from evaluate.analysis.results import Results
-from evaluate.analysis.score import FLAT, SCORES, ranked
+from evaluate.analysis.score import SCORES, Score
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes
 from evaluate.analysis.summary import Summary
-from evaluate.report.headings import EFFORT_ON, FEW, FIRST, NARROW, NARROW_DIFFERENCES, effort_with_interval, shares
-from quad_env.cli.format import broken, counted, number, p_value, percent, points, share
+from evaluate.report.console import FittedTable, console_table, row_name
+from evaluate.report.headings import FIRST, NARROW, shares
+from evaluate.report.verdict import lines, strengths_in_words, verdict
+from quad_env.cli.format import ABSENT, broken, counted, interval, number, share
 
 SHOWN = "success % (falls %)"
 MOST_SCENARIOS = 6
 """Scenarios of which every figure is printed."""
-NAME_WIDTH, HEAD_WIDTH = 20, 9
-"""Characters of a name in a line, at the head of a row and of a column; the rest goes on below."""
+HEAD_WIDTH = 9
+"""Characters of a name in a line at the head of a column; the rest goes on below."""
 
 
 def print_results(results: Results, console: Console) -> None:
-    """Print every cell, every policy's difference from the baseline; 80 columns are enough.
+    """Print the ranking, then every cell.
 
     Of more scenarios than a screen holds, the shares of successes and of falls on each and the breaking points.
     """
     if len(results.scenarios) > MOST_SCENARIOS:
         print_levels(results, console)
     else:
+        _print_answers(results, console)
         console.print(summary_table(results))
-        _print_effort(results, console)
-        if results.against_baseline:
-            console.print()
-            console.print(difference_table(results))
         _print_notes(results, console)
     console.print()
 
 
+def print_ranking(ranked: Ranking, console: Console, hardware: Sequence[Score] = ()) -> None:
+    """Print the verdict, the ranking and a line for each two neighbours."""
+    console.print(f"[bold]{escape(verdict(ranked))}[/bold]\n", highlight=False)
+    if ranked.places:
+        console.print(ranking_table(ranked, hardware if not ranked.hardware else ()))
+        console.print()
+    for line in lines(ranked):
+        console.print(Padding(f"- {escape(line)}", (0, 0, 0, 1)), highlight=False)
+    console.print()
+
+
+def _print_answers(results: Results, console: Console) -> None:
+    """Print the ranking, and where each policy is best and worst."""
+    print_ranking(results.ranking, console, results.hardware_scores)
+    for policy, words in strengths_in_words(results).items():
+        console.print(Padding(f"[bold]{escape(policy)}[/bold]: {escape(words)}", (0, 0, 0, 1)), highlight=False)
+    console.print()
+
+
+def ranking_table(ranked: Ranking, hardware: Sequence[Score] = ()) -> FittedTable:
+    """Scores with their intervals, the highest first, and costs of transport."""
+    real = {each.policy: share(each.score, each.ci) for each in hardware}
+    heads = {FIRST: "policy", "score": "score" if ranked.axes > 1 else "success"}
+    heads |= {"real": SCORES[1].replace(" ", "\n")} if real else {}
+    heads |= {"cost": "cost of\ntransport"}
+    rows = (
+        {
+            FIRST: row_name(each.policy),
+            "score": share(each.success, each.success_ci),
+            "real": real.get(each.policy, ABSENT),
+            "cost": f"{number(each.cost, 2)} [{interval(each.cost_ci, 2)}]".removesuffix(f" [{ABSENT}]"),
+        }
+        for each in ranked.places
+    )
+    title = f"{'with the hardware profile, ' * ranked.hardware}with 95 % intervals"
+    return console_table(title, heads, {"": rows})
+
+
 def print_levels(results: Results, console: Console) -> None:
-    """Print successes and falls at each level of each axis, and the breaking points; 80 columns are enough."""
+    """Print the ranking, successes and falls at each level of each axis and the breaking points, and the verdict again,
+    which is then on the screen."""
+    _print_answers(results, console)
     axes = severity_axes(results.cells)
     for axis in (axis for axis in axes if len(axis.levels) > 1):
         console.print(level_table(results, axis))
     if single := [axis for axis in axes if len(axis.levels) == 1]:
         console.print(single_table(results, single))
-    _print_effort(results, console)
     console.print(f"\n{_widest(results)}", highlight=False)
-    if results.scores or results.hardware_scores:
-        console.print(score_table(results))
     _print_notes(results, console)
+    console.print(f"\n[bold]{escape(verdict(results.ranking))}[/bold]", highlight=False)
 
 
 def _print_notes(results: Results, console: Console) -> None:
@@ -60,7 +97,7 @@ def _print_notes(results: Results, console: Console) -> None:
         console.print(f"\n[bold]{escape(axis.name)}[/bold]: {escape(axis.note)}", highlight=False)
 
 
-def level_table(results: Results, axis: SeverityAxis) -> Table:
+def level_table(results: Results, axis: SeverityAxis) -> FittedTable:
     """Successes and falls in per cent on each level of an axis, and where half no longer succeed, and fall."""
     half = {
         (point.policy, point.of): breaking_point_text(point)
@@ -82,33 +119,17 @@ def level_table(results: Results, axis: SeverityAxis) -> Table:
     return console_table(title, heads | ({"half": "half at"} if half else {}), {"": rows})
 
 
-def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:
+def single_table(results: Results, single: Sequence[SeverityAxis]) -> FittedTable:
     """Successes and falls in per cent: a scenario a row, a policy a column."""
+    places = {axis.scenario_names[0]: escape(place(axis.scenarios[0])) for axis in single}
+    ran = {(name, policy): shares(of) for (name, policy), of in results.summaries.items() if name in places}
+    policies = [policy for policy in results.policies if any(policy == each for _, each in ran)]
     rows = (
-        {FIRST: f" {escape(place(axis.scenarios[0]))}"}
-        | {
-            policy: shares(found) if (found := results.summaries.get((axis.scenario_names[0], policy))) else ""
-            for policy in results.policies
-        }
-        for axis in single
+        {FIRST: f" {words}"} | {policy: ran.get((name, policy), "") for policy in policies}
+        for name, words in places.items()
     )
-    names = {policy: escape("\n".join(broken(policy, HEAD_WIDTH))) for policy in results.policies}
+    names = {policy: escape("\n".join(broken(policy, HEAD_WIDTH))) for policy in policies}
     return console_table(SHOWN, {FIRST: "scenario", **names}, {"": rows})
-
-
-def score_table(results: Results) -> Table:
-    """Scores with their intervals, highest first, and the success on flat ground of policies that have none."""
-    kinds = dict(zip(SCORES, (results.scores, results.hardware_scores), strict=True))
-    found = {(name, each.policy): share(each.score, each.ci) for name, kind in kinds.items() for each in kind}
-    rest = (name for name in results.policies if not any(policy == name for _, policy in found))
-    found |= {
-        (SCORES[0], name): f"{FLAT}: {percent(flat.success_rate)}"
-        for name in rest
-        if (flat := results.summaries.get((FLAT, name)))
-    }
-    policies = dict.fromkeys([*ranked(*kinds.values()), *(policy for _, policy in found)])
-    rows = ({FIRST: row_name(p), **{name: found.get((name, p), "") for name in SCORES}} for p in policies)
-    return console_table("mean success over the axes", {FIRST: "policy", **{name: name for name in SCORES}}, {"": rows})
 
 
 def _widest(results: Results) -> str:
@@ -120,7 +141,7 @@ def _widest(results: Results) -> str:
     return f"95 % intervals of these shares (Wilson): at most {reach} points to either side; each is in the report"
 
 
-def summary_table(results: Results) -> Table:
+def summary_table(results: Results) -> FittedTable:
     """A row for each policy on each scenario, intervals below their figures."""
     title = f"{counted(results.episodes, 'episode')} each, with 95 % intervals (± half of one)"
     shown = (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")
@@ -138,61 +159,6 @@ def summary_figures(summary: Summary, end: str) -> dict[str, str]:
         value, ci = getattr(summary, metric), getattr(summary, f"{metric}_ci")
         cells[metric] = share(value, ci) if metric in RATES else f"{number(value)} ± {number((ci[1] - ci[0]) / 2)}"
     return {column: re.sub(r" (?=\[|±)", end, cell) for column, cell in cells.items()}
-
-
-def _print_effort(results: Results, console: Console) -> None:
-    if not set(EFFORT_ON).isdisjoint(results.scenarios):
-        console.print()
-        console.print(effort_table(results))
-
-
-def effort_table(results: Results) -> Table:
-    """A row for each policy at a steady speed and over the commands: effort where there is room for three figures."""
-    groups: dict[str, list[dict[str, str]]] = {name: [] for name in EFFORT_ON if name in results.scenarios}
-    for (scenario, policy), summary in results.summaries.items():
-        if scenario in groups:
-            cells = {name: effort_with_interval(name, summary, " [{}]") for name in FEW}
-            groups[scenario].append({FIRST: row_name(policy), **cells})
-    return console_table("effort while upright, with 95 % intervals", {FIRST: "policy", **FEW}, groups)
-
-
-def difference_table(results: Results) -> Table:
-    """A row for each policy on each scenario: its difference from the baseline, with the corrected p-value below."""
-    title = f"minus {escape(results.baseline)}, paired by episode\np corrected for their number (Holm)"
-    rows: dict[str, dict[str, dict[str, str]]] = {}
-    for each in results.against_baseline:
-        row = rows.setdefault(each.scenario, {}).setdefault(each.a, {FIRST: row_name(each.a)})
-        row[each.metric] = _difference(each)
-    groups = {scenario: by_policy.values() for scenario, by_policy in rows.items()}
-    return console_table(title, {FIRST: "policy", **NARROW_DIFFERENCES}, groups)
-
-
-def row_name(name: str) -> str:
-    """A name at the head of a row, as markup."""
-    return "\n".join(f" {escape(line)}" for line in broken(name, NAME_WIDTH))
-
-
-def console_table(title: str, heads: Mapping[str, str], groups: Mapping[str, Iterable[Mapping[str, str]]]) -> Table:
-    """A table in the style of all of them: headings, and the cells of each row, by column, below their group's name."""
-    table = Table(
-        title=title, title_justify="left", title_style="", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
-    )
-    first, *figures = heads
-    table.add_column(heads[first], overflow="fold")
-    for column in figures:
-        table.add_column(heads[column], justify="right", overflow="fold")
-    for group, rows in groups.items():
-        if group:
-            table.add_row(f"[bold]{escape(group)}[/bold]")
-        for row in rows:
-            table.add_row(*(row[column] for column in heads))
-    return table
-
-
-def _difference(comparison: Comparison) -> str:
-    value = comparison.difference
-    shown = points(value) if comparison.metric in RATES else number(value)
-    return f"{shown}\n{p_value(comparison.p_value_holm)}"
 
 
 def _percent(share: float) -> str:

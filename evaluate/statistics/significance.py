@@ -64,13 +64,16 @@ def _flips_as_large(differences: Floats, observed: float, flips: int, generator:
     return as_large
 
 
-def holm(p_values: Sequence[float]) -> list[float]:
-    """p-values corrected for their number, in their order (Holm 1979): the k-th smallest of m times m − k + 1.
+def holm(p_values: Sequence[float], weights: Sequence[float] | None = None) -> list[float]:
+    """p-values corrected for their number, in their order (Holm 1979): each, the smallest first, times the weights of
+    those that are left over its own, which without weights is the k-th smallest of m times m − k + 1.
 
     The chance of any false claim at all among them is then at most the level, however the tests depend on each other.
     """
-    order = np.argsort(p_values, kind="stable")
-    steps = np.arange(len(order), 0, -1) * np.asarray(p_values, dtype=np.float64)[order]
+    shares = np.ones(len(p_values)) if weights is None else np.asarray(weights, np.float64)
+    weighted = np.asarray(p_values, np.float64) / shares
+    order = np.argsort(weighted, kind="stable")
+    left = np.cumsum(shares[order][::-1])[::-1]
     corrected = np.empty(len(order))
-    corrected[order] = np.minimum(1.0, np.maximum.accumulate(steps))
+    corrected[order] = np.minimum(1.0, np.maximum.accumulate(left * weighted[order]))
     return [float(value) for value in corrected]

@@ -1,14 +1,12 @@
-"""Success at a glance: a heat map of policies and axes, and what came of all episodes."""
+"""Success at a glance: a heat map of policies and axes."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evaluate.analysis.results import Results
 from evaluate.analysis.score import Score
-from evaluate.measures.outcomes import RULES
-from evaluate.report.plots.drawing import Margins, figure, short_name, text_width
+from evaluate.report.plots.drawing import Margins, figure, text_width
 from quad_env.cli.format import broken
 
 if TYPE_CHECKING:
@@ -19,16 +17,6 @@ ROW, COLUMN, GAP, APART = 0.22, 0.3, 0.24, 0.12
 """Height and width of a cell of the heat map, room between two policies, and before the hardware profile, in."""
 NAME_WIDTH, NAME_SIZE, NAME_LINE = 12, 8.0, 0.135
 """Characters of a policy's name in a line above its block, its size, pt, and the height of a line, in."""
-COLOURS = {
-    "succeeded": "#009E73",
-    "off_command": "#F0E442",
-    "stalled": "#56B4E9",
-    "refused": "#56B4E9",
-    "policy_error": "#CC79A7",
-    "fell": "#D55E00",
-    "diverged": "#000000",
-}
-"""Colour of each outcome; `refused` is of the rule success/1."""
 
 
 def heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "Figure":
@@ -70,25 +58,3 @@ def _cell(axes: "Axes", left: float, top: float, rate: float) -> None:
     colour, ink = colormaps["cividis"](rate), "black" if rate > 0.5 else "white"
     axes.add_patch(Rectangle((left, top), COLUMN, 1.0, facecolor=colour, edgecolor="white"))
     axes.text(left + COLUMN / 2, top + 0.52, f"{100.0 * rate:.0f}", ha="center", va="center", color=ink, fontsize=7)
-
-
-def outcomes(results: Results) -> "Figure":
-    """What came of each policy's episodes, all scenarios together: a bar a policy, a piece an outcome, in per cent."""
-    widest = max(text_width(short_name(name)) for name in results.policies)
-    drawn, axes = figure(1.1 + 0.26 * len(results.policies), margins=Margins(left=0.22 + widest, top=0.57))
-    names = RULES[results.success_rule].outcomes
-    for row, policy in enumerate(results.policies):
-        counts = [summary.outcomes for (_, name), summary in results.summaries.items() if name == policy]
-        totals = np.array([sum(each[outcome] for each in counts) for outcome in names], float)
-        shares = 100.0 * totals / totals.sum()
-        for name, start, share in zip(names, np.cumsum(shares) - shares, shares, strict=True):
-            label = name.replace("_", " ") if row == 0 else None
-            axes.barh(row, share, left=start, color=COLOURS[name], height=0.72, label=label)
-    axes.set_yticks(range(len(results.policies)), [short_name(name) for name in results.policies])
-    axes.set_ylim(len(results.policies) - 0.5, -0.5)
-    axes.set(xlim=(0.0, 100.0), xlabel="episodes of all scenarios, %")
-    axes.legend(
-        loc="lower right", bbox_to_anchor=(1.02, 1.0), ncols=3, fontsize=6.5, frameon=False, handlelength=0.8,
-        columnspacing=0.8, handletextpad=0.3,
-    )  # fmt: skip
-    return drawn

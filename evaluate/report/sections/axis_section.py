@@ -1,5 +1,6 @@
 """A section for each axis of the run: curves over its levels, and folded below them every figure."""
 
+import math
 from collections.abc import Iterator
 from html import escape
 
@@ -57,13 +58,13 @@ def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
 
 
 def _differences(results: Results, axis: SeverityAxis) -> Iterator[str]:
-    baseline = results.baseline
-    shown = [c for c in results.comparisons if c.scenario in axis.scenario_names]
-    against = [c for c in shown if c.b == baseline]
-    lead = note("Paired by episode. p-values are corrected for their number (Holm).")
-    yield fold(f"Differences from {escape(baseline)}", lead + comparison_table(results, against) if against else "")
-    others = [c for c in shown if c.b != baseline]
-    yield fold("Differences of every other pair", lead + comparison_table(results, others) if others else "")
+    """Of neighbours in the ranking and from the baseline."""
+    claimed = {(c.a, c.b) for c in results.comparisons if not math.isnan(c.p_value_holm) and c.metric == SUCCESS_RATE}
+    shown = [c for c in results.comparisons if c.scenario in axis.scenario_names and (c.a, c.b) in claimed]
+    lead = note("Paired by episode, with 95 % intervals; p-values are corrected together with all other claims.")
+    yield fold(
+        "Differences of neighbours and from the baseline", lead + comparison_table(results, shown) if shown else ""
+    )
 
 
 def _figures(results: Results, level: Scenario) -> str:

@@ -80,7 +80,8 @@ def _difference(comparison: Comparison) -> str:
     rate = comparison.metric in RATES
     value = points(comparison.difference) if rate else number(comparison.difference)
     ci = points_interval(comparison.ci) if rate else interval(comparison.ci)
-    return f"{value}<small>{ci}</small><small>{escape(p_value(comparison.p_value_holm))}</small>"
+    claim = f"<small>{p_value(comparison.p_value_holm)}</small>" if comparison.metric == SUCCESS_RATE else ""
+    return f"{value}<small>{ci}</small>{claim}"
 
 
 def figures_table(results: Results, scenario: str) -> str:

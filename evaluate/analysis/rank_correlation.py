@@ -1,0 +1,62 @@
+"""Whether the ranking of policies by success is the same in two runs, such as those of two simulators."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from evaluate.measures.averages import quotient
+from evaluate.statistics.intervals import RESAMPLES, Floats, Interval, percentile_interval, resamples
+from quad_env.cli.format import interval, number, percent
+
+LEAST_POLICIES = 3
+"""Policies below which there is nothing to rank."""
+
+
+@dataclass(frozen=True)
+class RankCorrelation:
+    """Policies by their mean success over the axes of the scenarios in both runs. The fields are keys of the file."""
+
+    policies: tuple[str, ...]
+    scores: tuple[tuple[float, ...], tuple[float, ...]]
+    """In A and in B."""
+    correlation: float
+    """Kendall's tau-b of the scores: 1 for the same order, −1 for the opposite one."""
+    ci: Interval
+    """95 %, bootstrap over the episodes, each with all policies and scenarios of both runs."""
+
+    def lines(self) -> Iterator[str]:
+        """The answer, `in part` where the same order lies beyond the interval, and both rankings."""
+        low, high = self.ci
+        in_part = "in part" if high < 1.0 - 1e-9 else "yes"
+        survives = in_part if low > 0.0 else "no" if high < 0.0 else "not shown"
+        figure = f"{number(self.correlation, 2)} [{interval(self.ci, 2)}]"
+        yield f"does the ranking survive? {survives}: Kendall's tau of {len(self.policies)} policies' scores {figure}"
+        for run, scores in zip("AB", self.scores, strict=True):
+            order = sorted(zip(self.policies, scores, strict=True), key=lambda each: -each[1])
+            yield f"ranking of {run}: {', '.join(f'{policy} {percent(score)}' for policy, score in order)}"
+
+
+def rank_correlation(policies: Sequence[str], a: Floats, b: Floats) -> RankCorrelation:
+    """Of k policies by their scores in n common episodes of A and B, (k, n) each."""
+    resampled = kendall(_resampled(a), _resampled(b))
+    known, means = resampled[~np.isnan(resampled)], (a.mean(axis=-1), b.mean(axis=-1))
+    return RankCorrelation(
+        policies=tuple(policies),
+        scores=(tuple(means[0].tolist()), tuple(means[1].tolist())),
+        correlation=float(kendall(*means)),
+        ci=percentile_interval(known) if len(known) else (np.nan, np.nan),
+    )
+
+
+def kendall(a: Floats, b: Floats) -> Floats:
+    """Kendall's tau-b of scores (…, k) of k policies; NaN where all are tied in a or in b (Biometrika 33, 1945)."""
+    first, second = np.triu_indices(a.shape[-1], 1)
+    in_a, in_b = (np.sign(np.round(each[..., first] - each[..., second], 9)) for each in (a, b))
+    return quotient((in_a * in_b).sum(-1), np.sqrt((in_a**2).sum(-1) * (in_b**2).sum(-1)))
+
+
+def _resampled(scores: Floats) -> Floats:
+    """Mean scores, (m, k), of resamples of the episodes of (k, n), the same for runs of as many."""
+    episodes = scores.shape[1]
+    return np.concatenate([counts @ scores.T / episodes for counts in resamples(episodes, RESAMPLES, 0)])

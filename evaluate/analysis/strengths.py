@@ -1,0 +1,50 @@
+"""The axes on which a policy is best and worst, and why it fails there."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from evaluate.analysis.score import counts
+from evaluate.analysis.severity_levels import place, severity_axes
+from evaluate.analysis.summary import Summary
+from evaluate.measures.outcomes import SUCCEEDED
+from evaluate.rollouts.experiment import Cell
+
+
+@dataclass(frozen=True)
+class Strength:
+    """One policy on one axis, all severities together, or in a run of one axis at one severity."""
+
+    axis: str
+    name: str
+    """Of the axis, or of its severity."""
+    success: float
+    """Mean over the severities."""
+    reason: str
+    """The most common cause of failure, `trip, 31 of 46`, or outcome where no cause is known; empty without a failure."""
+
+
+def strengths(
+    cells: Sequence[Cell], summaries: Mapping[tuple[str, str], Summary], policy: str, *, hardware: bool = False
+) -> list[Strength]:
+    """All that the policy ran and a score counts, the most successful first."""
+    axes = severity_axes([cell for cell in cells if cell.policy == policy and counts(cell.scenario, hardware)])
+    parts = [(axis.name, axis.name, axis.levels) for axis in axes]
+    if len(axes) == 1:
+        parts = [(axes[0].name, place(level), (level,)) for level in axes[0].levels]
+    found = []
+    for axis, name, levels in parts:
+        of = [summaries[level.name, policy] for level in levels]
+        found.append(Strength(axis, name, float(np.mean([each.success_rate for each in of])), _reason(of)))
+    return sorted(found, key=lambda each: -each.success)
+
+
+def _reason(of: Sequence[Summary]) -> str:
+    failures = sum(each.episodes - each.successes for each in of)
+    causes = sum((Counter(each.causes) for each in of), Counter[str]())
+    outcomes = sum((Counter(each.outcomes) for each in of), Counter[str]())
+    del outcomes[SUCCEEDED]
+    ((name, count),) = (causes or outcomes).most_common(1) if failures else (("", 0),)
+    return f"{name.replace('_', ' ')}, {count} of {failures}" if failures else ""

@@ -1,0 +1,78 @@
+"""The opening of the page: the ranking with the front, and where each policy is best and worst."""
+
+from html import escape
+
+from evaluate.analysis.results import Results
+from evaluate.analysis.score import SCORES
+from evaluate.analysis.strengths import Strength
+from evaluate.report.headings import FIRST
+from evaluate.report.html import breakable, grid, heading, image, note, section, table
+from evaluate.report.plots import pareto as plots
+from evaluate.report.plots.drawing import svg
+from evaluate.report.sections.axis_section import anchor
+from evaluate.report.sections.figures import policy_label
+from evaluate.report.verdict import NAMED, ends_of, lines
+from quad_env.cli.format import interval, listed, number, percent, points_interval
+
+
+def ranking(results: Results) -> str:
+    """Scores, what is shown of each two neighbours, and success against cost of transport."""
+    said = zip(results.ranking.neighbours, lines(results.ranking), strict=True)
+    items = (f'<li class="{"better" if each.distinguished else "alike"}">{breakable(line)}</li>' for each, line in said)
+    pair = grid((_table(results), front(results, hardware=results.ranking.hardware)))
+    return section("Ranking", pair, f'<ul class="verdicts">{"".join(items)}</ul>', note(_lead(results)))
+
+
+def _lead(results: Results) -> str:
+    """What the figures are, and which policies have none."""
+    axes = results.ranking.axes
+    score = f"Score: mean success over {axes} axes, each axis and each of its severities alike. " * (axes > 1)
+    rest = [name for name in results.policies if all(each.policy != name for each in results.ranking.places)]
+    out = f" Not ranked, for want of scenarios that the others ran: {listed(rest)}." if rest else ""
+    return f"{score}95 % intervals; differences paired by episode; all claims are corrected together.{out}"
+
+
+def front(results: Results, *, hardware: bool) -> str:
+    """Success against cost of transport, with the hardware profile or without; empty where no policy goes anywhere."""
+    found = results.hardware_pareto if hardware else results.pareto
+    if not found.front:
+        return ""
+    on = f"cost of transport on {found.cost_on or 'all scenarios'}"
+    caption = f"{on.capitalize()}. On the Pareto front (filled marks, line): {listed(found.front)}."
+    return f"<div>{image(svg(plots.front(found, results.policies)), plots.ALT)}{note(caption)}</div>"
+
+
+def _table(results: Results) -> str:
+    """A policy a row, with the hardware profile on the right."""
+    names = SCORES if results.ranking.axes > 1 else ("success", "success, hardware profile")
+    kinds = {name: of.points for name, of in zip(names, (results.pareto, results.hardware_pareto), strict=True)}
+    kinds = {name: points for name, points in kinds.items() if points}
+    rows: dict[str, dict[str, str]] = {}
+    for name, points in kinds.items():
+        for each in points:
+            row = rows.setdefault(each.policy, {})
+            row[name] = f"{number(100.0 * each.success, 1)}<small>{points_interval(each.success_ci)}</small>"
+            row.setdefault("cost", f"{number(each.cost, 2)}<small>{interval(each.cost_ci, 2)}</small>")
+    heads = {FIRST: "policy", **{name: heading(name, "%") for name in kinds}, "cost": "cost of transport"}
+    blank = dict.fromkeys(heads, "")
+    return table(heads, (blank | row | {FIRST: policy_label(results, policy)} for policy, row in rows.items()))
+
+
+def best_and_worst(results: Results) -> str:
+    """A policy a row: where it is best, and where it is worst with the most common cause of failure there."""
+    worst_heads = {str(k): heading("then on" if k else "worst on", "success; most common cause") for k in range(NAMED)}
+    heads, rows = {FIRST: "policy", "best": heading("best on", "success"), **worst_heads}, []
+    for policy in [each.policy for each in results.ranking.places] or results.policies:
+        best, worst = ends_of(results, policy)
+        row = dict.fromkeys(heads, "") | {FIRST: policy_label(results, policy)}
+        row["best"] = f"{', '.join(map(_axis, best))}<small>{percent(best[0].success)}</small>" if best else ""
+        rows.append(row | {str(k): _weakness(each) for k, each in enumerate(worst)})
+    return section("Best and worst", table(heads, rows, "text"))
+
+
+def _axis(of: Strength) -> str:
+    return f'<a href="#{anchor(of.axis)}">{escape(of.name)}</a>'
+
+
+def _weakness(of: Strength) -> str:
+    return f"{_axis(of)} {percent(of.success)}<small>{escape(of.reason)}</small>"

@@ -1,0 +1,102 @@
+"""The ranking in words: which policy is best, and what is shown of each two neighbours."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+from evaluate.analysis.ranking import Neighbours, Ranking
+from evaluate.analysis.results import Results
+from evaluate.analysis.strengths import Strength, strengths
+from quad_env.cli.format import NO_BREAK, counted, listed, percent, points, share
+
+MOST_NEEDED = 10_000
+"""Episodes beyond which no number is given."""
+NAMED = 3
+"""Scenarios or axes that are named in a line."""
+
+
+CLAIMS = (
+    "Claimed is which of two neighbours in the ranking has the better score, and on which scenarios alone neighbours, "
+    "or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip permutation "
+    "of scores, exact McNemar of success. One correction holds for all of these claims (Holm's method, four fifths of "
+    "the weight for the ranking): the chance that any of them is false is at most 5 %. The episodes that would be "
+    "needed find a difference as large as the one seen with a chance of 80 %. Falls and errors have intervals, each by "
+    "itself, and no tests."
+)
+"""How claims are made, for readers."""
+
+
+def verdict(ranked: Ranking) -> str:
+    """Which policy is best, and by how much."""
+    if not ranked.places:
+        return "No ranking: no policy has run every scenario"
+    best, *others = ranked.places
+    score = f"success {share(best.success, best.success_ci)}"
+    if not others:
+        return f"{best.policy}: {score}"
+    if ranked.neighbours[0].distinguished:
+        return f"{best.policy} is best: {score}, {_size(ranked.neighbours[0])} more than {others[0].policy}"
+    end = next((k for k, each in enumerate(ranked.neighbours) if each.distinguished), len(others))
+    tied = listed([each.policy for each in others[:end]])
+    return f"{best.policy} comes first, {score}, but is not distinguished from {tied}"
+
+
+def lines(ranked: Ranking) -> Iterator[str]:
+    """For each two neighbours: what all scenarios together show of them, and what single ones do."""
+    for each in ranked.neighbours:
+        yield f"{_together(each, ranked.episodes)}{_alone(each, ranked)}"
+
+
+def strengths_in_words(results: Results) -> dict[str, str]:
+    """Ranked policy -> where it is best, and where it is worst with the most common cause there."""
+    found = {}
+    for policy in [each.policy for each in results.ranking.places] or results.policies:
+        best, worst = ends_of(results, policy)
+        words = [f"best on {', '.join(each.name for each in best)} ({percent(best[0].success)})"] if best else []
+        weak = (f"{each.name} {percent(each.success)} ({each.reason})" for each in worst)
+        found[policy] = "; ".join([*words, *([f"worst on {', '.join(weak)}"] if worst else [])])
+    return found
+
+
+def ends_of(results: Results, policy: str) -> tuple[list[Strength], list[Strength]]:
+    """Where a policy is best, everywhere with the same success, and where it is worst, that one first."""
+    found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
+    best = [each for each in found if each.success == found[0].success > 0.0]
+    return best[:NAMED], [each for each in found[::-1] if each not in best][:NAMED]
+
+
+def _size(of: Neighbours) -> str:
+    return f"{points(of.difference)} points [{f',{NO_BREAK}'.join(map(points, of.ci))}]"
+
+
+def _together(of: Neighbours, episodes: int) -> str:
+    if of.distinguished:
+        return f"{of.better} beats {of.worse} by {_size(of)}"
+    needed = f"about {_rounded(of.needed)}" if of.needed <= MOST_NEEDED else f"more than {MOST_NEEDED}"
+    with_so_many = f"cannot be distinguished with {counted(episodes, 'episode')}"
+    return f"{of.better} and {of.worse} {with_so_many}; {needed} would be needed ({_size(of)})"
+
+
+def _alone(of: Neighbours, ranked: Ranking) -> str:
+    """What single scenarios show, so that they do not seem to contradict all of them together."""
+    if len(ranked.scenarios) == 1:
+        return ""
+    against = [(of.worse, of.worse_on)] if of.distinguished else [(of.better, of.better_on), (of.worse, of.worse_on)]
+    but = [f"{policy} is better on {_named(on)}" for policy, on in against if on]
+    said = [f"but {listed(but)}"] if but else []
+    if of.distinguished and of.better_on:
+        said = [f"{_named(of.better_on)} alone show{'s' * (len(of.better_on) == 1)} it", *said]
+    elif of.distinguished:
+        together = f"{ranked.axes} axes" if ranked.axes > 1 else f"{len(ranked.scenarios)} levels"
+        said = [f"no single scenario shows it, the {together} together do", *said]
+    return "".join(f"; {each}" for each in said)
+
+
+def _named(scenarios: Sequence[str]) -> str:
+    more = len(scenarios) - NAMED
+    return listed([*scenarios[:NAMED], f"{more} more"] if more > 0 else scenarios)
+
+
+def _rounded(count: float) -> str:
+    """To two significant digits, upwards."""
+    unit = 10.0 ** max(0, math.floor(math.log10(count)) - 1)
+    return f"{math.ceil(count / unit) * unit:.0f}"
