@@ -8,7 +8,7 @@ from pathlib import Path
 
 # Everything that is needed to the end, so that no interrupt can come in the middle of an import.
 import quad_env.envs.vector_env  # noqa: F401
-from evaluate.commands.looks import Look
+from evaluate.commands.looks import look
 from evaluate.commands.options import PROGRAM
 from evaluate.commands.outputs import Ending, Show, conclude
 from evaluate.commands.plan import Plan
@@ -18,6 +18,7 @@ from evaluate.report.table import print_results
 from evaluate.rollouts import diagnosis
 from evaluate.rollouts.experiment import Cell, NotKept, Settings, evaluation_seeds, run_cells
 from evaluate.rollouts.workers import WorkerLost, process_pool
+from evaluate.statistics.sequential import looks
 from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
@@ -80,8 +81,10 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
         launcher.raise_on_interrupt()
         launcher.hold_memory_where_limited()
         with Interrupt() as interrupt:
-            while not run.cells or run.manifest.open:
-                store.manifest, done = run.manifest.following if run.cells else run.manifest, []
+            while not run.complete:
+                if run.cells:
+                    more = min(each for each in looks(run.manifest.limit) if each > run.manifest.episodes)
+                    store.manifest, done = replace(run.manifest, episodes=more), []
                 done.extend(_cells(plan, store, interrupt))
                 run = _looked_at(_run(store.manifest, done), store.folder)
     except KeyboardInterrupt:
@@ -126,9 +129,9 @@ def _looked_at(run: Run, folder: Path) -> Run:
     """The run after a look, if it is one until settled, at its ranking: printed on stderr and kept in its manifest."""
     if not run.manifest.open:
         return run
-    found = Look(run.cells, run.manifest.limit)
-    print(found.line, file=sys.stderr, flush=True)
-    run = replace(run, manifest=replace(run.manifest, ended=found.ended))
+    line, ended = look(run.cells, run.manifest.limit)
+    print(line, file=sys.stderr, flush=True)
+    run = replace(run, manifest=replace(run.manifest, ended=ended))
     run.manifest.write(folder)
     return run
 

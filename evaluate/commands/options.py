@@ -47,7 +47,7 @@ class Options:
     """Episodes of 10 s of each policy on each scenario (count), the same for every policy; by default 20."""
     until: Literal["settled"] | None = None
     """settled: simulate a quarter of --episodes (by default 96) at a time, until every two neighbours in the ranking
-    are distinguished, or can hardly be by the end: a group-sequential test with an error rate of 5 % for all."""
+    are distinguished, or can hardly be by the end: a group-sequential test with one error rate for all looks."""
     robot: str = "simple_quad"
     """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     servo: str = ""

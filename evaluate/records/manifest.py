@@ -31,8 +31,6 @@ _SHA256 = "sha256"
 """Key of the hash of all else in the file."""
 _OF_NO_FIGURE = ("options", "date", "fingerprint")
 """What no figure depends on."""
-_OF_SETTLED = ("limit", "ended")
-"""What only the file of a run --until settled has."""
 _NOT_COMPARED = {"git_revision"}
 """Versions that may change without a figure changing: the code's digest says whether one could."""
 _NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
@@ -89,11 +87,6 @@ class Manifest:
         return bool(self.limit) and not self.ended
 
     @property
-    def following(self) -> "Manifest":
-        """Up to the next look."""
-        return replace(self, episodes=min(each for each in looks(self.limit) if each > self.episodes))
-
-    @property
     def success_rule(self) -> str:
         """Rule of success that its outcomes are by."""
         return self.versions.get("success_rule") or SUCCESS_1
@@ -116,7 +109,6 @@ class Manifest:
     def provenance(self) -> dict[str, Any]:
         """All but the options, the date and the fingerprint, as JSON values."""
         kept = {name: value for name, value in vars(self).items() if name not in _OF_NO_FIGURE}
-        kept = {name: value for name, value in kept.items() if value or name not in _OF_SETTLED}
         return kept | {"hardware": self.hardware.as_json(), "scenarios": to_plain(self.scenarios)}
 
     def write(self, folder: Path) -> None:
@@ -191,7 +183,7 @@ def _fingerprint(provenance: Mapping[str, Any]) -> str:
     """SHA-256 of all that a figure depends on."""
     known = {name: version for name, version in provenance["versions"].items() if name not in _NOT_IN_FINGERPRINT}
     begun = {name: value for name, value in provenance.items() if name != "ended"}
-    most = begun.get("limit", begun["episodes"])
+    most = begun.get("limit") or begun["episodes"]
     return _digest({**begun, "versions": known, "threads": None, "episodes": most})
 
 

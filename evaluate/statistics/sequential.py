@@ -1,12 +1,12 @@
-"""Group-sequential test of neighbours in a ranking: they are looked at several times, at an error rate that holds.
+"""Group-sequential test of neighbours in a ranking: looked at several times, at an error rate that holds for all looks.
 
 By a share t of the most episodes α t^(3/2) of the level is spent (Kim and DeMets 1987, Biometrika 74): less early than
 with Pocock's boundary, less late than with O'Brien and Fleming's. A look compares a paired p-value with its nominal
 level (Jennison and Turnbull 2000, Group Sequential Methods, chapter 3).
 
-A ranking of P policies has P − 1 neighbours, so each look has the level α / (P − 1), although the data choose them: of
-equal policies two can only stay neighbours at a large distance if no third has a mean between theirs, and such pairs
-never form a circle. `python -m research calibration --only settled` checks this.
+The P − 1 neighbours of P policies have α = LEVEL / (P − 1) each, although the data choose them: two equal policies stay
+neighbours at a large distance only if no third is between them, and such pairs form no circle, so that they are at most
+P − 1. `python -m research calibration --only settled` checks this.
 """
 
 import math
@@ -17,9 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evaluate.statistics.intervals import CONFIDENCE, Floats
+from evaluate.statistics.intervals import Floats
 from evaluate.statistics.significance import sign_flip_test
 
+LEVEL = 0.04
+"""Chance of any wrong claim on neighbours: of the 5 % of a report, what claims on single scenarios leave."""
 LOOKS = 4
 """Looks at the data, after equal parts of the most episodes."""
 HOPELESS = 0.05
@@ -36,9 +38,8 @@ class Neighbours(NamedTuple):
     p_value: float
     """Paired sign-flip permutation, two-sided, not corrected."""
     distinguished: bool
-    """At the nominal level of this look."""
     hopeless: bool
-    """Whether they can hardly be by the last look."""
+    """Whether they can hardly be distinguished by the last look."""
 
 
 def looks(most: int) -> tuple[int, ...]:
@@ -49,27 +50,31 @@ def looks(most: int) -> tuple[int, ...]:
 def neighbours(values: Mapping[str, Floats], most: int) -> list[Neighbours]:
     """From the best on: of policies' scores in the same episodes, (n,) each, n being `most` at the last look."""
     order, found = sorted(values, key=lambda policy: -values[policy].mean()), list[Neighbours]()
+    levels = nominal_levels(most, len(order)) if len(order) > 1 else {}
     for ahead, behind in pairwise(order):
-        differences = values[ahead] - values[behind]
-        p_value, levels = sign_flip_test(differences), nominal_levels(most, len(order))
-        chance = predicted(p_value, len(differences) / most, levels[most])
-        found.append(Neighbours(ahead, behind, p_value, p_value <= levels[len(differences)], chance < HOPELESS))
+        p_value, episodes = sign_flip_test(values[ahead] - values[behind]), len(values[ahead])
+        chance = predicted(p_value, episodes / most, levels[most])
+        found.append(Neighbours(ahead, behind, p_value, p_value < levels[episodes], chance < HOPELESS))
     return found
+
+
+def correction(episodes: int, most: int, policies: int) -> float:
+    """Factor on neighbours' p-values at a look that makes up for the others."""
+    return LEVEL / (policies - 1) / nominal_levels(most, policies)[episodes]
 
 
 @lru_cache(maxsize=64)
 def nominal_levels(most: int, policies: int) -> dict[int, float]:
-    """Two-sided level of each two neighbours' p-value by the episodes of the look; 5 % for all looks and neighbours.
+    """Two-sided level of each two neighbours' p-value by the episodes of the look.
 
     Recursion of Armitage, McPherson and Rowe (1969, Journal of the Royal Statistical Society A 132).
     """
     from scipy.optimize import brentq
     from scipy.special import ndtr
 
-    level, found = (1.0 - CONFIDENCE) / (policies - 1), dict[int, float]()
-    sums, density, before, spent = np.zeros(1), np.ones(1), 0.0, 0.0  # of the sums that no boundary has stopped
+    found, sums, density, before, spent = dict[int, float](), np.zeros(1), np.ones(1), 0.0, 0.0
     for episodes in looks(most):
-        share, total = episodes / most, level * (episodes / most) ** 1.5
+        share, total = episodes / most, LEVEL / (policies - 1) * (episodes / most) ** 1.5
         scale = math.sqrt(share - before)
         bound = brentq(_excess, 0.0, 9.0, args=(sums, density, scale, total - spent))
         found[episodes] = 2.0 * float(ndtr(-bound / math.sqrt(share)))
@@ -93,6 +98,6 @@ def predicted(p_value: float, share: float, last_level: float) -> float:
     from scipy.special import ndtr, ndtri
 
     if share >= 1.0:
-        return float(p_value <= last_level)
+        return float(p_value < last_level)
     distance = -ndtri(p_value / 2.0) + ndtri(last_level / 2.0) * math.sqrt(share)
     return float(ndtr(distance / math.sqrt(1.0 - share)))

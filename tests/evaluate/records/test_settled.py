@@ -118,7 +118,7 @@ def test_a_changed_number_of_episodes_is_seen(settled, tmp_path) -> None:
     assert (code, "has been changed" in said) == (2, True)
 
 
-@pytest.mark.parametrize("words", ["trot --quick", "trot stand@flat --quick", "trot stand --scenarios steady"])
+@pytest.mark.parametrize("words", ["trot --quick", "trot stand@flat --quick", "stand trot@push --quick"])
 def test_a_run_without_a_ranking_is_refused(tmp_path, no_simulation, words) -> None:
     code, said = evaluate(*words.split(), "--until", "settled", "--out", tmp_path)
     assert (code, said.count("\n"), "two policies or more" in said) == (2, 1, True), said

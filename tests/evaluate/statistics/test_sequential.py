@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from evaluate.statistics.sequential import looks, neighbours, nominal_levels, predicted
+from evaluate.analysis.comparison import SIGNIFICANT
+from evaluate.analysis.ranking import RANKING_WEIGHT
+from evaluate.statistics.sequential import LEVEL, correction, looks, neighbours, nominal_levels, predicted
+from evaluate.statistics.significance import holm
 
 
 def test_looks_are_quarters_of_the_most_episodes() -> None:
@@ -14,7 +17,7 @@ def test_looks_are_quarters_of_the_most_episodes() -> None:
 
 @pytest.mark.parametrize("policies", [2, 6])
 def test_boundaries_spend_the_level_times_the_share_to_the_power_of_three_halves(policies) -> None:
-    levels, level = nominal_levels(96, policies), 0.05 / (policies - 1)
+    levels, level = nominal_levels(96, policies), 0.04 / (policies - 1)
     assert levels[24] == pytest.approx(level / 8)
     sums = np.random.default_rng(1).normal(size=(400_000, 4)).cumsum(axis=1)
     crossed = 2.0 * ndtr(-np.abs(sums) / np.sqrt([1, 2, 3, 4])) <= [levels[n] for n in looks(96)]
@@ -23,8 +26,17 @@ def test_boundaries_spend_the_level_times_the_share_to_the_power_of_three_halves
 
 
 def test_a_single_look_is_an_ordinary_test_corrected_for_the_neighbours() -> None:
-    assert nominal_levels(1, 2)[1] == pytest.approx(0.05)
-    assert nominal_levels(1, 6)[1] == pytest.approx(0.01)
+    assert nominal_levels(1, 2)[1] == pytest.approx(0.04)
+    assert nominal_levels(1, 6)[1] == pytest.approx(0.008)
+    assert correction(1, 1, 6) == pytest.approx(1.0)
+
+
+def test_a_corrected_p_value_is_significant_in_a_report_where_its_look_distinguishes() -> None:
+    assert pytest.approx(RANKING_WEIGHT * SIGNIFICANT) == LEVEL
+    for episodes, level in nominal_levels(96, 6).items():
+        assert holm([level * correction(episodes, 96, 6)], [RANKING_WEIGHT / 5]) == [pytest.approx(LEVEL / 5)]
+        weights = [RANKING_WEIGHT / 5] * 5 + [1.0 - RANKING_WEIGHT]
+        assert holm([level * correction(episodes, 96, 6)] * 5 + [1.0], weights)[0] == pytest.approx(SIGNIFICANT)
 
 
 def test_neighbours_are_compared_pair_by_pair_from_the_best_on() -> None:
