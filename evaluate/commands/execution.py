@@ -62,8 +62,8 @@ def _execute(plan: Plan, show: Show) -> int:
     if not interrupted:
         remove_chunks(out)
         return code
-    parts = f"{len(run.cells)} finished parts of {len(manifest.cells)}"
-    kept = f"wrote the {parts}" if run.cells else "kept what was done"
+    parts = f"wrote the {len(run.cells)} finished parts of {len(manifest.cells)}"
+    kept = parts if run.cells else "kept what was done"
     raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
 
 
@@ -107,16 +107,9 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Cell
             interrupt.check()
             progress(policy, scenario, share)
 
-        settings = Settings(
-            plan.options.threads,
-            report,
-            _chunk_size(plan),
-            store,
-            made_with.steps,
-            process_pool(plan.options.threads, interrupt.check),
-            made_with.hardware,
-        )
-        seeds = evaluation_seeds(made_with.seed, made_with.episodes)
+        threads, seeds = plan.options.threads, evaluation_seeds(made_with.seed, made_with.episodes)
+        pool = process_pool(threads, interrupt.check)
+        settings = Settings(threads, report, _chunk_size(plan), store, made_with.steps, pool, made_with.hardware)
         yield from run_cells(plan.policies, plan.scenarios, seeds, settings)
 
 
