@@ -13,7 +13,7 @@ from evaluate.statistics.intervals import Floats, Interval, difference_interval
 from evaluate.statistics.sequential import correction
 from evaluate.statistics.significance import holm, sign_flip_test
 
-RANKING_WEIGHT = 0.8
+RANKING_WEIGHT = 0.9
 """Weight of the differences of neighbours, together, among all claims; those on single scenarios have the rest."""
 POWER = 0.8
 """Chance to distinguish two neighbours with as many episodes as are said to be needed."""

@@ -23,7 +23,7 @@ class Strength:
     success: float
     """Mean over the severities."""
     reason: str
-    """The most common cause of failure, `trip, 31 of 46`, or outcome where no cause is known; empty without a failure."""
+    """Most common cause of failure, `trip, 31 of 46`, or outcome where no cause is known; empty without a failure."""
 
 
 def strengths(

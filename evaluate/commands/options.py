@@ -43,11 +43,11 @@ class Options:
     """Every scenario with the robot's hardware profile: motors, delays, sensors and estimator like the real ones."""
     quick: Flag = False
     """The quick battery, for a first look: --scenarios quick."""
-    episodes: int | None = None
-    """Episodes of 10 s of each policy on each scenario (count), the same for every policy; by default 20."""
+    episodes: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 20)")] = None
+    """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
     until: Literal["settled"] | None = None
-    """settled: simulate a quarter of --episodes (by default 96) at a time, until every two neighbours in the ranking
-    are distinguished, or can hardly be by the end: a group-sequential test with one error rate for all looks."""
+    """settled: simulate a quarter of --episodes (then by default 96) at a time, until every two neighbours in the
+    ranking are distinguished, or hardly can be: a group-sequential test with one error rate for all looks."""
     robot: str = "simple_quad"
     """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     servo: str = ""

@@ -4,7 +4,7 @@ from evaluate.analysis.comparison import ERRORS, FALL_RATE, RATES, SUCCESS_RATE
 from evaluate.analysis.pareto import COST_ON
 from evaluate.analysis.summary import Summary
 from evaluate.measures.catalogue import BY_NAME, EFFORT
-from quad_env.cli.format import ABSENT, NO_BREAK, number
+from quad_env.cli.format import ABSENT, NO_BREAK, interval, number
 
 FIRST = ""
 """Name of the column that says what a row is of, in tables whose other columns are named by the user."""
@@ -34,14 +34,20 @@ _DIGITS = {"torque_rate": 0, "touchdown_impulse": 3}
 
 def figure_of_effort(name: str, value: float) -> str:
     """The figure without its unit."""
-    percent = EFFORT_TITLES[name][1] == "%"
-    return number(100.0 * value if percent else value, 1 if percent else _DIGITS.get(name, 2))
+    scale, digits = _scale(name)
+    return number(scale * value, digits)
 
 
 def interval_of_effort(name: str, ends: tuple[float, float]) -> str:
-    """`low … high` in the same digits; empty without an interval."""
-    low, high = (figure_of_effort(name, end) for end in ends)
-    return "" if ABSENT in (low, high) else f"{low}{NO_BREAK}… {high}"
+    """`low … high` in the same unit; empty without an interval."""
+    scale, digits = _scale(name)
+    return interval((scale * ends[0], scale * ends[1]), digits).removesuffix(ABSENT)
+
+
+def _scale(name: str) -> tuple[float, int]:
+    """Factor of its unit, and decimals."""
+    percent = EFFORT_TITLES[name][1] == "%"
+    return (100.0, 1) if percent else (1.0, _DIGITS.get(name, 2))
 
 
 def effort_with_interval(name: str, summary: Summary, form: str) -> str:

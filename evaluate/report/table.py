@@ -16,7 +16,7 @@ from evaluate.analysis.severity_levels import SeverityAxis, amount, place, sever
 from evaluate.analysis.summary import Summary
 from evaluate.report.console import FittedTable, console_table, row_name
 from evaluate.report.headings import FIRST, NARROW, shares
-from evaluate.report.verdict import lines, strengths_in_words, verdict
+from evaluate.report.verdict import lines, strengths_in_words, unranked, verdict
 from quad_env.cli.format import ABSENT, broken, counted, interval, number, share
 
 SHOWN = "success % (falls %)"
@@ -56,6 +56,8 @@ def _print_answers(results: Results, console: Console) -> None:
     print_ranking(results.ranking, console, results.hardware_scores)
     for policy, words in strengths_in_words(results).items():
         console.print(Padding(f"[bold]{escape(policy)}[/bold]: {escape(words)}", (0, 0, 0, 1)), highlight=False)
+    if said := unranked(results):
+        console.print(Padding(escape(said), (0, 0, 0, 1)), highlight=False)
     console.print()
 
 

@@ -1,26 +1,23 @@
 """The ranking in words: which policy is best, and what is shown of each two neighbours."""
 
-import math
 from collections.abc import Iterator, Sequence
 
 from evaluate.analysis.ranking import Neighbours, Ranking
 from evaluate.analysis.results import Results
 from evaluate.analysis.strengths import Strength, strengths
-from quad_env.cli.format import NO_BREAK, counted, listed, percent, points, share
+from quad_env.cli.format import brackets, counted, listed, p_value, percent, points, share
 
 MOST_NEEDED = 10_000
 """Episodes beyond which no number is given."""
 NAMED = 3
 """Scenarios or axes that are named in a line."""
-
-
 CLAIMS = (
     "Claimed is which of two neighbours in the ranking has the better score, and on which scenarios alone neighbours, "
     "or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip permutation "
-    "of scores, exact McNemar of success. One correction holds for all of these claims (Holm's method, four fifths of "
-    "the weight for the ranking): the chance that any of them is false is at most 5 %. The episodes that would be "
-    "needed find a difference as large as the one seen with a chance of 80 %. Falls and errors have intervals, each by "
-    "itself, and no tests."
+    "of scores, exact McNemar of success. One correction holds for all of these claims (Holm's method, nine tenths of "
+    "the weight for the ranking): the chance that any of them is false is at most 5 %. Intervals are each by itself. "
+    "The episodes that would be needed find a difference as large as the one seen with a chance of 80 %. Falls and "
+    "errors have intervals and no tests."
 )
 """How claims are made, for readers."""
 
@@ -40,6 +37,12 @@ def verdict(ranked: Ranking) -> str:
     return f"{best.policy} comes first, {score}, but is not distinguished from {tied}"
 
 
+def unranked(results: Results) -> str:
+    """Which policies have no place in the ranking, and why; empty where all have one."""
+    rest = [name for name in results.policies if all(each.policy != name for each in results.ranking.places)]
+    return f"not ranked, for want of scenarios that the others ran: {listed(rest)}" if rest else ""
+
+
 def lines(ranked: Ranking) -> Iterator[str]:
     """For each two neighbours: what all scenarios together show of them, and what single ones do."""
     for each in ranked.neighbours:
@@ -54,26 +57,28 @@ def strengths_in_words(results: Results) -> dict[str, str]:
         words = [f"best on {', '.join(each.name for each in best)} ({percent(best[0].success)})"] if best else []
         weak = (f"{each.name} {percent(each.success)} ({each.reason})" for each in worst)
         found[policy] = "; ".join([*words, *([f"worst on {', '.join(weak)}"] if worst else [])])
-    return found
+    return {policy: words for policy, words in found.items() if words}
 
 
 def ends_of(results: Results, policy: str) -> tuple[list[Strength], list[Strength]]:
     """Where a policy is best, everywhere with the same success, and where it is worst, that one first."""
     found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
-    best = [each for each in found if each.success == found[0].success > 0.0]
-    return best[:NAMED], [each for each in found[::-1] if each not in best][:NAMED]
+    best = [each for each in found if each.success == found[0].success > 0.0] if len(found) > 1 else []
+    return best[:NAMED], [each for each in found[::-1] if each not in best and each.reason][:NAMED]
 
 
 def _size(of: Neighbours) -> str:
-    return f"{points(of.difference)} points [{f',{NO_BREAK}'.join(map(points, of.ci))}]"
+    return f"{points(of.difference)} points {brackets((100.0 * of.ci[0], 100.0 * of.ci[1]))}"
 
 
 def _together(of: Neighbours, episodes: int) -> str:
     if of.distinguished:
         return f"{of.better} beats {of.worse} by {_size(of)}"
-    needed = f"about {_rounded(of.needed)}" if of.needed <= MOST_NEEDED else f"more than {MOST_NEEDED}"
-    with_so_many = f"cannot be distinguished with {counted(episodes, 'episode')}"
-    return f"{of.better} and {of.worse} {with_so_many}; {needed} would be needed ({_size(of)})"
+    said = f"{of.better} and {of.worse} cannot be distinguished with {counted(episodes, 'episode')}"
+    if episodes > 1:
+        needed = f"about {float(f'{of.needed:.2g}'):.0f}" if of.needed <= MOST_NEEDED else f"more than {MOST_NEEDED}"
+        said += f"; {needed} would be needed"
+    return f"{said} ({_size(of)}, corrected {p_value(of.p_value_holm)})"
 
 
 def _alone(of: Neighbours, ranked: Ranking) -> str:
@@ -94,9 +99,3 @@ def _alone(of: Neighbours, ranked: Ranking) -> str:
 def _named(scenarios: Sequence[str]) -> str:
     more = len(scenarios) - NAMED
     return listed([*scenarios[:NAMED], f"{more} more"] if more > 0 else scenarios)
-
-
-def _rounded(count: float) -> str:
-    """To two significant digits, upwards."""
-    unit = 10.0 ** max(0, math.floor(math.log10(count)) - 1)
-    return f"{math.ceil(count / unit) * unit:.0f}"

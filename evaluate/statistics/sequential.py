@@ -20,7 +20,7 @@ import numpy as np
 from evaluate.statistics.intervals import Floats
 from evaluate.statistics.significance import sign_flip_test
 
-LEVEL = 0.04
+LEVEL = 0.045
 """Chance of any wrong claim on neighbours: of the 5 % of a report, what claims on single scenarios leave."""
 LOOKS = 4
 """Looks at the data, after equal parts of the most episodes."""

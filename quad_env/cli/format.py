@@ -21,8 +21,18 @@ def number(value: float, digits: int = 3) -> str:
 
 def interval(ends: tuple[float, float], digits: int = 3) -> str:
     """`low … high`; a dash if it does not exist."""
-    low, high = (number(end, digits) for end in ends)
+    low, high = (number(end, _apart(ends, digits)) for end in ends)
     return ABSENT if ABSENT in (low, high) else f"{low}{NO_BREAK}… {high}"
+
+
+def brackets(ends: tuple[float, float], digits: int = 1) -> str:
+    """`[3.0, 6.8]`, which does not break."""
+    return f"[{f',{NO_BREAK}'.join(number(end, _apart(ends, digits)) for end in ends)}]"
+
+
+def _apart(ends: tuple[float, float], digits: int) -> int:
+    """So many decimals, or up to three more where the ends would else seem to be the same."""
+    return next((d for d in range(digits, digits + 4) if number(ends[0], d) != number(ends[1], d)), digits)
 
 
 def percent(share: float) -> str:
@@ -81,5 +91,4 @@ def counted(count: int, thing: str) -> str:
 
 def share(value: float, ends: tuple[float, float]) -> str:
     """`41 % [36, 47]`: a share of 1 with its interval, in whole per cent."""
-    low, high = (number(100.0 * end, 0) for end in ends)
-    return f"{number(100.0 * value, 0)}{NO_BREAK}% [{low},{NO_BREAK}{high}]"
+    return f"{number(100.0 * value, 0)}{NO_BREAK}% {brackets((100.0 * ends[0], 100.0 * ends[1]), 0)}"

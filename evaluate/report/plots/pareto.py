@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 ALT = "Success against cost of transport of each policy, and the Pareto front"
 """The text for readers who do not see it."""
-HEIGHT, LINE = 2.9, 0.17
+HEIGHT, LINE = 2.5, 0.17
 """Height of the axes and of a line of the legend, in."""
 
 

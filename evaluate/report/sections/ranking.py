@@ -11,7 +11,7 @@ from evaluate.report.plots import pareto as plots
 from evaluate.report.plots.drawing import svg
 from evaluate.report.sections.axis_section import anchor
 from evaluate.report.sections.figures import policy_label
-from evaluate.report.verdict import NAMED, ends_of, lines
+from evaluate.report.verdict import NAMED, ends_of, lines, unranked
 from quad_env.cli.format import interval, listed, number, percent, points_interval
 
 
@@ -27,8 +27,7 @@ def _lead(results: Results) -> str:
     """What the figures are, and which policies have none."""
     axes = results.ranking.axes
     score = f"Score: mean success over {axes} axes, each axis and each of its severities alike. " * (axes > 1)
-    rest = [name for name in results.policies if all(each.policy != name for each in results.ranking.places)]
-    out = f" Not ranked, for want of scenarios that the others ran: {listed(rest)}." if rest else ""
+    out = f" {said[0].upper()}{said[1:]}." if (said := unranked(results)) else ""
     return f"{score}95 % intervals; differences paired by episode; all claims are corrected together.{out}"
 
 

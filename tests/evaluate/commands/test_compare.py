@@ -75,7 +75,7 @@ def test_of_runs_of_one_seed_the_common_episodes_are_paired(run, tmp_path, capsy
     b = other(run, tmp_path / "b", lambda rows: rows.filter(pc.less(rows.column("episode"), 3)), episodes=3)
     code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
     assert code == 0
-    assert "of A's 5 episodes and B's 3, the 3 of the same seeds are compared" in said
+    assert "paired by episode: 3 episodes of the same seeds, of A's 5 and B's 3" in said
     assert "6 of 6" in said
     rows = read_table(run.folder / "episodes.parquet").to_pylist()
     for match in json.loads((tmp_path / "found.json").read_text())["comparisons"]:
@@ -103,13 +103,41 @@ def test_a_column_that_one_of_them_lacks_is_left_out(run, tmp_path, capsys) -> N
     assert (code, "6 of 6" in said, "–" in said) == (0, True, True)
 
 
-def test_nothing_in_common_is_said(run, tmp_path, capsys) -> None:
+def test_other_policies_are_ranked_with_those_of_the_first_run(run, tmp_path, capsys) -> None:
     def renamed(rows: pa.Table) -> pa.Table:
-        return column(rows, "policy", [f"old {policy}" for policy in rows.column("policy").to_pylist()])
+        policies = rows.column("policy").to_pylist()
+        outcomes = ["succeeded" if policy == "trot" else "off_command" for policy in policies]
+        return column(column(rows, "outcome", outcomes), "policy", [f"new {policy}" for policy in policies])
 
-    b = other(run, tmp_path / "b", renamed, policies={f"old {policy}": "" for policy in ("document", "stand", "trot")})
-    code, said = compare(capsys, run.folder, b)
-    assert (code, "--policies ONE_OF_A ONE_OF_B" in said) == (2, True)
+    b = other(run, tmp_path / "b", renamed, policies={f"new {policy}": "" for policy in ("document", "stand", "trot")})
+    code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
+    assert code == 0
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
+    assert {each["policy"] for each in found["ranking"]["places"]} == {
+        "document", "stand", "trot", "new document", "new stand", "new trot"
+    }  # fmt: skip
+    assert (found["ranking"]["places"][0]["policy"], found["comparisons"]) == ("new trot", [])
+    assert "new trot" in said.splitlines()[0]
+
+
+def test_a_policy_of_both_runs_stands_with_its_folder_unless_it_is_the_same_to_the_bit(run, tmp_path, capsys) -> None:
+    """Of trot all of B's episodes fail: its score falls from A's by as much as `ranking` has of the neighbours."""
+
+    def worse(rows: pa.Table) -> pa.Table:
+        policies, outcomes = (rows.column(name).to_pylist() for name in ("policy", "outcome"))
+        changed = ["fell" if policy == "trot" else old for policy, old in zip(policies, outcomes, strict=True)]
+        return column(rows, "outcome", changed)
+
+    b = other(run, tmp_path / "b", worse)
+    said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")[1]
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
+    places = {each["policy"]: each for each in found["ranking"]["places"]}
+    a_trot, b_trot = f"trot ({run.folder.name})", "trot (b)"
+    assert {*places} == {"document", "stand", a_trot, b_trot}
+    scores = {each["policy"]: each["score"] for each in run.results["scores"]}
+    assert (places[a_trot]["success"], places[b_trot]["success"]) == (pytest.approx(scores["trot"]), 0.0)
+    assert places[a_trot]["cost"] == pytest.approx(places[b_trot]["cost"])
+    assert said.startswith(f"{a_trot} ")
 
 
 def test_effort_is_compared_too_and_the_cost_is_that_of_all_episodes(run, tmp_path, capsys) -> None:
@@ -144,18 +172,21 @@ def test_the_answer_whether_the_ranking_survives(run, tmp_path, capsys) -> None:
     assert code == 0
     assert "does the ranking survive? no" in said
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
-    assert found["ranking"]["policies"] == ["document", "stand", "trot"]
-    assert found["ranking"]["scores"][1] == [0.0, 1.0, 0.0]
-    assert found["ranking"]["correlation"] == pytest.approx(-0.5)  # of three pairs one is tied in each, one is reversed
+    assert found["rank_correlation"]["policies"] == ["document", "stand", "trot"]
+    assert found["rank_correlation"]["scores"][1] == [0.0, 1.0, 0.0]
+    assert found["rank_correlation"]["correlation"] == pytest.approx(
+        -0.5
+    )  # of three pairs one is tied in each, one is reversed
     assert {match["p_value_holm"] for match in found["comparisons"]} != {None}
     said = compare(capsys, run.folder, b, "--policies", "trot", "trot", "--json", tmp_path / "found.json")[1]
     assert "fewer than 3 policies" in said
-    assert json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["ranking"] is None
+    assert json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["rank_correlation"] is None
 
 
 def test_success_that_differs_after_correction_is_named(run, tmp_path, capsys, monkeypatch) -> None:
-    """Five of five in B alone: p is 2 / 2^5 times six matches, and no less with five episodes."""
-    monkeypatch.setattr("evaluate.commands.compare.SIGNIFICANT", 0.376)
+    """Five of five in B alone: with five episodes p is 2 / 2^5, and corrected it is no claim at 5 %."""
+    monkeypatch.setattr("evaluate.commands.compare.SIGNIFICANT", 0.9)
+    monkeypatch.setattr("evaluate.analysis.ranking.RANKING_WEIGHT", 0.001)
 
     def changed(rows: pa.Table) -> pa.Table:
         outcomes = np.array(rows.column("outcome").to_pylist(), dtype=object)
@@ -163,7 +194,7 @@ def test_success_that_differs_after_correction_is_named(run, tmp_path, capsys, m
         return column(rows, "outcome", outcomes.tolist())
 
     said = compare(capsys, run.folder, other(run, tmp_path / "b", changed))[1]
-    assert "success differs: document on flat, 100.0 points, p\u00a0=\u00a00.3" in said
+    assert "success differs: document on flat, 100.0 points, p\u00a0=\u00a00." in said
     assert "success differs: stand" not in said
 
 
@@ -175,6 +206,6 @@ def test_runs_with_and_without_the_hardware_profile_are_matched(run, tmp_path, c
     code, said = compare(capsys, run.folder, b)
     assert code == 0
     assert "A and B differ in: the hardware profile, which one of them has" in said
-    assert "paired by episode: same seeds" in said
+    assert "paired by episode: 5 episodes of the same seeds" in said
     assert "ranking of B: " in said
     assert "ranking of B: " in compare(capsys, b, b)[1]

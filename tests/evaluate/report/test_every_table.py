@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from html import unescape
 from typing import Any
 
+import numpy as np
 import pytest
 
 from evaluate.measures.catalogue import BY_NAME, EFFORT
@@ -92,14 +93,14 @@ class Report:
             about = BY_NAME[row["measure"][1]]
             said = {"unit": about.unit, "frame": about.frame, "formula": about.formula, "over": about.scope}
             return (said | {"source": about.source or "this project"})[head] or "–"
-        if table.section == "success":
-            found = self.one("scores", policy=name)
+        if table.section == "ranking":
+            found = next(each for each in self.found["ranking"]["places"] if each["policy"] == name)
             if head == "score, %":
-                return [100 * each for each in (found["score"], *found["ci"])]
-            assert head == f"minus {self.found['baseline']}, % points"
-            if name == self.found["baseline"]:
-                return ""
-            return [*(100 * each for each in (found["difference"], *found["difference_ci"])), shown_p(found["p_value"])]
+                return [100 * each for each in (found["success"], *found["success_ci"])]
+            assert head == "cost of transport"
+            return [found["cost"], *found["cost_ci"]]
+        if table.section == "best-and-worst":
+            return self.strength(name, row[head][0], head)
         if table.section == "effort":
             return self.effort(name, row[first][1], head)
         if table.section == "breaking-points":
@@ -110,7 +111,8 @@ class Report:
             metric = (SHARES | ERRORS)[head.removesuffix(", % points")]
             assert head.endswith("% points") == (metric in SHARES.values())
             found = self.one("comparisons", a=a, b=b, scenario=scenario, metric=metric)
-            return [*scaled(head, found["difference"], *found["ci"]), shown_p(found["p_value_holm"])]
+            p_value = [shown_p(found["p_value_holm"])] if metric == "success_rate" else []
+            return [*scaled(head, found["difference"], *found["ci"]), *p_value]
         if first == "measure":
             of = self.of(head, table.heading or self.scenario(axis))
             if name.startswith("duty factor, "):
@@ -127,6 +129,22 @@ class Report:
         if head in ERRORS:
             return [of[ERRORS[head]], *of[f"{ERRORS[head]}_ci"]]
         return known(of[{"cost of transport": "cost_of_transport", "diverged": "diverged"}[head]])
+
+    def strength(self, policy: str, shown: str, head: str) -> Said:
+        """Success on the first axis that a cell names, and how many of its failures have the most common outcome."""
+        axis = re.match(r"\w+", shown)
+        (score,) = (each["axes"] for each in self.found["scores"] if each["policy"] == policy)
+        rates = {name: float(np.mean(of)) for name, of in score.items()}
+        if axis is None:
+            return ""
+        extreme = {"best on": max, "worst on": min}.get(head.split(",")[0])
+        assert extreme is None or rates[axis[0]] == extreme(rates.values())
+        if head.startswith("best"):
+            return [100 * rates[axis[0]]]
+        of = [each for name, each in self.found["policies"][policy]["scenarios"].items() if name.startswith(axis[0])]
+        failures = sum(each["episodes"] - each["successes"] for each in of)
+        outcomes = [sum(each["outcomes"][name] for each in of) for name in ("fell", "off_command")]
+        return [100 * rates[axis[0]], max(outcomes), failures]
 
     def effort(self, policy: str, scenario: str, head: str) -> Said:
         of = self.of(policy, scenario)
@@ -189,7 +207,7 @@ def report(four) -> Report:
 
 def test_every_cell_of_the_page_is_the_figure_that_its_heading_names(report) -> None:
     assert {table.section for table in report.tables} == {
-        "success", "effort", "breaking-points", "axis-flat", "axis-push", "axis-rough",
+        "ranking", "best-and-worst", "effort", "breaking-points", "axis-flat", "axis-push", "axis-rough",
         "how-it-was-measured",
     }  # fmt: skip
     assert [line for table in report.tables for line in wrong(report, table)] == []

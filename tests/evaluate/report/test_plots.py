@@ -7,7 +7,6 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from evaluate.analysis.pareto import ParetoPoint, front_of
-from evaluate.analysis.results import analyse
 from evaluate.analysis.score import Score
 from evaluate.report.plots import drawing, pareto, success
 from tests.evaluate.report.conftest import watch_clipping
@@ -24,14 +23,6 @@ def clipped(monkeypatch) -> list[str]:
 def test_no_label_of_a_page_is_clipped(four) -> None:
     assert len(four.clipped) == 1
     assert int(four.clipped[0]) >= 5
-
-
-def test_no_name_is_clipped(made_up_cell, clipped) -> None:
-    cells = [made_up_cell(policy, np.arange(9) < 3, np.linspace(0.1, 2.0, 9)) for policy in (LONG, WIDE, "trot")]
-    results = analyse(cells, seed=0, episodes=9, complete=True)
-    with drawing.settings():
-        drawing.svg(success.outcomes(results))
-    assert clipped == ["1"]
 
 
 def score(policy: str, **axes: int) -> Score:

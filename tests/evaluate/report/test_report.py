@@ -15,6 +15,7 @@ from evaluate.analysis.results import Results, analyse, as_json
 from evaluate.measures.outcomes import OUTCOMES, OUTCOMES_1
 from evaluate.report.page import render
 from policies import summary
+from quad_env.cli.format import listed
 from quad_env.scenarios.axes import AXES
 from tests.live.view.test_browser import CHROMIUM, QUIET
 
@@ -46,18 +47,48 @@ def test_the_page_needs_nothing_but_itself(page) -> None:
     assert not re.search(r"url\(|@import", page.split("</style>")[0])
 
 
-def test_policies_in_words_and_their_scores_come_first(page) -> None:
-    legend = page[page.index('<ul class="legend">') : page.index("<section")]
-    assert all(f": {escape(summary(name))}</li>" in legend for name in ("document", "stand", "trot"))
-    assert page.index("<section") < page.index(">score<") < page.index("<img")
+def test_the_answer_comes_first_and_the_sections_in_their_order(page, four, run) -> None:
+    """Who is best and by how much, the ranking and its front, and where each is weak, before any other table."""
+    ranking = run.results["ranking"]
+    best, second = (each["policy"] for each in ranking["places"][:2])
+    head = unescape(re.findall("<h1>(.*?)</h1>", page)[0])
+    assert best in head
+    assert second in head
+    sections = [name for name in re.findall(r'<section id="([^"]+)">', four.page) if not name.startswith("axis-")]
+    assert sections == [
+        "ranking", "best-and-worst", "effort", "success-on-every-axis", "breaking-points", "policies",
+        "how-it-was-measured",
+    ]  # fmt: skip
+    assert page.index(">score<") < page.index("<img") < page.index('class="verdicts"') < page.index("worst on")
+    policies_section = page.split('<section id="policies">')[1].split("</section>")[0]
+    assert all(f": {escape(summary(name))}</li>" in policies_section for name in ("document", "stand", "trot"))
+
+
+def test_each_two_neighbours_have_their_line(four) -> None:
+    section = four.page.split('<section id="ranking">')[1].split("</section>")[0]
+    said = [unescape(re.sub("<.*?>", "", line)) for line in re.findall(r"<li.*?>(.*?)</li>", section)]
+    neighbours = four.results["ranking"]["neighbours"]
+    assert len(said) == len(neighbours) == 3
+    for line, each in zip(said, neighbours, strict=True):
+        assert line.startswith(f"{each['better']} {'beats' if each['p_value_holm'] < 0.05 else 'and'} {each['worse']} ")
+        assert f"{100 * each['difference']:.1f} points" in line
+    assert "paired by episode" in section
 
 
 def test_the_contents_lead_to_every_section(page) -> None:
     sections = re.findall(r'<section id="([^"]+)">', page)
-    contents = page[page.index("<nav") : page.index("</nav>")]
-    assert re.findall(r'href="#([^"]+)"', contents) == sections
+    first, axes = re.findall(r"<nav.*?</nav>", page, re.DOTALL)
+    assert {*re.findall(r'href="#([^"]+)"', first + axes)} == {*sections}
     assert len(set(sections)) == len(sections) == page.count("<section")
-    assert {"success", "axis-push", "how-it-was-measured"} <= set(sections)
+    assert "axis-" not in first
+
+
+def test_p_values_are_of_success_alone(four) -> None:
+    """Falls and errors have intervals; every p of the page is of one family."""
+    rows = re.findall(r"<tr>(<td>[^<]*(?:<wbr>[^<]*)* − .*?)</tr>", four.page)
+    assert len(rows) > 10
+    for row in rows:
+        assert ["p\u00a0" in cell for cell in re.findall("<td.*?</td>", row)[1:]] == [True] + [False] * 4
 
 
 def test_what_results_under_pushes_depend_on_is_said_where_they_are(page) -> None:
@@ -73,22 +104,15 @@ def test_the_page_names_its_command_and_day(run, page) -> None:
     assert f"Made by <code>{words}</code>, begun on {begun}." in page
 
 
-def test_the_front_and_what_dominates_each_of_the_others_are_listed(four) -> None:
-    section = four.page.split('<section id="effort">')[1].split("</section>")[0]
-    lines = [unescape(re.sub(r"<span.*?</span>|<.*?>", "", line)) for line in re.findall("<li>(.*?)</li>", section)]
-    found = four.results["pareto"]
-    assert lines[0] == f"On the Pareto front, cost of transport on flat: {', '.join(found['front'])}"
-    others = {point["policy"]: point for point in found["points"] if point["policy"] not in found["front"]}
-    assert len(lines) == 1 + len(others) > 1
-    for line, (policy, point) in zip(lines[1:], others.items(), strict=True):
-        walks = point["cost"] == point["cost"]
-        by = f"is dominated by {', '.join(point['dominated_by'])}" if walks else "goes nowhere: no cost of transport"
-        assert line == f"{policy} {by}"
+def test_the_front_is_named_below_its_picture(four) -> None:
+    section = four.page.split('<section id="ranking">')[1].split("</section>")[0]
+    front = four.results["pareto"]["front"]
+    assert f"Cost of transport on flat. On the Pareto front (filled marks, line): {listed(front)}." in section
 
 
 def test_every_plot_says_what_it_shows(page) -> None:
     plots = [image for image in re.findall(r"<img [^>]*>", page) if "image/svg" in image]
-    assert len(plots) == 3  # success, outcomes and effort: no axis of this run has several levels
+    assert len(plots) == 2  # the front and the heat map: no axis of this run has several levels
     assert all(re.search(r'alt="[^"]{10,}"', image) for image in plots)
 
 

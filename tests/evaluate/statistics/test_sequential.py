@@ -17,7 +17,7 @@ def test_looks_are_quarters_of_the_most_episodes() -> None:
 
 @pytest.mark.parametrize("policies", [2, 6])
 def test_boundaries_spend_the_level_times_the_share_to_the_power_of_three_halves(policies) -> None:
-    levels, level = nominal_levels(96, policies), 0.04 / (policies - 1)
+    levels, level = nominal_levels(96, policies), LEVEL / (policies - 1)
     assert levels[24] == pytest.approx(level / 8)
     sums = np.random.default_rng(1).normal(size=(400_000, 4)).cumsum(axis=1)
     crossed = 2.0 * ndtr(-np.abs(sums) / np.sqrt([1, 2, 3, 4])) <= [levels[n] for n in looks(96)]
@@ -26,8 +26,8 @@ def test_boundaries_spend_the_level_times_the_share_to_the_power_of_three_halves
 
 
 def test_a_single_look_is_an_ordinary_test_corrected_for_the_neighbours() -> None:
-    assert nominal_levels(1, 2)[1] == pytest.approx(0.04)
-    assert nominal_levels(1, 6)[1] == pytest.approx(0.008)
+    assert nominal_levels(1, 2)[1] == pytest.approx(0.045)
+    assert nominal_levels(1, 6)[1] == pytest.approx(0.009)
     assert correction(1, 1, 6) == pytest.approx(1.0)
 
 

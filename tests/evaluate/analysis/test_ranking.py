@@ -1,0 +1,150 @@
+"""The ranking of one run: neighbours paired by episode, one correction, and how many episodes would be needed."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from evaluate.analysis.results import Results, analyse, as_json
+from evaluate.report.verdict import lines, verdict
+from evaluate.rollouts.battery import resolve
+from evaluate.statistics.intervals import difference_interval, share_difference_interval
+from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
+
+COUNT = 40
+AXES = "flat", "push", "rough", "stairs"
+
+
+@pytest.fixture
+def run(made_up_cell):
+    """Results of policies: of each on each scenario which episodes succeed, (n,)."""
+
+    def make(baseline="trot", **policies) -> Results:
+        cells = [
+            made_up_cell(policy, ~np.asarray(good), None, resolve((name.replace("_", ":"),))[0])
+            for policy, of in policies.items()
+            for name, good in of.items()
+        ]
+        return analyse(cells, seed=0, episodes=cells[0].episodes, complete=True, baseline=baseline)
+
+    return make
+
+
+def alike(generator: np.random.Generator, worse: int, count: int = COUNT) -> tuple[dict, dict]:
+    """Two policies that succeed in the same hard or easy episodes; the second fails in one more each of so many."""
+    ease = generator.random(count) < 0.5
+    first = {name: ease.copy() for name in AXES}
+    second = {name: ease.copy() for name in AXES}
+    for number, place in enumerate(np.flatnonzero(ease)[:worse]):
+        second[AXES[number % len(AXES)]][place] = False
+    return first, second
+
+
+def values(of: dict) -> np.ndarray:
+    """Mean success of each episode."""
+    return np.mean([of[name] for name in AXES], axis=0)
+
+
+def test_neighbours_are_paired_by_episode_each_with_all_of_its_scenarios(run) -> None:
+    """Unpaired, ten failures more of 160 episodes show nothing: the episodes themselves differ by far more."""
+    first, second = alike(np.random.default_rng(0), 10)
+    (found,) = run(trot=second, better=first).ranking.neighbours
+    difference = values(first) - values(second)
+    assert (found.better, found.worse, found.difference) == ("better", "trot", pytest.approx(10 / 160))
+    assert found.ci == difference_interval(difference, (-1.0, 1.0))
+    assert found.p_value == sign_flip_test(difference) == pytest.approx(2 / 2**10, rel=0.5)
+    assert found.deviation == pytest.approx(difference.std(ddof=1))
+    assert found.distinguished
+    unpaired = values(first) - np.random.default_rng(1).permutation(values(second))
+    assert sign_flip_test(unpaired) > 0.05
+
+
+def test_the_most_successful_stands_first_with_its_cost(run) -> None:
+    ranked = run(**{f"p{k}": dict.fromkeys(AXES, np.arange(COUNT) < k) for k in (10, 40, 0, 30)}).ranking
+    assert [each.policy for each in ranked.places] == ["p40", "p30", "p10", "p0"]
+    assert [(each.better, each.worse) for each in ranked.neighbours] == [("p40", "p30"), ("p30", "p10"), ("p10", "p0")]
+    assert (ranked.axes, ranked.scenarios, ranked.episodes) == (4, AXES, COUNT)
+    assert np.isnan([each.cost for each in ranked.places]).all()
+
+
+def test_of_a_single_scenario_the_ranking_is_by_success_with_its_test(run) -> None:
+    good, fair = np.arange(COUNT) < 36, np.arange(COUNT) >= 12
+    results = run(trot={"push": fair}, other={"push": good})
+    (found,) = results.ranking.neighbours
+    assert found.ci == share_difference_interval(12, 4, COUNT)
+    assert found.p_value == found.p_value_holm == mcnemar(good, fair)
+    (success,) = (each for each in results.comparisons if each.metric == "success_rate")
+    assert success.p_value_holm == found.p_value_holm  # one claim, not two
+    assert (found.better_on, next(lines(results.ranking)).count(";")) == ((), 1)
+
+
+def test_one_correction_holds_for_the_ranking_and_for_single_scenarios(run) -> None:
+    """Neighbours have nine tenths of the weight; success of pairs that are neither them nor with the baseline, none."""
+    policies = {
+        name: dict.fromkeys(AXES, np.arange(COUNT) < k) for name, k in (("a", 40), ("b", 31), ("trot", 30), ("c", 12))
+    }
+    results = run(**policies)
+    neighbours = results.ranking.neighbours
+    success = [each for each in results.comparisons if each.metric == "success_rate"]
+    claimed = [
+        each for each in success if {each.a, each.b} in ({"a", "b"}, {"b", "trot"}, {"trot", "c"}, {"a", "trot"})
+    ]
+    assert len(claimed) == 4 * len(AXES)
+    p_values = [each.p_value for each in (*neighbours, *claimed)]
+    expected = holm(p_values, [0.9 / 3] * 3 + [0.1 / 16] * 16)
+    assert [each.p_value_holm for each in (*neighbours, *claimed)] == pytest.approx(expected)
+    assert np.isnan([each.p_value_holm for each in success if each not in claimed]).all()
+    others = [each for each in results.comparisons if each.metric == "fall_rate"]
+    assert not np.isnan([each.p_value_holm for each in others]).any()
+    assert results.ranking.neighbours[2].better_on == AXES
+    assert as_json(results)["ranking"]["neighbours"][0]["p_value_holm"] == neighbours[0].p_value_holm
+
+
+def test_single_scenarios_and_all_together_do_not_contradict_each_other_in_words(run) -> None:
+    first, second = alike(np.random.default_rng(0), 12)
+    assert next(lines(run(trot=second, better=first).ranking)).endswith(
+        "; no single scenario shows it, the 4 axes together do"
+    )
+    good, bad = np.ones(COUNT, bool), np.zeros(COUNT, bool)
+    even = {"flat": good, "push": bad, "rough": good, "stairs": good}
+    other = {"flat": good, "push": good, "rough": bad, "stairs": good}
+    line = next(lines(run(trot=even, other=other).ranking))
+    assert "cannot be distinguished" in line
+    assert line.endswith("; but trot is better on rough and other is better on push")
+    most = {"flat": good, "push": good, "rough": good, "stairs": bad}
+    line = next(lines(run(trot={**even, "flat": bad}, other=most).ranking))
+    assert line.startswith("other beats trot by 25.0 points [")
+    assert line.endswith("; flat and push alone show it; but trot is better on stairs")
+
+
+def test_the_episodes_that_would_be_needed_are_those_of_the_formula_and_find_the_difference(run) -> None:
+    """A power of 80 % at the corrected level: simulated with normal differences, the test finds it in about 80 %."""
+    generator = np.random.default_rng(3)
+    first = {name: generator.random(COUNT) < 0.62 for name in AXES}
+    second = {name: generator.random(COUNT) < 0.55 for name in AXES}
+    results = run(trot=second, other=first)
+    (found,) = results.ranking.neighbours
+    level = 0.05 * 0.9  # nothing is claimed, so that all weights are left
+    assert not any(each.p_value_holm < 0.05 for each in (*results.comparisons, found))
+    quantile = norm.ppf(1 - level / 2)
+    expected = ((quantile + norm.ppf(0.8)) * found.deviation / found.difference) ** 2 + quantile**2 / 2
+    assert found.needed == np.ceil(expected)
+    drawn = generator.normal(found.difference, found.deviation, (300, int(found.needed)))
+    t = drawn.mean(axis=1) / drawn.std(axis=1, ddof=1) * np.sqrt(drawn.shape[1])
+    assert np.mean(np.abs(t) > quantile) == pytest.approx(0.8, abs=0.07)
+    assert f"cannot be distinguished with 40 episodes; about {found.needed:.0f} would" in next(lines(results.ranking))
+
+
+def test_policies_that_are_alike_in_every_episode(run) -> None:
+    of = dict.fromkeys(AXES, np.arange(COUNT) < 10)
+    ranked = run(trot=of, other=of).ranking
+    assert (ranked.neighbours[0].needed, ranked.neighbours[0].p_value_holm) == (np.inf, 1.0)
+    assert "more than 10000 would be needed" in next(lines(ranked))
+    assert verdict(ranked).endswith("but is not distinguished from other")
+
+
+def test_the_verdict(run) -> None:
+    a, b = (dict.fromkeys(AXES, np.arange(COUNT) < k) for k in (40, 20))
+    said = verdict(run(trot=b, other=a).ranking).replace("\u00a0", " ")
+    assert said.startswith("other is best: success 100 % [91, 100], 50.0 points [")
+    assert said.endswith("] more than trot")
+    assert verdict(run(trot=a).ranking).replace("\u00a0", " ") == "trot: success 100 % [91, 100]"
