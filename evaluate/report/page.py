@@ -113,8 +113,8 @@ def warnings(results: Results) -> list[str]:
     if why := results.provenance.get("ended"):
         limit = results.provenance["limit"]
         lines.append(
-            f"--until settled ended this run after {results.episodes} of at most {limit} episodes: {why}, by a sequential "
-            "test corrected for all looks; intervals are those of a fixed number of episodes"
+            f"--until settled ended this run after {results.episodes} of at most {limit} episodes: {why}, by a "
+            "sequential test corrected for all looks; intervals are those of a fixed number of episodes"
         )
     if results.success_rule != SUCCESS_RULE:
         lines.append(
