@@ -69,8 +69,8 @@ class Counted:
 def counted(cells: Sequence[Cell], *, hardware: bool = False) -> Counted:
     """What counts of these cells, with the hardware profile or without. The steady walk, which nothing disturbs, counts
     only where there is nothing else."""
-    own = [cell for cell in cells if cell.scenario.hardware == hardware]
-    own = [cell for cell in own if counts(cell.scenario, hardware)] or own
+    own = [cell for cell in cells if counts(cell.scenario, hardware)]
+    own = own or [cell for cell in cells if cell.scenario.hardware == hardware]
     axes = severity_axes(own)
     names = {level.name for axis in axes for level in axis.levels}
     ran: dict[str, dict[str, Cell]] = {}

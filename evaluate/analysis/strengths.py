@@ -11,6 +11,7 @@ from evaluate.analysis.severity_levels import place, severity_axes
 from evaluate.analysis.summary import Summary
 from evaluate.measures.outcomes import SUCCEEDED
 from evaluate.rollouts.experiment import Cell
+from quad_env.cli.format import counted
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class Strength:
     success: float
     """Mean over the severities."""
     reason: str
-    """Most common cause of failure, `trip, 31 of 46`, or outcome where no cause is known; empty without a failure."""
+    """Most common cause of failure, or outcome where no cause is known, `trip in 31 of 46 failures`; may be empty."""
 
 
 def strengths(
@@ -47,4 +48,4 @@ def _reason(of: Sequence[Summary]) -> str:
     outcomes = sum((Counter(each.outcomes) for each in of), Counter[str]())
     del outcomes[SUCCEEDED]
     ((name, count),) = (causes or outcomes).most_common(1) if failures else (("", 0),)
-    return f"{name.replace('_', ' ')}, {count} of {failures}" if failures else ""
+    return f"{name.replace('_', ' ')} in {count} of {counted(failures, 'failure')}" if failures else ""

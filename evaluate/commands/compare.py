@@ -56,7 +56,7 @@ def main(options: Options) -> int:
     if {each.name for each in a[0].scenarios}.isdisjoint(each.name for each in b[0].scenarios):
         changed = [*changed, "the hardware profile, which one of them has"]
         a, b = map(without_profile, (a, b))
-    found = matches(pairs, a, b)
+    found: Sequence[Match] = matches(pairs, a, b)
     both = joint(found, (a, b), _labels(options, found, a[0], b[0]))
     if not found and not both.ranking.places:
         what = "no scenario of these policies, or no episodes of the same --seed, in common"
@@ -81,11 +81,14 @@ def main(options: Options) -> int:
 
 
 def _read(path: Path) -> Stored:
-    folder = path.parent if path.name in ("results.json", "episodes.parquet", "manifest.json") else path
-    manifest, rows = read_rows(folder)
+    manifest, rows = read_rows(_folder(path))
     if not rows.num_rows:
-        raise UsageError(f"{folder} holds no finished part of a comparison yet")
+        raise UsageError(f"{_folder(path)} holds no finished part of a comparison yet")
     return manifest, rows
+
+
+def _folder(path: Path) -> Path:
+    return path.parent if path.name in ("results.json", "episodes.parquet", "manifest.json") else path
 
 
 def _pairs(options: Options, a: Manifest, b: Manifest) -> list[tuple[str, str]]:
@@ -108,8 +111,8 @@ def _labels(
     of_a, of_b = ((name,) for name in options.policies) if options.policies else (a.policies, b.policies)
     changed = {match.a for match in found if not match.identical}
     twice = {name for name in of_a if name in of_b and (name in changed or all(match.a != name for match in found))}
-    alike = options.a.name == options.b.name
-    folders = [str(each) if alike else each.name for each in (options.a, options.b)]
+    paths = _folder(options.a).resolve(), _folder(options.b).resolve()
+    folders = [str(each) if paths[0].name == paths[1].name else each.name for each in paths]
     one, other = (
         {name: f"{name} ({folder})" if name in twice else name for name in of}
         for of, folder in zip((of_a, of_b), folders, strict=True)
@@ -144,7 +147,8 @@ def _shown(found: MetricDifference, corrected: float) -> str:
     if found.metric in FEW:
         value, ends = partial(figure_of_effort, found.metric), partial(interval_of_effort, found.metric)
     claim = f"\n{p_value(corrected)}" if found.metric == SUCCESS_RATE else ""
-    return f"{value(found.difference)}\n{ends(found.ci)}{claim}"
+    shown = ends(found.ci).replace("… ", "…\n")
+    return f"{value(found.difference)}\n{shown}{claim}"
 
 
 def _notes(a: Stored, b: Stored, found: Sequence[Match], rules: tuple[str, str]) -> Iterator[str]:

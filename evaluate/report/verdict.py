@@ -32,9 +32,7 @@ def verdict(ranked: Ranking) -> str:
         return f"{best.policy}: {score}"
     if ranked.neighbours[0].distinguished:
         return f"{best.policy} is best: {score}, {_size(ranked.neighbours[0])} more than {others[0].policy}"
-    end = next((k for k, each in enumerate(ranked.neighbours) if each.distinguished), len(others))
-    tied = listed([each.policy for each in others[:end]])
-    return f"{best.policy} comes first, {score}, but is not distinguished from {tied}"
+    return f"{best.policy} comes first, {score}, but is not distinguished from {others[0].policy}"
 
 
 def unranked(results: Results) -> str:
@@ -63,7 +61,8 @@ def strengths_in_words(results: Results) -> dict[str, str]:
 def ends_of(results: Results, policy: str) -> tuple[list[Strength], list[Strength]]:
     """Where a policy is best, everywhere with the same success, and where it is worst, that one first."""
     found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
-    best = [each for each in found if each.success == found[0].success > 0.0] if len(found) > 1 else []
+    top, bottom = (found[0].success, found[-1].success) if found else (0.0, 0.0)
+    best = [each for each in found if each.success == top and (top > bottom or (len(found) > 1 and top == 1.0))]
     return best[:NAMED], [each for each in found[::-1] if each not in best and each.reason][:NAMED]
 
 

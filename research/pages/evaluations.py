@@ -57,7 +57,7 @@ def read(path: Path) -> dict[str, Any]:
         raise UsageError(f"the evaluation of {path} was interrupted: carry it on with --resume")
     if not whole:
         raise UsageError(f"{path} is not a results.json of `python -m evaluate`: it lacks one of {', '.join(_KEYS)}")
-    if not found.get("scores"):
+    if all(len(each["axes"]) < 2 for each in found.get("scores", ())):
         raise UsageError(f"the evaluation of {path} has no scores: they need several axes of disturbance")
     return found
 

@@ -105,7 +105,8 @@ def scores(called: Mapping[str, str], runs: Sequence[TrainedRun], shipped: Train
     """Scores of the shipped one's base and of each run, the highest first, in Markdown; `called`: what to call a policy
     of each kind."""
     labels = {run.label: f"{called[run.config.policy]} {seed(run, shipped)}" for run in runs}
-    return "\n".join(score_table(results.scores, shipped.config.base, labels)) if results.scores else ""
+    scored = [score for score in results.scores if len(score.axes) != 1]  # of one axis it is the success in the table
+    return "\n".join(score_table(scored, shipped.config.base, labels)) if scored else ""
 
 
 def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> dict[str, str]:

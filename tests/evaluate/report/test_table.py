@@ -40,7 +40,7 @@ def test_the_ranking_comes_first_and_says_where_each_is_weak(made) -> None:
     said = " ".join(" ".join(lines).split())
     assert "- trot beats other by 7.3 points [1.7, 12.7]; rough alone shows it; " in said
     assert "; but other is better on push:3, push:5 and push:6 trot: " in said
-    assert "other: best on flat (100 %); worst on rough 45 % (fell, 22 of 22), push 71 %" in said
+    assert "other: best on flat (100 %); worst on rough 45 % (fell in 22 of 22 failures), push 71 %" in said
 
 
 def test_many_scenarios_have_falls_and_breaking_points_in_80_columns(made) -> None:
