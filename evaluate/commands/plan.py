@@ -71,7 +71,7 @@ def check(options: Options) -> Plan:
         options.of_the_run(),
         seed=options.seed,
         episodes=options.most,
-        settled=options.until is not None,
+        limit=options.most if options.until else 0,
         threads=options.threads,
         hardware=options.equipment,
     )

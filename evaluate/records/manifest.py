@@ -125,15 +125,15 @@ def manifest(
     episodes: int,
     threads: int,
     hardware: Hardware = IDEAL,
-    settled: bool = False,
+    limit: int = 0,
 ) -> Manifest:
-    """Manifest of a run of these here and now, with so many episodes, or until settled with at most so many."""
+    """Manifest of a run of these here and now; with a limit it is one until settled, of at most so many episodes."""
     return Manifest(
         policies={policy.label: policy_digest(*policy.versions) for policy in policies},
         scenarios=tuple(scenarios),
         seed=seed,
-        episodes=looks(episodes)[0] if settled else episodes,
-        limit=episodes if settled else 0,
+        episodes=looks(limit)[0] if limit else episodes,
+        limit=limit,
         steps=rollout.STEPS,
         versions=versions() | model_of(hardware),
         code=code_digest(),

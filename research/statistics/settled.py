@@ -108,7 +108,7 @@ def figures(battery: Battery, runs: int, seed: int) -> dict[str, float]:
         "wrong": float(np.mean([each.wrong for each in ended])),
         "found": float(power) if differ else np.nan,
         "episodes": float(episodes),
-        "fixed": float(next(iter(enough), LIMIT)) if differ else np.nan,
+        "fixed": float(next(iter(enough), LIMIT)) if power > 0.0 and differ else np.nan,
     }
 
 

@@ -7,8 +7,11 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from evaluate.analysis.comparison import SIGNIFICANT
+from evaluate.analysis.ranking import RANKING_WEIGHT
 from evaluate.records import manifest, store
 from evaluate.rollouts import rollout
+from evaluate.statistics.sequential import correction
 from quad_env.files.writing import write_atomically
 from tests.evaluate.records.test_resume import a_page, assert_same, evaluate, full
 
@@ -50,6 +53,12 @@ def test_a_run_adds_episodes_until_neighbours_are_distinguished_and_says_so(sett
     assert made_with.ended == "every two neighbours in the ranking are distinguished"
     assert (results(folder)["episodes"], results(folder)["complete"]) == (8, True)
     assert pq.read_table(folder / "episodes.parquet").num_rows == 2 * 2 * 8
+
+
+def test_its_report_claims_what_the_look_did_with_a_p_value_corrected_for_all_looks(settled) -> None:
+    (found,) = results(settled[0])["ranking"]["neighbours"]
+    assert (found["better"], found["worse"], found["p_value"]) == ("trot", "stand", pytest.approx(2 / 2**8))
+    assert found["p_value"] * correction(8, 16, 2) * 0.999 / RANKING_WEIGHT <= found["p_value_holm"] < SIGNIFICANT
 
 
 def test_its_episodes_are_those_of_a_run_of_as_many(settled, tmp_path) -> None:
