@@ -50,12 +50,6 @@ def _scale(name: str) -> tuple[float, int]:
     return (100.0, 1) if percent else (1.0, _DIGITS.get(name, 2))
 
 
-def effort_with_interval(name: str, summary: Summary, form: str) -> str:
-    """The figure, and after it its interval, if it has one, in the place {} of the form."""
-    ends = interval_of_effort(name, summary.effort_intervals[name])
-    return figure_of_effort(name, summary.effort[name]) + (form.format(ends) if ends else "")
-
-
 def shares(summary: Summary) -> str:
     """Successes, and in brackets falls, in per cent."""
     return f"{number(100.0 * summary.success_rate, 0)}{NO_BREAK}({number(100.0 * summary.fall_rate, 0)})"

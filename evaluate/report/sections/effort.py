@@ -5,7 +5,7 @@ from html import escape
 
 from evaluate.analysis.results import Results
 from evaluate.measures.catalogue import EFFORT
-from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FIRST, effort_with_interval
+from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FIRST, figure_of_effort, interval_of_effort
 from evaluate.report.html import heading, note, section, table
 from evaluate.report.sections.figures import policy_label
 from evaluate.report.sections.ranking import front
@@ -23,10 +23,11 @@ def _figures(results: Results) -> Iterator[str]:
     """A row for each policy over the commands and at a steady speed."""
     rows = [
         {FIRST: f"{policy_label(results, policy)}<small>{escape(scenario)}</small>"}
-        | {name: effort_with_interval(name, one, "<small>{}</small>") for name in EFFORT}
+        | {name: f"{figure_of_effort(name, one.effort[name])}<small>{ends[name]}</small>" for name in EFFORT}
         for scenario in EFFORT_ON
         for policy in results.policies
         if (one := results.summaries.get((scenario, policy)))
+        for ends in [{name: interval_of_effort(name, of) for name, of in one.effort_intervals.items()}]
     ]
     if rows:
         places = "; ".join(f"{name}: {words}" for name, words in EFFORT_ON.items() if name in results.scenarios)
