@@ -62,8 +62,9 @@ def _execute(plan: Plan, show: Show) -> int:
     if not interrupted:
         remove_chunks(out)
         return code
-    parts = f"wrote the {len(run.cells)} finished parts of {len(manifest.cells)}"
-    kept = parts if run.cells else "kept what was done"
+    parts = f"{len(run.cells)} finished parts of {len(manifest.cells)}"
+    parts += f", of {run.manifest.episodes} episodes each," * run.manifest.open
+    kept = f"wrote the {parts}" if run.cells else "kept what was done"
     raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
 
 
