@@ -15,10 +15,8 @@ if __name__ == "__main__":  # before the imports that take time
 from quad_env.cli.program import Command, Program
 
 COMMANDS = {
-    "gaits": Command("research.studies.gaits", "what the gaits, and changes between them, do on flat ground"),
     "recovery": Command("research.studies.recovery", "getting up from any pose"),
     "jump": Command("research.studies.jump", "how high standing robots jump, and how many land standing"),
-    "safety": Command("research.studies.safety", "falls that the safety layer averts, and its false alarms"),
     "sliding": Command("research.studies.sliding", "feet that slide, and falls under pushes, by settings of contact"),
     "estimation": Command("research.studies.estimation", "errors of estimated attitude and velocity"),
     "time-step": Command("research.studies.time_step", "effort at physics steps of 2, 1 and 0.5 ms"),

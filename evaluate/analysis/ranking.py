@@ -10,6 +10,7 @@ from evaluate.analysis.comparison import SIGNIFICANT, SUCCESS_RATE, Comparison, 
 from evaluate.analysis.pareto import ParetoPoint
 from evaluate.analysis.score import Counted
 from evaluate.statistics.intervals import Floats, Interval, difference_interval
+from evaluate.statistics.sequential import correction
 from evaluate.statistics.significance import holm, sign_flip_test
 
 RANKING_WEIGHT = 0.9
@@ -82,7 +83,7 @@ def _neighbours(better: str, worse: str, a: Floats, b: Floats) -> Neighbours:
 
 
 def claims(
-    ranked: Ranking, comparisons: Sequence[Comparison], baseline: str | None = None
+    ranked: Ranking, comparisons: Sequence[Comparison], baseline: str | None = None, limit: int = 0
 ) -> tuple[Ranking, list[Comparison]]:
     """The same with one correction for all that a report claims: Holm's method with weights.
 
@@ -90,14 +91,15 @@ def claims(
     of neighbours and from the baseline, or, without one, all that are given, with the rest. The chance of any false one
     is at most SIGNIFICANT. That the same data say who are neighbours costs nothing: a gap between neighbours among m
     policies that are equally good is a gap of at least m − 1 of their m (m − 1) / 2 pairs, so that it is at most m / 2
-    times as likely as that of one pair, and it is corrected for m − 1. Success of other pairs is no claim and has NaN;
-    other metrics stay as they are.
+    times as likely as that of one pair, and it is corrected for m − 1. In a run until settled, with at most `limit`
+    episodes, it is corrected for all looks too. Success of other pairs is no claim and has NaN; other metrics stay.
     """
     pairs = {frozenset((each.better, each.worse)): each for each in ranked.neighbours}
     place = ranked.scenarios[0] if len(ranked.scenarios) == 1 else ""
     success = {(c.scenario, frozenset((c.a, c.b))): c for c in comparisons if c.metric == SUCCESS_RATE}
     single = {key: c.p_value for key, c in success.items() if key[1] in pairs or baseline in (None, c.b)}
-    together = {(place, pair): each.p_value for pair, each in pairs.items()}
+    looked = correction(ranked.episodes, limit, len(ranked.places)) if limit and pairs else 1.0
+    together = {(place, pair): each.p_value * looked for pair, each in pairs.items()}
     weights = dict.fromkeys(single, (1.0 - RANKING_WEIGHT) / max(1, len(single)))
     weights |= dict.fromkeys(together, RANKING_WEIGHT / max(1, len(pairs)))
     p_values = single | together

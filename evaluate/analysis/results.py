@@ -126,7 +126,7 @@ def analyse(
     ]
     profile = not ideal
     ranked = ranking(counted(cells, hardware=profile), fronts[profile].points, hardware=profile)
-    ranked, comparisons = claims(ranked, compare(cells, against), against)
+    ranked, comparisons = claims(ranked, compare(cells, against), against, made_with.get("limit", 0))
     return Results(
         seed=seed,
         episodes=episodes,

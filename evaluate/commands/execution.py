@@ -2,18 +2,23 @@
 
 import shlex
 import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 # Everything that is needed to the end, so that no interrupt can come in the middle of an import.
 import quad_env.envs.vector_env  # noqa: F401
+from evaluate.commands.looks import look
 from evaluate.commands.options import PROGRAM
 from evaluate.commands.outputs import Ending, Show, conclude
 from evaluate.commands.plan import Plan
+from evaluate.records.manifest import Manifest
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
 from evaluate.rollouts import diagnosis
 from evaluate.rollouts.experiment import Cell, NotKept, Settings, evaluation_seeds, run_cells
 from evaluate.rollouts.workers import WorkerLost, process_pool
+from evaluate.statistics.sequential import looks
 from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
@@ -47,9 +52,9 @@ def _execute(plan: Plan, show: Show) -> int:
     if (slower := SLOWNESS[manifest.hardware.simulator]) > 1:
         print(f"{manifest.hardware.simulator} takes about {slower:g} times as long as {MUJOCO}", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
-    done, interrupted = _simulate(plan, store)
+    run, interrupted = _simulate(plan, store)
     try:
-        code = conclude(Run(manifest, tuple(done)), out, ending) if done else 0
+        code = conclude(run, out, ending) if run.cells else 0
     except Exception as error:
         if not launcher.is_out_of_memory(error):
             raise
@@ -57,8 +62,9 @@ def _execute(plan: Plan, show: Show) -> int:
     if not interrupted:
         remove_chunks(out)
         return code
-    total = len(manifest.cells)
-    kept = f"wrote the {len(done)} finished parts of {total}" if done else "kept what was done"
+    parts = f"{len(run.cells)} finished parts of {len(manifest.cells)}"
+    parts += f", of {run.manifest.episodes} episodes each," * run.manifest.open
+    kept = f"wrote the {parts}" if run.cells else "kept what was done"
     raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
 
 
@@ -69,30 +75,19 @@ def _check_descriptions(plan: Plan) -> None:
             print(f"warning: {each.label}: {words}", file=sys.stderr)
 
 
-def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
-    """The cells that were finished, in the order of the run, and whether the user interrupted. Raises UsageError."""
-    done: list[Cell] = []
-    interrupted = False
+def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
+    """What was finished, in the order of the run, and whether the user interrupted. Raises UsageError."""
+    run, done, interrupted = Run(store.manifest, ()), list[Cell](), False
     try:
         launcher.raise_on_interrupt()
         launcher.hold_memory_where_limited()
-        with Interrupt() as interrupt, show_progress(len(plan.manifest.cells)) as progress:
-
-            def report(policy: str, scenario: str, share: float) -> None:
-                interrupt.check()
-                progress(policy, scenario, share)
-
-            settings = Settings(
-                plan.options.threads,
-                report,
-                _chunk_size(plan),
-                store,
-                plan.manifest.steps,
-                process_pool(plan.options.threads, interrupt.check),
-                plan.manifest.hardware,
-            )
-            seeds = evaluation_seeds(plan.manifest.seed, plan.manifest.episodes)
-            done.extend(run_cells(plan.policies, plan.scenarios, seeds, settings))
+        with Interrupt() as interrupt:
+            while not run.complete:
+                if run.cells:
+                    more = min(each for each in looks(run.manifest.limit) if each > run.manifest.episodes)
+                    store.manifest, done = replace(run.manifest, episodes=more), []
+                done.extend(_cells(plan, store, interrupt))
+                run = _looked_at(_run(store.manifest, done), store.folder)
     except KeyboardInterrupt:
         if not store.begun:
             raise
@@ -101,8 +96,38 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
         if (words := _why(error, store)) is None:
             raise
         raise UsageError(words) from error
-    done.sort(key=lambda cell: plan.manifest.cells.index((cell.scenario, cell.policy)))
-    return done, interrupted
+    return run if run.cells else _run(store.manifest, done), interrupted
+
+
+def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Cell]:
+    """Every cell with the episodes of the store's manifest, as it is finished; progress is shown."""
+    made_with = store.manifest
+    with show_progress(len(made_with.cells)) as progress:
+
+        def report(policy: str, scenario: str, share: float) -> None:
+            interrupt.check()
+            progress(policy, scenario, share)
+
+        threads, seeds = plan.options.threads, evaluation_seeds(made_with.seed, made_with.episodes)
+        pool = process_pool(threads, interrupt.check)
+        settings = Settings(threads, report, _chunk_size(plan), store, made_with.steps, pool, made_with.hardware)
+        yield from run_cells(plan.policies, plan.scenarios, seeds, settings)
+
+
+def _run(manifest: Manifest, done: Sequence[Cell]) -> Run:
+    """What is done, in the order of the run."""
+    return Run(manifest, tuple(sorted(done, key=lambda cell: manifest.cells.index((cell.scenario, cell.policy)))))
+
+
+def _looked_at(run: Run, folder: Path) -> Run:
+    """The run after a look, if it is one until settled, at its ranking: printed on stderr and kept in its manifest."""
+    if not run.manifest.open:
+        return run
+    line, ended = look(run.cells, run.manifest.limit)
+    print(line, file=sys.stderr, flush=True)
+    run = replace(run, manifest=replace(run.manifest, ended=ended))
+    run.manifest.write(folder)
+    return run
 
 
 def _why(error: Exception, store: ChunkStore) -> str | None:

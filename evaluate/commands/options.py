@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -16,6 +16,8 @@ PROGRAM = "python -m evaluate"
 WALKING_POLICIES = ("trot", "trot_feedback", "trot_integral", "residual", "robust")
 DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
+EPISODES = {None: 20, "settled": 96}
+"""Usual number of episodes by `until`; in a run until settled the most."""
 GONE = {"trace": "none"}
 """Options of older versions, as they usually were."""
 CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "trust")
@@ -41,8 +43,11 @@ class Options:
     """Every scenario with the robot's hardware profile: motors, delays, sensors and estimator like the real ones."""
     quick: Flag = False
     """The quick battery, for a first look: --scenarios quick."""
-    episodes: int = 20
+    episodes: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 20)")] = None
     """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
+    until: Literal["settled"] | None = None
+    """settled: simulate a quarter of --episodes (then by default 96) at a time, until every two neighbours in the
+    ranking are distinguished, or hardly can be: a group-sequential test with one error rate for all looks."""
     robot: str = "simple_quad"
     """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     servo: str = ""
@@ -82,9 +87,15 @@ class Options:
         """Names of the scenarios."""
         return ("quick",) if self.quick else self.scenarios
 
+    @property
+    def most(self) -> int:
+        """Episodes of each policy on each scenario, at most."""
+        return EPISODES[self.until] if self.episodes is None else self.episodes
+
     def of_the_run(self) -> dict[str, Any]:
         """What a run must be carried on with, as JSON values."""
-        chosen = {n: value for n, value in asdict(self).items() if n not in CHANGE_NO_FIGURE}
+        whole = asdict(self) | {"episodes": self.most}
+        chosen = {n: value for n, value in whole.items() if n not in CHANGE_NO_FIGURE}
         return {name: list(value) if isinstance(value, tuple) else value for name, value in chosen.items()}
 
 

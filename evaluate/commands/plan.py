@@ -8,6 +8,7 @@ from pathlib import Path
 import policies
 from evaluate.analysis import gates
 from evaluate.analysis.gates import Gate
+from evaluate.commands.looks import check_ranked
 from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, Options, changed, restored
 from evaluate.records import manifest as manifests
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
@@ -45,6 +46,7 @@ def begun_with(folder: Path) -> Options:
 
 def check(options: Options) -> Plan:
     """The plan of these options. Raises UsageError."""
+    options = replace(options, episodes=options.most)
     check_numbers(options, LIMITS)
     if options.quick and options.scenarios != DEFAULT_BATTERY:
         raise UsageError("--quick and --scenarios both name the scenarios: give one of them")
@@ -58,6 +60,8 @@ def check(options: Options) -> Plan:
         raise UsageError(f"--scenarios: {error}") from error
     compared = policies_asked_for(options.policies, scenarios, options.equipment, options.trust)
     labels = [policy.label for policy in compared]
+    if options.until:
+        check_ranked(compared, scenarios)
     found = check_gates(options.gate, labels, scenarios)
     check_baseline(options.baseline, labels)
     _check_folder(options.out)
@@ -66,7 +70,8 @@ def check(options: Options) -> Plan:
         scenarios,
         options.of_the_run(),
         seed=options.seed,
-        episodes=options.episodes,
+        episodes=options.most,
+        limit=options.most if options.until else 0,
         threads=options.threads,
         hardware=options.equipment,
     )

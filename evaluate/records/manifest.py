@@ -14,6 +14,7 @@ from evaluate.records.provenance import code_digest, cpu_model, model_of, policy
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
+from evaluate.statistics.sequential import looks
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
@@ -45,7 +46,7 @@ class Manifest:
     scenarios: tuple[Scenario, ...]
     seed: int
     episodes: int
-    """Episodes of each policy on each scenario."""
+    """Episodes of each policy on each scenario; in a run --until settled as of its last look."""
     steps: int
     """Control steps of an episode."""
     versions: Mapping[str, str | None]
@@ -61,6 +62,10 @@ class Manifest:
     """Hardware of the robots."""
     only_on: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Label -> names of the scenarios of a policy that does not run on all of them."""
+    limit: int = 0
+    """Most episodes of a run --until settled; 0 of any other."""
+    ended: str = ""
+    """Why a run --until settled has ended, in words."""
     date: str = ""
     """Day on which the run began, UTC; empty where it was not written down."""
     fingerprint: str = ""
@@ -75,6 +80,11 @@ class Manifest:
             for policy in self.policies
             if scenario.name in self.only_on.get(policy, (scenario.name,))
         ]
+
+    @property
+    def open(self) -> bool:
+        """Whether it is a run --until settled that has not ended."""
+        return bool(self.limit) and not self.ended
 
     @property
     def success_rule(self) -> str:
@@ -115,13 +125,15 @@ def manifest(
     episodes: int,
     threads: int,
     hardware: Hardware = IDEAL,
+    limit: int = 0,
 ) -> Manifest:
-    """Manifest of a run of these here and now."""
+    """Manifest of a run of these here and now; with a limit it is one until settled, of at most so many episodes."""
     return Manifest(
         policies={policy.label: policy_digest(*policy.versions) for policy in policies},
         scenarios=tuple(scenarios),
         seed=seed,
-        episodes=episodes,
+        episodes=looks(limit)[0] if limit else episodes,
+        limit=limit,
         steps=rollout.STEPS,
         versions=versions() | model_of(hardware),
         code=code_digest(),
@@ -170,7 +182,9 @@ def _is_changed(found: dict[str, Any]) -> bool:
 def _fingerprint(provenance: Mapping[str, Any]) -> str:
     """SHA-256 of all that a figure depends on."""
     known = {name: version for name, version in provenance["versions"].items() if name not in _NOT_IN_FINGERPRINT}
-    return _digest({**provenance, "versions": known, "threads": None})
+    begun = {name: value for name, value in provenance.items() if name != "ended"}
+    most = begun.get("limit") or begun["episodes"]
+    return _digest({**begun, "versions": known, "threads": None, "episodes": most})
 
 
 def _digest(values: Mapping[str, Any]) -> str:

@@ -37,8 +37,8 @@ class Run:
 
     @property
     def complete(self) -> bool:
-        """Whether every cell is there."""
-        return len(self.cells) == len(self.manifest.cells)
+        """Whether every cell is there, and no more episodes are to come."""
+        return len(self.cells) == len(self.manifest.cells) and not self.manifest.open
 
 
 class ChunkStore:
@@ -48,15 +48,14 @@ class ChunkStore:
         self.folder, self.manifest = folder, manifest
         self.begun = resumed
         """Whether the folder is this run's; until its first chunk it belongs to whatever was there before."""
-        self._seeds = evaluation_seeds(manifest.seed, manifest.episodes)
         self._policies = list(manifest.policies)
 
     def load(self, policy: str, scenario: Scenario) -> Sequence[Chunk]:
-        """Chunks of that cell that are done already; damaged ones, and other runs', are left out."""
+        """Chunks of that cell that are done already; damaged ones, other runs' and later episodes are left out."""
         if not self.begun:
             return ()
         found: list[Chunk] = []
-        done = np.zeros(len(self._seeds), bool)
+        done = np.zeros(self.manifest.episodes, bool)
         for path in sorted((self.folder / CHUNKS).glob(f"{self._number(policy, scenario):05d}-*.parquet")):
             chunk = self._read(path, scenario)
             if chunk is not None and not done[chunk.numbers].any():
@@ -84,7 +83,8 @@ class ChunkStore:
         try:
             rows = read_table(path, self.manifest.fingerprint)
             chunk = Chunk(rows.column("episode").to_numpy(), cell_of(rows, scenario))
-            return chunk if np.array_equal(self._seeds[chunk.numbers], chunk.cell.seeds) else None
+            seeds = evaluation_seeds(self.manifest.seed, self.manifest.episodes)
+            return chunk if np.array_equal(seeds[chunk.numbers], chunk.cell.seeds) else None
         except (LookupError, OSError, ValueError):
             return None
 
@@ -175,7 +175,7 @@ def _chunks(folder: Path) -> Iterator[Path]:
 
 def _from_chunks(store: ChunkStore) -> Iterator[Cell]:
     """The cells of which every part is there; how many parts cannot be used is reported on stderr."""
-    there, used = len(list(_chunks(store.folder))), 0
+    there, used = sum(int(path.name[6:13]) < store.manifest.episodes for path in _chunks(store.folder)), 0
     for scenario, policy in store.manifest.cells:
         chunks = store.load(policy, scenario)
         used += len(chunks)

@@ -112,6 +112,12 @@ def warnings(results: Results) -> list[str]:
         f"{each.policy} failed in {each.failed} of {counted(each.episodes, 'episode')}; in the first it {each.first}"
         for each in results.policy_errors
     ]
+    if why := results.provenance.get("ended"):
+        limit = results.provenance["limit"]
+        lines.append(
+            f"--until settled ended this run after {results.episodes} of at most {limit} episodes: {why}, by a "
+            "sequential test corrected for all looks; intervals are those of a fixed number of episodes"
+        )
     if results.success_rule != SUCCESS_RULE:
         lines.append(
             f"Success is by the older rule {results.success_rule}, under which these episodes ran: standing still can "

@@ -1,4 +1,4 @@
-"""`python -m research calibration`: error rates of the intervals and tests on made-up data.
+"""`python -m research calibration`: error rates of the intervals and tests, and of runs until settled, on made-up data.
 
 A row repeats one interval or test on many data sets whose truth is known, and counts how often the interval holds the
 truth, or how often the test claims a difference that is not there.
@@ -7,15 +7,25 @@ truth, or how often the test claims a difference that is not there.
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from quad_env.cli.command_line import UsageError, check_numbers
-from research.statistics import checks
+from research.pages.places import page_with, put
+from research.statistics import checks, settled
 from research.statistics.checks import Check
 
-LIMITS = {"sets": (2, 10_000_000), "episodes": (2, 1_000_000), "fall_probabilities": (0.001, 0.999), "seed": (0, 2**31)}
+LIMITS = {
+    "sets": (2, 10_000_000),
+    "runs": (1, 10_000_000),
+    "episodes": (2, 1_000_000),
+    "fall_probabilities": (0.001, 0.999),
+    "seed": (0, 2**31),
+}
 """Smallest and largest value of each number of the options."""
+PLACE = "settled"
+"""Of the table in the page."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +38,15 @@ class Options:
     """Episodes of a data set (counts)."""
     fall_probabilities: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
     """Fall probabilities of the made-up policies."""
+    runs: int = 1000
+    """Runs until settled of each row (count)."""
     only: str = ""
     """Rows whose name contains this; all, if empty."""
     seed: int = 0
     """Which data sets (whole number from 0)."""
+    page: Path | None = None
+    """Markdown file with the lines `<!-- settled -->` and `<!-- /settled -->`, between which the table of runs until
+    settled goes."""
 
 
 def main(options: Options) -> int:
@@ -41,9 +56,17 @@ def main(options: Options) -> int:
     check_numbers(options, LIMITS)
     every = checks.all_checks(options.episodes, options.fall_probabilities)
     rows = [check for check in every if options.only in check.name]
-    if not rows:
+    batteries = [battery for battery in settled.BATTERIES if options.only in battery.name]
+    if not rows and not batteries:
         raise UsageError(f"--only: no row is named like {options.only}")
-    _run(rows, options)
+    if options.page is not None:
+        page_with(options.page, PLACE)
+    if rows:
+        _run(rows, options)
+    if batteries:
+        table = settled.lines(batteries, options.runs, options.seed)
+        print("\n".join(table))
+        put(options.page, table, PLACE)
     return 0
 
 

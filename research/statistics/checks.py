@@ -101,36 +101,29 @@ def _within(interval: Interval, truth: float) -> bool:
     return interval[0] <= truth <= interval[1]
 
 
-def _one_policy(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
-    return episodes(generator, (fall_probability,), count)
-
-
-def _two_policies(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
-    return episodes(generator, (fall_probability, EASIER * fall_probability), count)
-
-
-def _equal_policies(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
-    return episodes(generator, (fall_probability, fall_probability), count)
+def _made(generator: np.random.Generator, count: int, fall_probability: float, *easier: float) -> Episodes:
+    """Of a policy with that fall probability, and of others with those shares of it."""
+    return episodes(generator, (fall_probability, *(each * fall_probability for each in easier)), count)
 
 
 def _fall_rate(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    fell = _one_policy(generator, count, fall_probability).fell[0]
+    fell = _made(generator, count, fall_probability).fell[0]
     return _within(wilson_interval(int(fell.sum()), count), fall_probability)
 
 
 def _mean(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    error = _one_policy(generator, count, fall_probability).error[0]
+    error = _made(generator, count, fall_probability).error[0]
     return _within(bootstrap_interval(error), mean_error(fall_probability))
 
 
 def _fall_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    a, b = _two_policies(generator, count, fall_probability).fell
+    a, b = _made(generator, count, fall_probability, EASIER).fell
     interval = share_difference_interval(int((a & ~b).sum()), int((b & ~a).sum()), count)
     return _within(interval, (1.0 - EASIER) * fall_probability)
 
 
 def _mean_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    a, b = _two_policies(generator, count, fall_probability).error
+    a, b = _made(generator, count, fall_probability, EASIER).error
     return _within(difference_interval(a - b), mean_error(fall_probability) - mean_error(EASIER * fall_probability))
 
 
@@ -140,17 +133,17 @@ def _breaking_point(count: int, axis: Axis, generator: np.random.Generator) -> b
 
 
 def _sign_flip(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    a, b = _equal_policies(generator, count, fall_probability).error
+    a, b = _made(generator, count, fall_probability, 1.0).error
     return sign_flip_test(a - b) < SIGNIFICANT
 
 
 def _mcnemar(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    return mcnemar(*_equal_policies(generator, count, fall_probability).fell) < SIGNIFICANT
+    return mcnemar(*_made(generator, count, fall_probability, 1.0).fell) < SIGNIFICANT
 
 
 def _mcnemar_by_lot(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
     """A lot decides how much of the chance of the very outcome that was seen counts: exact at every level."""
-    a, b = _equal_policies(generator, count, fall_probability).fell
+    a, b = _made(generator, count, fall_probability, 1.0).fell
     rarer, discordant = sorted((int((a & ~b).sum()), int((b & ~a).sum())))[0], int((a ^ b).sum())
     p_value = _mcnemar_p_value(rarer, discordant)
     rarer_still = _mcnemar_p_value(rarer - 1, discordant) if rarer else 0.0

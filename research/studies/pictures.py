@@ -8,7 +8,6 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from numpy.typing import ArrayLike
 from PIL import Image
 
 import quad_env
@@ -17,7 +16,7 @@ from evaluate.film.files import moving_picture, tiled
 from evaluate.film.shooting import Filming, Frame
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from evaluate.rollouts.rollout import watch
-from policies.base import CONTROL_PERIOD, Policy
+from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.robots.similarity import scaled
@@ -118,17 +117,16 @@ def draw(options: Options) -> None:
 def walk(hardware: Hardware, policy: str, scenario: str, options: Options) -> list[Image.Image]:
     """Frames of one episode, with its name on the first, or on all that are to move; a fallen robot lies there."""
     units = zip(options.command, ("m/s", "m/s", "rad/s"), strict=True)
-    taken = frames_of(
-        hardware.policy(policy),
-        scenario,
-        options.seed,
-        first=1 + round(options.start / CONTROL_PERIOD),
-        every=round(options.period / CONTROL_PERIOD),
-        count=options.count,
-        size=(SAMPLES * WIDTH, SAMPLES * HEIGHT),
-        command=[scaled(hardware.quadruped, value, unit) for value, unit in units],
-        hardware=hardware,
-    )
+    command = [scaled(hardware.quadruped, value, unit) for value, unit in units]
+    first, every = (round(time / CONTROL_PERIOD) for time in (options.start + CONTROL_PERIOD, options.period))
+    length, taken = first + (options.count - 1) * every, list[Frame]()
+    steps = watch(hardware.policy(policy), scenario, options.seed, steps=length, command=command, hardware=hardware)
+    with closing(Filming((SAMPLES * WIDTH, SAMPLES * HEIGHT))) as filming, closing(steps):
+        for step in steps:
+            due = step.number >= first and (step.number - first) % every == 0
+            if due or step.infos["diverged"][0]:  # where it diverges, the frames that are left are the last one
+                taken.append(filming.draw(step.env))
+    taken += taken[-1:] * (options.count - len(taken))
     robots, several = len(options.robots) > 1, len(options.policies) > 1
     called = [Path(hardware.robot).stem] * robots + [policy] * (several or not robots)
     label = ", ".join((*called, scenario))
@@ -136,30 +134,3 @@ def walk(hardware: Hardware, policy: str, scenario: str, options: Options) -> li
     for image in images if options.moving else images[:1]:
         Text(LETTERS, edge=1).write(image, label, 0)
     return images
-
-
-def frames_of(
-    policy: Policy,
-    scenario: str,
-    seed: int,
-    *,
-    first: int,
-    every: int,
-    count: int,
-    size: tuple[int, int],
-    command: ArrayLike,
-    hardware: Hardware,
-) -> list[Frame]:
-    """`count` frames of an episode, one every so many control steps from the step `first` on.
-
-    A fallen robot is shown where it lies; where the simulation diverges, the frames that are left are the last one.
-    Raises as `Filming.draw` and `watch`.
-    """
-    taken: list[Frame] = []
-    steps = watch(policy, scenario, seed, steps=first + (count - 1) * every, command=command, hardware=hardware)
-    with closing(Filming(size)) as filming, closing(steps):
-        for step in steps:
-            due = step.number >= first and (step.number - first) % every == 0
-            if due or step.infos["diverged"][0]:
-                taken.append(filming.draw(step.env))
-    return taken + taken[-1:] * (count - len(taken))

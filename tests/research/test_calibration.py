@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from evaluate.statistics import breaking_point, significance
+from evaluate.statistics import breaking_point, sequential, significance
 from evaluate.statistics import intervals as statistics
 from research.__main__ import main
-from research.statistics import checks
+from research.statistics import checks, settled
 from research.statistics.synthetic import episodes, mean_error
 
 FALLS = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -68,8 +68,43 @@ def test_made_up_errors_have_the_mean_they_claim() -> None:
         assert made.error.mean() == pytest.approx(mean_error(p), rel=0.01)
 
 
+ALIKE, APART = settled.Battery((0, 0), 4), settled.Battery((0, 5), 51)
+
+
+def test_runs_until_settled_hold_their_level_and_looks_at_5_percent_each_would_be_seen(monkeypatch) -> None:
+    assert settled.figures(ALIKE, 300, seed=2)["wrong"] <= 0.05
+    assert settled.figures(settled.Battery((0,) * 6, 12), 60, seed=2)["wrong"] <= 0.05
+    monkeypatch.setattr(
+        sequential, "nominal_levels", lambda most, policies: dict.fromkeys(sequential.looks(most), 0.05)
+    )
+    assert settled.figures(ALIKE, 300, seed=2)["wrong"] > 0.075
+
+
+def test_runs_until_settled_end_early_and_stale_pairs_would_be_seen(monkeypatch) -> None:
+    found = settled.figures(APART, 60, seed=2)
+    assert (found["wrong"], found["found"]) == (0.0, 1.0)
+    assert found["episodes"] < 42.0
+    compare = sequential.neighbours
+
+    def one_episode_late(values, most):
+        return compare({name: np.roll(each, int(name)) for name, each in values.items()}, most)
+
+    monkeypatch.setattr(sequential, "neighbours", one_episode_late)
+    assert settled.figures(APART, 60, seed=2)["episodes"] > 42.0
+
+
 def test_the_command_prints_a_row_a_check(capsys) -> None:
     arguments = ["--sets", "20", "--episodes", "16", "--fall-probabilities", "0.4", "--only", "McNemar"]
     assert main(["calibration", *arguments]) == 0
     rows = capsys.readouterr().out.splitlines()[2:-1]
     assert [row.split("  ")[0] for row in rows] == ["McNemar, exchangeable pairs", "McNemar, ties by lot"]
+
+
+def test_the_table_of_runs_until_settled_goes_into_a_page(tmp_path, capsys) -> None:
+    page = tmp_path / "numbers.md"
+    page.write_text("before\n<!-- settled -->\n<!-- /settled -->\nafter\n", encoding="utf-8")
+    words = ["--only", "settled: 2 policies 5 points apart, 51", "--runs", "4", "--page", str(page)]
+    assert main(["calibration", *words]) == 0
+    table = capsys.readouterr().out
+    assert table.splitlines()[-1].startswith("| settled: 2 policies 5 points apart, 51 scenarios | 0.0 | 100.0 |")
+    assert page.read_text(encoding="utf-8") == f"before\n<!-- settled -->\n{table}<!-- /settled -->\nafter\n"

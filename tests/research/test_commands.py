@@ -5,7 +5,6 @@ import pytest
 
 from quad_env.seeding import episode_seeds
 from research.__main__ import main
-from research.studies import safety
 from tests.batches import begun
 
 BRIEF = 130
@@ -17,20 +16,14 @@ def drawn(seed: int, count: int, purpose: str = "evaluation") -> tuple[int, ...]
 
 
 RUNS = {
-    "gaits --gaits walk stand --robots 2 --seconds 4 --threads 1": ({drawn(5, 2), drawn(6, 2)}, "from \\ to"),
     "recovery --robots 2 --seeds search": ({drawn(5, 2, "search")}, "standing within 5 s"),
     "jump --robots 2": ({drawn(5, 2)}, "landed standing"),
-    "safety --episodes 2 --hours 0.0015 --seeds validation": (
-        {drawn(5000 + level, 2, "validation") for level in range(8)} | {drawn(5500, 4, "validation")},
-        "false alarms",
-    ),
 }
 
 
 @pytest.mark.parametrize("words", RUNS, ids=lambda words: words.split()[0])
 def test_a_study_runs_the_episodes_of_its_options(words: str, monkeypatch, capsys) -> None:
-    for place in ("evaluate.rollouts.rollout", safety.__name__):
-        monkeypatch.setattr(f"{place}.STEPS", BRIEF)
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", BRIEF)
     seeds, said = RUNS[words]
     with begun() as batches:
         assert main([*words.split(), "--seed", "5"]) == 0
@@ -42,10 +35,8 @@ def test_a_study_runs_the_episodes_of_its_options(words: str, monkeypatch, capsy
     ("words", "said"),
     [
         ("jump --robots 100000000000", "--robots must be from 1 to 65536, not 100000000000"),
-        ("safety --policy gallop", "no policy 'gallop': name one of"),
         ("calibration --episodes", "--episodes and --fall-probabilities must each have at least one value"),
         ("calibration --only nothing --episodes 8", "--only: no row is named like nothing"),
-        ("gaits --gaits gallop", "--gaits: name each once; there are"),
         ("estimation --sensors truth", "--sensors: the estimator kalman has no sensors"),
         ("estimation --page nowhere.md", "cannot read the page nowhere.md"),
         ("pictures --frames 1000000000", "the last frame must lie within the episode's 10 s"),

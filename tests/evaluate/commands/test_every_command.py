@@ -22,7 +22,7 @@ from evaluate.rollouts.experiment import evaluation_seeds
 from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
 from tests.evaluate.commands import test_axes, test_command
-from tests.evaluate.records import test_resume
+from tests.evaluate.records import test_resume, test_settled
 from tests.quad_env.robots.made import Made
 
 BRIEF = 130
@@ -147,6 +147,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
 ELSEWHERE = {
     "": {
         "resume": test_resume.test_a_killed_run_goes_on_to_the_same_files,
+        "until": test_settled.test_a_run_adds_episodes_until_neighbours_are_distinguished_and_says_so,
         "simulator": "tests.evaluate.rollouts.test_simulator, where there is pydrake",
     },
     "report": {

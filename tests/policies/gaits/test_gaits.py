@@ -10,7 +10,7 @@ from policies.gaits.parameters import GAITS, OFFSETS, GaitParameters, froude, ro
 from policies.gaits.policy import Gaits
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
-from research.studies.strides import TARGET_RATE_LIMIT, Strides, walked
+from tests.policies.gaits.strides import TARGET_RATE_LIMIT, Strides, walked
 from tests.policies.readings import feet, reading
 
 LEGS = ("fl", "fr", "hl", "hr")

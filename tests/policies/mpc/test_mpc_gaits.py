@@ -14,7 +14,7 @@ from policies.mpc.contact import contact_states
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from quad_env.seeding import episode_seeds
-from research.studies.strides import duty_factors, landing_offsets, landings, wrapped
+from tests.policies.gaits.strides import duty_factors, landing_offsets, landings, wrapped
 
 ROBOTS, STEPS, FROM = 2, 300, 100
 SPEED = 0.5

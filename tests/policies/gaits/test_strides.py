@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from policies.gait_cycle import WALK_OFFSETS, Gait
-from research.studies.strides import duty_factors, landing_offsets, landings, wrapped
+from tests.policies.gaits.strides import duty_factors, landing_offsets, landings, wrapped
 
 
 def stepping(duty, offsets=WALK_OFFSETS):
