@@ -1,4 +1,4 @@
-"""What is drawn into the frames of an episode: arrows at the trunk."""
+"""What is drawn into the frames of an episode: arrows at the trunk, and feet by their contact."""
 
 import math
 from collections import deque
@@ -8,13 +8,15 @@ import numpy as np
 from evaluate.rollouts.observers import Step
 from quad_env.columns import Array, of_robots
 from quad_env.config import GRAVITY
-from quad_env.physics.arrows import Arrow, Colour
+from quad_env.physics.arrows import Arrow, Ball, Colour
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.similarity import scaled
 
 COMMAND: Colour = (0.25, 0.95, 0.35, 1.0)
 VELOCITY: Colour = (1.0, 0.8, 0.1, 1.0)
 PUSH: Colour = (0.9, 0.15, 0.15, 1.0)
+CONTACT: Colour = (0.1, 0.6, 1.0, 1.0)
+SWING: Colour = (1.0, 1.0, 1.0, 1.0)
 MEAN_OVER = 0.5
 """Time over which the velocity that is shown is a mean, s: a trot sways within a stride."""
 PUSH_LINGERS = 0.2
@@ -23,8 +25,8 @@ AHEAD = 0.5
 """s of way that an arrow of a velocity is long, on SimpleQuad."""
 _FORCE = 0.2
 """m for each of its own weights that an arrow of a push is long, on SimpleQuad."""
-_RADIUS, _ABOVE = 0.018, 0.22
-"""Of the arrows and between them and the trunk, m, on SimpleQuad."""
+_RADIUS, _ABOVE, _FOOT = 0.018, 0.22, 0.03
+"""Of the arrows, between them and the trunk, and of the balls at the feet, m, on SimpleQuad."""
 
 
 def headings(step: Step) -> Array:
@@ -56,6 +58,11 @@ class Scene:
             self._push, self._push_until = push.copy(), step.number + round(PUSH_LINGERS / step.env.dt)
 
     @property
+    def step(self) -> Step:
+        """The latest."""
+        return self._step
+
+    @property
     def velocity(self) -> Array:
         """Forward and left, m/s, heading frame, and yaw rate, rad/s, mean of the last MEAN_OVER s, (3,)."""
         return np.mean(self._velocities, axis=0) if self._velocities else np.zeros(3)
@@ -64,6 +71,14 @@ class Scene:
     def pushed(self) -> bool:
         """Whether a push is to be seen."""
         return self._step.number < self._push_until
+
+    def marks(self) -> list[Arrow | Ball]:
+        """The arrows, and a ball at each foot with the leg's name: blue on the ground, white in the air."""
+        infos, robot = self._step.infos, self._step.env.robot
+        radius = max(scaled(robot, _FOOT, "m"), 1.1 * robot.foot_radius)
+        feet = zip(infos["foot_position"][0].tolist(), infos["foot_contact"][0], robot.leg_names, strict=True)
+        balls = [Ball(tuple(place), radius, CONTACT if on else SWING, leg.upper()) for place, on, leg in feet]
+        return [*self.arrows(), *balls]
 
     def arrows(self) -> list[Arrow]:
         """Arrows of the command and of the velocity, and of a push."""

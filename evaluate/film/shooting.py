@@ -22,7 +22,7 @@ from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import Recorder, watch
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError
-from quad_env.physics.arrows import Arrow
+from quad_env.physics.arrows import Arrow, Ball
 from quad_env.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -89,8 +89,13 @@ class Filming:
         self._view = *size, camera
         self._camera: Any = None
 
-    def draw(self, env: "SimpleQuadVectorEnv", arrows: Sequence[Arrow] = ()) -> Frame:
-        """The first robot as it is now, with these arrows.
+    def marked(self, scene: Scene, fallen: bool = False) -> Image.Image:
+        """The robot as it is now with all marks of the scene, framed red once it has fallen. Raises as `draw`."""
+        image = Image.fromarray(self.draw(scene.step.env, scene.marks()))
+        return captions.framed(image, ALARM) if fallen else image
+
+    def draw(self, env: "SimpleQuadVectorEnv", arrows: Sequence[Arrow | Ball] = ()) -> Frame:
+        """The first robot as it is now, with these arrows and balls.
 
         Raises:
             ValueError: there is no such camera; names those that there are.
@@ -196,8 +201,9 @@ class _Panel:
 
     def draw(self, last: bool) -> Image.Image:
         """The robot now, with its captions; at last with its outcome."""
-        arrows = self._scene.arrows() if self._look.arrows else ()
-        image = Image.fromarray(self._filming.draw(self.step.env, arrows))
+        marked, fallen = self._look.arrows, bool(self._recorder.falls.fell[0])
+        draw = self._filming.draw
+        image = self._filming.marked(self._scene, fallen) if marked else Image.fromarray(draw(self.step.env))
         text = captions.Text(self._look.letters, edge=1)
         text.write(image, self._label, 0)
         if self._look.arrows:
