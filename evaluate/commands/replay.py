@@ -1,5 +1,6 @@
 """`python -m evaluate replay RESULTS EPISODE`: one episode of a results folder again, compared with what is stored."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +12,8 @@ import policies
 from evaluate.causes.story import story
 from evaluate.commands.options import Flag
 from evaluate.film import files
-from evaluate.film.shooting import Look, Take, film
+from evaluate.film.page import write_page
+from evaluate.film.shooting import Look, Progress, Take, film
 from evaluate.measures.episodes import Episodes
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import by_cause_rule, by_energy_rule, by_success_rule, table
@@ -19,12 +21,13 @@ from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
 from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, labelled, run_cell
 from evaluate.rollouts.hardware import check
-from quad_env.cli.command_line import UsageError
+from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.progress import bar
 from quad_env.scenarios.height_file import check_unchanged
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
 
+Write = Callable[[Take, Path, Progress], None]
 DIFFERS = 1
 """Exit code where the episode did not come out as stored."""
 
@@ -45,6 +48,10 @@ class Options:
     """Load policies from files that can hide code, the .zip files of Stable-Baselines3."""
     video: Path | None = None
     """Film to write, in real time: .mp4 (needs imageio-ffmpeg), .webp, .gif, or .png for a strip of frames."""
+    page: Path | None = None
+    """Page to write: film and curves of the episode under one cursor, in one .html file that opens offline."""
+    against: str | None = None
+    """Another policy, by name or path, that the film or the page shows on the same seed next to it."""
 
 
 @dataclass(frozen=True)
@@ -64,38 +71,74 @@ class Found:
         """How to call it."""
         return f"episode {self.number} of {self.cell.policy} on {self.cell.scenario.name}"
 
+    @property
+    def headline(self) -> str:
+        """The same with its seed."""
+        return f"{self.title}, seed {self.seed}"
+
 
 def main(options: Options) -> int:
     """Run the command; the exit code: 0, or 1 if the episode is not the stored one. Raises UsageError."""
     run = read_run(options.results)
     found = find(run, options)
-    _check(run.manifest, found.cell.scenario)
-    policy = _policy(found.cell.policy, run.manifest, options.trust)
-    if options.video is not None:
-        files.check(options.video)
+    check_here(run.manifest, found.cell.scenario)
+    policy = policy_of(found.cell.policy, run.manifest, options.trust)
+    written = _outputs(options)
+    take = take_of(found, run.manifest, policy, *_against(options, run.manifest, found.cell.scenario))
     again, episodes = simulated_again(run.manifest, found, policy)
     differing = differences(run.manifest, found, again)
     causes = _causes(run.manifest, found, options.trust) if differing else []
     if not differing:
-        print(f"{found.title}, seed {found.seed}: identical to the bit")
+        print(f"{found.headline}: identical to the bit")
     else:
-        print(f"{found.title}, seed {found.seed}, is not as stored:", *differing, sep="\n  ")
+        print(f"{found.headline}, is not as stored:", *differing, sep="\n  ")
         print(f"because {'; '.join(causes) or 'of something that leaves no trace'}")
     print(*story(episodes, again.measures), sep="\n")
-    if options.video is not None:
-        _film(options.video, run.manifest, found, policy)
+    for option, path, write in written:
+        with bar("filming") as progress:
+            try:
+                write(take, path, progress)
+            except OSError as error:
+                raise UsageError(f"{option}: cannot write {path} ({error.strerror or error})") from error
+        print(path)
     return DIFFERS if differing else 0
+
+
+def _outputs(options: Options) -> list[tuple[str, Path, Write]]:
+    """What is to be filmed: the option, the file and how it is written. Raises UsageError where it cannot be."""
+    found = list[tuple[str, Path, Write]]()
+    if options.video is not None:
+        files.check(options.video)
+        found.append(("--video", options.video, lambda take, *where: film(take, Look(), *where)))
+    if options.page is not None:
+        if options.page.suffix.lower() != ".html":
+            raise UsageError(f"--page must end in .html, not {options.page.name!r}")
+        make_folder_of(options.page, "--page")
+        found.append(("--page", options.page, write_page))
+    if options.against is not None and not found:
+        raise UsageError("--against is shown by --page FILE.html or --video FILE: name one of them too")
+    return found
+
+
+def _against(options: Options, manifest: Manifest, scenario: Scenario) -> list[LabelledPolicy]:
+    """The other policy, if there is one. Raises UsageError."""
+    try:
+        return [labelled(options.against, manifest.hardware, (scenario,), options.trust)] if options.against else []
+    except policies.PolicyError as error:
+        raise UsageError(f"--against: {error}") from error
 
 
 def find(run: Run, options: Options) -> Found:
     """The episode that the options mean. Raises UsageError."""
     cells = run.cells
+    if not cells:
+        raise UsageError(f"{options.results} holds no finished part of a comparison yet")
     for name, wanted, names in (
         ("policy", options.policy, {cell.policy: None for cell in cells}),
         ("scenario", options.scenario, {cell.scenario.name: None for cell in cells}),
     ):
         if wanted is not None and wanted not in names:
-            raise UsageError(f"--{name}: no {wanted} among the finished ones: {', '.join(names) or 'none'}")
+            raise UsageError(f"--{name}: no {wanted} among the finished ones: {', '.join(names)}")
     if options.policy is None and options.scenario is None:
         return _row(cells, options.episode)
     chosen = [
@@ -148,20 +191,21 @@ def differences(manifest: Manifest, found: Found, again: Cell) -> list[str]:
 
 def _causes(then: Manifest, found: Found, trust: bool) -> list[str]:
     """What is known to be different now; of a policy that has not walked yet."""
-    policies_now, scenarios = [_policy(found.cell.policy, then, trust)], [found.cell.scenario]
+    policies_now, scenarios = [policy_of(found.cell.policy, then, trust)], [found.cell.scenario]
     numbers = {"seed": then.seed, "episodes": then.episodes, "threads": 1}
     now = manifests.manifest(policies_now, scenarios, then.options, **numbers, hardware=then.hardware)
     return manifests.differences(then, replace(now, steps=then.steps))
 
 
-def _policy(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
+def policy_of(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
+    """That policy of the run. Raises UsageError where it is not here."""
     try:
         return labelled(label, manifest.hardware, manifest.scenarios, trust, manifest.only_on.get(label, ()))
     except policies.PolicyError as error:
         raise UsageError(f"the policy of that episode is not here: {error}") from error
 
 
-def _check(manifest: Manifest, scenario: Scenario) -> None:
+def check_here(manifest: Manifest, scenario: Scenario) -> None:
     """Raise UsageError where the simulator or the terrain is not here."""
     try:
         check(manifest.hardware, scenario)
@@ -171,12 +215,6 @@ def _check(manifest: Manifest, scenario: Scenario) -> None:
         raise UsageError(f"that episode cannot be simulated here: {error}") from error
 
 
-def _film(video: Path, manifest: Manifest, found: Found, policy: LabelledPolicy) -> None:
-    title = f"{found.title}, seed {found.seed}"
-    take = Take((policy,), found.cell.scenario, found.seed, manifest.steps, title, manifest.hardware)
-    with bar("filming") as progress:
-        try:
-            film(take, Look(), video, progress)
-        except OSError as error:
-            raise UsageError(f"--video: cannot write {video} ({error.strerror or error})") from error
-    print(video)
+def take_of(found: Found, manifest: Manifest, *shown: LabelledPolicy) -> Take:
+    """The episode as these policies have it, to be filmed."""
+    return Take(shown, found.cell.scenario, found.seed, manifest.steps, found.headline, manifest.hardware)

@@ -23,6 +23,7 @@ from evaluate.rollouts.rollout import Recorder, watch
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError
 from quad_env.physics.arrows import Arrow, Ball
+from quad_env.robots.similarity import scaled
 from quad_env.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
 AFTERMATH = 1.0
 """s that are shown after a fall."""
+NEAR = 1.8
+"""m from a free camera to SimpleQuad's trunk."""
 STRIP_RATE = 5.0
 """Frames of a second from which those of a strip are chosen."""
 ALARM, GOOD, BAD = (200, 30, 30), (0, 130, 90), (190, 110, 0)
@@ -58,7 +61,8 @@ class Look:
 
     size: tuple[int, int] = (640, 480)
     """Width and height of each robot's frames, pixels."""
-    camera: str = "track"
+    camera: str | None = "track"
+    """One of the model's; None: a free one near the robot's left side, faster and without shadows."""
     speed: float = 1.0
     """1 is real time, less is slow motion."""
     rate: float = 25.0
@@ -85,7 +89,7 @@ class Look:
 class Filming:
     """Draws frames of the first of n robots, all of one size (width, height), pixels; close it in the end."""
 
-    def __init__(self, size: tuple[int, int], camera: str = "track") -> None:
+    def __init__(self, size: tuple[int, int], camera: str | None = "track") -> None:
         self._view = *size, camera
         self._camera: Any = None
 
@@ -101,12 +105,15 @@ class Filming:
             ValueError: there is no such camera; names those that there are.
             UsageError: nothing can be drawn here.
         """
-        from quad_env.physics.rendering import Camera
+        from quad_env.physics.rendering import Camera, Viewpoint
 
         try:
             if self._camera is None:
                 self._camera = Camera(env.simulation.model, *self._view)
-            frame: Frame = self._camera.draw(env.simulation.snapshot(0), arrows=arrows)
+            data = env.simulation.snapshot(0)
+            x, y, z = data.body("base_link").xpos
+            near = Viewpoint(110.0, -12.0, scaled(env.robot, NEAR, "m"), (x, y, z - env.robot.home_height / 3.0))
+            frame: Frame = self._camera.draw(data, arrows=arrows, viewpoint=near)
         except ValueError:
             raise
         except Exception as error:  # whatever the graphics driver fails with
@@ -139,7 +146,7 @@ def shoot(take: Take, look: Look, progress: Progress) -> Generator[Image.Image]:
     count = len(take.policies)
     columns = count if count <= 3 else math.ceil(math.sqrt(count))
     with ExitStack() as stack:
-        panels = [stack.enter_context(closing(_Panel(policy, take, look))) for policy in take.policies]
+        panels = [stack.enter_context(closing(Panel(policy, take, look))) for policy in take.policies]
         for number in range(take.steps + 1):
             over = number == take.steps or all(panel.over for panel in panels)
             if over or number % look.every == 0:
@@ -168,19 +175,19 @@ def _headed(tiles: Image.Image, take: Take, look: Look, step: Step, number: int)
     return out
 
 
-class _Panel:
+class Panel:
     """One policy's part of the film, step by step, with what is drawn of it; close it in the end."""
 
     def __init__(self, policy: LabelledPolicy, take: Take, look: Look) -> None:
         self._label, self._look = policy.label, look
         self._filming = Filming(look.size, look.camera)
         walker = policy.on(take.scenario)
-        self._recorder = Recorder(walker, np.array([take.seed]), take.steps)
+        self.recorder = Recorder(walker, np.array([take.seed]), take.steps)
         where = walker, take.scenario, take.seed
         self._steps = watch(*where, steps=take.steps, command=take.command, hardware=take.hardware)
         self.step = next(self._steps)
         """The control step that the episode is at."""
-        self._recorder(self.step)
+        self.recorder(self.step)
         self._scene = Scene(self.step)
         self._has_outcome = take.steps > round(SETTLING_TIME / self.step.env.dt)
 
@@ -189,21 +196,25 @@ class _Panel:
         step = next(self._steps, None)
         if step is not None:
             self.step = step
-            self._recorder(step)
+            self.recorder(step)
             self._scene.advance(step)
 
     @property
     def over(self) -> bool:
         """Whether nothing more is to be seen."""
-        falls = self._recorder.falls
+        falls = self.recorder.falls
         past = self.step.number - (falls.step[0] + 1)
         return bool(falls.fell[0] and (self.step.infos["diverged"][0] or past >= round(AFTERMATH / self.step.env.dt)))
 
+    def picture(self) -> Image.Image:
+        """The robot now, with its marks where they are wanted."""
+        if self._look.arrows:
+            return self._filming.marked(self._scene, bool(self.recorder.falls.fell[0]))
+        return Image.fromarray(self._filming.draw(self.step.env))
+
     def draw(self, last: bool) -> Image.Image:
         """The robot now, with its captions; at last with its outcome."""
-        marked, fallen = self._look.arrows, bool(self._recorder.falls.fell[0])
-        draw = self._filming.draw
-        image = self._filming.marked(self._scene, fallen) if marked else Image.fromarray(draw(self.step.env))
+        image = self.picture()
         text = captions.Text(self._look.letters, edge=1)
         text.write(image, self._label, 0)
         if self._look.arrows:
@@ -215,8 +226,8 @@ class _Panel:
 
     def _news(self, last: bool) -> tuple[str, captions.Ink]:
         """What there is to say of the episode; no outcome of one that is too short to have one."""
-        falls = self._recorder.falls
-        outcome = str(metrics.outcome(self._recorder.episodes())[0]) if last and self._has_outcome else None
+        falls = self.recorder.falls
+        outcome = str(metrics.outcome(self.recorder.episodes())[0]) if last and self._has_outcome else None
         if falls.fell[0]:
             fell = f"fell at {(falls.step[0] + 1) * self.step.env.dt:.2f} s: {falls.reason[0]}"
             return fell if outcome in (None, FELL, DIVERGED) else f"{outcome}, {fell}", ALARM

@@ -1,0 +1,79 @@
+"""The page of an episode: film and curves under one cursor, of one policy or of several, in one offline file."""
+
+import base64
+import io
+import json
+from contextlib import closing
+from html import escape
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from evaluate.causes.story import story
+from evaluate.causes.verdict import with_causes
+from evaluate.film.curves import charts, events
+from evaluate.film.shooting import Look, Panel, Progress, Take
+from evaluate.measures.metrics import measure
+from evaluate.rollouts.experiment import LabelledPolicy
+from quad_env.files.writing import write_atomically
+
+LOOK = Look((480, 300), camera=None, rate=20.0)
+QUALITY = 70
+"""Of the WebP images, out of 100."""
+LEAD = 1.0
+"""s before the first cause or fall at which the page opens."""
+
+
+def write_page(take: Take, path: Path, progress: Progress) -> None:
+    """Simulate, film and write; the film ends as others do. Raises as `film`."""
+    count = len(take.policies)
+    shown = [
+        _shown(policy, take, lambda share, place=place: progress((place + share) / count))
+        for place, policy in enumerate(take.policies)
+    ]
+    write_atomically(path, page(take.title, shown).encode())
+    progress(1.0)
+
+
+def page(title: str, episodes: list[dict[str, Any]]) -> str:
+    """The whole page, of the same episode of several policies."""
+    failures = [event["time"] for each in episodes for event in each["events"] if event["kind"] in ("cause", "fall")]
+    numbers = {"dt": episodes[0]["dt"], "period": LOOK.period, "start": max(0.0, min(failures, default=0.0) - LEAD)}
+    data = json.dumps({**numbers, "episodes": episodes}, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    folder = Path(__file__).with_name("html")
+    html, css, js = ((folder / f"episode.{kind}").read_text(encoding="utf-8") for kind in ("html", "css", "js"))
+    return Template(html).substitute(title=escape(title), css=css, js=js, data=data)
+
+
+def _shown(policy: LabelledPolicy, take: Take, progress: Progress) -> dict[str, Any]:
+    """What the page knows of one policy's episode, as JSON values."""
+    frames = []
+    with closing(Panel(policy, take, LOOK)) as panel:
+        while True:
+            if panel.step.number % LOOK.every == 0:
+                frames.append(_embedded(panel))
+                progress(panel.step.number / take.steps)
+            if panel.over or panel.step.number == take.steps:
+                break
+            panel.advance()
+        end, record = panel.step.number, panel.recorder.episodes()
+    measures = with_causes(measure(record), record)
+    lines = [line.partition(" s  ") for line in story(record, measures)]
+    return {
+        "label": policy.label,
+        "verdict": measures.outcome[0].replace("_", " "),
+        "failed": not measures.succeeded[0],
+        "dt": record.dt,
+        "end": end * record.dt,
+        "story": [{"time": float(time), "words": words} for time, _, words in lines],
+        "events": list(events(record, measures, end)),
+        "charts": charts(record, end),
+        "frames": frames,
+    }
+
+
+def _embedded(panel: Panel) -> str:
+    """The robot now, as the address of an image."""
+    buffer = io.BytesIO()
+    panel.picture().save(buffer, "webp", quality=QUALITY, method=2)
+    return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
