@@ -19,7 +19,8 @@ from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import by_cause_rule, by_energy_rule, by_success_rule, table
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
-from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, labelled, run_cell
+from evaluate.rollouts import rollout
+from evaluate.rollouts.experiment import Cell, LabelledPolicy, labelled, measured
 from evaluate.rollouts.hardware import check
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.progress import bar
@@ -166,16 +167,11 @@ def _row(cells: tuple[Cell, ...], row: int) -> Found:
 
 def simulated_again(manifest: Manifest, found: Found, policy: LabelledPolicy) -> tuple[Cell, Episodes]:
     """The episode once more: what it measured, and its record."""
-    seeds, records = found.cell.seeds[[found.number]], list[Episodes]()
+    scenario, seeds, hardware = found.cell.scenario, found.cell.seeds[[found.number]], manifest.hardware
     with bar("simulating") as progress:
-        settings = Settings(
-            1,
-            lambda _, __, share: progress(share),
-            trace=lambda _, __, ___, episodes: records.append(episodes),
-            steps=manifest.steps,
-            hardware=manifest.hardware,
-        )
-        return run_cell(policy, found.cell.scenario, seeds, settings), records[0]
+        where = policy.on(scenario), scenario, seeds
+        episodes = rollout.run(*where, steps=manifest.steps, progress=progress, hardware=hardware)
+    return measured(policy.label, scenario, episodes), episodes
 
 
 def differences(manifest: Manifest, found: Found, again: Cell) -> list[str]:

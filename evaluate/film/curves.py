@@ -32,7 +32,7 @@ def charts(episodes: Episodes, end: int) -> list[dict[str, Any]]:
         _chart("Trunk above ground, m", _lines(actual=height), 0.1, limit=rule.lowest(robot.leg_length)),
         *speeds,
         _chart("Feet above ground, m", _of_legs(legs, _of(episodes, "foot_height", end)), 0.05),
-        _chart("Largest torque of a leg's joints, % of its limit", _of_legs(legs, share), 100.0, limit=100.0),
+        _chart("Largest torque of each leg, % of limit", _of_legs(legs, share), 100.0, limit=100.0),
     ]
 
 

@@ -43,7 +43,8 @@ class Chart {
     this.chart = episode.charts[number];
     this.same = episodes.map((each) => each.charts[number]); // one range for all policies
     this.values = this.chart.lines.map(() => make("span"));
-    const legend = this.chart.lines.map((line, place) => {
+    const named = this.chart.bars ? [] : this.chart.lines; // bars have their names in front
+    const legend = named.map((line, place) => {
       const swatch = make("i", { className: line.look, style: `color: ${colour(line)}` });
       return make("span", {}, swatch, `${line.name} `, this.values[place]);
     });
@@ -68,7 +69,7 @@ class Chart {
   }
 
   resize() {
-    this.width = this.svg.clientWidth;
+    this.width = Math.max(this.svg.clientWidth, 2 * (LEFT + RIGHT));
     const height = this.chart.bars ? 16 * this.chart.lines.length : 62;
     this.height = height;
     this.svg.replaceChildren();
@@ -139,9 +140,8 @@ class Chart {
     this.cursor.setAttribute("x1", this.x(now));
     this.cursor.setAttribute("x2", this.x(now));
     this.chart.lines.forEach((line, place) => {
-      const value = line.values[row];
-      const words = this.chart.bars ? (value ? "on" : "–") : value?.toFixed(this.digits).replace(/^-(?=.*[1-9])/, "−").replace("-", "");
-      this.values[place].textContent = row < 0 ? "" : (words ?? "–");
+      const words = line.values[row]?.toFixed(this.digits) ?? "";
+      this.values[place].textContent = words.replace("-", Number(words) ? "−" : "");
     });
   }
 }
@@ -267,10 +267,10 @@ function resize() {
 
 document.documentElement.style.setProperty("--count", episodes.length);
 at("stories").className = at("charts").className = "row";
-at("films").classList.toggle("several", episodes.length > 1);
+document.body.classList.toggle("several", episodes.length > 1);
 at("charts").append(...charts.map((chart) => chart.element));
 at("time").max = end;
 at("time").step = dt;
 now = data.start;
 resize();
-addEventListener("resize", resize);
+new ResizeObserver(resize).observe(at("charts").parentElement);
