@@ -49,7 +49,7 @@ def as_given(observed: Floats) -> Floats:
 
 
 def events(episodes: Episodes, measures: Measures, end: int) -> Iterator[dict[str, Any]]:
-    """Pushes, new commands, the cause and the fall of the first episode's first `end` control steps, in that order."""
+    """Pushes, new commands, the cause and the fall of the first episode's first `end` control steps."""
     dt = episodes.dt
     for step, impulse in zip(episodes.push_step[0].tolist(), episodes.push_impulse[0], strict=True):
         if step < end:

@@ -5,6 +5,7 @@ import io
 import json
 from contextlib import closing
 from html import escape
+from operator import itemgetter
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -66,7 +67,7 @@ def _shown(policy: LabelledPolicy, take: Take, progress: Progress) -> dict[str, 
         "dt": record.dt,
         "end": end * record.dt,
         "story": [{"time": float(time), "words": words} for time, _, words in lines],
-        "events": list(events(record, measures, end)),
+        "events": sorted(events(record, measures, end), key=itemgetter("time")),
         "charts": charts(record, end),
         "frames": frames,
     }

@@ -101,7 +101,7 @@ class Chart {
     high = Math.max(high, low + this.chart.least);
     const y = (value) => 3 + (1 - (value - low) / (high - low)) * (this.height - 6);
     const up = ticks(low, high, 4);
-    this.digits = up.digits + 1;
+    this.digits = high - low < 20 ? Math.max(2, up.digits + 1) : 0;
     for (const value of up.found) {
       draw(this.svg, "line", { class: "grid", x1: LEFT, x2: this.width - RIGHT, y1: y(value), y2: y(value) });
       const text = { x: LEFT - 5, y: Math.min(Math.max(y(value) + 4, 10), this.height), "text-anchor": "end" };

@@ -39,7 +39,10 @@ def _rows(results: Results, chosen: list[tuple[str, Failure]], folder: Path) -> 
     command = f"python -m evaluate replay {shlex.quote(str(folder))}"
     for which, each in chosen:
         name = each.page(results)
-        link, again = f'<a href="{PAGES}/{escape(name)}">page</a>', f"{command} {each.row} --page {each.row}.html"
+        link, again = (
+            f'<a href="{PAGES}/{escape(name)}">episode {each.number}</a>',
+            f"{command} {each.row} --page {each.row}.html",
+        )
         yield {
             "axis": breakable(each.axis),
             "which": which,

@@ -1,0 +1,143 @@
+"""The page of an episode shows the signals that were recorded, under frames of the same moments."""
+
+import dataclasses
+import json
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import policies
+import quad_env
+from evaluate.film.curves import as_given
+from evaluate.film.page import write_page
+from evaluate.film.shooting import Filming, Take
+from evaluate.measures.episodes import Episodes
+from evaluate.rollouts import rollout
+from evaluate.rollouts.experiment import LabelledPolicy
+from quad_env import Pushes
+
+PUSHES = Pushes(count=1, window=(0.05, 0.2), impulse=20.0)
+SCENARIO = dataclasses.replace(quad_env.scenario("noise:2"), pushes=PUSHES)
+STEPS, SEED, HOSTILE = 250, 4, "</script><b>trot"
+
+
+@dataclass
+class Written:
+    """A page of two policies, one of which falls."""
+
+    text: str = ""
+    data: dict[str, Any] = field(default_factory=dict)
+    drawn: list[tuple[int, bool]] = field(default_factory=list)
+    """Control step of every frame and whether it is of a fallen robot."""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Written:
+    found, path = Written(), tmp_path_factory.mktemp("page") / "page.html"
+
+    def marked(_: Filming, scene: Any, fallen: bool = False) -> Image.Image:
+        found.drawn.append((scene.step.number, fallen))
+        return Image.new("RGB", (480, 300))
+
+    shown = LabelledPolicy("document", policies.make("document")), LabelledPolicy(HOSTILE, policies.make("trot"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Filming, "marked", marked)
+        write_page(Take(shown, SCENARIO, SEED, STEPS, "an <i>episode</i>"), path, lambda _: None)
+    found.text = path.read_text(encoding="utf-8")
+    found.data = json.loads(re.search(r'id="data">(.*?)</script>', found.text, re.DOTALL).group(1))
+    return found
+
+
+@pytest.fixture(scope="module", params=[0, 1])
+def both(request: pytest.FixtureRequest, page: Written) -> tuple[dict[str, Any], Episodes]:
+    """What the page has of each policy, and the record of the same episode as an evaluation makes it."""
+    policy = policies.make(("document", "trot")[request.param])
+    return page.data["episodes"][request.param], rollout.run(policy, SCENARIO, np.array([SEED]), steps=STEPS)
+
+
+def test_every_curve_is_the_episodes_signal(both) -> None:
+    shown, record = both
+    end = min(int(record.fall_step[0]), STEPS)
+    charts = {chart["title"]: {line["name"]: line["values"] for line in chart["lines"]} for chart in shown["charts"]}
+    legs = [name.upper() for name in record.robot.leg_names]
+    share = (100 * record.peak_torque / np.array(record.torque_limit)).reshape(STEPS, 1, 4, -1).max(axis=-1)
+    expected = {
+        "Tilt, rad": {"actual": record.tilt},
+        "Trunk above ground, m": {"actual": record.height},
+        **{
+            title: {"actual": record.heading_velocity[..., axis], "command": record.command[..., axis]}
+            for axis, title in enumerate(("Velocity forward, m/s", "Velocity left, m/s", "Yaw rate, rad/s"))
+        },
+        "Feet on the ground": {leg: record.foot_contact[..., foot] for foot, leg in enumerate(legs)},
+        "Feet above ground, m": {leg: record.foot_height[..., foot] for foot, leg in enumerate(legs)},
+        "Largest torque of each leg, % of limit": {leg: share[..., foot] for foot, leg in enumerate(legs)},
+    }
+    assert charts.keys() == expected.keys()
+    for title, lines in expected.items():
+        for name, signal in lines.items():
+            np.testing.assert_allclose(charts[title][name][:end], signal[:end, 0], atol=6e-5, err_msg=f"{title} {name}")
+    given = as_given(record.observed[:end, 0].astype(float))
+    for column, title in enumerate(list(expected)[:1] + list(expected)[2:5]):
+        np.testing.assert_allclose(charts[title]["given to the policy"][:end], given[:, column], atol=6e-5)
+
+
+def test_a_film_has_a_frame_each_twentieth_second_until_a_second_after_the_fall(page) -> None:
+    falling, walking = page.data["episodes"]
+    fall = next(event["time"] for event in falling["events"] if event["kind"] == "fall")
+    assert (falling["end"], walking["end"]) == (pytest.approx(fall + 1.0), pytest.approx(0.01 * STEPS))
+    assert page.data["period"] == 0.05
+    numbers = [[5 * k for k in range(len(each["frames"]))] for each in (falling, walking)]
+    assert [numbers[0][-1], numbers[1][-1]] == [math.floor(falling["end"] / 0.05 + 1e-9) * 5, STEPS]
+    assert [number for number, _ in page.drawn] == [*numbers[0], *numbers[1]]
+    assert all(fallen == (0.01 * number >= fall - 1e-9) for number, fallen in page.drawn[: len(numbers[0])])
+    assert [len(chart["lines"][0]["values"]) for chart in falling["charts"]] == [round(100 * falling["end"])] * 8
+
+
+def test_fall_cause_and_pushes_are_marked_when_they_happened(both) -> None:
+    shown, record = both
+    marks = {event["kind"]: event for event in shown["events"]}
+    first = 0.01 * record.push_step[0, 0]
+    assert (marks["push"]["time"], marks["push"]["until"]) == pytest.approx((first, first + 0.1))
+    assert marks["push"]["words"] == "push 20 N·s"
+    assert [event["time"] for event in shown["events"]] == sorted(event["time"] for event in shown["events"])
+    fell = record.fall_step[0] < STEPS
+    assert ("fall" in marks, shown["label"] == "document") == (fell, fell)
+    if fell:
+        assert marks["fall"]["time"] == pytest.approx(0.01 * (record.fall_step[0] + 1))
+        assert marks["fall"]["words"] == f"fell: {record.fall_reason[0]}"
+        assert "cause" in marks
+        assert shown["story"][-1]["time"] == pytest.approx(marks["fall"]["time"])
+
+
+def test_a_page_is_one_offline_file_whatever_a_policy_is_called(page) -> None:
+    assert "default-src 'none'" in page.text
+    assert not re.search(r"(src|href)=|@import|url\(|fetch\(|https?://(?!www.w3.org/2000/svg)", page.text)
+    assert page.text.count("</script>") == 2
+    assert "<i>episode" not in page.text
+    assert page.data["episodes"][1]["label"] == HOSTILE
+    assert all(frame.startswith("data:image/webp;base64,") for frame in page.data["episodes"][0]["frames"])
+
+
+def test_what_a_policy_is_given_is_read_in_its_own_idea_of_the_vertical() -> None:
+    """It rolls to its right by 0.3 rad and goes ahead at 1 m/s, sideways at 0.5 m/s and turns at 2 rad/s."""
+    cos, sin = math.cos(0.3), math.sin(0.3)
+    to_body = np.array([[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]])
+    observed = np.concatenate([to_body @ each for each in ([0.0, 0.0, -1.0], [0.0, 0.0, 2.0], [1.0, 0.5, 0.0])])
+    np.testing.assert_allclose(as_given(observed[None]), [[0.3, 1.0, 0.5, 2.0]])
+
+
+def test_a_page_is_whole_or_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(_: float) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Filming, "marked", lambda *_: Image.new("RGB", (8, 5)))
+    take = Take((LabelledPolicy("stand", policies.make("stand")),), SCENARIO, 0, 20, "an episode")
+    with pytest.raises(KeyboardInterrupt):
+        write_page(take, tmp_path / "page.html", stop)
+    assert list(tmp_path.iterdir()) == []
