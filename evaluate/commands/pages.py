@@ -5,7 +5,7 @@ from pathlib import Path
 
 from evaluate.analysis.failures import PAGES, failures
 from evaluate.commands.outputs import analysed
-from evaluate.commands.replay import Found, check_here, policy_of, take_of
+from evaluate.commands.replay import Found, check_here, policy_of
 from evaluate.film.page import write_page
 from evaluate.records.store import Run
 from quad_env.cli.command_line import UsageError, make_folder_of
@@ -29,7 +29,7 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
     try:
         with bar("pages") as progress:
             for path, each in found.items():
-                take, first = take_of(each, run.manifest, policies[each.cell.policy]), done
+                take, first = each.take(run.manifest, policies[each.cell.policy]), done
                 write_page(take, path, lambda share, first=first: progress((first + share) / len(wanted)))
                 done += 1
     except OSError as error:

@@ -13,7 +13,7 @@ from evaluate.causes.story import story
 from evaluate.commands.options import Flag
 from evaluate.film import files
 from evaluate.film.page import write_page
-from evaluate.film.shooting import Look, Progress, Take, film
+from evaluate.film.shooting import Progress, Take, film
 from evaluate.measures.episodes import Episodes
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import by_cause_rule, by_energy_rule, by_success_rule, table
@@ -28,7 +28,6 @@ from quad_env.scenarios.height_file import check_unchanged
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
 
-Write = Callable[[Take, Path, Progress], None]
 DIFFERS = 1
 """Exit code where the episode did not come out as stored."""
 
@@ -70,12 +69,11 @@ class Found:
     @property
     def title(self) -> str:
         """How to call it."""
-        return f"episode {self.number} of {self.cell.policy} on {self.cell.scenario.name}"
+        return f"episode {self.number} of {self.cell.policy} on {self.cell.scenario.name}, seed {self.seed}"
 
-    @property
-    def headline(self) -> str:
-        """The same with its seed."""
-        return f"{self.title}, seed {self.seed}"
+    def take(self, manifest: Manifest, *shown: LabelledPolicy) -> Take:
+        """The episode as these policies have it, to be filmed."""
+        return Take(shown, self.cell.scenario, self.seed, manifest.steps, self.title, manifest.hardware)
 
 
 def main(options: Options) -> int:
@@ -84,85 +82,60 @@ def main(options: Options) -> int:
     found = find(run, options)
     check_here(run.manifest, found.cell.scenario)
     policy = policy_of(found.cell.policy, run.manifest, options.trust)
-    written = _outputs(options)
-    take = take_of(found, run.manifest, policy, *_against(options, run.manifest, found.cell.scenario))
+    others = [] if options.against is None else [policy_of(options.against, run.manifest, options.trust, "--against")]
+    outputs = _outputs(options)
     again, episodes = simulated_again(run.manifest, found, policy)
     differing = differences(run.manifest, found, again)
     causes = _causes(run.manifest, found, options.trust) if differing else []
     if not differing:
-        print(f"{found.headline}: identical to the bit")
+        print(f"{found.title}: identical to the bit")
     else:
-        print(f"{found.headline}, is not as stored:", *differing, sep="\n  ")
+        print(f"{found.title}, is not as stored:", *differing, sep="\n  ")
         print(f"because {'; '.join(causes) or 'of something that leaves no trace'}")
     print(*story(episodes, again.measures), sep="\n")
-    for option, path, write in written:
+    for option, path, write in outputs:
         with bar("filming") as progress:
             try:
-                write(take, path, progress)
+                write(found.take(run.manifest, policy, *others), path, progress)
             except OSError as error:
                 raise UsageError(f"{option}: cannot write {path} ({error.strerror or error})") from error
         print(path)
     return DIFFERS if differing else 0
 
 
-def _outputs(options: Options) -> list[tuple[str, Path, Write]]:
-    """What is to be filmed: the option, the file and how it is written. Raises UsageError where it cannot be."""
-    found = list[tuple[str, Path, Write]]()
+def _outputs(options: Options) -> list[tuple[str, Path, Callable[[Take, Path, Progress], None]]]:
+    """Option, file and what writes it of all that is to be filmed. Raises UsageError where it cannot be."""
     if options.video is not None:
         files.check(options.video)
-        found.append(("--video", options.video, lambda take, *where: film(take, Look(), *where)))
     if options.page is not None:
         if options.page.suffix.lower() != ".html":
             raise UsageError(f"--page must end in .html, not {options.page.name!r}")
         make_folder_of(options.page, "--page")
-        found.append(("--page", options.page, write_page))
-    if options.against is not None and not found:
+    if options.against is not None and options.page is None and options.video is None:
         raise UsageError("--against is shown by --page FILE.html or --video FILE: name one of them too")
-    return found
-
-
-def _against(options: Options, manifest: Manifest, scenario: Scenario) -> list[LabelledPolicy]:
-    """The other policy, if there is one. Raises UsageError."""
-    try:
-        return [labelled(options.against, manifest.hardware, (scenario,), options.trust)] if options.against else []
-    except policies.PolicyError as error:
-        raise UsageError(f"--against: {error}") from error
+    found = (("--video", options.video, film), ("--page", options.page, write_page))
+    return [(option, path, write) for option, path, write in found if path is not None]
 
 
 def find(run: Run, options: Options) -> Found:
     """The episode that the options mean. Raises UsageError."""
-    cells = run.cells
-    if not cells:
+    if not run.cells:
         raise UsageError(f"{options.results} holds no finished part of a comparison yet")
-    for name, wanted, names in (
-        ("policy", options.policy, {cell.policy: None for cell in cells}),
-        ("scenario", options.scenario, {cell.scenario.name: None for cell in cells}),
-    ):
-        if wanted is not None and wanted not in names:
-            raise UsageError(f"--{name}: no {wanted} among the finished ones: {', '.join(names)}")
-    if options.policy is None and options.scenario is None:
-        return _row(cells, options.episode)
-    chosen = [
-        cell
-        for cell in cells
-        if options.policy in (None, cell.policy) and options.scenario in (None, cell.scenario.name)
-    ]
-    if len(chosen) != 1:
-        missing = "--policy" if options.policy is None else "--scenario"
+    chosen, asked = list(run.cells), {"policy": options.policy, "scenario": options.scenario}
+    for option, name_of in (("policy", lambda cell: cell.policy), ("scenario", lambda cell: cell.scenario.name)):
+        names = dict.fromkeys(map(name_of, run.cells))
+        if asked[option] not in (None, *names):
+            raise UsageError(f"--{option}: no {asked[option]} among the finished ones: {', '.join(names)}")
+        chosen = [cell for cell in chosen if asked[option] in (None, name_of(cell))]
+    named = [option for option, name in asked.items() if name is not None]
+    if named and len(chosen) != 1:
+        missing = "--scenario" if "policy" in named else "--policy"
         raise UsageError(f"episode {options.episode} is in {len(chosen)} cells: name its {missing} too")
-    if not 0 <= options.episode < chosen[0].episodes:
-        raise UsageError(f"there are episodes 0 to {chosen[0].episodes - 1}, not {options.episode}")
-    return Found(chosen[0], options.episode)
-
-
-def _row(cells: tuple[Cell, ...], row: int) -> Found:
-    """By the row of episodes.parquet, in which the cells follow each other."""
-    left = row
-    for cell in cells:
-        if 0 <= left < cell.episodes:
-            return Found(cell, left)
-        left -= cell.episodes
-    raise UsageError(f"there are rows 0 to {sum(cell.episodes for cell in cells) - 1}, not {row}")
+    episodes = [Found(cell, number) for cell in chosen for number in range(cell.episodes)]
+    if not 0 <= options.episode < len(episodes):
+        what = "episodes" if named else "rows"
+        raise UsageError(f"there are {what} 0 to {len(episodes) - 1}, not {options.episode}")
+    return episodes[options.episode]
 
 
 def simulated_again(manifest: Manifest, found: Found, policy: LabelledPolicy) -> tuple[Cell, Episodes]:
@@ -193,12 +166,14 @@ def _causes(then: Manifest, found: Found, trust: bool) -> list[str]:
     return manifests.differences(then, replace(now, steps=then.steps))
 
 
-def policy_of(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
-    """That policy of the run. Raises UsageError where it is not here."""
+def policy_of(
+    label: str, manifest: Manifest, trust: bool, complaint: str = "the policy of that episode is not here"
+) -> LabelledPolicy:
+    """That policy for the scenarios of the run. Raises UsageError where it is not here."""
     try:
         return labelled(label, manifest.hardware, manifest.scenarios, trust, manifest.only_on.get(label, ()))
     except policies.PolicyError as error:
-        raise UsageError(f"the policy of that episode is not here: {error}") from error
+        raise UsageError(f"{complaint}: {error}") from error
 
 
 def check_here(manifest: Manifest, scenario: Scenario) -> None:
@@ -209,8 +184,3 @@ def check_here(manifest: Manifest, scenario: Scenario) -> None:
             check_unchanged(scenario.terrain.file, scenario.terrain.sha256)
     except ValueError as error:
         raise UsageError(f"that episode cannot be simulated here: {error}") from error
-
-
-def take_of(found: Found, manifest: Manifest, *shown: LabelledPolicy) -> Take:
-    """The episode as these policies have it, to be filmed."""
-    return Take(shown, found.cell.scenario, found.seed, manifest.steps, found.headline, manifest.hardware)

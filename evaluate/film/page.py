@@ -1,8 +1,8 @@
 """The page of an episode: film and curves under one cursor, of one policy or of several, in one offline file."""
 
-import base64
 import io
 import json
+from base64 import b64encode
 from contextlib import closing
 from html import escape
 from operator import itemgetter
@@ -11,11 +11,9 @@ from string import Template
 from typing import Any
 
 from evaluate.causes.story import story
-from evaluate.causes.verdict import with_causes
 from evaluate.film.curves import charts, events
 from evaluate.film.shooting import Look, Panel, Progress, Take
-from evaluate.measures.metrics import measure
-from evaluate.rollouts.experiment import LabelledPolicy
+from evaluate.rollouts.experiment import LabelledPolicy, measured
 from quad_env.files.writing import write_atomically
 
 LOOK = Look((480, 300), camera=None, rate=20.0)
@@ -27,11 +25,9 @@ LEAD = 1.0
 
 def write_page(take: Take, path: Path, progress: Progress) -> None:
     """Simulate, film and write; the film ends as others do. Raises as `film`."""
-    count = len(take.policies)
-    shown = [
-        _shown(policy, take, lambda share, place=place: progress((place + share) / count))
-        for place, policy in enumerate(take.policies)
-    ]
+    count, shown = len(take.policies), list[dict[str, Any]]()
+    for place, policy in enumerate(take.policies):
+        shown.append(_shown(policy, take, lambda share, place=place: progress((place + share) / count)))
     write_atomically(path, page(take.title, shown).encode())
     progress(1.0)
 
@@ -39,26 +35,24 @@ def write_page(take: Take, path: Path, progress: Progress) -> None:
 def page(title: str, episodes: list[dict[str, Any]]) -> str:
     """The whole page, of the same episode of several policies."""
     failures = [event["time"] for each in episodes for event in each["events"] if event["kind"] in ("cause", "fall")]
-    numbers = {"dt": episodes[0]["dt"], "period": LOOK.period, "start": max(0.0, min(failures, default=0.0) - LEAD)}
-    data = json.dumps({**numbers, "episodes": episodes}, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    values = {"period": LOOK.period, "start": max(0.0, min(failures, default=0.0) - LEAD), "episodes": episodes}
+    data = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     folder = Path(__file__).with_name("html")
     html, css, js = ((folder / f"episode.{kind}").read_text(encoding="utf-8") for kind in ("html", "css", "js"))
     return Template(html).substitute(title=escape(title), css=css, js=js, data=data)
 
 
 def _shown(policy: LabelledPolicy, take: Take, progress: Progress) -> dict[str, Any]:
-    """What the page knows of one policy's episode, as JSON values."""
+    """What the page has of one policy's episode, as JSON values."""
     frames = []
     with closing(Panel(policy, take, LOOK)) as panel:
-        while True:
-            if panel.step.number % LOOK.every == 0:
-                frames.append(_embedded(panel))
-                progress(panel.step.number / take.steps)
-            if panel.over or panel.step.number == take.steps:
-                break
-            panel.advance()
+        for step in panel:
+            if step.number % LOOK.every == 0:
+                panel.picture().save(image := io.BytesIO(), "webp", quality=QUALITY, method=2)
+                frames.append(f"data:image/webp;base64,{b64encode(image.getvalue()).decode()}")
+                progress(step.number / take.steps)
         end, record = panel.step.number, panel.recorder.episodes()
-    measures = with_causes(measure(record), record)
+    measures = measured(policy.label, take.scenario, record).measures
     lines = [line.partition(" s  ") for line in story(record, measures)]
     return {
         "label": policy.label,
@@ -71,10 +65,3 @@ def _shown(policy: LabelledPolicy, take: Take, progress: Progress) -> dict[str, 
         "charts": charts(record, end),
         "frames": frames,
     }
-
-
-def _embedded(panel: Panel) -> str:
-    """The robot now, as the address of an image."""
-    buffer = io.BytesIO()
-    panel.picture().save(buffer, "webp", quality=QUALITY, method=2)
-    return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"

@@ -1,7 +1,7 @@
 """The images of a film: one episode of one policy or of several, side by side, with captions and marks."""
 
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -126,7 +126,7 @@ class Filming:
             self._camera.close()
 
 
-def film(take: Take, look: Look, path: Path, progress: Progress) -> None:
+def film(take: Take, path: Path, progress: Progress, look: Look = Look()) -> None:
     """Film an episode into a file, see `files`.
 
     Raises:
@@ -179,7 +179,7 @@ class Panel:
     """One policy's part of the film, step by step, with what is drawn of it; close it in the end."""
 
     def __init__(self, policy: LabelledPolicy, take: Take, look: Look) -> None:
-        self._label, self._look = policy.label, look
+        self._label, self._look, self._count = policy.label, look, take.steps
         self._filming = Filming(look.size, look.camera)
         walker = policy.on(take.scenario)
         self.recorder = Recorder(walker, np.array([take.seed]), take.steps)
@@ -190,6 +190,13 @@ class Panel:
         self.recorder(self.step)
         self._scene = Scene(self.step)
         self._has_outcome = take.steps > round(SETTLING_TIME / self.step.env.dt)
+
+    def __iter__(self) -> Iterator[Step]:
+        """The start and the control steps until shortly after its fall."""
+        yield self.step
+        while not self.over and self.step.number < self._count:
+            self.advance()
+            yield self.step
 
     def advance(self) -> None:
         """Simulate a control step; a robot whose simulation has diverged stays as it is."""

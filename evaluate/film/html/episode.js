@@ -2,7 +2,16 @@
 "use strict";
 
 const data = JSON.parse(document.getElementById("data").textContent);
-const { dt, episodes } = data;
+const { episodes } = data;
+const dt = episodes[0].dt;
+for (const { charts } of episodes) {
+  for (const chart of charts) {
+    chart.lines = Object.entries(chart.lines).map(([name, values], place) => {
+      const look = ["actual", "command", "given"].includes(name) ? name : `foot-${place}`;
+      return { name: look === "given" ? "given to the policy" : name, look, values };
+    });
+  }
+}
 const end = Math.max(...episodes.map((episode) => episode.end));
 const at = (id) => document.getElementById(id);
 const LEFT = 44, RIGHT = 8; // of the curves, pixels

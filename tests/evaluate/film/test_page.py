@@ -64,7 +64,7 @@ def both(request: pytest.FixtureRequest, page: Written) -> tuple[dict[str, Any],
 def test_every_curve_is_the_episodes_signal(both) -> None:
     shown, record = both
     end = min(int(record.fall_step[0]), STEPS)
-    charts = {chart["title"]: {line["name"]: line["values"] for line in chart["lines"]} for chart in shown["charts"]}
+    charts = {chart["title"]: chart["lines"] for chart in shown["charts"]}
     legs = [name.upper() for name in record.robot.leg_names]
     share = (100 * record.peak_torque / np.array(record.torque_limit)).reshape(STEPS, 1, 4, -1).max(axis=-1)
     expected = {
@@ -84,7 +84,7 @@ def test_every_curve_is_the_episodes_signal(both) -> None:
             np.testing.assert_allclose(charts[title][name][:end], signal[:end, 0], atol=6e-5, err_msg=f"{title} {name}")
     given = as_given(record.observed[:end, 0].astype(float))
     for column, title in enumerate(list(expected)[:1] + list(expected)[2:5]):
-        np.testing.assert_allclose(charts[title]["given to the policy"][:end], given[:, column], atol=6e-5)
+        np.testing.assert_allclose(charts[title]["given"][:end], given[column], atol=6e-5)
 
 
 def test_a_film_has_a_frame_each_twentieth_second_until_a_second_after_the_fall(page) -> None:
@@ -96,7 +96,8 @@ def test_a_film_has_a_frame_each_twentieth_second_until_a_second_after_the_fall(
     assert [numbers[0][-1], numbers[1][-1]] == [math.floor(falling["end"] / 0.05 + 1e-9) * 5, STEPS]
     assert [number for number, _ in page.drawn] == [*numbers[0], *numbers[1]]
     assert all(fallen == (0.01 * number >= fall - 1e-9) for number, fallen in page.drawn[: len(numbers[0])])
-    assert [len(chart["lines"][0]["values"]) for chart in falling["charts"]] == [round(100 * falling["end"])] * 8
+    counts = {len(values) for chart in falling["charts"] for values in chart["lines"].values()}
+    assert counts == {round(100 * falling["end"])}
 
 
 def test_fall_cause_and_pushes_are_marked_when_they_happened(both) -> None:
@@ -129,7 +130,7 @@ def test_what_a_policy_is_given_is_read_in_its_own_idea_of_the_vertical() -> Non
     cos, sin = math.cos(0.3), math.sin(0.3)
     to_body = np.array([[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]])
     observed = np.concatenate([to_body @ each for each in ([0.0, 0.0, -1.0], [0.0, 0.0, 2.0], [1.0, 0.5, 0.0])])
-    np.testing.assert_allclose(as_given(observed[None]), [[0.3, 1.0, 0.5, 2.0]])
+    np.testing.assert_allclose(as_given(observed[None]), [[0.3], [1.0], [0.5], [2.0]])
 
 
 def test_a_page_is_whole_or_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
