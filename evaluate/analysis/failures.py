@@ -2,12 +2,11 @@
 
 import hashlib
 import json
-import math
 import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from statistics import median_low
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,24 +17,20 @@ PAGES = "pages"
 """Folder of the pages of episodes, in that of their run."""
 
 
-@dataclass(frozen=True)
-class Failure:
-    """A failed episode."""
+class Failure(NamedTuple):
+    """A failed episode, with the place of its scenario on its axis, 0 the mildest, its number among the policy's on
+    that scenario, its row in episodes.parquet, and when it fell or, upright, its cause began, s; infinite or None is
+    what is not known."""
 
     policy: str
     axis: str
     scenario: str
     level: int
-    """Place of the scenario on its axis, 0 the mildest."""
     number: int
-    """Of the episode, in its policy's on that scenario."""
     row: int
-    """Of the episode, in episodes.parquet."""
     fell: bool
     time: float
-    """That of the fall; of a robot that stayed upright that of the cause, infinite where it is not known; s."""
     cause: str | None
-    """None where it is not known."""
 
     def page(self, results: Results) -> str:
         """File name of its page, with a hash of all that the episode depends on."""
@@ -56,32 +51,26 @@ def failures(results: Results) -> Iterator[tuple[str, Failure]]:
     axes = severity_axes(results.cells)
     for policy in results.policies:
         for axis in axes:
-            if failed := list(_failed(results, policy, axis)):
+            if failed := sorted(_failed(results, policy, axis), key=lambda each: each.level):
                 worst = min(failed, key=lambda each: (each.level, not each.fell, each.time))
-                typical = _typical(failed)
-                yield ("worst and typical" if worst is typical else "worst"), worst
-                if worst is not typical:
-                    yield "typical", typical
-
-
-def _typical(failed: list[Failure]) -> Failure:
-    cause = Counter(each.cause for each in failed).most_common(1)[0][0]
-    alike = [each for each in failed if each.cause == cause]
-    median = median_low(each.time for each in alike)
-    return min(alike, key=lambda each: 0.0 if each.time == median else abs(each.time - median))
+                cause = Counter(each.cause for each in failed).most_common(1)[0][0]
+                alike = [each for each in failed if each.cause == cause]
+                middle = median_low(each.time for each in alike)
+                typical = min(alike, key=lambda each: 0.0 if each.time == middle else abs(each.time - middle))
+                if worst is typical:
+                    yield "worst and typical", worst
+                else:
+                    yield from (("worst", worst), ("typical", typical))
 
 
 def _failed(results: Results, policy: str, axis: SeverityAxis) -> Iterator[Failure]:
-    """The policy's failures on that axis, from the mildest level to the hardest."""
-    levels, row, found = axis.scenario_names, 0, list[Failure]()
+    levels, first = axis.scenario_names, 0
     for cell in results.cells:
-        if cell.policy == policy and (name := cell.scenario.name) in levels:
-            measures = cell.measures
+        measures, name = cell.measures, cell.scenario.name
+        if cell.policy == policy and name in levels:
+            times = np.nan_to_num(np.where(measures.fell, measures.fall_time, measures.cause_time), nan=np.inf)
             for number in np.flatnonzero(~measures.succeeded).tolist():
-                cause, fell = measures.cause[number], bool(measures.fell[number])
-                time = float((measures.fall_time if fell else measures.cause_time)[number])
-                known = cause if isinstance(cause, str) else None, time if math.isfinite(time) else math.inf
-                place = policy, axis.name, name, levels.index(name), number, row + number
-                found.append(Failure(*place, fell, known[1], known[0]))
-        row += cell.episodes
-    return iter(sorted(found, key=lambda each: each.level))
+                cause = measures.cause[number] if isinstance(measures.cause[number], str) else None
+                place = policy, axis.name, name, levels.index(name), number, first + number
+                yield Failure(*place, bool(measures.fell[number]), float(times[number]), cause)
+        first += cell.episodes

@@ -6,7 +6,7 @@ from pathlib import Path
 from evaluate.analysis.failures import PAGES, failures
 from evaluate.commands.outputs import analysed
 from evaluate.commands.replay import Found, check_here, policy_of
-from evaluate.film.page import write_page
+from evaluate.film.page import part, write_page
 from evaluate.records.store import Run
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.progress import bar
@@ -18,19 +18,21 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
     if not run.complete:
         raise UsageError(f"--pages: {folder} holds an unfinished run; carry it on with --resume")
     results, cells = analysed(run), {(cell.policy, cell.scenario.name): cell for cell in run.cells}
-    wanted = {folder / PAGES / each.page(results): each for _, each in failures(results)}
+    wanted = {
+        folder / PAGES / each.page(results): Found(cells[each.policy, each.scenario], each.number)
+        for _, each in failures(results)
+    }
     left = {path: each for path, each in wanted.items() if not path.is_file()}
-    found = {path: Found(cells[each.policy, each.scenario], each.number) for path, each in left.items()}
-    policies = {each.policy: policy_of(each.policy, run.manifest, trust) for each in left.values()}
-    for path, each in found.items():
+    policies = {each.cell.policy: policy_of(each.cell.policy, run.manifest, trust) for each in left.values()}
+    for path, each in left.items():
         check_here(run.manifest, each.cell.scenario)
         make_folder_of(path, "--pages")
     done = len(wanted) - len(left)
     try:
         with bar("pages") as progress:
-            for path, each in found.items():
-                take, first = each.take(run.manifest, policies[each.cell.policy]), done
-                write_page(take, path, lambda share, first=first: progress((first + share) / len(wanted)))
+            for path, each in left.items():
+                take = each.take(run.manifest, policies[each.cell.policy])
+                write_page(take, path, part(progress, done, len(wanted)))
                 done += 1
     except OSError as error:
         raise UsageError(f"--pages: cannot write {path} ({error.strerror or error}); {_kept(done, wanted)}") from error

@@ -121,15 +121,17 @@ def find(run: Run, options: Options) -> Found:
     """The episode that the options mean. Raises UsageError."""
     if not run.cells:
         raise UsageError(f"{options.results} holds no finished part of a comparison yet")
-    chosen, asked = list(run.cells), {"policy": options.policy, "scenario": options.scenario}
-    for option, name_of in (("policy", lambda cell: cell.policy), ("scenario", lambda cell: cell.scenario.name)):
-        names = dict.fromkeys(map(name_of, run.cells))
-        if asked[option] not in (None, *names):
-            raise UsageError(f"--{option}: no {asked[option]} among the finished ones: {', '.join(names)}")
-        chosen = [cell for cell in chosen if asked[option] in (None, name_of(cell))]
-    named = [option for option, name in asked.items() if name is not None]
+    for option, wanted, names in (
+        ("policy", options.policy, [cell.policy for cell in run.cells]),
+        ("scenario", options.scenario, [cell.scenario.name for cell in run.cells]),
+    ):
+        if wanted not in (None, *names):
+            raise UsageError(f"--{option}: no {wanted} among the finished ones: {', '.join(dict.fromkeys(names))}")
+    policy, scenario = options.policy, options.scenario
+    chosen = [cell for cell in run.cells if policy in (None, cell.policy) and scenario in (None, cell.scenario.name)]
+    named = policy is not None or scenario is not None
     if named and len(chosen) != 1:
-        missing = "--scenario" if "policy" in named else "--policy"
+        missing = "--policy" if policy is None else "--scenario"
         raise UsageError(f"episode {options.episode} is in {len(chosen)} cells: name its {missing} too")
     episodes = [Found(cell, number) for cell in chosen for number in range(cell.episodes)]
     if not 0 <= options.episode < len(episodes):

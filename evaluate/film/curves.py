@@ -64,6 +64,9 @@ def events(episodes: Episodes, measures: Measures, end: int) -> Iterator[dict[st
 
 
 def _chart(title: str, lines: Mapping[str, Floats | None], least: float = 0.5, **more: Any) -> dict[str, Any]:
-    values = {name: signal.round(4) for name, signal in lines.items() if signal is not None}
-    known = {name: np.where(np.isfinite(signal), signal, None).tolist() for name, signal in values.items()}
+    known = {
+        name: [value if np.isfinite(value) else None for value in signal.round(4).tolist()]
+        for name, signal in lines.items()
+        if signal is not None
+    }
     return {"title": title, "lines": known, "least": least, "limit": None, "bars": False} | more

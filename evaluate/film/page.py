@@ -25,11 +25,15 @@ LEAD = 1.0
 
 def write_page(take: Take, path: Path, progress: Progress) -> None:
     """Simulate, film and write; the film ends as others do. Raises as `film`."""
-    count, shown = len(take.policies), list[dict[str, Any]]()
-    for place, policy in enumerate(take.policies):
-        shown.append(_shown(policy, take, lambda share, place=place: progress((place + share) / count)))
+    count = len(take.policies)
+    shown = [_shown(policy, take, part(progress, place, count)) for place, policy in enumerate(take.policies)]
     write_atomically(path, page(take.title, shown).encode())
     progress(1.0)
+
+
+def part(progress: Progress, done: int, count: int) -> Progress:
+    """Progress of the next of so many equal parts."""
+    return lambda share: progress((done + share) / count)
 
 
 def page(title: str, episodes: list[dict[str, Any]]) -> str:

@@ -47,20 +47,16 @@ class Scene:
         self._velocities: deque[Array] = deque(maxlen=max(1, round(MEAN_OVER / start.env.dt)))
         self._push = np.zeros(2)  # N, world frame, the latest
         self._push_until = 0
-        self._step = start
+        self.step = start
+        """The latest."""
 
     def advance(self, step: Step) -> None:
         """Take note of a control step."""
-        self._step = step
+        self.step = step
         self._velocities.append(step.infos["heading_velocity"][0].copy())
         push = step.infos["push"][0]
         if push.any():
             self._push, self._push_until = push.copy(), step.number + round(PUSH_LINGERS / step.env.dt)
-
-    @property
-    def step(self) -> Step:
-        """The latest."""
-        return self._step
 
     @property
     def velocity(self) -> Array:
@@ -70,11 +66,11 @@ class Scene:
     @property
     def pushed(self) -> bool:
         """Whether a push is to be seen."""
-        return self._step.number < self._push_until
+        return self.step.number < self._push_until
 
     def marks(self) -> list[Arrow | Ball]:
         """The arrows, and a ball at each foot with the leg's name: blue on the ground, white in the air."""
-        infos, robot = self._step.infos, self._step.env.robot
+        infos, robot = self.step.infos, self.step.env.robot
         radius = max(scaled(robot, _FOOT, "m"), 1.1 * robot.foot_radius)
         feet = zip(infos["foot_position"][0].tolist(), infos["foot_contact"][0], robot.leg_names, strict=True)
         balls = [Ball(tuple(place), radius, CONTACT if on else SWING, leg.upper()) for place, on, leg in feet]
@@ -82,14 +78,14 @@ class Scene:
 
     def arrows(self) -> list[Arrow]:
         """Arrows of the command and of the velocity, and of a push."""
-        robot, trunk = self._step.env.robot, self._step.infos["position"][0]
-        payload = self._step.env.scenario.payload
+        robot, trunk = self.step.env.robot, self.step.infos["position"][0]
+        payload = self.step.env.scenario.payload
         above = scaled(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
-        yaw = heading(self._step)
+        yaw = heading(self.step)
         ahead, cos, sin = scaled(robot, AHEAD, "s"), math.cos(yaw), math.sin(yaw)
         found = []
         for (forward, left, _), colour, lift in (
-            (self._step.infos["command"][0], COMMAND, above),
+            (self.step.infos["command"][0], COMMAND, above),
             (self.velocity, VELOCITY, above + scaled(robot, 3.0 * _RADIUS, "m")),
         ):
             way = ahead * np.array([cos * forward - sin * left, sin * forward + cos * left, 0.0])
@@ -100,5 +96,5 @@ class Scene:
         return found
 
     def _arrow(self, start: Array, way: Array, colour: Colour, thickness: float = 1.0) -> Arrow:
-        radius = thickness * scaled(self._step.env.robot, _RADIUS, "m")
+        radius = thickness * scaled(self.step.env.robot, _RADIUS, "m")
         return Arrow(tuple(start.tolist()), tuple((start + way).tolist()), radius, colour)

@@ -163,15 +163,12 @@ def shoot(take: Take, look: Look, progress: Progress) -> Generator[Image.Image]:
 def _headed(tiles: Image.Image, take: Take, look: Look, step: Step, number: int) -> Image.Image:
     """The tiles below title, time and command, which are the same for all."""
     text = captions.Text(look.letters)
-    header = text.band(tiles.width, 2)
+    out = Image.new("RGB", (tiles.width, text.height(2) + tiles.height), captions.DARK)
+    out.paste(tiles, (0, text.height(2)))
     slowed = "" if look.speed == 1.0 else f" at {look.speed:g} of real time"
-    room = text.write(header, f"{number * step.env.dt:.2f} s{slowed}", 0, right=True)
-    text.write(header, take.title, 0, taken=room)
-    command = captions.motion(step.infos["command"][0])
-    text.write(header, f"command {command}", 1, captions.ink(COMMAND))
-    out = Image.new("RGB", (tiles.width, header.height + tiles.height))
-    out.paste(header, (0, 0))
-    out.paste(tiles, (0, header.height))
+    room = text.write(out, f"{number * step.env.dt:.2f} s{slowed}", 0, right=True)
+    text.write(out, take.title, 0, taken=room)
+    text.write(out, f"command {captions.motion(step.infos['command'][0])}", 1, captions.ink(COMMAND))
     return out
 
 

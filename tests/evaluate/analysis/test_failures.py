@@ -82,6 +82,6 @@ def test_a_page_is_called_after_all_that_its_episode_depends_on(cell_of) -> None
     others = [
         failure.page(replace(results, seed=1)),
         failure.page(replace(results, provenance={"policies": {"runs/a b": "f" * 64}})),
-        replace(failure, policy="runs/a_b").page(results),
+        failure._replace(policy="runs/a_b").page(results),
     ]
     assert len({name, *others}) == 4
