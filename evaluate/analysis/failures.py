@@ -4,7 +4,7 @@ import hashlib
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from statistics import median_low
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
+from evaluate.rollouts.experiment import Cell
 
 PAGES = "pages"
 """Folder of the pages of episodes, in that of their run."""
@@ -19,8 +20,8 @@ PAGES = "pages"
 
 class Failure(NamedTuple):
     """A failed episode, with the place of its scenario on its axis, 0 the mildest, its number among the policy's on
-    that scenario, its row in episodes.parquet, and when it fell or, upright, its cause began, s; infinite or None is
-    what is not known."""
+    that scenario, its row in episodes.parquet, the file name of its page, with a hash of all that it depends on, and
+    when it fell or, upright, its cause began, s; infinite or None is what is not known."""
 
     policy: str
     axis: str
@@ -28,17 +29,10 @@ class Failure(NamedTuple):
     level: int
     number: int
     row: int
+    page: str
     fell: bool
     time: float
     cause: str | None
-
-    def page(self, results: Results) -> str:
-        """File name of its page, with a hash of all that the episode depends on."""
-        made_with = {name: value for name, value in results.provenance.items() if name != "threads"}
-        which = [made_with, dict(results.versions), results.seed, self.policy, self.scenario, self.number]
-        digest = hashlib.sha256(json.dumps(which, sort_keys=True).encode()).hexdigest()[:10]
-        name = re.sub(r"[^\w.=+-]+", "_", f"{self.policy}_{self.scenario}")[:80].strip("_.")
-        return f"{name}_{self.number}_{digest}.html"
 
 
 def failures(results: Results) -> Iterator[tuple[str, Failure]]:
@@ -48,10 +42,12 @@ def failures(results: Results) -> Iterator[tuple[str, Failure]]:
     fall the earliest of its failures. The most typical has the cause that most of its failures on the axis have, of
     several as frequent the one met at the mildest level; of these failures it is the one nearest to their median time.
     """
+    made_with = {name: value for name, value in results.provenance.items() if name != "threads"}
+    run = _hash(json.dumps([made_with, dict(results.versions), results.seed], sort_keys=True))
     axes = severity_axes(results.cells)
     for policy in results.policies:
         for axis in axes:
-            if failed := sorted(_failed(results, policy, axis), key=lambda each: each.level):
+            if failed := sorted(_failed(results.cells, policy, axis, run), key=lambda each: each.level):
                 worst = min(failed, key=lambda each: (each.level, not each.fell, each.time))
                 cause = Counter(each.cause for each in failed).most_common(1)[0][0]
                 alike = [each for each in failed if each.cause == cause]
@@ -63,14 +59,20 @@ def failures(results: Results) -> Iterator[tuple[str, Failure]]:
                     yield from (("worst", worst), ("typical", typical))
 
 
-def _failed(results: Results, policy: str, axis: SeverityAxis) -> Iterator[Failure]:
+def _failed(cells: Sequence[Cell], policy: str, axis: SeverityAxis, run: str) -> Iterator[Failure]:
     levels, first = axis.scenario_names, 0
-    for cell in results.cells:
+    for cell in cells:
         measures, name = cell.measures, cell.scenario.name
         if cell.policy == policy and name in levels:
             times = np.nan_to_num(np.where(measures.fell, measures.fall_time, measures.cause_time), nan=np.inf)
+            file = re.sub(r"[^\w.=+-]+", "_", f"{policy}_{name}")[:80].strip("_.")
             for number in np.flatnonzero(~measures.succeeded).tolist():
+                page = f"{file}_{number}_{_hash(f'{run} {policy} {name} {number}')}.html"
                 cause = measures.cause[number] if isinstance(measures.cause[number], str) else None
-                place = policy, axis.name, name, levels.index(name), number, first + number
+                place = policy, axis.name, name, levels.index(name), number, first + number, page
                 yield Failure(*place, bool(measures.fell[number]), float(times[number]), cause)
         first += cell.episodes
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:10]

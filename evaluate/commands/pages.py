@@ -19,7 +19,7 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
         raise UsageError(f"--pages: {folder} holds an unfinished run; carry it on with --resume")
     results, cells = analysed(run), {(cell.policy, cell.scenario.name): cell for cell in run.cells}
     wanted = {
-        folder / PAGES / each.page(results): Found(cells[each.policy, each.scenario], each.number)
+        folder / PAGES / each.page: Found(cells[each.policy, each.scenario], each.number)
         for _, each in failures(results)
     }
     left = {path: each for path, each in wanted.items() if not path.is_file()}

@@ -26,21 +26,21 @@ def failures(results: Results, folder: Path) -> str:
     command that makes it."""
     tables = []
     for policy, chosen in groupby(analysis.failures(results), key=lambda each: each[1].policy):
-        rows = [_row(which, each, each.page(results), folder) for which, each in chosen]
+        rows = [_row(which, each, folder) for which, each in chosen]
         head = f"{policy_label(results, policy)}: {counted(len(rows), 'failure')}"
         tables.append(fold(head, table(HEADS, rows, "text")))
     lead = note(LEAD.format(shlex.quote(str(folder))))
     return section("Failures to look at", lead, *tables) if tables else ""
 
 
-def _row(which: str, failure: Failure, page: str, folder: Path) -> dict[str, str]:
+def _row(which: str, failure: Failure, folder: Path) -> dict[str, str]:
     command = f"python -m evaluate replay {shlex.quote(str(folder))} {failure.row} --page {failure.row}.html"
-    link = f'<a href="{PAGES}/{escape(page)}">episode {failure.number}</a>'
+    link = f'<a href="{PAGES}/{escape(failure.page)}">episode {failure.number}</a>'
     return {
         "axis": breakable(failure.axis),
         "which": which,
         "where": breakable(failure.scenario),
         "cause": (failure.cause or ABSENT).replace("_", " "),
         "time": f"{failure.time:.2f}" if math.isfinite(failure.time) else ABSENT,
-        "page": link if (folder / PAGES / page).is_file() else f"<code>{escape(command)}</code>",
+        "page": link if (folder / PAGES / failure.page).is_file() else f"<code>{escape(command)}</code>",
     }

@@ -20,7 +20,7 @@ def test_a_failure_has_a_link_where_its_page_is_and_the_command_that_makes_it_el
     assert Outline(first).references == []
     assert re.findall(r"<code>python -m evaluate replay \S+ (\d+) --page", first) == [str(each.row) for each in named]
     (tmp_path / "pages").mkdir()
-    path = tmp_path / "pages" / named[1].page(made)
+    path = tmp_path / "pages" / named[1].page
     path.touch()
     then = failures(made, tmp_path)
     assert Outline(then).references == [f"pages/{path.name}"]
