@@ -49,12 +49,6 @@ class Text:
         self.write(image, text, -1)
 
 
-def framed(image: Image.Image, ink: Ink) -> Image.Image:
-    """The image with a frame of that colour within its edges."""
-    ImageDraw.Draw(image).rectangle((0, 0, image.width - 1, image.height - 1), outline=ink, width=image.height // 60)
-    return image
-
-
 def motion(velocity: Array) -> str:
     """Forward and left, m/s, and yaw rate, rad/s, (3,), in words."""
     forward, left, turning = velocity.round(2) + 0.0  # no negative zero

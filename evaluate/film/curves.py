@@ -1,5 +1,6 @@
 """Curves and events of an episode, as JSON values, for a page that shows them next to its film."""
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -29,7 +30,7 @@ def charts(episodes: Episodes, end: int) -> list[dict[str, Any]]:
     lowest = FallRule().lowest(episodes.robot.leg_length)
     return [
         _chart("Feet on the ground", of_legs(of("foot_contact")), bars=True),
-        _chart("Tilt, rad", {"actual": of("tilt"), "given": given[0]}, limit=FallRule().tilt),
+        _chart("Tilt, °", {"actual": np.degrees(of("tilt")), "given": given[0]}, limit=math.degrees(FallRule().tilt)),
         _chart("Trunk above ground, m", {"actual": of("height")}, limit=lowest),
         *(_chart(title, {"actual": was, "command": asked, "given": seen}) for title, was, asked, seen in motion),
         _chart("Feet above ground, m", of_legs(of("foot_height")), least=0.05),
@@ -38,14 +39,15 @@ def charts(episodes: Episodes, end: int) -> list[dict[str, Any]]:
 
 
 def as_given(observed: Floats) -> Floats:
-    """Tilt, rad, velocity ahead and to the left, m/s, and yaw rate, rad/s, (4, steps), by what alone the policy was
+    """Tilt, °, velocity ahead and to the left, m/s, and yaw rate, rad/s, (4, steps), by what alone the policy was
     given, whose vertical is that of the gravity it was given."""
     gravity, turning, velocity = np.split(observed, 3, axis=1)
     up = -gravity / np.maximum(np.linalg.norm(gravity, axis=1), 1e-9)[:, None]
     nose = np.array([1.0, 0.0, 0.0]) - up[:, :1] * up
     nose /= np.maximum(np.linalg.norm(nose, axis=1), 1e-9)[:, None]
     along = ((velocity, nose), (velocity, np.cross(up, nose)), (turning, up))
-    return np.stack([np.arccos(np.clip(up[:, 2], -1.0, 1.0)), *((one * way).sum(axis=1) for one, way in along)])
+    tilt = np.degrees(np.arccos(np.clip(up[:, 2], -1.0, 1.0)))
+    return np.stack([tilt, *((one * way).sum(axis=1) for one, way in along)])
 
 
 def events(episodes: Episodes, measures: Measures, end: int) -> Iterator[dict[str, Any]]:
@@ -60,7 +62,8 @@ def events(episodes: Episodes, measures: Measures, end: int) -> Iterator[dict[st
     if (cause := measures.cause[0]) is not None:
         yield {"kind": "cause", "time": float(measures.cause_time[0]), "words": f"cause: {cause.replace('_', ' ')}"}
     if measures.fell[0]:
-        yield {"kind": "fall", "time": float(measures.fall_time[0]), "words": f"fell: {episodes.fall_reason[0]}"}
+        words = episodes.fall_reason[0].replace("_", " ")
+        yield {"kind": "fall", "time": float(measures.fall_time[0]), "words": f"fell: {words}"}
 
 
 def _chart(title: str, lines: Mapping[str, Floats | None], least: float = 0.5, **more: Any) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from evaluate.film import captions, files
 from evaluate.film.scene import COMMAND, VELOCITY, Scene
@@ -96,7 +96,11 @@ class Filming:
     def marked(self, scene: Scene, fallen: bool = False) -> Image.Image:
         """The robot as it is now with all marks of the scene, framed red once it has fallen. Raises as `draw`."""
         image = Image.fromarray(self.draw(scene.step.env, scene.marks()))
-        return captions.framed(image, ALARM) if fallen else image
+        if fallen:
+            ImageDraw.Draw(image).rectangle(
+                (0, 0, *np.subtract(image.size, 1)), outline=ALARM, width=image.height // 60
+            )
+        return image
 
     def draw(self, env: "SimpleQuadVectorEnv", arrows: Sequence[Arrow | Ball] = ()) -> Frame:
         """The first robot as it is now, with these arrows and balls.
@@ -108,8 +112,7 @@ class Filming:
         from quad_env.physics.rendering import Camera, Viewpoint
 
         try:
-            if self._camera is None:
-                self._camera = Camera(env.simulation.model, *self._view)
+            self._camera = self._camera or Camera(env.simulation.model, *self._view)
             data = env.simulation.snapshot(0)
             x, y, z = data.body("base_link").xpos
             near = Viewpoint(110.0, -12.0, scaled(env.robot, NEAR, "m"), (x, y, z - env.robot.home_height / 3.0))
