@@ -93,15 +93,6 @@ class Filming:
         self._view = *size, camera
         self._camera: Any = None
 
-    def marked(self, scene: Scene, fallen: bool = False) -> Image.Image:
-        """The robot as it is now with all marks of the scene, framed red once it has fallen. Raises as `draw`."""
-        image = Image.fromarray(self.draw(scene.step.env, scene.marks()))
-        if fallen:
-            ImageDraw.Draw(image).rectangle(
-                (0, 0, *np.subtract(image.size, 1)), outline=ALARM, width=image.height // 60
-            )
-        return image
-
     def draw(self, env: "SimpleQuadVectorEnv", arrows: Sequence[Arrow | Ball] = ()) -> Frame:
         """The first robot as it is now, with these arrows and balls.
 
@@ -214,10 +205,14 @@ class Panel:
         return bool(falls.fell[0] and (self.step.infos["diverged"][0] or past >= round(AFTERMATH / self.step.env.dt)))
 
     def picture(self) -> Image.Image:
-        """The robot now, with its marks where they are wanted."""
-        if self._look.arrows:
-            return self._filming.marked(self._scene, bool(self.recorder.falls.fell[0]))
-        return Image.fromarray(self._filming.draw(self.step.env))
+        """The robot now, with marks where they are wanted; framed red once it has fallen."""
+        marks = self._scene.marks() if self._look.arrows else ()
+        image = Image.fromarray(self._filming.draw(self.step.env, marks))
+        if marks and self.recorder.falls.fell[0]:
+            ImageDraw.Draw(image).rectangle(
+                (0, 0, *np.subtract(image.size, 1)), outline=ALARM, width=image.height // 60
+            )
+        return image
 
     def draw(self, last: bool) -> Image.Image:
         """The robot now, with its captions; at last with its outcome."""

@@ -16,7 +16,7 @@ import policies
 import quad_env
 from evaluate.film.curves import as_given
 from evaluate.film.page import write_page
-from evaluate.film.shooting import Filming, Take
+from evaluate.film.shooting import Panel, Take
 from evaluate.measures.episodes import Episodes
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
@@ -33,21 +33,21 @@ class Written:
 
     text: str = ""
     data: dict[str, Any] = field(default_factory=dict)
-    drawn: list[tuple[int, bool]] = field(default_factory=list)
-    """Control step of every frame and whether it is of a fallen robot."""
+    drawn: list[int] = field(default_factory=list)
+    """Control step of every frame."""
 
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Written:
     found, path = Written(), tmp_path_factory.mktemp("page") / "page.html"
 
-    def marked(_: Filming, scene: Any, fallen: bool = False) -> Image.Image:
-        found.drawn.append((scene.step.number, fallen))
+    def picture(panel: Panel) -> Image.Image:
+        found.drawn.append(panel.step.number)
         return Image.new("RGB", (480, 300))
 
     shown = LabelledPolicy("document", policies.make("document")), LabelledPolicy(HOSTILE, policies.make("trot"))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Filming, "marked", marked)
+        patch.setattr(Panel, "picture", picture)
         write_page(Take(shown, SCENARIO, SEED, STEPS, "an <i>episode</i>"), path, lambda _: None)
     found.text = path.read_text(encoding="utf-8")
     found.data = json.loads(re.search(r'id="data">(.*?)</script>', found.text, re.DOTALL).group(1))
@@ -94,8 +94,7 @@ def test_a_film_has_a_frame_each_twentieth_second_until_a_second_after_the_fall(
     assert page.data["period"] == 0.05
     numbers = [[5 * k for k in range(len(each["frames"]))] for each in (falling, walking)]
     assert [numbers[0][-1], numbers[1][-1]] == [math.floor(falling["end"] / 0.05 + 1e-9) * 5, STEPS]
-    assert [number for number, _ in page.drawn] == [*numbers[0], *numbers[1]]
-    assert all(fallen == (0.01 * number >= fall - 1e-9) for number, fallen in page.drawn[: len(numbers[0])])
+    assert page.drawn == [*numbers[0], *numbers[1]]
     counts = {len(values) for chart in falling["charts"] for values in chart["lines"].values()}
     assert counts == {round(100 * falling["end"])}
 
@@ -137,7 +136,7 @@ def test_a_page_is_whole_or_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     def stop(_: float) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Filming, "marked", lambda *_: Image.new("RGB", (8, 5)))
+    monkeypatch.setattr(Panel, "picture", lambda *_: Image.new("RGB", (8, 5)))
     take = Take((LabelledPolicy("stand", policies.make("stand")),), SCENARIO, 0, 20, "an episode")
     with pytest.raises(KeyboardInterrupt):
         write_page(take, tmp_path / "page.html", stop)
