@@ -1,53 +1,40 @@
 """Curves and events of an episode, as JSON values, for a page that shows them next to its film."""
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from evaluate.analysis.results import without_nan
 from evaluate.measures.averages import Floats
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures
-from quad_env.config import FallRule
 
-MOTION = "Velocity forward, m/s", "Velocity left, m/s", "Yaw rate, rad/s"
+SIGNALS = "foot_contact", "tilt", "height", "heading_velocity", "command", "foot_height"
 
 
-def charts(episodes: Episodes, end: int) -> list[dict[str, Any]]:
-    """Charts of the first episode's first `end` control steps: title, lines with a value a step (that of the reading
-    after it), the least range of the scale, a limit, and whether the lines are bars of truth values."""
-
-    def of(name: str) -> Floats:
-        return np.asarray(getattr(episodes, name)[:end, 0], np.float64)
-
-    def of_legs(values: Floats) -> dict[str, Floats]:
-        return {name.upper(): values[:, leg] for leg, name in enumerate(episodes.robot.leg_names)}
-
-    given = [None] * 4 if episodes.observed is None else as_given(of("observed"))
-    motion = zip(MOTION, of("heading_velocity").T, of("command").T, given[1:], strict=True)
-    share = 100.0 * of("peak_torque") / np.asarray(episodes.torque_limit)
-    lowest = FallRule().lowest(episodes.robot.leg_length)
-    return [
-        _chart("Feet on the ground", of_legs(of("foot_contact")), bars=True),
-        _chart("Tilt, °", {"actual": np.degrees(of("tilt")), "given": given[0]}, limit=math.degrees(FallRule().tilt)),
-        _chart("Trunk above ground, m", {"actual": of("height")}, limit=lowest),
-        *(_chart(title, {"actual": was, "command": asked, "given": seen}) for title, was, asked, seen in motion),
-        _chart("Feet above ground, m", of_legs(of("foot_height")), least=0.05),
-        _chart("Largest torque of each leg, % of limit", of_legs(share.reshape(end, 4, -1).max(axis=-1)), limit=100.0),
-    ]
+def curves(episodes: Episodes, end: int) -> dict[str, Any]:
+    """Signals of the first episode's first `end` control steps, by name: a value a step, that of the reading after it,
+    in a list for each of its columns. `torque_share` is the largest of each leg's joints, `given` as of `as_given`."""
+    found = {name: np.asarray(getattr(episodes, name)[:end, 0], np.float64) for name in SIGNALS}
+    share = episodes.peak_torque[:end, 0].astype(np.float64) / np.asarray(episodes.torque_limit)
+    found["torque_share"] = share.reshape(end, len(episodes.robot.leg_names), -1).max(axis=-1)
+    if episodes.observed is not None:
+        found["given"] = as_given(episodes.observed[:end, 0].astype(np.float64))
+    columns = {name: values.round(4).reshape(end, -1).T.tolist() for name, values in found.items()}
+    return {name: without_nan(lists) for name, lists in columns.items()}
 
 
 def as_given(observed: Floats) -> Floats:
-    """Tilt, °, velocity ahead and to the left, m/s, and yaw rate, rad/s, (4, steps), by what alone the policy was
+    """Tilt, rad, velocity ahead and to the left, m/s, and yaw rate, rad/s, (steps, 4), by what alone the policy was
     given, whose vertical is that of the gravity it was given."""
     gravity, turning, velocity = np.split(observed, 3, axis=1)
     up = -gravity / np.maximum(np.linalg.norm(gravity, axis=1), 1e-9)[:, None]
     nose = np.array([1.0, 0.0, 0.0]) - up[:, :1] * up
     nose /= np.maximum(np.linalg.norm(nose, axis=1), 1e-9)[:, None]
     along = ((velocity, nose), (velocity, np.cross(up, nose)), (turning, up))
-    tilt = np.degrees(np.arccos(np.clip(up[:, 2], -1.0, 1.0)))
-    return np.stack([tilt, *((one * way).sum(axis=1) for one, way in along)])
+    tilt = np.arccos(np.clip(up[:, 2], -1.0, 1.0))
+    return np.stack([tilt, *((one * way).sum(axis=1) for one, way in along)], axis=1)
 
 
 def events(episodes: Episodes, measures: Measures, end: int) -> Iterator[dict[str, Any]]:
@@ -64,12 +51,3 @@ def events(episodes: Episodes, measures: Measures, end: int) -> Iterator[dict[st
     if measures.fell[0]:
         words = episodes.fall_reason[0].replace("_", " ")
         yield {"kind": "fall", "time": float(measures.fall_time[0]), "words": f"fell: {words}"}
-
-
-def _chart(title: str, lines: Mapping[str, Floats | None], least: float = 0.5, **more: Any) -> dict[str, Any]:
-    known = {
-        name: [value if np.isfinite(value) else None for value in signal.round(4).tolist()]
-        for name, signal in lines.items()
-        if signal is not None
-    }
-    return {"title": title, "lines": known, "least": least, "limit": None, "bars": False} | more

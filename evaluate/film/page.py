@@ -11,9 +11,10 @@ from string import Template
 from typing import Any
 
 from evaluate.causes.story import story
-from evaluate.film.curves import charts, events
+from evaluate.film.curves import curves, events
 from evaluate.film.shooting import Look, Panel, Progress, Take
 from evaluate.rollouts.experiment import LabelledPolicy, measured
+from quad_env.config import FallRule
 from quad_env.files.writing import write_atomically
 
 LOOK = Look((480, 300), camera=None, rate=20.0)
@@ -66,6 +67,8 @@ def _shown(policy: LabelledPolicy, take: Take, progress: Progress) -> dict[str, 
         "end": end * record.dt,
         "story": [{"time": float(time), "words": words} for time, _, words in lines],
         "events": sorted(events(record, measures, end), key=itemgetter("time")),
-        "charts": charts(record, end),
+        "curves": curves(record, end),
+        "legs": [name.upper() for name in record.robot.leg_names],
+        "fallen": {"tilt": FallRule.tilt, "height": FallRule().lowest(record.robot.leg_length)},
         "frames": frames,
     }

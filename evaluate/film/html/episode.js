@@ -4,14 +4,6 @@
 const data = JSON.parse(document.getElementById("data").textContent);
 const { episodes } = data;
 const dt = episodes[0].dt;
-for (const { charts } of episodes) {
-  for (const chart of charts) {
-    chart.lines = Object.entries(chart.lines).map(([name, values], place) => {
-      const look = ["actual", "command", "given"].includes(name) ? name : `foot-${place}`;
-      return { name: look === "given" ? "given to the policy" : name, look, values };
-    });
-  }
-}
 const end = Math.max(...episodes.map((episode) => episode.end));
 const at = (id) => document.getElementById(id);
 const LEFT = 44, RIGHT = 8; // of the curves, pixels
@@ -45,6 +37,30 @@ function ticks(low, high, count) {
   for (let value = Math.ceil(low / step) * step; value <= high + step / 1e6; value += step) found.push(value);
   return { found, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
 }
+
+const scaled = (columns, factor) => columns?.map((values) => values.map((value) => value && factor * value)); // or null
+
+// Title, lines, and the least range of the scale, a limit or bars instead of lines.
+function chartsOf({ curves, legs, fallen }) {
+  const feet = (columns) => legs.map((name, leg) => ({ name, look: `foot-${leg}`, values: columns[leg] }));
+  const lines = (actual, given, command) =>
+    Object.entries({ actual, command, given })
+      .filter(([, values]) => values)
+      .map(([look, values]) => ({ name: look === "given" ? "given to the policy" : look, look, values }));
+  const motion = (axis) => lines(curves.heading_velocity[axis], curves.given?.[axis + 1], curves.command[axis]);
+  const degrees = 180 / Math.PI, [tilt] = scaled(curves.tilt, degrees), given = scaled(curves.given, degrees)?.[0];
+  return [
+    { title: "Feet on the ground", lines: feet(curves.foot_contact), bars: true },
+    { title: "Tilt, °", lines: lines(tilt, given), limit: degrees * fallen.tilt },
+    { title: "Trunk above ground, m", lines: lines(curves.height[0]), limit: fallen.height },
+    { title: "Velocity forward, m/s", lines: motion(0) },
+    { title: "Velocity left, m/s", lines: motion(1) },
+    { title: "Yaw rate, rad/s", lines: motion(2) },
+    { title: "Feet above ground, m", lines: feet(curves.foot_height), least: 0.05 },
+    { title: "Largest torque of each leg, % of limit", lines: feet(scaled(curves.torque_share, 100)), limit: 100 },
+  ];
+}
+for (const episode of episodes) episode.charts = chartsOf(episode);
 
 class Chart {
   constructor(episode, number) {
@@ -104,22 +120,20 @@ class Chart {
   }
 
   lines() {
-    const all = this.same.flatMap((chart) => chart.lines.flatMap((line) => line.values)).filter((each) => each !== null);
-    const limits = this.same.map((chart) => chart.limit).filter((each) => each !== null);
-    let [low, high] = [Math.min(0, ...all, ...limits), Math.max(...all, ...limits)];
-    high = Math.max(high, low + this.chart.least);
+    const values = this.same.flatMap((chart) => chart.lines.flatMap((line) => line.values));
+    const all = values.filter((each) => each !== null);
+    const limit = this.chart.limit;
+    let [low, high] = [Math.min(0, ...all, limit ?? 0), Math.max(...all, limit ?? 0)];
+    high = Math.max(high, low + (this.chart.least ?? 0.5));
     const y = (value) => 3 + (1 - (value - low) / (high - low)) * (this.height - 6);
-    const up = ticks(low, high, 4);
+    const up = ticks(low, high, 4.5);
     this.digits = high - low < 20 ? Math.max(2, up.digits + 1) : 0;
     for (const value of up.found) {
       draw(this.svg, "line", { class: "grid", x1: LEFT, x2: this.width - RIGHT, y1: y(value), y2: y(value) });
       const text = { x: LEFT - 5, y: Math.min(Math.max(y(value) + 4, 10), this.height), "text-anchor": "end" };
       draw(this.svg, "text", text, value.toFixed(up.digits).replace("-", "−"));
     }
-    if (this.chart.limit !== null) {
-      const limit = y(this.chart.limit);
-      draw(this.svg, "line", { class: "limit", x1: LEFT, x2: this.width - RIGHT, y1: limit, y2: limit });
-    }
+    if (limit) draw(this.svg, "line", { class: "limit", x1: LEFT, x2: this.width - RIGHT, y1: y(limit), y2: y(limit) });
     for (const line of this.chart.lines.toReversed()) {
       let path = "", gap = true;
       line.values.forEach((value, row) => {

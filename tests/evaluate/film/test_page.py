@@ -64,27 +64,17 @@ def both(request: pytest.FixtureRequest, page: Written) -> tuple[dict[str, Any],
 def test_every_curve_is_the_episodes_signal(both) -> None:
     shown, record = both
     end = min(int(record.fall_step[0]), STEPS)
-    charts = {chart["title"]: chart["lines"] for chart in shown["charts"]}
-    legs = [name.upper() for name in record.robot.leg_names]
-    share = (100 * record.peak_torque / np.array(record.torque_limit)).reshape(STEPS, 1, 4, -1).max(axis=-1)
-    expected = {
-        "Tilt, °": {"actual": np.degrees(record.tilt)},
-        "Trunk above ground, m": {"actual": record.height},
-        **{
-            title: {"actual": record.heading_velocity[..., axis], "command": record.command[..., axis]}
-            for axis, title in enumerate(("Velocity forward, m/s", "Velocity left, m/s", "Yaw rate, rad/s"))
-        },
-        "Feet on the ground": {leg: record.foot_contact[..., foot] for foot, leg in enumerate(legs)},
-        "Feet above ground, m": {leg: record.foot_height[..., foot] for foot, leg in enumerate(legs)},
-        "Largest torque of each leg, % of limit": {leg: share[..., foot] for foot, leg in enumerate(legs)},
-    }
-    assert charts.keys() == expected.keys()
-    for title, lines in expected.items():
-        for name, signal in lines.items():
-            np.testing.assert_allclose(charts[title][name][:end], signal[:end, 0], atol=6e-5, err_msg=f"{title} {name}")
+    share = (record.peak_torque / np.array(record.torque_limit)).reshape(STEPS, 1, 4, 3).max(axis=-1)
+    names = ("foot_contact", "tilt", "height", "heading_velocity", "command", "foot_height")
+    expected = {name: getattr(record, name) for name in names} | {"torque_share": share}
+    assert shown["curves"].keys() == {*expected, "given"}
+    for name, signal in expected.items():
+        columns = np.array(shown["curves"][name]).T
+        np.testing.assert_allclose(columns[:end], signal[:end, 0].reshape(end, -1), atol=6e-5, err_msg=name)
     given = as_given(record.observed[:end, 0].astype(float))
-    for column, title in enumerate(list(expected)[:1] + list(expected)[2:5]):
-        np.testing.assert_allclose(charts[title]["given"][:end], given[column], atol=6e-5)
+    np.testing.assert_allclose(np.array(shown["curves"]["given"]).T[:end], given, atol=6e-5)
+    assert shown["legs"] == ["FL", "FR", "HL", "HR"]
+    assert shown["fallen"] == pytest.approx({"tilt": math.radians(70.0), "height": 0.12}, abs=1e-3)
 
 
 def test_a_film_has_a_frame_each_twentieth_second_until_a_second_after_the_fall(page) -> None:
@@ -95,7 +85,7 @@ def test_a_film_has_a_frame_each_twentieth_second_until_a_second_after_the_fall(
     numbers = [[5 * k for k in range(len(each["frames"]))] for each in (falling, walking)]
     assert [numbers[0][-1], numbers[1][-1]] == [math.floor(falling["end"] / 0.05 + 1e-9) * 5, STEPS]
     assert page.drawn == [*numbers[0], *numbers[1]]
-    counts = {len(values) for chart in falling["charts"] for values in chart["lines"].values()}
+    counts = {len(values) for columns in falling["curves"].values() for values in columns}
     assert counts == {round(100 * falling["end"])}
 
 
@@ -129,7 +119,7 @@ def test_what_a_policy_is_given_is_read_in_its_own_idea_of_the_vertical() -> Non
     cos, sin = math.cos(0.3), math.sin(0.3)
     to_body = np.array([[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]])
     observed = np.concatenate([to_body @ each for each in ([0.0, 0.0, -1.0], [0.0, 0.0, 2.0], [1.0, 0.5, 0.0])])
-    np.testing.assert_allclose(as_given(observed[None]), [[math.degrees(0.3)], [1.0], [0.5], [2.0]])
+    np.testing.assert_allclose(as_given(observed[None]), [[0.3, 1.0, 0.5, 2.0]])
 
 
 def test_a_page_is_whole_or_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
