@@ -134,7 +134,7 @@ class Chart {
       draw(this.svg, "text", text, value.toFixed(up.digits).replace("-", "−"));
     }
     if (limit) draw(this.svg, "line", { class: "limit", x1: LEFT, x2: this.width - RIGHT, y1: y(limit), y2: y(limit) });
-    for (const line of this.chart.lines.toReversed()) {
+    for (const line of [...this.chart.lines].reverse()) {
       let path = "", gap = true;
       line.values.forEach((value, row) => {
         if (value !== null) path += `${gap ? "M" : "L"}${this.x((row + 1) * dt).toFixed(1)} ${y(value).toFixed(1)}`;

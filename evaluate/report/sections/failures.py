@@ -11,7 +11,7 @@ from evaluate.analysis.failures import PAGES, Failure
 from evaluate.analysis.results import Results
 from evaluate.report.html import breakable, fold, note, section, table
 from evaluate.report.sections.figures import policy_label
-from quad_env.cli.format import ABSENT, counted
+from quad_env.cli.format import ABSENT
 
 LEAD = (
     "Worst: the first fall, or else the first failure, at the mildest level at which the policy fails. Typical: of the "
@@ -27,10 +27,11 @@ def failures(results: Results, folder: Path) -> str:
     tables = []
     for policy, chosen in groupby(analysis.failures(results), key=lambda each: each[1].policy):
         rows = [_row(which, each, folder) for which, each in chosen]
-        head = f"{policy_label(results, policy)}: {counted(len(rows), 'failure')}"
+        axes = len({row["axis"] for row in rows})
+        head = f"{policy_label(results, policy)}: failures on {axes} {'axis' if axes == 1 else 'axes'}"
         tables.append(fold(head, table(HEADS, rows, "text")))
     lead = note(LEAD.format(shlex.quote(str(folder))))
-    return section("Failures to look at", lead, *tables) if tables else ""
+    return section("Worst and most typical failures", lead, *tables) if tables else ""
 
 
 def _row(which: str, failure: Failure, folder: Path) -> dict[str, str]:
