@@ -90,3 +90,15 @@ def test_a_page_shows_the_episode_and_another_policy_on_the_same_seed(run, tmp_p
     assert [policy.label for policy in shown[0].policies] == [cell.policy, "stand"] == ["trot", "stand"]
     assert (shown[0].seed, shown[0].scenario) == (cell.seeds[3], cell.scenario)
     assert capsys.readouterr().out.endswith(f"{tmp_path / 'a.html'}\n")
+
+
+def test_files_that_can_hide_code_are_loaded_for_pages_where_they_are_trusted(copied, made, monkeypatch) -> None:
+    given = []
+    monkeypatch.setattr(pages, "policy_of", lambda label, _, trust: given.append((label, trust)))
+    monkeypatch.setattr(pages.Found, "take", lambda *_: None)
+    monkeypatch.setattr(pages, "write_page", lambda *_: None)
+    monkeypatch.setattr("evaluate.commands.outputs.conclude", lambda *_: 0)
+    for word in ([], ["--trust"]):
+        assert main(["report", str(copied), "--pages", *word]) == 0
+    assert {trust for _, trust in given[: len(given) // 2]} == {False}
+    assert {trust for _, trust in given[len(given) // 2 :]} == {True}
