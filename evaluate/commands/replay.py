@@ -1,5 +1,6 @@
 """`python -m evaluate replay RESULTS EPISODE`: one episode of a results folder again, compared with what is stored."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -11,15 +12,17 @@ import policies
 from evaluate.causes.story import story
 from evaluate.commands.options import Flag
 from evaluate.film import files
-from evaluate.film.shooting import Look, Take, film
+from evaluate.film.page import write_page
+from evaluate.film.shooting import Progress, Take, film
 from evaluate.measures.episodes import Episodes
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import by_cause_rule, by_energy_rule, by_success_rule, table
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
-from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, labelled, run_cell
+from evaluate.rollouts import rollout
+from evaluate.rollouts.experiment import Cell, LabelledPolicy, labelled, measured
 from evaluate.rollouts.hardware import check
-from quad_env.cli.command_line import UsageError
+from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.progress import bar
 from quad_env.scenarios.height_file import check_unchanged
 from quad_env.scenarios.scenario import Scenario
@@ -45,6 +48,10 @@ class Options:
     """Load policies from files that can hide code, the .zip files of Stable-Baselines3."""
     video: Path | None = None
     """Film to write, in real time: .mp4 (needs imageio-ffmpeg), .webp, .gif, or .png for a strip of frames."""
+    page: Path | None = None
+    """Page to write: film and curves of the episode under one cursor, in one .html file that opens offline."""
+    against: str | None = None
+    """Another policy, by name or path, that the film or the page shows on the same seed next to it."""
 
 
 @dataclass(frozen=True)
@@ -62,77 +69,84 @@ class Found:
     @property
     def title(self) -> str:
         """How to call it."""
-        return f"episode {self.number} of {self.cell.policy} on {self.cell.scenario.name}"
+        return f"episode {self.number} of {self.cell.policy} on {self.cell.scenario.name}, seed {self.seed}"
+
+    def take(self, manifest: Manifest, *shown: LabelledPolicy) -> Take:
+        """The episode as these policies have it, to be filmed."""
+        return Take(shown, self.cell.scenario, self.seed, manifest.steps, self.title, manifest.hardware)
 
 
 def main(options: Options) -> int:
     """Run the command; the exit code: 0, or 1 if the episode is not the stored one. Raises UsageError."""
     run = read_run(options.results)
     found = find(run, options)
-    _check(run.manifest, found.cell.scenario)
-    policy = _policy(found.cell.policy, run.manifest, options.trust)
-    if options.video is not None:
-        files.check(options.video)
+    check_here(run.manifest, found.cell.scenario)
+    policy = policy_of(found.cell.policy, run.manifest, options.trust)
+    others = [] if options.against is None else [policy_of(options.against, run.manifest, options.trust, "--against")]
+    outputs = _outputs(options)
     again, episodes = simulated_again(run.manifest, found, policy)
     differing = differences(run.manifest, found, again)
     causes = _causes(run.manifest, found, options.trust) if differing else []
     if not differing:
-        print(f"{found.title}, seed {found.seed}: identical to the bit")
+        print(f"{found.title}: identical to the bit")
     else:
-        print(f"{found.title}, seed {found.seed}, is not as stored:", *differing, sep="\n  ")
+        print(f"{found.title}, is not as stored:", *differing, sep="\n  ")
         print(f"because {'; '.join(causes) or 'of something that leaves no trace'}")
     print(*story(episodes, again.measures), sep="\n")
-    if options.video is not None:
-        _film(options.video, run.manifest, found, policy)
+    for option, path, write in outputs:
+        with bar("filming") as progress:
+            try:
+                write(found.take(run.manifest, policy, *others), path, progress)
+            except OSError as error:
+                raise UsageError(f"{option}: cannot write {path} ({error.strerror or error})") from error
+        print(path)
     return DIFFERS if differing else 0
+
+
+def _outputs(options: Options) -> list[tuple[str, Path, Callable[[Take, Path, Progress], None]]]:
+    """Option, file and what writes it of all that is to be filmed. Raises UsageError where it cannot be."""
+    if options.video is not None:
+        files.check(options.video)
+    if options.page is not None:
+        if options.page.suffix.lower() != ".html":
+            raise UsageError(f"--page must end in .html, not {options.page.name!r}")
+        make_folder_of(options.page, "--page")
+    if options.against is not None and options.page is None and options.video is None:
+        raise UsageError("--against is shown by --page FILE.html or --video FILE: name one of them too")
+    found = (("--video", options.video, film), ("--page", options.page, write_page))
+    return [(option, path, write) for option, path, write in found if path is not None]
 
 
 def find(run: Run, options: Options) -> Found:
     """The episode that the options mean. Raises UsageError."""
-    cells = run.cells
-    for name, wanted, names in (
-        ("policy", options.policy, {cell.policy: None for cell in cells}),
-        ("scenario", options.scenario, {cell.scenario.name: None for cell in cells}),
+    if not run.cells:
+        raise UsageError(f"{options.results} holds no finished part of a comparison yet")
+    for option, wanted, names in (
+        ("policy", options.policy, [cell.policy for cell in run.cells]),
+        ("scenario", options.scenario, [cell.scenario.name for cell in run.cells]),
     ):
-        if wanted is not None and wanted not in names:
-            raise UsageError(f"--{name}: no {wanted} among the finished ones: {', '.join(names) or 'none'}")
-    if options.policy is None and options.scenario is None:
-        return _row(cells, options.episode)
-    chosen = [
-        cell
-        for cell in cells
-        if options.policy in (None, cell.policy) and options.scenario in (None, cell.scenario.name)
-    ]
-    if len(chosen) != 1:
-        missing = "--policy" if options.policy is None else "--scenario"
+        if wanted not in (None, *names):
+            raise UsageError(f"--{option}: no {wanted} among the finished ones: {', '.join(dict.fromkeys(names))}")
+    policy, scenario = options.policy, options.scenario
+    chosen = [cell for cell in run.cells if policy in (None, cell.policy) and scenario in (None, cell.scenario.name)]
+    named = policy is not None or scenario is not None
+    if named and len(chosen) != 1:
+        missing = "--policy" if policy is None else "--scenario"
         raise UsageError(f"episode {options.episode} is in {len(chosen)} cells: name its {missing} too")
-    if not 0 <= options.episode < chosen[0].episodes:
-        raise UsageError(f"there are episodes 0 to {chosen[0].episodes - 1}, not {options.episode}")
-    return Found(chosen[0], options.episode)
-
-
-def _row(cells: tuple[Cell, ...], row: int) -> Found:
-    """By the row of episodes.parquet, in which the cells follow each other."""
-    left = row
-    for cell in cells:
-        if 0 <= left < cell.episodes:
-            return Found(cell, left)
-        left -= cell.episodes
-    raise UsageError(f"there are rows 0 to {sum(cell.episodes for cell in cells) - 1}, not {row}")
+    episodes = [Found(cell, number) for cell in chosen for number in range(cell.episodes)]
+    if not 0 <= options.episode < len(episodes):
+        what = "episodes" if named else "rows"
+        raise UsageError(f"there are {what} 0 to {len(episodes) - 1}, not {options.episode}")
+    return episodes[options.episode]
 
 
 def simulated_again(manifest: Manifest, found: Found, policy: LabelledPolicy) -> tuple[Cell, Episodes]:
     """The episode once more: what it measured, and its record."""
-    seeds, records = found.cell.seeds[[found.number]], list[Episodes]()
+    scenario, seeds, hardware = found.cell.scenario, found.cell.seeds[[found.number]], manifest.hardware
     with bar("simulating") as progress:
-        settings = Settings(
-            1,
-            lambda _, __, share: progress(share),
-            trace=lambda _, __, ___, episodes: records.append(episodes),
-            steps=manifest.steps,
-            hardware=manifest.hardware,
-        )
-        return run_cell(policy, found.cell.scenario, seeds, settings), records[0]
+        where = policy.on(scenario), scenario, seeds
+        episodes = rollout.run(*where, steps=manifest.steps, progress=progress, hardware=hardware)
+    return measured(policy.label, scenario, episodes), episodes
 
 
 def differences(manifest: Manifest, found: Found, again: Cell) -> list[str]:
@@ -148,20 +162,23 @@ def differences(manifest: Manifest, found: Found, again: Cell) -> list[str]:
 
 def _causes(then: Manifest, found: Found, trust: bool) -> list[str]:
     """What is known to be different now; of a policy that has not walked yet."""
-    policies_now, scenarios = [_policy(found.cell.policy, then, trust)], [found.cell.scenario]
+    policies_now, scenarios = [policy_of(found.cell.policy, then, trust)], [found.cell.scenario]
     numbers = {"seed": then.seed, "episodes": then.episodes, "threads": 1}
     now = manifests.manifest(policies_now, scenarios, then.options, **numbers, hardware=then.hardware)
     return manifests.differences(then, replace(now, steps=then.steps))
 
 
-def _policy(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
+def policy_of(
+    label: str, manifest: Manifest, trust: bool, complaint: str = "the policy of that episode is not here"
+) -> LabelledPolicy:
+    """That policy for the scenarios of the run. Raises UsageError where it is not here."""
     try:
         return labelled(label, manifest.hardware, manifest.scenarios, trust, manifest.only_on.get(label, ()))
     except policies.PolicyError as error:
-        raise UsageError(f"the policy of that episode is not here: {error}") from error
+        raise UsageError(f"{complaint}: {error}") from error
 
 
-def _check(manifest: Manifest, scenario: Scenario) -> None:
+def check_here(manifest: Manifest, scenario: Scenario) -> None:
     """Raise UsageError where the simulator or the terrain is not here."""
     try:
         check(manifest.hardware, scenario)
@@ -169,14 +186,3 @@ def _check(manifest: Manifest, scenario: Scenario) -> None:
             check_unchanged(scenario.terrain.file, scenario.terrain.sha256)
     except ValueError as error:
         raise UsageError(f"that episode cannot be simulated here: {error}") from error
-
-
-def _film(video: Path, manifest: Manifest, found: Found, policy: LabelledPolicy) -> None:
-    title = f"{found.title}, seed {found.seed}"
-    take = Take((policy,), found.cell.scenario, found.seed, manifest.steps, title, manifest.hardware)
-    with bar("filming") as progress:
-        try:
-            film(take, Look(), video, progress)
-        except OSError as error:
-            raise UsageError(f"--video: cannot write {video} ({error.strerror or error})") from error
-    print(video)

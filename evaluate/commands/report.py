@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from evaluate.commands.options import Flag
 from quad_env.cli.command_line import UsageError
 
 if TYPE_CHECKING:
@@ -25,6 +26,11 @@ class Options:
     """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
+    pages: Flag = False
+    """Simulate and film the worst and the most typical failure of each policy on each axis first, a page each, which
+    the report links; takes about ten seconds a page, and goes on where it was interrupted."""
+    trust: Flag = False
+    """For --pages: load policies from files that can hide code, the .zip files of Stable-Baselines3."""
 
 
 def main(options: Options) -> int:
@@ -42,6 +48,10 @@ def main(options: Options) -> int:
         raise UsageError(f"--gate: {options.folder} holds an unfinished run; carry it on with --resume")
     gates = check_gates(options.gate, list(run.manifest.policies), run.manifest.scenarios)
     check_baseline(options.baseline, list(run.manifest.policies))
+    if options.pages:
+        from evaluate.commands.pages import make_pages
+
+        make_pages(run, options.folder, options.trust)
     if options.success is not None:
         _print_by(options.success, run, options)
         return 0

@@ -17,49 +17,36 @@ _MARGIN = 8
 
 @dataclass(frozen=True)
 class Text:
-    """Lines of text on images."""
+    """Lines of text on images: size of the letters and of a dark edge around them, pixels."""
 
     size: int
-    """Of the letters, pixels."""
     edge: int = 0
-    """Of dark pixels around them."""
 
-    @property
-    def line(self) -> int:
-        """Pixels from a line to the next."""
-        return round(1.35 * self.size)
-
-    def band(self, width: int, lines: int) -> Image.Image:
-        """A bar for so many lines."""
-        return Image.new("RGB", (width, lines * self.line + _MARGIN), DARK)
+    def height(self, lines: int) -> int:
+        """Of a bar for so many lines, pixels."""
+        return lines * round(1.35 * self.size) + _MARGIN
 
     def write(
         self, image: Image.Image, text: str, line: int, ink: Ink = WHITE, *, right: bool = False, taken: int = 0
     ) -> int:
-        """One line, counted from the top, at the left or the right margin, where so many pixels of it are `taken`;
-        gives how many pixels it takes itself."""
-        draw = ImageDraw.Draw(image)
-        text, size = self._fitted(draw, text, image.width - 2 * _MARGIN - taken)
+        """One line, counted from the top, or from the bottom where negative, at the left or the right margin, where so
+        many pixels of it are `taken`; gives how many it takes itself."""
+        draw, size, room = ImageDraw.Draw(image), self.size, image.width - 2 * _MARGIN - taken
+        while size > SMALLEST and draw.textlength(text, font_size=size) > room:
+            size -= 1
+        while len(text) > 1 and draw.textlength(text, font_size=size) > room:
+            text = f"{text[:-2]}…"
         length = round(draw.textlength(text, font_size=size))
-        left = image.width - _MARGIN - length if right else _MARGIN
-        place = left, _MARGIN // 2 + line * self.line
+        top = self.height(line) - _MARGIN // 2 if line >= 0 else image.height - self.height(-line) + _MARGIN // 2
+        place = image.width - _MARGIN - length if right else _MARGIN, top
         draw.text(place, text, fill=ink, font_size=size, stroke_width=self.edge, stroke_fill=(0, 0, 0))
         return length + 2 * _MARGIN
 
     def sign(self, image: Image.Image, text: str, ground: Ink) -> None:
         """A line on a coloured bar along the bottom."""
-        height = self.line + _MARGIN
-        bar = Image.new("RGB", (image.width, height), ground)
-        self.write(bar, text, 0)
-        image.paste(bar, (0, image.height - height))
-
-    def _fitted(self, draw: ImageDraw.ImageDraw, text: str, room: int) -> tuple[str, int]:
-        size = self.size
-        while size > SMALLEST and draw.textlength(text, font_size=size) > room:
-            size -= 1
-        while len(text) > 1 and draw.textlength(text, font_size=size) > room:
-            text = f"{text[:-2]}…"
-        return text, size
+        bar = (0, image.height - self.height(1), image.width, image.height)
+        ImageDraw.Draw(image).rectangle(bar, fill=ground)
+        self.write(image, text, -1)
 
 
 def motion(velocity: Array) -> str:
@@ -70,5 +57,4 @@ def motion(velocity: Array) -> str:
 
 def ink(colour: Colour) -> Ink:
     """A mark's colour for text."""
-    red, green, blue = (round(255 * part) for part in colour[:3])
-    return red, green, blue
+    return round(255 * colour[0]), round(255 * colour[1]), round(255 * colour[2])

@@ -3,8 +3,8 @@
 import io
 import tempfile
 from collections.abc import Iterable, Sequence
-from contextlib import closing
-from itertools import chain
+from contextlib import closing, suppress
+from itertools import chain, repeat
 from pathlib import Path
 
 import numpy as np
@@ -55,10 +55,9 @@ def write(images: Iterable[Image.Image], path: Path, period: float) -> None:
     kind = path.suffix.lower()
     if kind == ".mp4":
         _encode(images, path, period)
-    elif kind == STRIP:
-        write_atomically(path, _strip(list(images)))
     else:
-        write_atomically(path, moving_picture(list(images), kind[1:], period, END_SHOWN))
+        whole = list(images)
+        write_atomically(path, _strip(whole) if kind == STRIP else moving_picture(whole, kind[1:], period, END_SHOWN))
 
 
 def moving_picture(
@@ -75,8 +74,7 @@ def _strip(images: list[Image.Image]) -> bytes:
     """So many images, evenly over the film, in rows."""
     places = np.linspace(0, len(images) - 1, min(STRIP_FRAMES, len(images))).round().astype(int)
     rows = -(-len(places) // max(1, STRIP_WIDTH // images[0].width))
-    buffer = io.BytesIO()
-    tiled([images[place] for place in places], -(-len(places) // rows)).save(buffer, "png")
+    tiled([images[place] for place in places], -(-len(places) // rows)).save(buffer := io.BytesIO(), "png")
     return buffer.getvalue()
 
 
@@ -99,19 +97,15 @@ def _encode(images: Iterable[Image.Image], path: Path, period: float) -> None:
     size = first.width + first.width % 2, first.height + first.height % 2
     how = {"fps": 1 / period, "macro_block_size": 1, "ffmpeg_log_level": "quiet"}
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
-        temporary, count = Path(folder) / path.name, 0
+        temporary, count, frame = Path(folder) / path.name, 0, b""
         with closing(imageio_ffmpeg.write_frames(str(temporary), size, **how)) as encoder:
             encoder.send(None)
-            for image in chain([first], left):
-                encoder.send(frame := image.crop((0, 0, *size)).tobytes())
-                count += 1
-            for _ in range(round(END_SHOWN / period)):
+            for image in chain([first], left, repeat(None, round(END_SHOWN / period))):
+                frame = frame if image is None else image.crop((0, 0, *size)).tobytes()
                 encoder.send(frame)
                 count += 1
-        try:
-            whole = imageio_ffmpeg.count_frames_and_secs(str(temporary))[0] == count
-        except RuntimeError:
-            whole = False
-        if not whole:
-            raise OSError("the encoder failed; is the disk full?")
-        temporary.replace(path)
+        with suppress(RuntimeError):
+            if imageio_ffmpeg.count_frames_and_secs(str(temporary))[0] == count:
+                temporary.replace(path)
+                return
+        raise OSError("the encoder failed; is the disk full?")

@@ -1,4 +1,4 @@
-"""What is drawn into the frames of an episode: arrows at the trunk."""
+"""What is drawn into the frames of an episode: arrows at the trunk, and feet by their contact."""
 
 import math
 from collections import deque
@@ -8,13 +8,15 @@ import numpy as np
 from evaluate.rollouts.observers import Step
 from quad_env.columns import Array, of_robots
 from quad_env.config import GRAVITY
-from quad_env.physics.arrows import Arrow, Colour
+from quad_env.physics.arrows import Arrow, Ball, Colour
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.similarity import scaled
 
 COMMAND: Colour = (0.25, 0.95, 0.35, 1.0)
 VELOCITY: Colour = (1.0, 0.8, 0.1, 1.0)
 PUSH: Colour = (0.9, 0.15, 0.15, 1.0)
+CONTACT: Colour = (0.1, 0.6, 1.0, 1.0)
+SWING: Colour = (1.0, 1.0, 1.0, 1.0)
 MEAN_OVER = 0.5
 """Time over which the velocity that is shown is a mean, s: a trot sways within a stride."""
 PUSH_LINGERS = 0.2
@@ -23,8 +25,8 @@ AHEAD = 0.5
 """s of way that an arrow of a velocity is long, on SimpleQuad."""
 _FORCE = 0.2
 """m for each of its own weights that an arrow of a push is long, on SimpleQuad."""
-_RADIUS, _ABOVE = 0.018, 0.22
-"""Of the arrows and between them and the trunk, m, on SimpleQuad."""
+_RADIUS, _ABOVE, _FOOT = 0.018, 0.22, 0.03
+"""Of the arrows, between them and the trunk, and of the balls at the feet, m, on SimpleQuad."""
 
 
 def headings(step: Step) -> Array:
@@ -45,11 +47,12 @@ class Scene:
         self._velocities: deque[Array] = deque(maxlen=max(1, round(MEAN_OVER / start.env.dt)))
         self._push = np.zeros(2)  # N, world frame, the latest
         self._push_until = 0
-        self._step = start
+        self.step = start
+        """The latest."""
 
     def advance(self, step: Step) -> None:
         """Take note of a control step."""
-        self._step = step
+        self.step = step
         self._velocities.append(step.infos["heading_velocity"][0].copy())
         push = step.infos["push"][0]
         if push.any():
@@ -63,18 +66,26 @@ class Scene:
     @property
     def pushed(self) -> bool:
         """Whether a push is to be seen."""
-        return self._step.number < self._push_until
+        return self.step.number < self._push_until
+
+    def marks(self) -> list[Arrow | Ball]:
+        """The arrows, and a ball at each foot with the leg's name: blue on the ground, white in the air."""
+        infos, robot = self.step.infos, self.step.env.robot
+        radius = max(scaled(robot, _FOOT, "m"), 1.1 * robot.foot_radius)
+        feet = zip(infos["foot_position"][0].tolist(), infos["foot_contact"][0], robot.leg_names, strict=True)
+        balls = [Ball(tuple(place), radius, CONTACT if on else SWING, leg.upper()) for place, on, leg in feet]
+        return [*self.arrows(), *balls]
 
     def arrows(self) -> list[Arrow]:
         """Arrows of the command and of the velocity, and of a push."""
-        robot, trunk = self._step.env.robot, self._step.infos["position"][0]
-        payload = self._step.env.scenario.payload
+        robot, trunk = self.step.env.robot, self.step.infos["position"][0]
+        payload = self.step.env.scenario.payload
         above = scaled(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
-        yaw = heading(self._step)
+        yaw = heading(self.step)
         ahead, cos, sin = scaled(robot, AHEAD, "s"), math.cos(yaw), math.sin(yaw)
         found = []
         for (forward, left, _), colour, lift in (
-            (self._step.infos["command"][0], COMMAND, above),
+            (self.step.infos["command"][0], COMMAND, above),
             (self.velocity, VELOCITY, above + scaled(robot, 3.0 * _RADIUS, "m")),
         ):
             way = ahead * np.array([cos * forward - sin * left, sin * forward + cos * left, 0.0])
@@ -85,5 +96,5 @@ class Scene:
         return found
 
     def _arrow(self, start: Array, way: Array, colour: Colour, thickness: float = 1.0) -> Arrow:
-        radius = thickness * scaled(self._step.env.robot, _RADIUS, "m")
+        radius = thickness * scaled(self.step.env.robot, _RADIUS, "m")
         return Arrow(tuple(start.tolist()), tuple((start + way).tolist()), radius, colour)

@@ -1,7 +1,7 @@
 """The images of a film: one episode of one policy or of several, side by side, with captions and marks."""
 
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from evaluate.film import captions, files
 from evaluate.film.scene import COMMAND, VELOCITY, Scene
@@ -22,7 +22,8 @@ from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import Recorder, watch
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError
-from quad_env.physics.arrows import Arrow
+from quad_env.physics.arrows import Arrow, Ball
+from quad_env.robots.similarity import scaled
 from quad_env.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
 AFTERMATH = 1.0
 """s that are shown after a fall."""
+NEAR = 1.8
+"""m from a free camera to SimpleQuad's trunk."""
 STRIP_RATE = 5.0
 """Frames of a second from which those of a strip are chosen."""
 ALARM, GOOD, BAD = (200, 30, 30), (0, 130, 90), (190, 110, 0)
@@ -58,7 +61,8 @@ class Look:
 
     size: tuple[int, int] = (640, 480)
     """Width and height of each robot's frames, pixels."""
-    camera: str = "track"
+    camera: str | None = "track"
+    """One of the model's; None: a free one near the robot's left side, faster and without shadows."""
     speed: float = 1.0
     """1 is real time, less is slow motion."""
     rate: float = 25.0
@@ -85,23 +89,25 @@ class Look:
 class Filming:
     """Draws frames of the first of n robots, all of one size (width, height), pixels; close it in the end."""
 
-    def __init__(self, size: tuple[int, int], camera: str = "track") -> None:
+    def __init__(self, size: tuple[int, int], camera: str | None = "track") -> None:
         self._view = *size, camera
         self._camera: Any = None
 
-    def draw(self, env: "SimpleQuadVectorEnv", arrows: Sequence[Arrow] = ()) -> Frame:
-        """The first robot as it is now, with these arrows.
+    def draw(self, env: "SimpleQuadVectorEnv", arrows: Sequence[Arrow | Ball] = ()) -> Frame:
+        """The first robot as it is now, with these arrows and balls.
 
         Raises:
             ValueError: there is no such camera; names those that there are.
             UsageError: nothing can be drawn here.
         """
-        from quad_env.physics.rendering import Camera
+        from quad_env.physics.rendering import Camera, Viewpoint
 
         try:
-            if self._camera is None:
-                self._camera = Camera(env.simulation.model, *self._view)
-            frame: Frame = self._camera.draw(env.simulation.snapshot(0), arrows=arrows)
+            self._camera = self._camera or Camera(env.simulation.model, *self._view)
+            data = env.simulation.snapshot(0)
+            x, y, z = data.body("base_link").xpos
+            near = Viewpoint(110.0, -12.0, scaled(env.robot, NEAR, "m"), (x, y, z - env.robot.home_height / 3.0))
+            frame: Frame = self._camera.draw(data, arrows=arrows, viewpoint=near)
         except ValueError:
             raise
         except Exception as error:  # whatever the graphics driver fails with
@@ -114,7 +120,7 @@ class Filming:
             self._camera.close()
 
 
-def film(take: Take, look: Look, path: Path, progress: Progress) -> None:
+def film(take: Take, path: Path, progress: Progress, look: Look = Look()) -> None:
     """Film an episode into a file, see `files`.
 
     Raises:
@@ -134,7 +140,7 @@ def shoot(take: Take, look: Look, progress: Progress) -> Generator[Image.Image]:
     count = len(take.policies)
     columns = count if count <= 3 else math.ceil(math.sqrt(count))
     with ExitStack() as stack:
-        panels = [stack.enter_context(closing(_Panel(policy, take, look))) for policy in take.policies]
+        panels = [stack.enter_context(closing(Panel(policy, take, look))) for policy in take.policies]
         for number in range(take.steps + 1):
             over = number == take.steps or all(panel.over for panel in panels)
             if over or number % look.every == 0:
@@ -151,53 +157,66 @@ def shoot(take: Take, look: Look, progress: Progress) -> Generator[Image.Image]:
 def _headed(tiles: Image.Image, take: Take, look: Look, step: Step, number: int) -> Image.Image:
     """The tiles below title, time and command, which are the same for all."""
     text = captions.Text(look.letters)
-    header = text.band(tiles.width, 2)
+    out = Image.new("RGB", (tiles.width, text.height(2) + tiles.height), captions.DARK)
+    out.paste(tiles, (0, text.height(2)))
     slowed = "" if look.speed == 1.0 else f" at {look.speed:g} of real time"
-    room = text.write(header, f"{number * step.env.dt:.2f} s{slowed}", 0, right=True)
-    text.write(header, take.title, 0, taken=room)
-    command = captions.motion(step.infos["command"][0])
-    text.write(header, f"command {command}", 1, captions.ink(COMMAND))
-    out = Image.new("RGB", (tiles.width, header.height + tiles.height))
-    out.paste(header, (0, 0))
-    out.paste(tiles, (0, header.height))
+    room = text.write(out, f"{number * step.env.dt:.2f} s{slowed}", 0, right=True)
+    text.write(out, take.title, 0, taken=room)
+    text.write(out, f"command {captions.motion(step.infos['command'][0])}", 1, captions.ink(COMMAND))
     return out
 
 
-class _Panel:
+class Panel:
     """One policy's part of the film, step by step, with what is drawn of it; close it in the end."""
 
     def __init__(self, policy: LabelledPolicy, take: Take, look: Look) -> None:
-        self._label, self._look = policy.label, look
+        self._label, self._look, self._count = policy.label, look, take.steps
         self._filming = Filming(look.size, look.camera)
         walker = policy.on(take.scenario)
-        self._recorder = Recorder(walker, np.array([take.seed]), take.steps)
+        self.recorder = Recorder(walker, np.array([take.seed]), take.steps)
         where = walker, take.scenario, take.seed
         self._steps = watch(*where, steps=take.steps, command=take.command, hardware=take.hardware)
         self.step = next(self._steps)
         """The control step that the episode is at."""
-        self._recorder(self.step)
+        self.recorder(self.step)
         self._scene = Scene(self.step)
         self._has_outcome = take.steps > round(SETTLING_TIME / self.step.env.dt)
+
+    def __iter__(self) -> Iterator[Step]:
+        """The start and the control steps until shortly after its fall."""
+        yield self.step
+        while not self.over and self.step.number < self._count:
+            self.advance()
+            yield self.step
 
     def advance(self) -> None:
         """Simulate a control step; a robot whose simulation has diverged stays as it is."""
         step = next(self._steps, None)
         if step is not None:
             self.step = step
-            self._recorder(step)
+            self.recorder(step)
             self._scene.advance(step)
 
     @property
     def over(self) -> bool:
         """Whether nothing more is to be seen."""
-        falls = self._recorder.falls
+        falls = self.recorder.falls
         past = self.step.number - (falls.step[0] + 1)
         return bool(falls.fell[0] and (self.step.infos["diverged"][0] or past >= round(AFTERMATH / self.step.env.dt)))
 
+    def picture(self) -> Image.Image:
+        """The robot now, with marks where they are wanted; framed red once it has fallen."""
+        marks = self._scene.marks() if self._look.arrows else ()
+        image = Image.fromarray(self._filming.draw(self.step.env, marks))
+        if marks and self.recorder.falls.fell[0]:
+            ImageDraw.Draw(image).rectangle(
+                (0, 0, *np.subtract(image.size, 1)), outline=ALARM, width=image.height // 60
+            )
+        return image
+
     def draw(self, last: bool) -> Image.Image:
         """The robot now, with its captions; at last with its outcome."""
-        arrows = self._scene.arrows() if self._look.arrows else ()
-        image = Image.fromarray(self._filming.draw(self.step.env, arrows))
+        image = self.picture()
         text = captions.Text(self._look.letters, edge=1)
         text.write(image, self._label, 0)
         if self._look.arrows:
@@ -209,8 +228,8 @@ class _Panel:
 
     def _news(self, last: bool) -> tuple[str, captions.Ink]:
         """What there is to say of the episode; no outcome of one that is too short to have one."""
-        falls = self._recorder.falls
-        outcome = str(metrics.outcome(self._recorder.episodes())[0]) if last and self._has_outcome else None
+        falls = self.recorder.falls
+        outcome = str(metrics.outcome(self.recorder.episodes())[0]) if last and self._has_outcome else None
         if falls.fell[0]:
             fell = f"fell at {(falls.step[0] + 1) * self.step.env.dt:.2f} s: {falls.reason[0]}"
             return fell if outcome in (None, FELL, DIVERGED) else f"{outcome}, {fell}", ALARM

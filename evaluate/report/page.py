@@ -14,6 +14,7 @@ from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
 from evaluate.report.sections.causes import causes
 from evaluate.report.sections.effort import effort
+from evaluate.report.sections.failures import failures
 from evaluate.report.sections.figures import definitions, policy_label
 from evaluate.report.sections.overview import overview
 from evaluate.report.sections.ranking import best_and_worst, ranking
@@ -42,17 +43,20 @@ Origin = tuple[str, str]
 
 def write_report(results: Results, path: Path, **about: Any) -> None:
     """Write report.html; `about` as of `render`."""
-    write_atomically(path, render(results, **about).encode())
+    write_atomically(path, render(results, folder=path.parent, **about).encode())
 
 
-def render(results: Results, *, gates: Sequence[GateResult] = (), made_by: Origin = ("", "")) -> str:
-    """The whole page."""
+def render(
+    results: Results, *, gates: Sequence[GateResult] = (), made_by: Origin = ("", ""), folder: Path = Path()
+) -> str:
+    """The whole page, to be in that folder."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings():
         answers = [
             ranking(results),
             best_and_worst(results),
             causes(results),
+            failures(results, folder),
             effort(results),
             _gates(gates),
         ]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.causes.verdict import with_causes
+from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OFF_COMMAND, SUCCEEDED, SuccessRule
 from evaluate.rollouts import rollout
@@ -187,7 +188,6 @@ def sequential(nthread: int) -> Executor:
 
 def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chunk:
     """Outcome of a task; `progress` receives the share that is done, below 1."""
-    label = task.policy.label
     episodes = rollout.run(
         task.policy.on(task.scenario),
         task.scenario,
@@ -197,8 +197,13 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chu
         progress=lambda share: None if share >= 1.0 else progress(share),
         hardware=task.hardware,
     )
+    return Chunk(task.numbers, measured(task.policy.label, task.scenario, episodes))
+
+
+def measured(label: str, scenario: Scenario, episodes: Episodes) -> Cell:
+    """The cell of these episodes."""
     measures = with_causes(measure(episodes), episodes)
-    return Chunk(task.numbers, Cell(label, task.scenario, task.seeds, episodes.fall_reason, measures, episodes.failure))
+    return Cell(label, scenario, episodes.seeds, episodes.fall_reason, measures, episodes.failure)
 
 
 def _keep(store: Store, chunk: Chunk) -> None:

@@ -62,7 +62,7 @@ def main(options: Options) -> int:
     raise_on_interrupt()
     with bar("filming") as progress:
         try:
-            film(take, look, options.out, progress)
+            film(take, options.out, progress, look)
         except OSError as error:
             raise UsageError(f"cannot write {options.out} ({error.strerror or error})") from error
     print(options.out)

@@ -1,4 +1,4 @@
-"""Arrows that are drawn into a scene of MuJoCo, in the world frame."""
+"""Arrows and balls that are drawn into a scene of MuJoCo, in the world frame."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -24,15 +24,29 @@ class Arrow(NamedTuple):
     colour: Colour
 
 
-def draw_arrows(scene: mujoco.MjvScene, arrows: Sequence[Arrow]) -> None:
-    """Add arrows to a scene; they cast no shadow."""
-    for arrow in arrows:
-        start, end = np.array(arrow.start), np.array(arrow.end)
-        if np.linalg.norm(end - start) < _SHORTEST:
-            continue
-        geom, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_ARROW
-        mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(arrow.colour, np.float32))
-        mujoco.mjv_connector(geom, kind, arrow.radius, start, end)
-        geom.size[2] *= 2.0  # of which MuJoCo draws half
+class Ball(NamedTuple):
+    """A ball that shines, with a name next to it."""
+
+    centre: Vector[float]
+    radius: float
+    colour: Colour
+    name: str
+
+
+def draw_marks(scene: mujoco.MjvScene, marks: Sequence[Arrow | Ball]) -> None:
+    """Add arrows and balls to a scene; they cast no shadow."""
+    for mark in marks:
+        geom, colour = scene.geoms[scene.ngeom], np.array(mark.colour, np.float32)
+        if isinstance(mark, Ball):
+            size, kind = np.full(3, mark.radius), mujoco.mjtGeom.mjGEOM_SPHERE
+            mujoco.mjv_initGeom(geom, kind, size, np.array(mark.centre), np.eye(3).ravel(), colour)
+            geom.label, geom.emission = mark.name, 0.6
+        else:
+            start, end, kind = np.array(mark.start), np.array(mark.end), mujoco.mjtGeom.mjGEOM_ARROW
+            if np.linalg.norm(end - start) < _SHORTEST:
+                continue
+            mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
+            mujoco.mjv_connector(geom, kind, mark.radius, start, end)
+            geom.size[2] *= 2.0  # of which MuJoCo draws half
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR
         scene.ngeom += 1

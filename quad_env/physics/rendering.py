@@ -15,7 +15,7 @@ import numpy as np
 from mujoco.rendering.classic import gl_context
 from numpy.typing import NDArray
 
-from quad_env.physics.arrows import Arrow, draw_arrows
+from quad_env.physics.arrows import Arrow, Ball, draw_marks
 
 NEAR = 6.0
 """Half-side of the square that is drawn, m; a whole height field is a million triangles."""
@@ -76,7 +76,7 @@ class Camera:
         self,
         data: mujoco.MjData,
         depth: bool = False,
-        arrows: Sequence[Arrow] = (),
+        arrows: Sequence[Arrow | Ball] = (),
         *,
         viewpoint: Viewpoint | None = None,
     ) -> NDArray[Any]:
@@ -84,7 +84,7 @@ class Camera:
 
         Args:
             data: snapshot of the robot.
-            arrows: drawn into the frame.
+            arrows: drawn into the frame, as are balls.
             viewpoint: of a free camera.
         """
         camera = self._camera or self._free(data, viewpoint or Viewpoint())
@@ -95,7 +95,7 @@ class Camera:
         if self._ground is not None:
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
-        draw_arrows(renderer.scene, arrows)
+        draw_marks(renderer.scene, arrows)
         return np.array(renderer.render())
 
     def close(self) -> None:

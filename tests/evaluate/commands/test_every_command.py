@@ -21,7 +21,7 @@ from evaluate.commands import options as default
 from evaluate.rollouts.experiment import evaluation_seeds
 from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
-from tests.evaluate.commands import test_axes, test_command
+from tests.evaluate.commands import test_axes, test_command, test_pages
 from tests.evaluate.records import test_resume, test_settled
 from tests.quad_env.robots.made import Made
 
@@ -152,6 +152,12 @@ ELSEWHERE = {
     },
     "report": {
         "success": test_command.test_a_report_by_another_rule_of_success_is_printed_and_leaves_the_files_alone,
+        "pages": test_pages.test_each_page_is_made_once_and_the_report_links_it,
+        "trust": test_pages.test_files_that_can_hide_code_are_loaded_for_pages_where_they_are_trusted,
+    },
+    "replay": {
+        "page": test_pages.test_a_page_shows_the_episode_and_another_policy_on_the_same_seed,
+        "against": test_pages.test_a_page_shows_the_episode_and_another_policy_on_the_same_seed,
     },
     "axes": {
         "resume": test_axes.test_it_goes_on_with_what_was_done,

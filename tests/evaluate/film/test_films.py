@@ -94,6 +94,7 @@ def test_a_film_ends_a_second_after_the_last_fall_of_which_every_frame_tells() -
     pictures = images_of(take_of("document", scenario=quad_env.scenario("flat"), steps=260), FEW)
     bars = [tuple(image[-3, 150]) == ALARM for image in pictures]
     assert bars == [False] * 2 + [True] * 6  # it falls after 0.3 s; the last frame is an extra one
+    assert [tuple(image[HEADER + 50, 0]) == ALARM for image in pictures] == bars
 
 
 @pytest.mark.rendering

@@ -7,11 +7,11 @@ import pytest
 
 import policies
 import quad_env
-from evaluate.film.scene import AHEAD, COMMAND, PUSH, PUSH_LINGERS, VELOCITY, Scene, heading
+from evaluate.film.scene import AHEAD, COMMAND, CONTACT, PUSH, PUSH_LINGERS, SWING, VELOCITY, Scene, heading
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import watch
 from quad_env import Pushes
-from quad_env.physics.arrows import Arrow, Colour
+from quad_env.physics.arrows import Arrow, Ball, Colour
 
 
 def test_where_a_robot_faces_does_not_depend_on_its_tilt() -> None:
@@ -76,3 +76,17 @@ def test_a_push_points_along_its_force_while_it_is_on_and_a_moment_longer(shown)
     for number in on:
         force = shown[number][0].infos["push"][0]
         assert angle_between(direction(shown[number][1][PUSH]), np.arctan2(force[1], force[0])) < 1e-6
+
+
+def test_each_foot_has_its_legs_name_and_is_blue_on_the_ground_alone() -> None:
+    seen = set()
+    for step in watch(policies.make("trot"), quad_env.scenario("flat"), 1, steps=40, command=(0.5, 0.0, 0.0)):
+        balls = [mark for mark in Scene(step).marks() if isinstance(mark, Ball)]
+        assert [ball.name for ball in balls] == ["FL", "FR", "HL", "HR"]
+        for ball, place, on in zip(
+            balls, step.infos["foot_position"][0], step.infos["foot_contact"][0].tolist(), strict=True
+        ):
+            assert ball.centre == pytest.approx(place.tolist())
+            assert ball.colour == (CONTACT if on else SWING)
+            seen.add(on)
+    assert seen == {True, False}

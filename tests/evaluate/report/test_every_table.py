@@ -206,8 +206,9 @@ def report(four) -> Report:
 
 
 def test_every_cell_of_the_page_is_the_figure_that_its_heading_names(report) -> None:
-    assert {table.section for table in report.tables} == {
+    figures = [table for table in report.tables if table.section != "worst-and-most-typical-failures"]
+    assert {table.section for table in figures} == {
         "ranking", "best-and-worst", "effort", "breaking-points", "axis-flat", "axis-push", "axis-rough",
         "how-it-was-measured",
     }  # fmt: skip
-    assert [line for table in report.tables for line in wrong(report, table)] == []
+    assert [line for table in figures for line in wrong(report, table)] == []

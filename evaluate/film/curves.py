@@ -1,0 +1,53 @@
+"""Curves and events of an episode, as JSON values, for a page that shows them next to its film."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from evaluate.analysis.results import without_nan
+from evaluate.measures.averages import Floats
+from evaluate.measures.episodes import Episodes
+from evaluate.measures.metrics import Measures
+
+SIGNALS = "foot_contact", "tilt", "height", "heading_velocity", "command", "foot_height"
+
+
+def curves(episodes: Episodes, end: int) -> dict[str, Any]:
+    """Signals of the first episode's first `end` control steps, by name: a value a step, that of the reading after it,
+    in a list for each of its columns. `torque_share` is the largest of each leg's joints, `given` as of `as_given`."""
+    found = {name: np.asarray(getattr(episodes, name)[:end, 0], np.float64) for name in SIGNALS}
+    share = episodes.peak_torque[:end, 0].astype(np.float64) / np.asarray(episodes.torque_limit)
+    found["torque_share"] = share.reshape(end, len(episodes.robot.leg_names), -1).max(axis=-1)
+    if episodes.observed is not None:
+        found["given"] = as_given(episodes.observed[:end, 0].astype(np.float64))
+    columns = {name: values.round(4).reshape(end, -1).T.tolist() for name, values in found.items()}
+    return {name: without_nan(lists) for name, lists in columns.items()}
+
+
+def as_given(observed: Floats) -> Floats:
+    """Tilt, rad, velocity ahead and to the left, m/s, and yaw rate, rad/s, (steps, 4), by what alone the policy was
+    given, whose vertical is that of the gravity it was given."""
+    gravity, turning, velocity = np.split(observed, 3, axis=1)
+    up = -gravity / np.maximum(np.linalg.norm(gravity, axis=1), 1e-9)[:, None]
+    nose = np.array([1.0, 0.0, 0.0]) - up[:, :1] * up
+    nose /= np.maximum(np.linalg.norm(nose, axis=1), 1e-9)[:, None]
+    along = ((velocity, nose), (velocity, np.cross(up, nose)), (turning, up))
+    tilt = np.arccos(np.clip(up[:, 2], -1.0, 1.0))
+    return np.stack([tilt, *((one * way).sum(axis=1) for one, way in along)], axis=1)
+
+
+def events(episodes: Episodes, measures: Measures, end: int) -> Iterator[dict[str, Any]]:
+    """Pushes, new commands, the cause and the fall of the first episode's first `end` control steps."""
+    dt = episodes.dt
+    for step, impulse in zip(episodes.push_step[0].tolist(), episodes.push_impulse[0], strict=True):
+        if step < end:
+            words = f"push {np.hypot(*impulse):.0f} N·s"
+            yield {"kind": "push", "time": step * dt, "until": (step + episodes.push_steps) * dt, "words": words}
+    for step in np.flatnonzero(np.diff(episodes.command[:end, 0], axis=0).any(axis=1)).tolist():
+        yield {"kind": "command", "time": (step + 1) * dt, "words": "new command"}
+    if (cause := measures.cause[0]) is not None:
+        yield {"kind": "cause", "time": float(measures.cause_time[0]), "words": f"cause: {cause.replace('_', ' ')}"}
+    if measures.fell[0]:
+        words = episodes.fall_reason[0].replace("_", " ")
+        yield {"kind": "fall", "time": float(measures.fall_time[0]), "words": f"fell: {words}"}

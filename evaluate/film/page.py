@@ -1,0 +1,74 @@
+"""The page of an episode: film and curves under one cursor, of one policy or of several, in one offline file."""
+
+import io
+import json
+from base64 import b64encode
+from contextlib import closing
+from html import escape
+from operator import itemgetter
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from evaluate.causes.story import story
+from evaluate.film.curves import curves, events
+from evaluate.film.shooting import Look, Panel, Progress, Take
+from evaluate.rollouts.experiment import LabelledPolicy, measured
+from quad_env.config import FallRule
+from quad_env.files.writing import write_atomically
+
+LOOK = Look((480, 300), camera=None, rate=20.0)
+QUALITY = 70
+"""Of the WebP images, out of 100."""
+LEAD = 1.0
+"""s before the first cause or fall at which the page opens."""
+
+
+def write_page(take: Take, path: Path, progress: Progress) -> None:
+    """Simulate, film and write; the film ends as others do. Raises as `film`."""
+    count = len(take.policies)
+    shown = [_shown(policy, take, part(progress, place, count)) for place, policy in enumerate(take.policies)]
+    write_atomically(path, page(take.title, shown).encode())
+    progress(1.0)
+
+
+def part(progress: Progress, done: int, count: int) -> Progress:
+    """Progress of the next of so many equal parts."""
+    return lambda share: progress((done + share) / count)
+
+
+def page(title: str, episodes: list[dict[str, Any]]) -> str:
+    """The whole page, of the same episode of several policies."""
+    failures = [event["time"] for each in episodes for event in each["events"] if event["kind"] in ("cause", "fall")]
+    values = {"period": LOOK.period, "start": max(0.0, min(failures, default=0.0) - LEAD), "episodes": episodes}
+    data = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    folder = Path(__file__).with_name("html")
+    html, css, js = ((folder / f"episode.{kind}").read_text(encoding="utf-8") for kind in ("html", "css", "js"))
+    return Template(html).substitute(title=escape(title), css=css, js=js, data=data)
+
+
+def _shown(policy: LabelledPolicy, take: Take, progress: Progress) -> dict[str, Any]:
+    """What the page has of one policy's episode, as JSON values."""
+    frames = []
+    with closing(Panel(policy, take, LOOK)) as panel:
+        for step in panel:
+            if step.number % LOOK.every == 0:
+                panel.picture().save(image := io.BytesIO(), "webp", quality=QUALITY, method=2)
+                frames.append(f"data:image/webp;base64,{b64encode(image.getvalue()).decode()}")
+                progress(step.number / take.steps)
+        end, record = panel.step.number, panel.recorder.episodes()
+    measures = measured(policy.label, take.scenario, record).measures
+    lines = [line.partition(" s  ") for line in story(record, measures)]
+    return {
+        "label": policy.label,
+        "verdict": measures.outcome[0].replace("_", " "),
+        "failed": not measures.succeeded[0],
+        "dt": record.dt,
+        "end": end * record.dt,
+        "story": [{"time": float(time), "words": words} for time, _, words in lines],
+        "events": sorted(events(record, measures, end), key=itemgetter("time")),
+        "curves": curves(record, end),
+        "legs": [name.upper() for name in record.robot.leg_names],
+        "fallen": {"tilt": FallRule.tilt, "height": FallRule().lowest(record.robot.leg_length)},
+        "frames": frames,
+    }
