@@ -14,15 +14,14 @@ from quad_env.doctor.check import Check, Finding, Subject, examine
 
 HERE = "quad_env.doctor"
 CHECKS = (
-    Check("packages", f"{HERE}.packages:packages"),
-    Check("mujoco", f"{HERE}.packages:mujoco", ("packages",)),
-    Check("opengl", f"{HERE}.drawing:opengl", ("mujoco",)),
+    Check("packages", f"{HERE}.installation:packages"),
+    Check("mujoco", f"{HERE}.installation:mujoco", ("packages",)),
+    Check("opengl", f"{HERE}.installation:opengl", ("mujoco",)),
     Check("model", f"{HERE}.model:model", ("mujoco",)),
     Check("limits", f"{HERE}.model:limits", ("model",)),
     Check("joints", f"{HERE}.model:joints", ("limits",)),
-    Check("servos", f"{HERE}.standing:servos", ("joints",)),
-    Check("plausible", f"{HERE}.model:plausible", ("servos",)),
-    Check("stands", f"{HERE}.standing:stands", ("servos",)),
+    Check("stands", f"{HERE}.standing:stands", ("joints",)),
+    Check("plausible", f"{HERE}.model:plausible", ("stands",)),
 )
 """In the order in which one depends on another: the first problem is the one to repair."""
 NO_CLONE = "walking and policies were not examined: they need a clone of the project"
