@@ -1,10 +1,8 @@
 """Settings of quad_env, such as scenarios, as JSON values and back: each dataclass is an object that names its type."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from functools import cache
-from types import NoneType, UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from collections.abc import Mapping
+from typing import Any
 
 from quad_env.actuation.models import Actuator, Gear, Thermal, TorqueSpeed
 from quad_env.config import AnyPose, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
@@ -59,44 +57,10 @@ def from_plain(value: Any) -> Any:
         if of_2026 and kind is Motors and fields.get("torque_limit") == SIMPLE_QUAD.rated_torque:
             fields["torque_limit"] = None  # what then was said of the only robot's own
         try:
-            made = kind(**fields)
+            return kind(**fields)
         except TypeError as error:
             raise ValueError(f"this version has no {value.get(TYPE)} of that kind ({error})") from error
-        check_types(made)
-        return made
     return tuple(map(from_plain, value)) if isinstance(value, list) else value
-
-
-def check_types(value: Any) -> None:
-    """Raise ValueError for the first field of a dataclass that is not of the type that its annotation names."""
-    kind: Any = type(value)
-    for name, hint in _hints(kind).items():
-        if not _is(found := getattr(value, name), hint):
-            raise ValueError(f"{name} of a {type(value).__name__} cannot be {found!r:.60}")
-
-
-@cache
-def _hints(kind: type) -> dict[str, Any]:
-    hints = get_type_hints(kind)
-    return {field.name: hints[field.name] for field in dataclasses.fields(kind)}
-
-
-def _is(value: Any, hint: Any) -> bool:
-    """Whether a value is of an annotation's type, and what it contains too; a truth value is no number."""
-    origin, parts = get_origin(hint), get_args(hint)
-    if hint is Any:
-        return True
-    if origin in (Union, UnionType):
-        return any(_is(value, each) for each in parts)
-    if origin is tuple and parts[1:] != (...,):
-        return isinstance(value, tuple) and len(value) == len(parts) and all(map(_is, value, parts))
-    if origin in (tuple, Sequence):
-        return isinstance(value, tuple | list) and all(_is(each, parts[0]) for each in value)
-    if origin is Mapping:
-        return isinstance(value, Mapping) and all(_is(k, parts[0]) and _is(v, parts[1]) for k, v in value.items())
-    if hint in (int, float):
-        return isinstance(value, int | hint) and not isinstance(value, bool)
-    return isinstance(value, NoneType if hint is None else hint)
 
 
 def _kind(value: Mapping[str, Any]) -> tuple[Any, bool]:

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from quad_env.files.reading import check_file, read_bytes
+from quad_env.files.reading import read_bytes
 from quad_env.robots.anatomy import Anatomy, ModelError, anatomy
 from quad_env.robots.collisions import GROUND_BIT
 from quad_env.robots.held import carried_by, hold, spare_joints
@@ -51,10 +51,6 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
     log_to_the_console()
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
-    try:
-        check_named(path)
-    except OSError as error:
-        raise ModelError(f"cannot read {error.filename} ({error.strerror})") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of attributes that are deprecated: they are read all the same
@@ -109,26 +105,6 @@ def log_to_the_console() -> None:
         log.set()
 
 
-_FILE = re.compile(r"""\bfile\w*\s*=\s*["']([^"'\0]+)["']""")
-_FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'\0]*)["']""")
-_MODELS = ".xml", ".urdf"
-
-
-def check_named(path: Path) -> None:
-    """Raise OSError if the MJCF, or a file that it names, is no regular file or too large; what is missing is MuJoCo's
-    to say."""
-    todo, texts = [path], dict[Path, str]()
-    while todo:
-        file = todo.pop()
-        text = texts[file] = read_bytes(file).decode(errors="replace")
-        folders = {"", *(folder for each in texts.values() for folder in _FOLDER.findall(each))}
-        for place in {path.parent / folder / name for folder in folders for name in _FILE.findall(text)}:
-            if place.exists():
-                check_file(place)
-                if place.suffix.lower() in _MODELS and place not in texts:
-                    todo.append(place)
-
-
 def _urdf_spec(mujoco: Any, path: Path) -> Any:
     """A URDF's `mujoco.MjSpec`; shapes that are only seen, and whose meshes MuJoCo does not read, are left out.
 
@@ -172,7 +148,7 @@ def _readable(name: str) -> bool:
 
 
 def _found(path: Path, folder: str, name: str) -> Path:
-    """The file of a mesh that a URDF at that path names, in its package or next to it. Raises ModelError, OSError."""
+    """The file of a mesh that a URDF at that path names, in its package or next to it. Raises ModelError."""
     if not _readable(name):
         raise ModelError(f"MuJoCo cannot read it: convert {name!r}, which collides, to {' or '.join(READABLE)}")
     here = path.resolve().parent
@@ -183,6 +159,5 @@ def _found(path: Path, folder: str, name: str) -> Path:
         places = [*(above / within[1] / inner for above in (here, *here.parents)), *places]
     for place in places:
         if place.exists():
-            check_file(place)
             return place
     raise ModelError(f"the mesh {name!r} is no file: it is looked for next to {path.name} and in its package")

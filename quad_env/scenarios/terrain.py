@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 
 from quad_env.columns import Array, Column, clip, where, whole
+from quad_env.config import Settings
 from quad_env.scenarios import height_file
 from quad_env.scenarios.height_file import Heights
 
@@ -17,7 +18,7 @@ STRIDE_ROOM = 0.7
 
 
 @dataclass(frozen=True)
-class Flat:
+class Flat(Settings):
     """The plane z = 0."""
 
     spawn_radius: float = 0.0
@@ -33,7 +34,7 @@ class Flat:
 
 
 @dataclass(frozen=True)
-class Slope:
+class Slope(Settings):
     """An infinite plane through the origin that rises along the world's x axis; robots start aligned with it."""
 
     angle: float = math.radians(15.0)
@@ -42,6 +43,7 @@ class Slope:
     """m, half-side of the square over which robots start"""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not 0 <= self.angle <= math.radians(80.0):
             raise ValueError(f"a slope's angle must lie between 0 and 80° (1.396 rad), got {self.angle} rad")
 
@@ -55,7 +57,7 @@ class Slope:
 
 
 @dataclass(frozen=True)
-class Stairs:
+class Stairs(Settings):
     """Stairs with vertical risers, up towards the world's +x and down towards −x from a landing at z = 0.
 
     Each step is a box 2·`half_width` wide, so that edges and risers are exact. Beyond the last steps the ground is
@@ -76,6 +78,7 @@ class Stairs:
     """m, half-side of the square over which robots start"""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         sizes = (self.rise, self.run, self.half_width)
         if not all(0 < size < 1e6 for size in sizes) or not 1 <= self.steps <= 1000:
             raise ValueError(f"stairs need a positive rise, run and half_width and 1 to 1000 steps, got {self}")
@@ -103,7 +106,7 @@ class Stairs:
 
 
 @dataclass(frozen=True)
-class SmoothRandom:
+class SmoothRandom(Settings):
     """Random height field: white noise smoothed by a Gaussian, its heights made uniform between valley and peak.
 
     Uniform heights let a robot meet the whole range within a few correlation lengths, where a scaled Gaussian field is
@@ -127,6 +130,7 @@ class SmoothRandom:
     """The whole field, a set of surfaces, is a function of this seed alone."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         sizes = (self.peak_to_valley, self.correlation_length, self.half_size, self.cell)
         if not all(0 < size < 1e6 for size in sizes) or not 0 <= self.spawn_radius <= self.half_size:
             raise ValueError(f"a surface needs positive sizes and a spawn_radius inside its half_size, got {self}")
@@ -168,7 +172,7 @@ class SmoothRandom:
 
 
 @dataclass(frozen=True)
-class HeightField:
+class HeightField(Settings):
     """Ground of a user's own: heights on a grid, from a picture or an array, about the origin of the world.
 
     The first row of samples, the top of the picture, lies at the largest y, the first column, its left, at the least x.
@@ -187,6 +191,7 @@ class HeightField:
     """m from the middle along x and y, where all robots start; None for a place drawn by the episode's seed"""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         sizes = self.size if self.peak is None else (*self.size, self.peak)
         if not all(0 < length < height_file.LARGEST for length in sizes):
             raise ValueError(f"{self.file}: size and height of a terrain are positive, m, not {self.size}, {self.peak}")
