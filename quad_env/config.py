@@ -33,20 +33,22 @@ Share = Annotated[float, Bounds("from 0 to 1", 0.0, 1.0)]
 
 def check_settings(settings: Any) -> None:
     """Raise ValueError, one line, for the first field of a dataclass that is not as its annotation says."""
-    for name, hint in _hints(type(settings)).items():
+    for name, (kind, limits) in _fields(type(settings)).items():
         value, what = getattr(settings, name), f"{type(settings).__name__}.{name}"
         try:
-            check_type(value, hint)
+            check_type(value, kind)
         except TypeCheckError:
-            raise ValueError(f"{what} is of the type {getattr(hint, '__name__', hint)}, got {value!r:.80}") from None
-        for bounds in () if value is None else _bounds(hint):
+            raise ValueError(f"{what} is of the type {getattr(kind, '__name__', kind)}, got {value!r:.80}") from None
+        for bounds in () if value is None else limits:
             if not all(bounds.lowest <= each <= bounds.highest for each in np.ravel(value).tolist()):
                 raise ValueError(f"{what} must be {bounds.words}, got {value}")
 
 
 @cache
-def _hints(kind: type) -> dict[str, Any]:
-    return get_type_hints(kind, include_extras=True)
+def _fields(of: type) -> dict[str, tuple[Any, tuple[Bounds, ...]]]:
+    """Type and bounds of each field."""
+    annotated = get_type_hints(of, include_extras=True)
+    return {name: (kind, tuple(_bounds(annotated[name]))) for name, kind in get_type_hints(of).items()}
 
 
 def _bounds(hint: Any) -> Iterator[Bounds]:
