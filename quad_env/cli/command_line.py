@@ -9,7 +9,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import TypeVar
 
 from quad_env.files.text import one_line
 from quad_env.files.writing import make_writable_folder
@@ -18,6 +18,8 @@ Options = TypeVar("Options")
 
 _PAIRS = ("policy", "policies"), ("scenario", "scenarios")
 _RULE = re.compile(r"[─-]{3,}")
+_NO_NUMBER = re.compile(r"invalid literal for int\(\) with base 10|could not convert string to float")
+"""Python's words for what is no whole number, or no number."""
 
 
 class UserError(Exception):
@@ -40,38 +42,14 @@ def parse(
     words = as_spelled(kind, sys.argv[1:] if arguments is None else arguments)
     if "" in words or any(word.startswith("--") and word.endswith("=") for word in words):
         raise UsageError(f"a value is empty, which names no file, folder or number; see `{program} --help`")
-    complaint, registry = io.StringIO(), tyro.constructors.ConstructorRegistry()
-    registry.primitive_rule(_number_rule)
-    settings: dict[str, Any] = {"args": words, "default": default, "registry": registry}
+    complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
-            return cast(Options, tyro.cli(kind, prog=program, description=description, **settings))
+            return tyro.cli(kind, prog=program, description=description, args=words, default=default)
     except SystemExit as end:
         if not end.code:
             raise
         raise UsageError(f"{first_sentence(complaint.getvalue())}; see `{program} --help`") from None
-
-
-def _number_rule(asked: Any) -> Any:
-    """tyro's rule for numbers, in plainer words."""
-    import tyro
-
-    if (kind := asked.type) not in (int, float):
-        return None
-
-    def number(word: str) -> Any:
-        try:
-            return kind(word)
-        except ValueError:
-            raise ValueError(f"{word!r} is no {'whole ' if kind is int else ''}number") from None
-
-    return tyro.constructors.PrimitiveConstructorSpec(
-        nargs=1,
-        metavar=kind.__name__.upper(),
-        instance_from_str=lambda words: number(words[0]),
-        is_instance=lambda value: isinstance(value, int | kind) and not isinstance(value, bool),
-        str_from_instance=lambda value: [str(value)],
-    )
 
 
 def as_spelled(kind: type, words: list[str]) -> list[str]:
@@ -94,7 +72,8 @@ def first_sentence(box: str) -> str:
     lines = [line.strip(" │").strip() for line in plain.splitlines()[1:]]
     # Where the terminal cannot draw boxes, a rule follows the title.
     below = itertools.dropwhile(_RULE.fullmatch, lines)
-    return " ".join(itertools.takewhile(lambda line: not _RULE.search(line), below)).rstrip(".")
+    sentence = " ".join(itertools.takewhile(lambda line: not _RULE.search(line), below)).rstrip(".")
+    return _NO_NUMBER.sub("no number", sentence)
 
 
 def check_numbers(options: object, limits: Mapping[str, tuple[float, float]]) -> None:
