@@ -7,7 +7,7 @@ from functools import cache
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import numpy as np
-from typeguard import TypeCheckError, check_type
+from typeguard import CollectionCheckStrategy, TypeCheckError, check_type
 
 GRAVITY = 9.81
 """Gravity of every world, m/s²."""
@@ -36,7 +36,7 @@ def check_settings(settings: Any) -> None:
     for name, (kind, limits) in _fields(type(settings)).items():
         value, what = getattr(settings, name), f"{type(settings).__name__}.{name}"
         try:
-            check_type(value, kind)
+            check_type(value, kind, collection_check_strategy=CollectionCheckStrategy.ALL_ITEMS)
         except TypeCheckError:
             raise ValueError(f"{what} is of the type {getattr(kind, '__name__', kind)}, got {value!r:.80}") from None
         for bounds in () if value is None else limits:
