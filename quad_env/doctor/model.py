@@ -1,13 +1,11 @@
-"""Whether the robot's model loads and is plausible, and its joints are consistent and mirrored left and right."""
+"""Whether the robot's model loads and is plausible, and its joints are mirrored left and right."""
 
-import re
 from collections.abc import Iterator
-from itertools import chain
 
 import numpy as np
 
 from quad_env.doctor.check import Finding, Subject, ok, problem
-from quad_env.robots.anatomy import JOINTS_PER_LEG, ModelError, contradicts
+from quad_env.robots.anatomy import JOINTS_PER_LEG, ModelError
 from quad_env.robots.model_file import DECISIVE, log_to_the_console
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
@@ -28,7 +26,9 @@ def model(subject: Subject) -> Finding:
         what, _, remedy = str(error).rpartition(": ")
         return problem(what or str(error), "its model comes with a package that is optional", remedy)
     except (ModelError, OSError, ValueError) as error:
-        return problem(" ".join(str(error).split()), *_why(str(error), subject))
+        cause = "the model or a file that it names is not there or has a fault, or a figure is missing"
+        remedy = f"repair what the line names, in {subject.name}, or give the figure in {subject.figures}"
+        return problem(" ".join(str(error).split()), cause, remedy)
     broken = [name for name in DECISIVE if not np.isfinite(getattr(compiled, name)).all()]
     if broken:
         cause = "a NaN in the MJCF, or an overflow as MuJoCo works out masses and inertias"
@@ -38,15 +38,6 @@ def model(subject: Subject) -> Finding:
     held = f"; held at their reference: {', '.join(robot.held)}" if robot.held else ""
     trunk = f"trunk {robot.home_height:.2f} m high"
     return ok(f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, {trunk}{held}")
-
-
-def _why(error: str, subject: Subject) -> tuple[str, str]:
-    """Cause and remedy of a model that cannot be read."""
-    if re.search(r"(?i)(opening|open|read|find|no) file|is no file|no such file", error):
-        return "a file that the model names is not where it says", "put the file there, or correct its path in the MJCF"
-    if "MuJoCo cannot read it" in error or "XML" in error:
-        return "the MJCF is not one, or not finite", "repair what MuJoCo names, in the file and the line that it names"
-    return "the model lacks a figure, or has another than is meant", f"give it in {subject.figures}"
 
 
 def plausible(subject: Subject) -> Finding:
@@ -91,37 +82,19 @@ def limits(subject: Subject) -> Finding:
 
 
 def joints(subject: Subject) -> Finding:
-    """Whether the joints' axes and order agree with their names and with the robot's figures."""
-    faults = chain(_misnamed(subject.robot), _unlike(subject.robot, subject))
-    return next(faults, ok("order, names and signs agree"))
-
-
-def _misnamed(robot: Robot) -> Iterator[Finding]:
-    """Joints whose names say another leg or another place in the leg."""
-    for place, name in enumerate(robot.joint_names):
-        leg, link = robot.leg_names[place // JOINTS_PER_LEG], place % JOINTS_PER_LEG
-        if contradicts(name, leg, link):
-            is_at = f"{name} is joint {link + 1} of the leg {leg}, counted from the trunk"
-            cause = "two joints of the MJCF have each other's names, or are in each other's places"
-            yield problem(is_at, cause, f"exchange them in {robot.mjcf}")
-
-
-def _unlike(robot: Robot, subject: Subject) -> Iterator[Finding]:
-    """Left and right legs whose knees or home poses do not mirror each other."""
+    """Whether the knees of left and right legs bend the same way, and their home poses mirror each other."""
+    robot = subject.robot
     for left, right in _pairs(robot):
-        names = robot.joint_names[left][-1], robot.joint_names[right][-1]
         if len(set(_knees(robot, left, right))) > 1:
+            seen = f"{robot.joint_names[left][-1]} and {robot.joint_names[right][-1]} bend opposite ways"
             cause = "the axis of one of them has the wrong sign, or its range has"
-            remedy = f"turn its axis or exchange and negate its range in {robot.mjcf}"
-            yield problem(f"{names[0]} and {names[1]} bend opposite ways", cause, remedy)
+            return problem(seen, cause, f"turn its axis or exchange and negate its range in {robot.mjcf}")
         mirrored = robot.home_pose[right] * (-1.0, 1.0, 1.0)
         if (np.abs(robot.home_pose[left] - mirrored) > UNLIKE).any():
+            seen = "left and right legs do not mirror each other in the home pose"
             cause = "an angle of the home pose has the wrong sign or the wrong place"
-            yield problem(
-                "left and right legs do not mirror each other in the home pose",
-                cause,
-                f"home_pose in {subject.figures}",
-            )
+            return problem(seen, cause, f"home_pose in {subject.figures}")
+    return ok("signs and home pose agree left and right")
 
 
 def _some(names: list[str]) -> str:

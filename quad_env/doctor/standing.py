@@ -1,13 +1,18 @@
 """Whether the robot stands: it holds its home pose for two seconds, and then squats."""
 
+import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from quad_env.describe import LARGEST_SINK, LARGEST_TILT, STAND_TIME, height_and_tilt, states
 from quad_env.doctor.check import Finding, Subject, ok, problem
 from quad_env.robots.similarity import servo_gains
 
+STAND_TIME = 2.0
+"""s"""
+LARGEST_TILT, LARGEST_SINK = 0.1, 0.2
+"""Of a robot that stands: rad, and a share of its height."""
 LARGEST_LAG = 0.1
 """Of a joint from its target under the robot's weight, rad."""
 FULL_LOAD = 0.95
@@ -43,7 +48,7 @@ def stands(subject: Subject) -> Finding:
         gains = f"{robot.servo_damping.min():g} N·m·s/rad is too little for {robot.servo_stiffness.max():g} N·m/rad"
         remedy = f"servo_stiffness = {stiffness:.0f} and servo_damping = {damping:.1f} or so in {figures}"
         return problem(moving, f"a damping of {gains}", remedy)
-    height, tilt = height_and_tilt(at_rest[-1])
+    height, tilt = at_rest[-1].height, math.acos(min(max(at_rest[-1].rotation[2][2], -1.0), 1.0))
     trunk = f"its trunk is {height:.3f} m high and tilted by {tilt:.3f} rad"
     if tilt > LARGEST_TILT or height < (1.0 - LARGEST_SINK) * robot.home_height:
         cause = "in the home pose the feet are not below the centre of mass, or a mass is not where it should be"
@@ -58,3 +63,12 @@ def _ringing(env: Any) -> float:
     step = SQUAT * np.array([[0.0, -knee, 2.0 * knee] for knee in robot.knee_direction]).ravel()
     squatting = states(env, robot.home_pose + step, SETTLED)[-round(LAST / env.dt) :]
     return float(np.sqrt(np.mean(np.square([state.joint_velocity for state in squatting]))))
+
+
+def states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
+    """States of the robot of a single environment while it holds a target for so long."""
+    found = []
+    for _ in range(round(seconds / env.dt)):
+        env.step(target.astype(np.float32))
+        found.append(env.simulation.state_of_one((0.0, 0.0, 0.0)))
+    return found

@@ -152,12 +152,6 @@ def anatomy(mujoco: Any, model: Any) -> Anatomy:
     return Anatomy(root, trunk, descendants(model, root), meets, places, axes, legs)
 
 
-def contradicts(name: str, leg: str, link: int) -> bool:
-    """Whether a joint's name says another leg than this, fl, fr, hl or hr, or another place in it, 0, 1 or 2."""
-    words = re.split(r"[^a-z]+", name.lower())
-    return any(LEG_WORDS.get(word, leg) != leg or str(link) not in LINK_WORDS.get(word, str(link)) for word in words)
-
-
 def _name(part: Any) -> str:
     return repr(part.name) if part.name else f"number {part.id}"
 

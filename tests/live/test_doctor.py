@@ -47,11 +47,6 @@ def edited(folder: Path, *changes: tuple[str, str]) -> Path:
     return path
 
 
-def exchanged(first: str, second: str) -> str:
-    """SimpleQuad's MJCF with two names for each other."""
-    return XML.replace(first, "@").replace(second, first).replace("@", second)
-
-
 JOINT = '<joint name="{0}_joint" class="{1}"'
 CALF, THIGH = JOINT.format("fl_calf", "calf"), JOINT.format("hr_thigh", "thigh")
 HIND_BENT = [0.0, 0.5, -1.0] * 2 + [0.0, 0.75, -1.5] * 2
@@ -64,14 +59,12 @@ MODELS: dict[str, tuple[str, str, str]] = {
     "limits in degrees": (XML.replace('range="-2.5 0"', 'range="-143 0"'), "limits", "correct range"),
     "limits of one leg": (XML.replace(THIGH, f'{THIGH} range="-0.2 2.8"'), "limits", "correct range"),
     "home pose at the end of a range": (XML.replace('range="-2.5 0"', 'range="-1.01 0"'), "limits", "home_pose"),
-    "names of two joints": (exchanged("fl_thigh_joint", "fl_calf_joint"), "joints", "exchange them"),
-    "names of two legs": (exchanged("fl_", "fr_"), "joints", "exchange them"),
     "axis of one calf": (XML.replace(CALF, f'{CALF} axis="0 -1 0"'), "joints", "turn its axis"),
     "NaN": (XML.replace('mass="5"', 'mass="nan"'), "model", "repair"),
     "no mesh file": (
         XML.replace("<asset>", '<asset>\n    <mesh name="shell" file="shell.stl"/>'),
         "model",
-        "put the file there",
+        "repair what the line names",
     ),
     "no torques": (XML.replace(' forcerange="-100 100"', ""), "model", "mine.toml"),
     "heavy trunk": (Made(mass=60.0).xml(), "walks", "masses and inertias"),

@@ -318,6 +318,13 @@ def made_out(robot: Robot) -> bool:
     return bool((robot.seen[OBSERVATION["angular_velocity"]] != np.float32(robot.infos["sensor_gyro"])).any())
 
 
+def seen_from_the_side(robot: Robot) -> bool:
+    """Whether the frame is that of the camera beside the robot."""
+    with mujoco.Renderer(robot.base.model, 48, 64) as renderer:
+        renderer.update_scene(robot.base.data, "side")
+        return bool(np.array_equal(robot.env.render(), renderer.render()))
+
+
 SENSED = OBSERVATION["previous_action"].start
 
 
@@ -440,18 +447,12 @@ ARGUMENTS = {
     "max_episode_steps": Effect(
         3, lambda robot: [after(lambda robot: robot.own(robot.cut))(robot) for _ in range(3)], [False, False, True]
     ),
-    "render_mode": Effect("depth_array", lambda robot: robot.own(robot.env.render()).shape, (480, 640)),
+    "render_mode": Effect("rgb_array", lambda robot: robot.own(robot.env.render()).shape, (480, 640, 3)),
 }
 ALONE = {
     "width": Effect(64, lambda robot: robot.env.render().shape[:2], (9, 64), {"render_mode": "rgb_array", "height": 9}),
     "height": Effect(48, lambda robot: robot.env.render().shape[:2], (48, 9), {"render_mode": "rgb_array", "width": 9}),
-    "camera": Effect(
-        "side",  # 2 m from the middle of a trunk that is 0.3 m wide
-        lambda robot: robot.env.render()[4, 4],
-        1.85,
-        scene() | {"render_mode": "depth_array", "width": 8, "height": 8},
-        within=0.05,
-    ),
+    "camera": Effect("side", seen_from_the_side, True, {"render_mode": "rgb_array", "width": 64, "height": 48}),
 }
 BATCHED = {
     "num_envs": Effect(3, lambda robot: len(robot.base.simulation.quaternion), 3),
