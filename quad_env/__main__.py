@@ -11,7 +11,6 @@ if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
     if launcher.IS_CLONE:
         sys.path.insert(0, str(launcher.ROOT))  # so that no `evaluate.py` of the user's is imported
-        launcher.check_packages("quad_env", "live")
 
 from quad_env.cli.program import Command, Program
 
