@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from quad_env.actuation.models import Actuator, Gear, Thermal, TorqueSpeed
+from quad_env.actuation.models import Actuator, Thermal, TorqueSpeed
 from quad_env.config import AnyPose, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
@@ -20,7 +20,7 @@ _KINDS: dict[str, Any] = {
         *(Scenario, CommandRanges, StartNoise, AnyPose),
         *(Flat, Slope, SmoothRandom, Stairs, HeightField),
         *(Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce),
-        *(Actuator, Gear, Thermal, TorqueSpeed),
+        *(Actuator, Thermal, TorqueSpeed),
         *(SensorSuite, Imu, Encoders, FootContact, JointTorque),
         *(TaskConfig, FallRule, RewardWeights, HeightScan),
     )

@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from quad_env.columns import Array
-from quad_env.config import Amount, Bounds, Positive, Settings, Share
+from quad_env.config import Bounds, Positive, Settings, Share
 from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.robot import JOINTS, Robot
 
@@ -71,22 +71,6 @@ def _each(value: EachJoint, own: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Gear(Settings):
-    """A rotor and the gear between it and the joint; both turn together, so that the joint has the rotor's inertia
-    times the ratio squared. The default gives the 0.02 kg·m² of the robot's model."""
-
-    ratio: Positive = 10.0
-    """Turns of the rotor per turn of the joint."""
-    rotor_inertia: Amount = 2e-4
-    """kg·m²"""
-
-    @property
-    def reflected_inertia(self) -> float:
-        """At the joint, kg·m²."""
-        return self.rotor_inertia * self.ratio**2
-
-
-@dataclass(frozen=True)
 class Thermal(Settings):
     """A winding that its own losses heat and that cools to its surroundings: one node, first order.
 
@@ -129,8 +113,6 @@ class Actuator(Settings):
 
     curve: TorqueSpeed | None = None
     """None: any torque within the limit at any speed"""
-    gear: Gear | None = None
-    """None: the reflected inertia of the robot's model"""
     bandwidth: Positive | None = None
     """Hz, as `Motors.bandwidth`: a first-order lag of the target; None: no lag"""
     delay: Annotated[float, Bounds("from 0 s to 1 s", 0.0, 1.0)] = 0.0
@@ -148,7 +130,7 @@ class Actuator(Settings):
 ACTUATORS = {
     "ideal": Actuator(),
     "torque_speed": Actuator(TorqueSpeed()),
-    "motor": Actuator(TorqueSpeed(), Gear(), bandwidth=66.0, delay=0.002, thermal=Thermal()),
+    "motor": Actuator(TorqueSpeed(), bandwidth=66.0, delay=0.002, thermal=Thermal()),
 }
 """By name. `motor`: 66 Hz is the torque bandwidth measured on a quasi-direct drive (Pérez-Díaz et al., 2024), 2 ms one
 cycle of a 500 Hz field bus."""

@@ -26,7 +26,6 @@ import quad_env
         (quad_env.Latency, {"observation": math.nan}, r"Latency\.observation must be from 0 s to 10 s"),
         (quad_env.Motors, {"torque_limit": 0.0}, "torque_limit must be finite and more than 0"),
         (quad_env.Payload, {"reach": (-0.1, 0.1)}, "reach must be finite and at least 0"),
-        (quad_env.Actuator, {"gear": 10.0}, r"Actuator\.gear is of the type .*\.Gear \| None, got 10\.0"),
         (quad_env.Actuator, {"delay": -0.1}, "delay must be from 0 s to 1 s"),
         (quad_env.Actuator, {"thermal": quad_env.Thermal()}, "needs a curve"),
         (quad_env.Thermal, {"derated": 1.1}, "derated must be from 0 to 1"),

@@ -260,10 +260,6 @@ def loaded(mass: float = 5.0, reach: tuple[float, float] = (0.2, 0.1), edge: flo
     return [mass, *place, *place, mass * edge**2 / 6]
 
 
-def armature(robot: Robot) -> Any:
-    return robot.model.dof_armature[6:].copy()
-
-
 def temperature(robot: Robot) -> Any:
     return robot.base.simulation.winding_temperature[robot.row]
 
@@ -438,7 +434,7 @@ ARGUMENTS = {
     "scenario": Effect("weak_motors=8", after(largest_torque, FAR), 8.0),
     "terminate_on_fall": Effect(False, after(fallen), [2, 0], {"config": FALLS}),
     "config": Effect(TaskConfig(control_rate=50.0), after(lambda robot: robot.now.time), 0.02),
-    "actuator": Effect(quad_env.Actuator(gear=quad_env.Gear(20.0)), armature, np.full(12, 0.08)),
+    "actuator": Effect("motor", lambda robot: robot.base.simulation.winding_temperature is not None, True),
     "sensors": Effect("ideal", lambda robot: robot.infos.get("sensor_joint_position"), HOME, scene()),
     "robot": Effect(alike, lambda robot: robot.model.body_mass.sum(), 0.1 * SIMPLE_QUAD.mass),
     "servo": Effect((60.0, 2.0), after(servo_gains, FAR), np.tile((60.0, 2.0), (12, 1))),
