@@ -4,10 +4,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from quad_env.robots.named import ROBOTS, SUFFIXES, robot_of
+from quad_env.robots.named import robot_of
 
 if TYPE_CHECKING:
     from quad_env.robots.robot import Robot
@@ -23,15 +22,6 @@ class Subject:
     """Policy by name or path."""
     trust: bool = False
     """Whether it may be loaded from a file in which code can be hidden."""
-
-    def __post_init__(self) -> None:
-        """Raises ValueError, one line, for a robot that is neither a name nor a file."""
-        given = self.given
-        if isinstance(given, str) and given not in ROBOTS:
-            if Path(given).suffix not in SUFFIXES:
-                robot_of(given)  # raises: unknown robot …
-            if not Path(given).is_file():
-                raise ValueError(f"{given} is no file")
 
     @property
     def name(self) -> str:

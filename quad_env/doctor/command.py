@@ -11,6 +11,7 @@ import tyro
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import counted
 from quad_env.doctor.check import Check, Finding, Subject, examine
+from quad_env.robots.named import ROBOTS, robot_named
 
 HERE = "quad_env.doctor"
 CHECKS = (
@@ -53,10 +54,9 @@ def run(options: Options, of_policies: tuple[Check, ...] | None) -> int:
 
     `of_policies` are the checks that need policies, None where this package is installed alone.
     """
-    try:
-        subject = Subject(options.robot, options.policy, options.trust)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
+    if options.robot not in ROBOTS and not Path(options.robot).is_file():
+        robot_named(options.robot)  # raises
+    subject = Subject(options.robot, options.policy, options.trust)
     counts = Counter[str]()
     for name, found in examine((*CHECKS, *(of_policies or ())), subject):
         counts[found.result] += 1
