@@ -52,11 +52,7 @@ class Camera:
     """
 
     def __init__(
-        self,
-        model: mujoco.MjModel,
-        width: int = 640,
-        height: int = 480,
-        camera: str | None = "track",
+        self, model: mujoco.MjModel, width: int = 640, height: int = 480, camera: str | None = "track"
     ) -> None:
         names = [model.camera(i).name for i in range(model.ncam)]
         if camera is not None and camera not in names:
@@ -73,11 +69,7 @@ class Camera:
         self._renderer = None if camera is None else _Renderer(model, *self._size)
 
     def draw(
-        self,
-        data: mujoco.MjData,
-        arrows: Sequence[Arrow] = (),
-        *,
-        viewpoint: Viewpoint | None = None,
+        self, data: mujoco.MjData, arrows: Sequence[Arrow] = (), *, viewpoint: Viewpoint | None = None
     ) -> NDArray[Any]:
         """Frame (height, width, 3) uint8.
 

@@ -13,16 +13,7 @@ from quad_env.config import CommandRanges
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import ratio
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.disturbances import (
-    Dropouts,
-    Ground,
-    Latency,
-    Motors,
-    Payload,
-    Pushes,
-    SensorNoise,
-    SteadyForce,
-)
+from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.scenario import Scenario, scaled
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 

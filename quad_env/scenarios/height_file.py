@@ -3,7 +3,6 @@
 import hashlib
 import io
 import tomllib
-import warnings
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -109,9 +108,8 @@ def _values(content: bytes, suffix: str, peak: float | None) -> Array:
 def _picture(content: bytes) -> Array:
     from PIL import Image
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", Image.DecompressionBombWarning)
-        image = Image.open(io.BytesIO(content), formats=["PNG"])
+    image = Image.open(io.BytesIO(content), formats=["PNG"])
+    _check_shape((image.height, image.width))
     if image.mode not in ("L", "I;16"):
         raise ValueError(f"a picture of heights is grey, 8 or 16 bit, without transparency; this one is {image.mode}")
     values: Array = np.asarray(image)
