@@ -26,8 +26,6 @@ _KINDS: dict[str, Any] = {
     )
 }
 """Kinds of settings by bare name: results outlive the modules that these stand in today."""
-_BY_FIELDS = {frozenset(field.name for field in dataclasses.fields(kind)): kind for kind in _KINDS.values()}
-"""The same by their fields, which no two share: Gymnasium's `EnvSpec.to_json` keeps the fields and drops the type."""
 
 
 def to_plain(value: Any) -> Any:
@@ -48,8 +46,8 @@ def to_plain(value: Any) -> Any:
 def from_plain(value: Any) -> Any:
     """What `to_plain` was given, lists as tuples; ValueError for what it never gives. Runs no code but quad_env's.
 
-    An object that does not name its type is of the one that has just its fields, or else of the only one that has them
-    among others: those that have come since are their defaults then.
+    An object that does not name its type, as Gymnasium's `EnvSpec.to_json` writes it, is of the one with the fewest
+    fields that has those of the object: what has come since are defaults then.
     """
     if isinstance(value, Mapping):
         fields = {name: from_plain(entry) for name, entry in value.items() if name != TYPE}
@@ -66,12 +64,15 @@ def from_plain(value: Any) -> Any:
 def _kind(value: Mapping[str, Any]) -> tuple[Any, bool]:
     """The type of an object, and whether it is written as in results up to 2026: as quad_env.conditions.Scenario."""
     if TYPE not in value:
-        kind = _BY_FIELDS.get(frozenset(value))
-        kinds = [kind] if kind else [kind for names, kind in _BY_FIELDS.items() if names.issuperset(value)]
-        if len(kinds) != 1:
+        fitting = [kind for kind in _KINDS.values() if _names(kind).issuperset(value)]
+        if not value or not fitting:
             raise ValueError(f"the {TYPE} of {dict(value)} is missing; valid: {', '.join(_KINDS)}")
-        return kinds[0], False
+        return min(fitting, key=lambda kind: len(_names(kind))), False
     package, _, name = str(value[TYPE]).rpartition(".")
     if name not in _KINDS or package.partition(".")[0] not in ("", "quad_env"):
         raise ValueError(f"{value[TYPE]} is no part of quad_env; valid: {', '.join(_KINDS)}")
     return _KINDS[name], bool(package)
+
+
+def _names(kind: Any) -> set[str]:
+    return {field.name for field in dataclasses.fields(kind)}

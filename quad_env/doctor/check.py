@@ -4,19 +4,17 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from quad_env.robots.named import robot_of
-
-if TYPE_CHECKING:
-    from quad_env.robots.robot import Robot
+from quad_env.robots.robot import Robot
 
 
 @dataclass(frozen=True)
 class Subject:
     """The robot, and perhaps the policy, that a run of checks examines."""
 
-    given: "str | Robot" = "simple_quad"
+    given: str | Robot = "simple_quad"
     """Name of a robot, path of its MJCF, URDF or TOML, or the robot itself."""
     policy: str | None = None
     """Policy by name or path."""
@@ -29,7 +27,7 @@ class Subject:
         return self.given if isinstance(self.given, str) else str(self.given.source or self.given.name)
 
     @cached_property
-    def robot(self) -> "Robot":
+    def robot(self) -> Robot:
         """The robot. Raises what reading it does."""
         return robot_of(self.given)
 
