@@ -105,17 +105,9 @@ def draw(robot: Robot, picture: Path) -> None:
 
 def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
     """Write a robot's figures, all of them inferred or, without a robot, all still to be given."""
-    lines = [f"mjcf = {json.dumps(_seen_from(path.parent, mjcf))}"]
+    lines = [f"mjcf = {json.dumps(Path(os.path.relpath(mjcf, path.parent)).as_posix())}"]
     lines += [f"# {figure} =" for figure in FIGURES] if robot is None else _figures(robot)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-
-
-def _seen_from(folder: Path, file: Path) -> str:
-    """The file's path from that folder, with slashes on every system."""
-    try:
-        return Path(os.path.relpath(file, folder)).as_posix()
-    except ValueError:  # on another drive
-        return file.resolve().as_posix()
 
 
 def _figures(robot: Robot) -> Iterator[str]:

@@ -11,7 +11,6 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TypeVar
 
-from quad_env.files.text import one_line
 from quad_env.files.writing import make_writable_folder
 
 Options = TypeVar("Options")
@@ -101,9 +100,3 @@ def survive_narrow_encodings() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
-
-
-def fail(message: str) -> int:
-    """Print a mistake as one line on stderr; the exit code for it."""
-    print(f"error: {one_line(message)}", file=sys.stderr)
-    return 2

@@ -55,7 +55,10 @@ def launch(main: Callable[[], int]) -> int:
     """Run a program and flush what it printed; its exit code."""
     code = 0
     try:
-        code = _run(main)
+        try:
+            code = main()
+        except SystemExit as end:  # after --help
+            code = end.code if isinstance(end.code, int) else 0
         if sys.stdout is not None:
             sys.stdout.flush()
     except KeyboardInterrupt:
@@ -88,13 +91,6 @@ def is_broken_pipe(error: OSError) -> bool:
 def silence_stdout() -> None:
     """Send what is still to be printed nowhere, so that nothing fails on it when the interpreter ends."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-
-
-def _run(main: Callable[[], int]) -> int:
-    try:
-        return main()
-    except SystemExit as end:  # after --help
-        return end.code if isinstance(end.code, int) else 0
 
 
 def leave(text: str) -> NoReturn:
