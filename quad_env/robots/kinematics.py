@@ -33,7 +33,9 @@ def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array)
     (n, 12), rad.
     """
     base = robot.hip_positions + foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3))
-    return position[:, None] + _turned(rotation, base)
+    # Summed in order: a robot's bits are the same in a batch of any size, as those of matmul are not.
+    products = rotation[:, None] * base[:, :, None]
+    return position[:, None] + (products[..., 0] + products[..., 1] + products[..., 2])
 
 
 def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
@@ -56,11 +58,3 @@ def foot_jacobians(robot: Robot, joints: Array) -> Array:
     for joint, (ahead, up) in ((1, by_thigh), (2, by_calf)):
         jacobians[..., joint] = np.stack((ahead, -up * np.sin(hip), up * np.cos(hip)), axis=-1)
     return jacobians
-
-
-def _turned(rotation: Array, base: Array) -> Array:
-    """Vectors of the base frame, (n, k, 3), in the world frame. Products are summed in order: a robot's bits are the
-    same in a batch of any size, as those of matmul are not."""
-    products = rotation[:, None] * base[:, :, None]
-    turned: Array = products[..., 0] + products[..., 1] + products[..., 2]
-    return turned

@@ -15,7 +15,6 @@ from quad_env.files.reading import read_bytes
 from quad_env.robots.anatomy import Anatomy, ModelError, anatomy
 from quad_env.robots.collisions import GROUND_BIT
 from quad_env.robots.held import carried_by, hold, spare_joints
-from quad_env.robots.shapes import SHAPES
 
 READABLE = ".stl", ".obj", ".msh"
 """Endings of the meshes that MuJoCo reads, of a URDF."""
@@ -70,10 +69,12 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
 
 def remarks(path: Path) -> Iterator[tuple[str, str]]:
     """What the model in a user's file has that one should know of: heading and text, a line each."""
+    import mujoco
+
     own, model, found = read(path)
     feet = [geom for leg in found.legs for geom in leg.foot.geoms]
     names = [model.geom(geom).name or model.body(model.geom_bodyid[geom]).name for geom in feet]
-    kinds = {SHAPES[int(model.geom_type[geom])] for geom in feet}
+    kinds = {mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower() for geom in feet}
     yield "feet", f"{', '.join(names)} ({', '.join(sorted(kinds))})"
     if not found.trunk_collides(model):
         yield "trunk", "does not collide in the model: the box around what is shown of it does here"

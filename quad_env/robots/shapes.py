@@ -9,9 +9,6 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-SHAPES = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
-"""Names of MuJoCo's kinds of geoms."""
-
 _SIGNS = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)], indexing="ij"), axis=-1).reshape(-1, 3)
 _TURNS = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
 _CIRCLE = np.stack((np.cos(_TURNS), np.sin(_TURNS)), axis=1)

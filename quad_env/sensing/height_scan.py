@@ -4,13 +4,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.columns import Array, Column, Rows
-from quad_env.config import Amount, Positive
+from quad_env.config import Amount, Bounds, Positive
 from quad_env.physics.state import QuadState, to_heading
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Delay
@@ -23,6 +23,7 @@ from quad_env.task.observations import ObservationTable, Term, observation_table
 
 UNSEEN = -2.0
 """Least that a point reads, m: its ground is so deep, or not known yet."""
+Count = Annotated[int, Bounds("at least 0", 0)]
 MOST_POINTS = 10_000
 """Of a scan."""
 _SCALE = 2.5
@@ -41,11 +42,11 @@ class HeightScan(Sampled):
 
     delay: Delay = 0.0
     """s from a sample to when it is seen, at the first control step that is not earlier"""
-    ahead: int = 8
+    ahead: Count = 8
     """Points ahead of the trunk's centre"""
-    behind: int = 8
+    behind: Count = 8
     """Points behind it"""
-    aside: int = 5
+    aside: Count = 5
     """Points to each side of it"""
     spacing: Positive = 0.1
     """m between two points. The grid of the defaults is that of legged_gym's `measured_points_x` and `_y`"""
@@ -54,12 +55,8 @@ class HeightScan(Sampled):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        counts = self.ahead, self.behind, self.aside
-        if min(counts) < 0 or math.prod(self._grid) > MOST_POINTS:
-            raise ValueError(
-                f"a height scan has at least 0 points ahead, behind and aside and at most {MOST_POINTS} in all, "
-                f"got {counts}"
-            )
+        if math.prod(self._grid) > MOST_POINTS:
+            raise ValueError(f"a height scan has at most {MOST_POINTS} points, got {self._grid}")
 
     @property
     def _grid(self) -> tuple[int, int]:

@@ -36,7 +36,7 @@ import quad_env
         (quad_env.Encoders, {"bits": 0}, "bits must be from 1 to 32"),
         (quad_env.HeightScan, {"spacing": "wide"}, "spacing is of the type float, got 'wide'"),
         (quad_env.HeightScan, {"ahead": 2.5}, "ahead is of the type int, got 2.5"),
-        (quad_env.HeightScan, {"aside": 5000}, "at most 10000"),
+        (quad_env.HeightScan, {"aside": 5000}, "at most 10000 points"),
     ],
 )
 def test_a_setting_of_the_wrong_kind_is_told_the_right_ones(kind: Any, values: dict[str, Any], says: str) -> None:
