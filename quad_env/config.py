@@ -33,8 +33,9 @@ Share = Annotated[float, Bounds("from 0 to 1", 0.0, 1.0)]
 
 def check_settings(settings: Any) -> None:
     """Raise ValueError, one line, for the first field of a dataclass that is not as its annotation says."""
-    for name, (kind, limits) in _fields(type(settings)).items():
-        value, what = getattr(settings, name), f"{type(settings).__name__}.{name}"
+    of: Any = type(settings)
+    for name, (kind, limits) in _fields(of).items():
+        value, what = getattr(settings, name), f"{of.__name__}.{name}"
         try:
             check_type(value, kind, collection_check_strategy=CollectionCheckStrategy.ALL_ITEMS)
         except TypeCheckError:

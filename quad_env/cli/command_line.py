@@ -9,7 +9,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 from quad_env.files.writing import make_writable_folder
 
@@ -44,7 +44,8 @@ def parse(
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
-            return tyro.cli(kind, prog=program, description=description, args=words, default=default)
+            made: Any = tyro.cli(kind, prog=program, description=description, args=words, default=default)
+            return cast(Options, made)
     except SystemExit as end:
         if not end.code:
             raise
