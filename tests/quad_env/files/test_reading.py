@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from quad_env.files.reading import check_file, parse_json, read_bytes
-from quad_env.robots.robot import Robot
 
 if not hasattr(os, "mkfifo"):
     pytest.skip("the system has no such pipes", allow_module_level=True)
@@ -59,8 +58,3 @@ def test_json_is_refused_in_words(text, words) -> None:
     with pytest.raises(ValueError, match=words):
         parse_json(text)
     assert parse_json(b'{"a": [1, {"a": 2}]}') == {"a": [1, {"a": 2}]}
-
-
-def test_a_robots_figures_are_read_from_a_file(tmp_path) -> None:
-    with pytest.raises(FileNotFoundError, match="is no file"):
-        Robot.from_mjcf(odd(tmp_path, "pipe", "robot.toml"))
