@@ -67,4 +67,4 @@ def rotations(links: Sequence[Link], angles: Floats) -> Floats:
     """Orientation of each moving link in its parent's frame, w x y z, (links, 4); angles of the joints, rad, (12,)."""
     turns = [(angles[link.joint] - link.reference) * np.array(link.axis) for link in links]
     fixed = Rotation.from_quat([link.rotation for link in links], scalar_first=True)
-    return (fixed * Rotation.from_rotvec(turns)).as_quat(scalar_first=True)
+    return np.asarray((fixed * Rotation.from_rotvec(turns)).as_quat(scalar_first=True))
