@@ -62,14 +62,15 @@ def mujoco(_: Subject) -> Finding:
 def opengl(_: Subject) -> Finding:
     """Whether a frame is drawn, in another process."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command, text = (sys.executable, "-c", DRAW), {"encoding": "utf-8", "errors": "replace"}
+    command = sys.executable, "-c", DRAW
     try:
-        run = subprocess.run(command, capture_output=True, check=False, timeout=PATIENCE, env=environment, **text)
+        run = subprocess.run(command, capture_output=True, check=False, timeout=PATIENCE, env=environment)
     except subprocess.TimeoutExpired:
         return _broken(f"no frame within {PATIENCE:g} s")
     if run.returncode == 0:
         return ok("a frame is drawn")
-    errors = [line for line in run.stderr.splitlines() if line and not line[0].isspace() and "Error" in line]
+    said = run.stderr.decode(errors="replace").splitlines()
+    errors = [line for line in said if line and not line[0].isspace() and "Error" in line]
     return _broken((errors or [f"drawing ends the process with {run.returncode}"])[-1].partition(". ")[0])
 
 

@@ -58,5 +58,5 @@ def scaled(robot: Robot, value: float, unit: str) -> float:
 
 def _apart(robot: Robot, unit: str) -> float:
     """Between the thigh joints of left and right legs, or of fore and hind ones, m."""
-    ahead, aside = np.abs(robot.hip_positions[:, :2]).mean(axis=0).tolist()
+    ahead, aside = map(float, np.abs(robot.hip_positions[:, :2]).mean(axis=0))
     return 2.0 * (aside + robot.hip_offset) if unit == WIDE else 2.0 * ahead
