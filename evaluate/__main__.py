@@ -13,7 +13,6 @@ from quad_env.cli import launcher
 
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
-    launcher.check_packages("evaluate")
 
 from functools import partial
 from typing import TYPE_CHECKING

@@ -11,7 +11,6 @@ from quad_env.registration import ENV_ID, MAX_EPISODE_STEPS, register
 if TYPE_CHECKING:
     from quad_env.actuation.models import ACTUATORS as ACTUATORS
     from quad_env.actuation.models import Actuator as Actuator
-    from quad_env.actuation.models import Gear as Gear
     from quad_env.actuation.models import Thermal as Thermal
     from quad_env.actuation.models import TorqueSpeed as TorqueSpeed
     from quad_env.config import FALL_REASONS as FALL_REASONS
@@ -60,7 +59,7 @@ if TYPE_CHECKING:
     from quad_env.task.observations import OBSERVATION_SIZE as OBSERVATION_SIZE
 
 _NAMES = {
-    "actuation.models": "ACTUATORS Actuator Gear Thermal TorqueSpeed",
+    "actuation.models": "ACTUATORS Actuator Thermal TorqueSpeed",
     "config": "FALL_REASONS FALL_RULE AnyPose CommandRanges FallRule RewardWeights StartNoise TaskConfig",
     "robots.anatomy": "ModelError",
     "robots.named": "ROBOTS",

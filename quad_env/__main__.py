@@ -11,7 +11,6 @@ if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
     if launcher.IS_CLONE:
         sys.path.insert(0, str(launcher.ROOT))  # so that no `evaluate.py` of the user's is imported
-        launcher.check_packages("quad_env", "live")
 
 from quad_env.cli.program import Command, Program
 
@@ -21,7 +20,8 @@ _EVERY = {
         "quad_env.describe", "what a robot's model says of its legs, joints and servos, and whether the robot stands"
     ),
     "doctor": Command(
-        "live.commands.doctor", "what is wrong with the installation, a robot or a policy, and what to do about it"
+        "live.commands.doctor" if launcher.IS_CLONE else "quad_env.doctor.command",
+        "what is wrong with the installation, a robot or a policy, and what to do about it",
     ),
     "scenarios": Command(
         "quad_env.scenarios.listing", "every scenario: what happens in it, its severities, and how to write them"
@@ -32,10 +32,7 @@ _EVERY = {
     "record": Command("live.commands.record", "an episode as an MCAP file"),
     "ros": Command("live.commands.ros", "the simulated robot as a ROS node, in real time"),
 }
-_OF_A_WHEEL = {"doctor": Command("quad_env.doctor.command", _EVERY["doctor"].summary)}
-"""In place of a clone's command."""
-_HERE = _EVERY if launcher.IS_CLONE else _EVERY | _OF_A_WHEEL
-COMMANDS = {name: each for name, each in _HERE.items() if launcher.IS_CLONE or each.module.startswith("quad_env.")}
+COMMANDS = {name: each for name, each in _EVERY.items() if launcher.IS_CLONE or each.module.startswith("quad_env.")}
 MISSING = [name for name in _EVERY if name not in COMMANDS]
 CLONE = "in a clone of the project alone: git clone it, then pip install -e ."
 ELSEWHERE = {"dataset": "now `python examples/clients/minari_dataset.py`"} | dict.fromkeys(MISSING, CLONE)

@@ -1,8 +1,13 @@
 """Settings of the environment as frozen dataclasses; units in each docstring."""
 
-import math
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, get_args
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
+
+import numpy as np
+from typeguard import CollectionCheckStrategy, TypeCheckError, check_type
 
 GRAVITY = 9.81
 """Gravity of every world, m/s²."""
@@ -12,19 +17,57 @@ COMMAND_BOUND = 100.0
 """Largest command that the observation can show, m/s and rad/s."""
 
 
-def check_kinds(settings: Any) -> None:
-    """Refuse settings whose parts are not of the dataclasses that they are declared to be."""
-    for each in fields(settings):
-        value, kinds = getattr(settings, each.name), get_args(each.type) or (each.type,)
-        names = [f"quad_env.{kind.__name__}" for kind in kinds if isinstance(kind, type) and is_dataclass(kind)]
-        if names and not isinstance(value, kinds):
-            valid = " or ".join(names + ["None"] * (type(None) in kinds))
-            what = f"{type(settings).__name__}.{each.name}"
-            raise ValueError(f"{what} is a {valid}, got {value!r}; write {names[0]}(…)")
+class Bounds(NamedTuple):
+    """What the numbers of a setting may be, for its annotation: in words, and from where to where."""
+
+    words: str
+    lowest: float
+    highest: float = sys.float_info.max
+
+
+Finite = Annotated[float, Bounds("finite", -sys.float_info.max)]
+Amount = Annotated[float, Bounds("finite and at least 0", 0.0)]
+Positive = Annotated[float, Bounds("finite and more than 0", sys.float_info.min)]
+Share = Annotated[float, Bounds("from 0 to 1", 0.0, 1.0)]
+
+
+def check_settings(settings: Any) -> None:
+    """Raise ValueError, one line, for the first field of a dataclass that is not as its annotation says."""
+    of: Any = type(settings)
+    for name, (kind, limits) in _fields(of).items():
+        value, what = getattr(settings, name), f"{of.__name__}.{name}"
+        try:
+            check_type(value, kind, collection_check_strategy=CollectionCheckStrategy.ALL_ITEMS)
+        except TypeCheckError:
+            raise ValueError(f"{what} is of the type {getattr(kind, '__name__', kind)}, got {value!r:.80}") from None
+        for bounds in () if value is None else limits:
+            if not all(bounds.lowest <= each <= bounds.highest for each in np.ravel(value).tolist()):
+                raise ValueError(f"{what} must be {bounds.words}, got {value}")
+
+
+@cache
+def _fields(of: type) -> dict[str, tuple[Any, tuple[Bounds, ...]]]:
+    """Type and bounds of each field."""
+    annotated = get_type_hints(of, include_extras=True)
+    return {name: (kind, tuple(_bounds(annotated[name]))) for name, kind in get_type_hints(of).items()}
+
+
+def _bounds(hint: Any) -> Iterator[Bounds]:
+    """The bounds in an annotation and in its parts."""
+    yield from (each for each in getattr(hint, "__metadata__", ()) if isinstance(each, Bounds))
+    for part in get_args(hint):
+        yield from _bounds(part)
+
+
+class Settings:
+    """Dataclasses that are checked by their annotations when they are made; ValueError for what does not fit."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True)
-class CommandRanges:
+class CommandRanges(Settings):
     """Velocity commands in the heading frame, drawn uniformly at reset and again at every interval."""
 
     forward: tuple[float, float] = (-1.0, 1.5)
@@ -33,9 +76,9 @@ class CommandRanges:
     """m/s, positive to the left"""
     yaw_rate: tuple[float, float] = (-1.2, 1.2)
     """rad/s, positive to the left"""
-    zero_fraction: float = 0.1
+    zero_fraction: Share = 0.1
     """Share of draws that are the zero command."""
-    interval: float = 5.0
+    interval: Annotated[float, Bounds("from 0.01 s to 1e6 s", 0.01, 1e6)] = 5.0
     """s between draws"""
 
     def steps(self, dt: float) -> int:
@@ -55,17 +98,14 @@ class CommandRanges:
         return replace(self, forward=forward, lateral=lateral, yaw_rate=yaw_rate)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for low, high in (self.forward, self.lateral, self.yaw_rate):
             if not -COMMAND_BOUND <= low <= high <= COMMAND_BOUND:
                 raise ValueError(f"a command range must rise within ±{COMMAND_BOUND:g}, got ({low}, {high})")
-        if not 0 <= self.zero_fraction <= 1:
-            raise ValueError(f"zero_fraction must lie between 0 and 1, got {self.zero_fraction}")
-        if not 0.01 <= self.interval <= 1e6:
-            raise ValueError(f"interval must lie between 0.01 s and 1e6 s, got {self.interval}")
 
 
 @dataclass(frozen=True)
-class StartNoise:
+class StartNoise(Settings):
     """Uniform noise about the home pose at the start of an episode; each figure is the half-width."""
 
     yaw: float = 3.141592653589793
@@ -83,7 +123,7 @@ class StartNoise:
 
 
 @dataclass(frozen=True)
-class AnyPose:
+class AnyPose(Settings):
     """Starts of a robot that has fallen: every orientation alike, joints anywhere within their limits, lowest point on
     the ground; each figure is the half-width of a uniform velocity."""
 
@@ -96,7 +136,7 @@ class AnyPose:
 
 
 @dataclass(frozen=True)
-class FallRule:
+class FallRule(Settings):
     """When a robot counts as fallen; the rule's name is stored with every result."""
 
     name: str = "simple-quad/1"
@@ -116,7 +156,7 @@ FALL_REASONS = ("none", "trunk_contact", "tilt", "height")
 
 
 @dataclass(frozen=True)
-class RewardWeights:
+class RewardWeights(Settings):
     """Weight of each reward term; the terms are functions of the same names in `quad_env.task.rewards`."""
 
     linear_velocity_tracking: float = 1.2
@@ -133,17 +173,12 @@ class RewardWeights:
 
 
 @dataclass(frozen=True)
-class TaskConfig:
+class TaskConfig(Settings):
     """What the environment adds to the physics."""
 
     control_rate: float = 100.0
     """Hz"""
-    timestep: float | None = None
+    timestep: Positive | None = None
     """s a step of the physics and the joint servo; None for that of the robot's MJCF"""
     fall_rule: FallRule = field(default_factory=FallRule)
     reward_weights: RewardWeights = field(default_factory=RewardWeights)
-
-    def __post_init__(self) -> None:
-        check_kinds(self)
-        if self.timestep is not None and not 0.0 < self.timestep < math.inf:
-            raise ValueError(f"the timestep must be positive, s, or None, got {self.timestep!r}")

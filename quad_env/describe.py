@@ -4,31 +4,25 @@ A short file of the robot's figures can be written, for changes by hand.
 """
 
 import json
-import math
 import os
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 
 from quad_env.cli.command_line import UsageError
+from quad_env.doctor.check import Subject
+from quad_env.doctor.standing import STAND_TIME, stands, states
 from quad_env.info import joint_table
-from quad_env.robots.anatomy import ModelError
 from quad_env.robots.imported import FIGURES
 from quad_env.robots.model_file import remarks
 from quad_env.robots.named import robot_of
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
-
-STAND_TIME = 2.0
-"""s"""
-LARGEST_TILT, LARGEST_SINK = 0.1, 0.2
-"""Of a robot that stands: rad, and a share of its height."""
 
 
 @dataclass(frozen=True)
@@ -51,15 +45,19 @@ def main(options: Options) -> int:
         if options.toml is not None:
             write_toml(options.toml, robot.mjcf, robot)
             print(f"written: {options.toml}")
-        print(standing(robot, options.picture))
+        if options.picture is not None:
+            draw(robot, options.picture)
+            print(f"written: {options.picture}")
+        found = stands(Subject(robot))
     except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:
         model, toml = Path(options.robot), options.toml
         if toml is not None and model.suffix in (".xml", ".urdf") and model.is_file() and not toml.exists():
             write_toml(toml, model, None)
             print(f"written, with the figures still to be given: {toml}", file=sys.stderr)
         raise UsageError(str(error)) from error
-    if options.picture is not None:
-        print(f"written: {options.picture}")
+    if found.result != "ok":
+        raise UsageError(f"{found.seen}: {found.cause}; correct {found.remedy}")
+    print(f"It stands: {found.seen}.")
     return 0
 
 
@@ -92,53 +90,24 @@ def _knees(robot: Robot) -> str:
     return ", ".join(f"{way} ({leg})" for leg, way in zip(robot.leg_names, ways, strict=True))
 
 
-def standing(robot: Robot, picture: Path | None = None) -> str:
-    """Sentence about a robot that holds its home pose for a while. Raises ModelError where it does not stand."""
+def draw(robot: Robot, picture: Path) -> None:
+    """Write a picture of the robot that stands."""
+    from PIL import Image
+
     from quad_env.envs.env import SimpleQuadEnv
 
-    env = SimpleQuadEnv(
-        robot=robot.stiffer, render_mode=None if picture is None else "rgb_array", terminate_on_fall=False
-    )
+    env = SimpleQuadEnv(robot=robot.stiffer, render_mode="rgb_array", terminate_on_fall=False)
     env.reset(seed=0, options={"command": np.zeros(3)})
-    height, tilt = height_and_tilt(states(env, robot.home_pose, STAND_TIME)[-1])
-    if picture is not None:
-        from PIL import Image
-
-        Image.fromarray(np.asarray(env.render())).save(picture)
+    states(env, robot.home_pose, STAND_TIME)
+    Image.fromarray(np.asarray(env.render())).save(picture)
     env.close()
-    end = f"after {STAND_TIME:g} s its trunk is {height:.3f} m high and tilted by {tilt:.3f} rad"
-    if tilt > LARGEST_TILT or height < (1.0 - LARGEST_SINK) * robot.home_height:
-        raise ModelError(f"the robot does not stand in its home pose: {end}; give another home_pose or stiffer servos")
-    return f"It stands: {end}."
-
-
-def states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
-    """States of the robot of a single environment while it holds a target for so long."""
-    found = []
-    for _ in range(round(seconds / env.dt)):
-        env.step(target.astype(np.float32))
-        found.append(env.simulation.state_of_one((0.0, 0.0, 0.0)))
-    return found
-
-
-def height_and_tilt(state: Any) -> tuple[float, float]:
-    """Of the trunk in a state of one robot, m and rad."""
-    return float(state.height), math.acos(min(max(float(state.rotation[2][2]), -1.0), 1.0))
 
 
 def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
     """Write a robot's figures, all of them inferred or, without a robot, all still to be given."""
-    lines = [f"mjcf = {json.dumps(_seen_from(path.parent, mjcf))}"]
+    lines = [f"mjcf = {json.dumps(Path(os.path.relpath(mjcf, path.parent)).as_posix())}"]
     lines += [f"# {figure} =" for figure in FIGURES] if robot is None else _figures(robot)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-
-
-def _seen_from(folder: Path, file: Path) -> str:
-    """The file's path from that folder, with slashes on every system."""
-    try:
-        return Path(os.path.relpath(file, folder)).as_posix()
-    except ValueError:  # on another drive
-        return file.resolve().as_posix()
 
 
 def _figures(robot: Robot) -> Iterator[str]:

@@ -1,12 +1,10 @@
 """Settings of quad_env, such as scenarios, as JSON values and back: each dataclass is an object that names its type."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from functools import cache
-from types import NoneType, UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from collections.abc import Mapping
+from typing import Any
 
-from quad_env.actuation.models import Actuator, Gear, Thermal, TorqueSpeed
+from quad_env.actuation.models import Actuator, Thermal, TorqueSpeed
 from quad_env.config import AnyPose, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
@@ -22,14 +20,12 @@ _KINDS: dict[str, Any] = {
         *(Scenario, CommandRanges, StartNoise, AnyPose),
         *(Flat, Slope, SmoothRandom, Stairs, HeightField),
         *(Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce),
-        *(Actuator, Gear, Thermal, TorqueSpeed),
+        *(Actuator, Thermal, TorqueSpeed),
         *(SensorSuite, Imu, Encoders, FootContact, JointTorque),
         *(TaskConfig, FallRule, RewardWeights, HeightScan),
     )
 }
 """Kinds of settings by bare name: results outlive the modules that these stand in today."""
-_BY_FIELDS = {frozenset(field.name for field in dataclasses.fields(kind)): kind for kind in _KINDS.values()}
-"""The same by their fields, which no two share: Gymnasium's `EnvSpec.to_json` keeps the fields and drops the type."""
 
 
 def to_plain(value: Any) -> Any:
@@ -50,8 +46,8 @@ def to_plain(value: Any) -> Any:
 def from_plain(value: Any) -> Any:
     """What `to_plain` was given, lists as tuples; ValueError for what it never gives. Runs no code but quad_env's.
 
-    An object that does not name its type is of the one that has just its fields, or else of the only one that has them
-    among others: those that have come since are their defaults then.
+    An object that does not name its type, as Gymnasium's `EnvSpec.to_json` writes it, is of the one with the fewest
+    fields that has those of the object: what has come since are defaults then.
     """
     if isinstance(value, Mapping):
         fields = {name: from_plain(entry) for name, entry in value.items() if name != TYPE}
@@ -59,55 +55,24 @@ def from_plain(value: Any) -> Any:
         if of_2026 and kind is Motors and fields.get("torque_limit") == SIMPLE_QUAD.rated_torque:
             fields["torque_limit"] = None  # what then was said of the only robot's own
         try:
-            made = kind(**fields)
+            return kind(**fields)
         except TypeError as error:
             raise ValueError(f"this version has no {value.get(TYPE)} of that kind ({error})") from error
-        check_types(made)
-        return made
     return tuple(map(from_plain, value)) if isinstance(value, list) else value
-
-
-def check_types(value: Any) -> None:
-    """Raise ValueError for the first field of a dataclass that is not of the type that its annotation names."""
-    kind: Any = type(value)
-    for name, hint in _hints(kind).items():
-        if not _is(found := getattr(value, name), hint):
-            raise ValueError(f"{name} of a {type(value).__name__} cannot be {found!r:.60}")
-
-
-@cache
-def _hints(kind: type) -> dict[str, Any]:
-    hints = get_type_hints(kind)
-    return {field.name: hints[field.name] for field in dataclasses.fields(kind)}
-
-
-def _is(value: Any, hint: Any) -> bool:
-    """Whether a value is of an annotation's type, and what it contains too; a truth value is no number."""
-    origin, parts = get_origin(hint), get_args(hint)
-    if hint is Any:
-        return True
-    if origin in (Union, UnionType):
-        return any(_is(value, each) for each in parts)
-    if origin is tuple and parts[1:] != (...,):
-        return isinstance(value, tuple) and len(value) == len(parts) and all(map(_is, value, parts))
-    if origin in (tuple, Sequence):
-        return isinstance(value, tuple | list) and all(_is(each, parts[0]) for each in value)
-    if origin is Mapping:
-        return isinstance(value, Mapping) and all(_is(k, parts[0]) and _is(v, parts[1]) for k, v in value.items())
-    if hint in (int, float):
-        return isinstance(value, int | hint) and not isinstance(value, bool)
-    return isinstance(value, NoneType if hint is None else hint)
 
 
 def _kind(value: Mapping[str, Any]) -> tuple[Any, bool]:
     """The type of an object, and whether it is written as in results up to 2026: as quad_env.conditions.Scenario."""
     if TYPE not in value:
-        kind = _BY_FIELDS.get(frozenset(value))
-        kinds = [kind] if kind else [kind for names, kind in _BY_FIELDS.items() if names.issuperset(value)]
-        if len(kinds) != 1:
+        fitting = [kind for kind in _KINDS.values() if _names(kind).issuperset(value)]
+        if not value or not fitting:
             raise ValueError(f"the {TYPE} of {dict(value)} is missing; valid: {', '.join(_KINDS)}")
-        return kinds[0], False
+        return min(fitting, key=lambda kind: len(_names(kind))), False
     package, _, name = str(value[TYPE]).rpartition(".")
     if name not in _KINDS or package.partition(".")[0] not in ("", "quad_env"):
         raise ValueError(f"{value[TYPE]} is no part of quad_env; valid: {', '.join(_KINDS)}")
     return _KINDS[name], bool(package)
+
+
+def _names(kind: Any) -> set[str]:
+    return {field.name for field in dataclasses.fields(kind)}

@@ -10,7 +10,6 @@ from quad_env.cli import launcher
 
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
-    launcher.check_packages("train", "train")
 
 from train.commands.run import COMMANDS, PROGRAM
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from quad_env.physics.rotations import product
 from quad_env.robots.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -66,7 +65,6 @@ def links_of(model: Any, data: Any, robot: Robot) -> tuple[Link, ...]:
 
 def rotations(links: Sequence[Link], angles: Floats) -> Floats:
     """Orientation of each moving link in its parent's frame, w x y z, (links, 4); angles of the joints, rad, (12,)."""
-    half = 0.5 * np.array([angles[link.joint] - link.reference for link in links])
-    turns = np.column_stack((np.cos(half), np.sin(half)[:, None] * np.array([link.axis for link in links])))
-    w, x, y, z = np.array([link.rotation for link in links]).T
-    return product((w, x, y, z), turns)
+    turns = [(angles[link.joint] - link.reference) * np.array(link.axis) for link in links]
+    fixed = Rotation.from_quat([link.rotation for link in links], scalar_first=True)
+    return np.asarray((fixed * Rotation.from_rotvec(turns)).as_quat(scalar_first=True))

@@ -35,7 +35,7 @@ class Profile(NamedTuple):
 def hardware_profile(robot: Robot) -> Profile:
     """That of a robot. SimpleQuad has 100 N·m and 10 rad/s, as in its article, and all else of `ACTUATORS["motor"]`.
 
-    Others have its bandwidth, their models' reflected inertia, and cold windings: no maker publishes how theirs heat.
+    Others have its bandwidth and cold windings: no maker publishes how theirs heat.
     """
     step, motor = float(robot.model.opt.timestep), ACTUATORS["motor"]
     if robot != SIMPLE_QUAD:

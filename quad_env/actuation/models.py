@@ -5,22 +5,21 @@ The ideal servo is limited by `Motors.torque_limit` alone and follows its target
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from quad_env.columns import Array
-from quad_env.config import check_kinds
+from quad_env.config import Bounds, Positive, Settings, Share
 from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.robot import JOINTS, Robot
-from quad_env.scenarios.disturbances import check_amount, check_positive
 
-EachJoint = float | tuple[float, ...] | None
+EachJoint = Positive | tuple[Positive, ...] | None
 """A figure of all joints, of hip, thigh and calf, or of each of the twelve; None: the robot's own."""
 
 
 @dataclass(frozen=True)
-class TorqueSpeed:
+class TorqueSpeed(Settings):
     """The torque-speed curve of a DC motor on a constant voltage: τ ≤ stall_torque · (1 − ω / no_load_speed), and the
     same with both signs turned; a figure is one number for all joints, or three, of hip, thigh and calf, or twelve.
 
@@ -38,12 +37,10 @@ class TorqueSpeed:
     """N·m, the limit of the current, braking included; None: the stall torque, at most the robot's rated torque"""
 
     def __post_init__(self) -> None:
-        for name, unit in (("stall_torque", "N·m"), ("no_load_speed", "rad/s"), ("peak_torque", "N·m")):
-            value = getattr(self, name)
+        super().__post_init__()
+        for name, value in vars(self).items():
             if np.size(value) not in (1, JOINTS_PER_LEG, JOINTS):
                 raise ValueError(f"{name} is a number, or {JOINTS_PER_LEG} or {JOINTS} of them, got {value}")
-            for each in np.ravel(value).tolist():
-                check_positive(name, each, unit)
 
     def on(self, robot: Robot) -> "Line":
         """The curves of that robot's motors."""
@@ -74,27 +71,7 @@ def _each(value: EachJoint, own: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Gear:
-    """A rotor and the gear between it and the joint; both turn together, so that the joint has the rotor's inertia
-    times the ratio squared. The default gives the 0.02 kg·m² of the robot's model."""
-
-    ratio: float = 10.0
-    """Turns of the rotor per turn of the joint."""
-    rotor_inertia: float = 2e-4
-    """kg·m²"""
-
-    def __post_init__(self) -> None:
-        check_positive("a gear's ratio", self.ratio, "")
-        check_amount("rotor_inertia", self.rotor_inertia, "kg·m²")
-
-    @property
-    def reflected_inertia(self) -> float:
-        """At the joint, kg·m²."""
-        return self.rotor_inertia * self.ratio**2
-
-
-@dataclass(frozen=True)
-class Thermal:
+class Thermal(Settings):
     """A winding that its own losses heat and that cools to its surroundings: one node, first order.
 
     C dT/dt = τ² / slope − (T − ambient) / resistance, where C = time_constant / resistance and τ is the torque of each
@@ -108,9 +85,9 @@ class Thermal:
     most 115 °C with a soft border of 15 °C below it (opensourceleg, `hardware/thermal.py`).
     """
 
-    resistance: float = 1.07
+    resistance: Positive = 1.07
     """K/W from the winding to its surroundings"""
-    time_constant: float = 17.4
+    time_constant: Positive = 17.4
     """s"""
     ambient: float = 25.0
     """°C"""
@@ -118,14 +95,11 @@ class Thermal:
     """°C above which the torque limit falls"""
     shutdown: float = 115.0
     """°C at which the motor is switched off"""
-    derated: float = 0.5
+    derated: Share = 0.5
     """Share of the torque limit that is left just before; with 0 a motor hardly ever gets so hot"""
 
     def __post_init__(self) -> None:
-        check_positive("thermal resistance", self.resistance, "K/W")
-        check_positive("thermal time_constant", self.time_constant, "s")
-        if not 0 <= self.derated <= 1:
-            raise ValueError(f"derated must lie between 0 and 1, got {self.derated}")
+        super().__post_init__()
         if not -273.15 <= self.ambient <= self.derating < self.shutdown < float("inf"):
             raise ValueError(
                 "temperatures must rise from ambient to derating to shutdown, got "
@@ -134,26 +108,21 @@ class Thermal:
 
 
 @dataclass(frozen=True)
-class Actuator:
+class Actuator(Settings):
     """A joint's servo motor; every part is ideal unless it is given."""
 
     curve: TorqueSpeed | None = None
     """None: any torque within the limit at any speed"""
-    gear: Gear | None = None
-    """None: the reflected inertia of the robot's model"""
-    bandwidth: float | None = None
+    bandwidth: Positive | None = None
     """Hz, as `Motors.bandwidth`: a first-order lag of the target; None: no lag"""
-    delay: float = 0.0
+    delay: Annotated[float, Bounds("from 0 s to 1 s", 0.0, 1.0)] = 0.0
     """s from a target's arrival at the drive to its effect, rounded to whole physics steps; at the start of an episode
     the drive holds the home pose for so long"""
     thermal: Thermal | None = None
     """None: a winding that stays cold; otherwise needs a curve, whose slope says what a torque costs"""
 
     def __post_init__(self) -> None:
-        check_kinds(self)
-        check_positive("bandwidth", self.bandwidth, "Hz")
-        if not 0 <= self.delay <= 1:
-            raise ValueError(f"an actuator's delay must lie between 0 s and 1 s, got {self.delay}")
+        super().__post_init__()
         if self.thermal is not None and self.curve is None:
             raise ValueError("a thermal model needs a curve, from which the heat of a torque follows: give one")
 
@@ -161,7 +130,7 @@ class Actuator:
 ACTUATORS = {
     "ideal": Actuator(),
     "torque_speed": Actuator(TorqueSpeed()),
-    "motor": Actuator(TorqueSpeed(), Gear(), bandwidth=66.0, delay=0.002, thermal=Thermal()),
+    "motor": Actuator(TorqueSpeed(), bandwidth=66.0, delay=0.002, thermal=Thermal()),
 }
 """By name. `motor`: 66 Hz is the torque bandwidth measured on a quasi-direct drive (Pérez-Díaz et al., 2024), 2 ms one
 cycle of a 500 Hz field bus."""

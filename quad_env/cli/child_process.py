@@ -11,7 +11,6 @@ import sys
 import threading
 from collections.abc import Iterator
 from multiprocessing import connection, resource_tracker
-from typing import Any
 
 
 def available_cores() -> int:
@@ -23,11 +22,10 @@ def available_cores() -> int:
 def without_ctrl_c() -> Iterator[None]:
     """Context in which processes are begun that never receive Ctrl-C, not even while they load.
 
-    Ctrl-C within the context reaches this process after it; on Windows it is lost.
+    Ctrl-C within the context reaches this process after it. On Windows they receive it until `serve_parent` is called.
     """
     if sys.platform == "win32":
-        with _console_ignores_ctrl_c():
-            yield
+        yield
         return
     resource_tracker.ensure_running()  # else it begins with the first process, and lets Ctrl-C in again before that
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -35,19 +33,6 @@ def without_ctrl_c() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-
-
-@contextlib.contextmanager
-def _console_ignores_ctrl_c() -> Iterator[None]:
-    """The same on Windows, where a process that ignores Ctrl-C hands that on to those that it begins."""
-    import ctypes
-
-    set_handler: Any = ctypes.windll.kernel32.SetConsoleCtrlHandler  # type: ignore[attr-defined, unused-ignore]
-    set_handler(None, True)
-    try:
-        yield
-    finally:
-        set_handler(None, False)
 
 
 def serve_parent() -> None:

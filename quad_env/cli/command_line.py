@@ -11,13 +11,14 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from quad_env.files.text import one_line
 from quad_env.files.writing import make_writable_folder
 
 Options = TypeVar("Options")
 
 _PAIRS = ("policy", "policies"), ("scenario", "scenarios")
 _RULE = re.compile(r"[─-]{3,}")
+_NO_NUMBER = re.compile(r"invalid literal for int\(\) with base 10|could not convert string to float")
+"""Python's words for what is no whole number, or no number."""
 
 
 class UserError(Exception):
@@ -41,7 +42,7 @@ def parse(
     if "" in words or any(word.startswith("--") and word.endswith("=") for word in words):
         raise UsageError(f"a value is empty, which names no file, folder or number; see `{program} --help`")
     complaint, registry = io.StringIO(), tyro.constructors.ConstructorRegistry()
-    registry.primitive_rule(_number_rule)
+    registry.primitive_rule(_whole_numbers)
     settings: dict[str, Any] = {"args": words, "default": default, "registry": registry}
     try:
         with contextlib.redirect_stderr(complaint):
@@ -52,26 +53,20 @@ def parse(
         raise UsageError(f"{first_sentence(complaint.getvalue())}; see `{program} --help`") from None
 
 
-def _number_rule(asked: Any) -> Any:
-    """tyro's rule for numbers, in plainer words; a whole number may be written as 1e6."""
+def _whole_numbers(asked: Any) -> Any:
+    """tyro's rule for whole numbers, which may be written as 1e6."""
     import tyro
 
-    if (kind := asked.type) not in (int, float):
+    def number(word: str) -> int:
+        return int(float(word)) if re.fullmatch(r"[0-9.]+e[0-9]", word) and float(word).is_integer() else int(word)
+
+    if asked.type is not int:
         return None
-
-    def number(word: str) -> Any:
-        try:
-            if kind is int and "e" in word and float(word).is_integer():
-                return int(float(word))
-            return kind(word)
-        except ValueError:
-            raise ValueError(f"{word!r} is no {'whole ' if kind is int else ''}number") from None
-
     return tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
-        metavar=kind.__name__.upper(),
+        metavar="INT",
         instance_from_str=lambda words: number(words[0]),
-        is_instance=lambda value: isinstance(value, int | kind) and not isinstance(value, bool),
+        is_instance=lambda value: isinstance(value, int) and not isinstance(value, bool),
         str_from_instance=lambda value: [str(value)],
     )
 
@@ -96,7 +91,8 @@ def first_sentence(box: str) -> str:
     lines = [line.strip(" │").strip() for line in plain.splitlines()[1:]]
     # Where the terminal cannot draw boxes, a rule follows the title.
     below = itertools.dropwhile(_RULE.fullmatch, lines)
-    return " ".join(itertools.takewhile(lambda line: not _RULE.search(line), below)).rstrip(".")
+    sentence = " ".join(itertools.takewhile(lambda line: not _RULE.search(line), below)).rstrip(".")
+    return _NO_NUMBER.sub("no number", sentence)
 
 
 def check_numbers(options: object, limits: Mapping[str, tuple[float, float]], group: str = "") -> None:
@@ -125,9 +121,3 @@ def survive_narrow_encodings() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
-
-
-def fail(message: str) -> int:
-    """Print a mistake as one line on stderr; the exit code for it."""
-    print(f"error: {one_line(message)}", file=sys.stderr)
-    return 2

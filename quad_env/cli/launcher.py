@@ -10,7 +10,6 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from importlib.machinery import PathFinder
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import NoReturn
@@ -21,8 +20,6 @@ NOTHING_KEPT = "interrupted: no further file was written"
 ROOT = Path(__file__).resolve().parents[2]
 """The clone of the project, or the folder that quad_env alone is installed in."""
 IS_CLONE = (ROOT / "live").is_dir() and (ROOT / "pyproject.toml").is_file()
-PACKAGES = "quad_env", "policies", "evaluate"
-"""Packages that every command needs."""
 _MEMORY_SIGNS = (
     "cannot allocate memory",  # of the system
     "could not allocate memory",  # of MuJoCo
@@ -48,24 +45,6 @@ def leave_on_interrupt() -> None:
         signal.signal(signal.SIGINT, _leave)
 
 
-def check_packages(program: str, *further: str) -> None:
-    """End with one line where Python finds a file of the user's in place of a package of ours; it is not run.
-
-    The launcher has put our folder first on the path, so that this much is ours. Processes that a `python -P` starts
-    leave the working folder out as it does.
-    """
-    for name in (*PACKAGES, *further):
-        found = PathFinder.find_spec(name, sys.path[1:])
-        if found is None or found.origin is None or ROOT in (file := Path(found.origin).resolve()).parents:
-            continue
-        shown = file.parent if file.name == "__init__.py" else file
-        remedy = f"call `python -P -m {program}`, which leaves the working folder out, or rename it"
-        print(f"error: {shown} hides SimpleQuad's package {name}: {remedy}", file=sys.stderr)
-        raise SystemExit(FAILED)
-    if sys.flags.safe_path:
-        os.environ["PYTHONSAFEPATH"] = "1"
-
-
 def raise_on_interrupt() -> None:
     """From now on Ctrl-C is a KeyboardInterrupt again, if `leave_on_interrupt` made it something else."""
     if signal.getsignal(signal.SIGINT) is _leave:
@@ -76,7 +55,10 @@ def launch(main: Callable[[], int]) -> int:
     """Run a program and flush what it printed; its exit code."""
     code = 0
     try:
-        code = _run(main)
+        try:
+            code = main()
+        except SystemExit as end:  # after --help
+            code = end.code if isinstance(end.code, int) else 0
         if sys.stdout is not None:
             sys.stdout.flush()
     except KeyboardInterrupt:
@@ -109,13 +91,6 @@ def is_broken_pipe(error: OSError) -> bool:
 def silence_stdout() -> None:
     """Send what is still to be printed nowhere, so that nothing fails on it when the interpreter ends."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-
-
-def _run(main: Callable[[], int]) -> int:
-    try:
-        return main()
-    except SystemExit as end:  # after --help
-        return end.code if isinstance(end.code, int) else 0
 
 
 def leave(text: str) -> NoReturn:

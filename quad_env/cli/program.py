@@ -14,8 +14,9 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-from quad_env.cli.command_line import UsageError, UserError, fail, parse, survive_narrow_encodings
-from quad_env.cli.launcher import INTERRUPTED, NOTHING_KEPT, OUT_OF_MEMORY, is_broken_pipe, is_out_of_memory
+from quad_env.cli.command_line import UsageError, UserError, parse, survive_narrow_encodings
+from quad_env.cli.launcher import FAILED, INTERRUPTED, NOTHING_KEPT, OUT_OF_MEMORY, is_broken_pipe, is_out_of_memory
+from quad_env.files.text import one_line
 
 HELP = {"-h", "--help"}
 _TRAIN = "cma", "stable_baselines3", "tensorboard", "torch"
@@ -99,7 +100,8 @@ def exit_code(run: Callable[[], int]) -> int:
     except Exception as error:
         if isinstance(error, OSError) and is_broken_pipe(error):  # `launch` ends quietly
             raise
-        return fail(_line_for(error))
+        print(f"error: {one_line(_line_for(error))}", file=sys.stderr)
+        return FAILED
     except KeyboardInterrupt as interrupt:
         print(f"interrupted: {interrupt}" if interrupt.args else NOTHING_KEPT, file=sys.stderr)
         return INTERRUPTED

@@ -4,34 +4,22 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
-from quad_env.robots.named import ROBOTS, SUFFIXES, robot_of
-
-if TYPE_CHECKING:
-    from quad_env.robots.robot import Robot
+from quad_env.robots.named import robot_of
+from quad_env.robots.robot import Robot
 
 
 @dataclass(frozen=True)
 class Subject:
     """The robot, and perhaps the policy, that a run of checks examines."""
 
-    given: "str | Robot" = "simple_quad"
+    given: str | Robot = "simple_quad"
     """Name of a robot, path of its MJCF, URDF or TOML, or the robot itself."""
     policy: str | None = None
     """Policy by name or path."""
     trust: bool = False
     """Whether it may be loaded from a file in which code can be hidden."""
-
-    def __post_init__(self) -> None:
-        """Raises ValueError, one line, for a robot that is neither a name nor a file."""
-        given = self.given
-        if isinstance(given, str) and given not in ROBOTS:
-            if Path(given).suffix not in SUFFIXES:
-                robot_of(given)  # raises: unknown robot …
-            if not Path(given).is_file():
-                raise ValueError(f"{given} is no file")
 
     @property
     def name(self) -> str:
@@ -39,7 +27,7 @@ class Subject:
         return self.given if isinstance(self.given, str) else str(self.given.source or self.given.name)
 
     @cached_property
-    def robot(self) -> "Robot":
+    def robot(self) -> Robot:
         """The robot. Raises what reading it does."""
         return robot_of(self.given)
 

@@ -11,18 +11,18 @@ import tyro
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import counted
 from quad_env.doctor.check import Check, Finding, Subject, examine
+from quad_env.robots.named import ROBOTS, robot_named
 
 HERE = "quad_env.doctor"
 CHECKS = (
-    Check("packages", f"{HERE}.packages:packages"),
-    Check("mujoco", f"{HERE}.packages:mujoco", ("packages",)),
-    Check("opengl", f"{HERE}.drawing:opengl", ("mujoco",)),
+    Check("packages", f"{HERE}.installation:packages"),
+    Check("mujoco", f"{HERE}.installation:mujoco", ("packages",)),
+    Check("opengl", f"{HERE}.installation:opengl", ("mujoco",)),
     Check("model", f"{HERE}.model:model", ("mujoco",)),
     Check("limits", f"{HERE}.model:limits", ("model",)),
     Check("joints", f"{HERE}.model:joints", ("limits",)),
-    Check("servos", f"{HERE}.standing:servos", ("joints",)),
-    Check("plausible", f"{HERE}.model:plausible", ("servos",)),
-    Check("stands", f"{HERE}.standing:stands", ("servos",)),
+    Check("stands", f"{HERE}.standing:stands", ("joints",)),
+    Check("plausible", f"{HERE}.model:plausible", ("stands",)),
 )
 """In the order in which one depends on another: the first problem is the one to repair."""
 NO_CLONE = "walking and policies were not examined: they need a clone of the project"
@@ -54,10 +54,9 @@ def run(options: Options, of_policies: tuple[Check, ...] | None) -> int:
 
     `of_policies` are the checks that need policies, None where this package is installed alone.
     """
-    try:
-        subject = Subject(options.robot, options.policy, options.trust)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
+    if options.robot not in ROBOTS and not Path(options.robot).is_file():
+        robot_named(options.robot)  # raises
+    subject = Subject(options.robot, options.policy, options.trust)
     counts = Counter[str]()
     for name, found in examine((*CHECKS, *(of_policies or ())), subject):
         counts[found.result] += 1

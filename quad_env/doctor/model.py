@@ -1,14 +1,11 @@
-"""Whether the robot's model loads and is plausible, and its joints are consistent and mirrored left and right."""
+"""Whether the robot's model loads and is plausible, and its joints are mirrored left and right."""
 
-import re
 from collections.abc import Iterator
-from itertools import chain
 
 import numpy as np
 
 from quad_env.doctor.check import Finding, Subject, ok, problem
-from quad_env.robots.anatomy import JOINTS_PER_LEG, ModelError, contradicts
-from quad_env.robots.kinematics import feet_in_world
+from quad_env.robots.anatomy import JOINTS_PER_LEG, ModelError
 from quad_env.robots.model_file import DECISIVE, log_to_the_console
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
@@ -17,8 +14,6 @@ NARROWEST, WIDEST, MARGIN = 0.1, 8.01 * np.pi, 0.03
 """Of a joint's range, and from its home pose to an end of it, rad; ANYmal's joints have ranges of three turns."""
 UNLIKE = 0.2
 """Largest difference between a left and a right leg in an angle, rad; Boston Dynamics' Spot has 0.05 in a limit."""
-OFF = 0.005
-"""Farthest that a foot may be from where the angles put it, m."""
 
 
 def model(subject: Subject) -> Finding:
@@ -31,7 +26,9 @@ def model(subject: Subject) -> Finding:
         what, _, remedy = str(error).rpartition(": ")
         return problem(what or str(error), "its model comes with a package that is optional", remedy)
     except (ModelError, OSError, ValueError) as error:
-        return problem(" ".join(str(error).split()), *_why(str(error), subject))
+        cause = "the model or a file that it names is not there or has a fault, or a figure is missing"
+        remedy = f"repair what the line names, in {subject.name}, or give the figure in {subject.figures}"
+        return problem(" ".join(str(error).split()), cause, remedy)
     broken = [name for name in DECISIVE if not np.isfinite(getattr(compiled, name)).all()]
     if broken:
         cause = "a NaN in the MJCF, or an overflow as MuJoCo works out masses and inertias"
@@ -43,18 +40,9 @@ def model(subject: Subject) -> Finding:
     return ok(f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, {trunk}{held}")
 
 
-def _why(error: str, subject: Subject) -> tuple[str, str]:
-    """Cause and remedy of a model that cannot be read."""
-    if re.search(r"(?i)(opening|open|read|find|no) file|is no file|no such file", error):
-        return "a file that the model names is not where it says", "put the file there, or correct its path in the MJCF"
-    if "MuJoCo cannot read it" in error or "XML" in error:
-        return "the MJCF is not one, or not finite", "repair what MuJoCo names, in the file and the line that it names"
-    return "the model lacks a figure, or has another than is meant", f"give it in {subject.figures}"
-
-
 def plausible(subject: Subject) -> Finding:
     """Whether the robot's size, motors and servos are those of a real robot."""
-    if found := list(warnings_of(subject.env.robot)):
+    if found := list(warnings_of(subject.robot)):
         cause = "a placeholder that was never filled in, or a model in other units than metres, kilograms and radians"
         remedy = f"correct them in {subject.robot.mjcf}, or give them in {subject.figures}"
         return Finding("warning", "; ".join(found), cause, remedy)
@@ -94,54 +82,19 @@ def limits(subject: Subject) -> Finding:
 
 
 def joints(subject: Subject) -> Finding:
-    """Whether the joints' axes and order agree with their names and with the robot's figures."""
+    """Whether the knees of left and right legs bend the same way, and their home poses mirror each other."""
     robot = subject.robot
-    faults = chain(_misnamed(robot), _unlike(robot, subject), _misplaced(subject))
-    return next(faults, ok("order, names and signs agree; the feet are where the angles put them"))
-
-
-def _misnamed(robot: Robot) -> Iterator[Finding]:
-    """Joints whose names say another leg or another place in the leg."""
-    for place, name in enumerate(robot.joint_names):
-        leg, link = robot.leg_names[place // JOINTS_PER_LEG], place % JOINTS_PER_LEG
-        if contradicts(name, leg, link):
-            is_at = f"{name} is joint {link + 1} of the leg {leg}, counted from the trunk"
-            cause = "two joints of the MJCF have each other's names, or are in each other's places"
-            yield problem(is_at, cause, f"exchange them in {robot.mjcf}")
-
-
-def _unlike(robot: Robot, subject: Subject) -> Iterator[Finding]:
-    """Left and right legs whose knees or home poses do not mirror each other."""
     for left, right in _pairs(robot):
-        names = robot.joint_names[left][-1], robot.joint_names[right][-1]
         if len(set(_knees(robot, left, right))) > 1:
+            seen = f"{robot.joint_names[left][-1]} and {robot.joint_names[right][-1]} bend opposite ways"
             cause = "the axis of one of them has the wrong sign, or its range has"
-            remedy = f"turn its axis or exchange and negate its range in {robot.mjcf}"
-            yield problem(f"{names[0]} and {names[1]} bend opposite ways", cause, remedy)
+            return problem(seen, cause, f"turn its axis or exchange and negate its range in {robot.mjcf}")
         mirrored = robot.home_pose[right] * (-1.0, 1.0, 1.0)
         if (np.abs(robot.home_pose[left] - mirrored) > UNLIKE).any():
+            seen = "left and right legs do not mirror each other in the home pose"
             cause = "an angle of the home pose has the wrong sign or the wrong place"
-            yield problem(
-                "left and right legs do not mirror each other in the home pose",
-                cause,
-                f"home_pose in {subject.figures}",
-            )
-
-
-def _misplaced(subject: Subject) -> Iterator[Finding]:
-    """Feet that are not where their joints' angles put them, in a pose of noise about the home pose."""
-    robot, env = subject.robot, subject.env
-    env.reset(seed=0)
-    data = env.data
-    trunk = data.body("base_link")
-    feet = np.array([data.site(f"{leg}_foot").xpos for leg in robot.leg_names])
-    put = feet_in_world(robot, trunk.xpos[None], trunk.xmat.reshape(1, 3, 3), data.qpos[None, 7:])[0]
-    off = np.linalg.norm(feet - put, axis=1)
-    if off.max() > OFF:
-        leg = robot.leg_names[int(off.argmax())]
-        seen = f"the foot of {leg} is {off.max():.2f} m from where its joints' angles put it"
-        cause = f"an axis of a joint of {leg} has the wrong sign, or a length of it changed"
-        yield problem(seen, cause, f"hips turn about +x, thighs and calves about +y: correct {robot.mjcf}")
+            return problem(seen, cause, f"home_pose in {subject.figures}")
+    return ok("signs and home pose agree left and right")
 
 
 def _some(names: list[str]) -> str:

@@ -27,7 +27,7 @@ from quad_env.sensing.suite import SensorSuite
 from quad_env.task.rewards import reward_terms
 from quad_env.task.terminations import fall_code
 
-RENDER_MODES = ("rgb_array", "depth_array", "human")
+RENDER_MODES = ("rgb_array", "human")
 _ROW = np.zeros(1, np.intp)
 """The only robot among those of a batch of one."""
 
@@ -42,7 +42,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         scenario: a name from `quad_env.SCENARIOS`, a level or severity such as `push:3`, `push=42` or
             `payload=15+slope=10`, or a `quad_env.Scenario`.
         terminate_on_fall: False keeps a fallen robot going.
-        render_mode: None, "rgb_array", "depth_array" (m from the camera) or "human".
+        render_mode: None, "rgb_array" or "human".
         width, height: of rendered frames, pixels.
         camera: name of a camera of the model.
         config: control rate, fall rule, reward weights and reward terms of your own.
@@ -196,7 +196,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return info
 
     def render(self) -> NDArray[Any] | None:
-        """The current frame: (height, width, 3) uint8, (height, width) float32 in m, or None for "human" or no mode."""
+        """The current frame, (height, width, 3) uint8, or None for "human" or no mode."""
         if self.render_mode is None:
             warn_of_no_render_mode(RENDER_MODES)
             return None
@@ -205,7 +205,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
 
             human = self.render_mode == "human"
             self._view = Window(self.model) if human else Camera(self.model, *self._frame)
-        return self._view.draw(self.data, depth=self.render_mode == "depth_array")  # type: ignore[no-any-return]
+        return self._view.draw(self.data)  # type: ignore[no-any-return]
 
     def close(self) -> None:
         """Close the window or the renderer; the simulation itself needs no closing."""

@@ -33,7 +33,7 @@ from quad_env.task.terminations import fall_code
 Observation = NDArray[np.float32]
 Infos = dict[str, Any]
 
-RENDER_MODES = ("rgb_array", "depth_array")
+RENDER_MODES = ("rgb_array",)
 
 
 class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
@@ -50,7 +50,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
             finished robot stands still in time, its last observation repeated with zero reward, until
             `reset(options={"reset_mask": mask})`.
         max_episode_steps: time limit in control steps; None or -1 for no limit.
-        render_mode: None, "rgb_array" or "depth_array"; `render` gives a frame a robot. A window shows single ones.
+        render_mode: None or "rgb_array"; `render` gives a frame a robot. A window shows single ones.
         readings: True adds to the infos what happened in the step beyond what policies observe: see
             `quad_env.task.readings`.
     """
@@ -185,7 +185,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._schedule.shove(arguments.rows(force, (self.num_envs, 2), "force"), steps)
 
     def render(self) -> tuple[NDArray[Any], ...] | None:
-        """A frame of each robot: (480, 640, 3) uint8, or (480, 640) float32 in m; None without a render_mode."""
+        """A frame of each robot, (480, 640, 3) uint8; None without a render_mode."""
         if self.render_mode is None:
             arguments.warn_of_no_render_mode(RENDER_MODES)
             return None
@@ -193,8 +193,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
             from quad_env.physics.rendering import Camera
 
             self._view = Camera(self.simulation.model)
-        depth = self.render_mode == "depth_array"
-        return tuple(self._view.draw(self.simulation.snapshot(i), depth=depth) for i in range(self.num_envs))
+        return tuple(self._view.draw(self.simulation.snapshot(i)) for i in range(self.num_envs))
 
     def close_extras(self, **_: Any) -> None:
         """Close the renderer."""

@@ -2,7 +2,6 @@
 
 import errno
 import json
-import os
 import stat
 from pathlib import Path
 from typing import Any
@@ -14,18 +13,18 @@ LARGEST = 4 * 2**30
 
 
 def read_bytes(path: Path, limit: int = TEXT) -> bytes:
-    """The content of a regular file of at most so many bytes; OSError for a pipe, a device or a larger file."""
-    with open(path, "rb", opener=_at_once) as file:
-        _check(path, os.fstat(file.fileno()), limit)
-        content = file.read(limit + 1)
-    if len(content) > limit:  # it has grown, or is one of the kernel's, whose sizes are not known
-        raise OSError(errno.EFBIG, _too_large(limit), str(path))
-    return content
+    """The content of a regular file of at most so many bytes; OSError for what is none."""
+    check_file(path, limit)
+    return path.read_bytes()
 
 
 def check_file(path: Path, limit: int = LARGEST) -> None:
-    """Raise OSError unless `read_bytes` would read the file; for what a library reads by its name."""
-    _check(path, path.stat(), limit)
+    """Raise OSError unless it is a regular file of at most so many bytes: to read a pipe or a device may never end."""
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "it is no regular file", str(path))
+    if found.st_size > limit:
+        raise OSError(errno.EFBIG, f"it is larger than {limit // 2**20} MiB", str(path))
 
 
 def parse_json(content: bytes | str) -> Any:
@@ -34,24 +33,6 @@ def parse_json(content: bytes | str) -> Any:
         return json.loads(content, object_pairs_hook=_distinct)
     except RecursionError:
         raise ValueError("its values are nested too deeply") from None
-
-
-def _at_once(path: str, flags: int) -> int:
-    """A file's handle, without waiting for a writer, should it be a pipe."""
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
-
-
-def _check(path: Path, found: os.stat_result, limit: int) -> None:
-    if stat.S_ISDIR(found.st_mode):
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if not stat.S_ISREG(found.st_mode):
-        raise OSError(errno.EINVAL, "it is no regular file", str(path))
-    if found.st_size > limit:
-        raise OSError(errno.EFBIG, _too_large(limit), str(path))
-
-
-def _too_large(limit: int) -> str:
-    return f"it is larger than {limit // 2**20} MiB"
 
 
 def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -105,6 +105,7 @@ class Dynamics:
             drift[leg] = changes @ data.qvel
         centre_jacobian = np.empty((3, size))
         mujoco.mj_jacSubtreeCom(model, data, centre_jacobian, trunk)
+        xx, yy, zz, xy, xz, yz = data.crb[trunk, :6]
         return (
             np.round(model.body_subtreemass[trunk], 9),
             inertia,
@@ -114,11 +115,5 @@ class Dynamics:
             drift,
             data.subtree_com[trunk].copy(),
             centre_jacobian @ data.qvel,
-            _symmetric(data.crb[trunk]),
+            np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
         )
-
-
-def _symmetric(composite: Floats) -> Floats:
-    """The rotational inertia, (3, 3), of MuJoCo's record of a composite body."""
-    xx, yy, zz, xy, xz, yz = composite[:6]
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

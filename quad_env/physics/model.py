@@ -51,9 +51,6 @@ def compile_model(
         limit = line.peak_torque if motors.torque_limit is None else np.minimum(limit, line.peak_torque)
     elif bandwidth is not None:
         _slow_down(spec, 1 / (2 * math.pi * bandwidth), robot)
-    if actuator.gear is not None:
-        for name in robot.joint_names:
-            spec.joint(name).armature = actuator.gear.reflected_inertia
     _delay(spec, actuator.delay)
     model = _compiled(spec)
     model.actuator_forcerange[:] = np.stack((-limit, limit), axis=-1)

@@ -52,11 +52,7 @@ class Camera:
     """
 
     def __init__(
-        self,
-        model: mujoco.MjModel,
-        width: int = 640,
-        height: int = 480,
-        camera: str | None = "track",
+        self, model: mujoco.MjModel, width: int = 640, height: int = 480, camera: str | None = "track"
     ) -> None:
         names = [model.camera(i).name for i in range(model.ncam)]
         if camera is not None and camera not in names:
@@ -73,14 +69,9 @@ class Camera:
         self._renderer = None if camera is None else _Renderer(model, *self._size)
 
     def draw(
-        self,
-        data: mujoco.MjData,
-        depth: bool = False,
-        arrows: Sequence[Arrow | Ball] = (),
-        *,
-        viewpoint: Viewpoint | None = None,
+        self, data: mujoco.MjData, arrows: Sequence[Arrow | Ball] = (), *, viewpoint: Viewpoint | None = None
     ) -> NDArray[Any]:
-        """Frame (height, width, 3) uint8, or depth (height, width) float32 in m.
+        """Frame (height, width, 3) uint8.
 
         Args:
             data: snapshot of the robot.
@@ -90,7 +81,6 @@ class Camera:
         camera = self._camera or self._free(data, viewpoint or Viewpoint())
         renderer = self._renderer
         assert renderer is not None
-        (renderer.enable_depth_rendering if depth else renderer.disable_depth_rendering)()
         renderer.update_scene(data, camera)
         if self._ground is not None:
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
@@ -192,7 +182,7 @@ class Window:
         self._viewer.cam.distance = 2.5
         self._threads = set(threading.enumerate()) - others
 
-    def draw(self, data: mujoco.MjData, depth: bool = False) -> None:
+    def draw(self, data: mujoco.MjData) -> None:
         """Show the snapshot."""
         with self._viewer.lock():
             self._shown.qpos[:], self._shown.qvel[:], self._shown.time = data.qpos, data.qvel, data.time

@@ -14,15 +14,6 @@ def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
     return np.stack((w, x, y, z), axis=1)
 
 
-def product(first: tuple[float, float, float, float], then: Array) -> Array:
-    """Quaternions of the rotations `then`, turned by `first`."""
-    w, x, y, z = first
-    a, b, c, d = then.T
-    real, i = w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c
-    j, k = w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a
-    return np.stack((real, i, j, k), axis=1)
-
-
 def skew(vectors: Array) -> Array:
     """Matrices of the cross products v × …, (…, 3, 3), of vectors v, (…, 3)."""
     matrices = np.zeros((*vectors.shape, 3))

@@ -28,7 +28,7 @@ from quad_env.physics.model import (
     trunk_corners,
 )
 from quad_env.physics.probe import Probe, probed
-from quad_env.physics.rotations import product, quaternion
+from quad_env.physics.rotations import quaternion
 from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
 from quad_env.robots.kinematics import foot_depths
 from quad_env.robots.robot import Robot
@@ -142,7 +142,8 @@ class Simulation:
         qpos[:, 0:2], qpos[:, 2] = rows[:, 0:2], robot.home_height
         qpos[:, 3:7] = quaternion(rows[:, 3], rows[:, 4], rows[:, 2])
         if self._alignment is not None:
-            qpos[:, 3:7] = product(self._alignment, qpos[:, 3:7])
+            for orientation in qpos[:, 3:7]:
+                mujoco.mju_mulQuat(orientation, self._alignment, orientation.copy())
         offsets, velocities = np.split(rows[:, 5:], [robot.num_joints], axis=1)
         qpos[:, 7:] = np.clip(robot.home_pose + offsets, robot.joint_lower, robot.joint_upper)
         self.qpos[ids] = qpos

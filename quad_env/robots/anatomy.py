@@ -152,12 +152,6 @@ def anatomy(mujoco: Any, model: Any) -> Anatomy:
     return Anatomy(root, trunk, descendants(model, root), meets, places, axes, legs)
 
 
-def contradicts(name: str, leg: str, link: int) -> bool:
-    """Whether a joint's name says another leg than this, fl, fr, hl or hr, or another place in it, 0, 1 or 2."""
-    words = re.split(r"[^a-z]+", name.lower())
-    return any(LEG_WORDS.get(word, leg) != leg or str(link) not in LINK_WORDS.get(word, str(link)) for word in words)
-
-
 def _name(part: Any) -> str:
     return repr(part.name) if part.name else f"number {part.id}"
 
@@ -197,21 +191,17 @@ def branches(model: Any, trunk: int) -> dict[int, list[int]]:
 
 def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
     """First body of each leg, below the trunk or what is welded to it -> its joints, hip first."""
-    chains, kinds = branches(model, trunk), mujoco.mjtJoint
+    chains = branches(model, trunk)
     joints = [joint for chain in chains.values() for joint in chain]
-    others = [joint for joint in joints if model.jnt_type[joint] != kinds.mjJNT_HINGE]
-    slides = [joint for joint in others if model.jnt_type[joint] == kinds.mjJNT_SLIDE]
-    if loose := [joint for joint in others if joint not in slides]:
-        raise ModelError(f"joint {_name(model.joint(loose[0]))} is no hinge")
+    if others := [joint for joint in joints if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE]:
+        raise ModelError(f"joint {_name(model.joint(others[0]))} is no hinge")
     if len(joints) != LEGS * JOINTS_PER_LEG or len(chains) != LEGS:
-        hinges = {root: len(set(chain) - set(slides)) for root, chain in chains.items()}
-        counts = ", ".join(f"{count} below {_name(model.body(root))}" for root, count in hinges.items())
-        count = sum(hinges.values())
-        raise ModelError(f"four legs of three hinges are wanted; this model has {count} hinges: {counts or 'none'}")
+        counts = ", ".join(f"{len(chain)} below {_name(model.body(root))}" for root, chain in chains.items())
+        raise ModelError(
+            f"four legs of three hinges are wanted; this model has {len(joints)} hinges: {counts or 'none'}"
+        )
     if nameless := [joint for joint in joints if not model.joint(joint).name]:
         raise ModelError(f"joints are identified by their names; number {nameless[0]} of this model has none")
-    if slides:
-        raise ModelError(f"joint {_name(model.joint(slides[0]))} is no hinge")
     for root, chain in chains.items():
         bodies = [int(model.jnt_bodyid[joint]) for joint in chain]
         pairs = zip(bodies, (trunk, *bodies), strict=False)

@@ -192,20 +192,18 @@ def _drive(stage: Any, robot: Figures) -> None:
 
 
 def _sense(stage: Any, robot: Figures, sensors: list[dict[str, Any]], sensed: dict[str, list[Any]]) -> None:
-    """SimpleQuad's sensors on the parts of these names, those of the joints on the joints at their places, those of
-    contacts on all that is `sensed`, those of touch on whole soles."""
+    """SimpleQuad's sensors on the parts of these names, those of contacts on all that is `sensed`, those of touch on
+    whole soles; none of joints, whose readings are `qpos` and `qvel`."""
     import mujoco
 
-    joints = {
-        f"{leg}_{link}_joint": robot.joint_names[place * len(LINKS) + number]
-        for place, leg in enumerate(robot.leg_names)
-        for number, link in enumerate(LINKS)
-    }
+    kinds = mujoco.mjtSensor
     soles = {f"{leg}_foot": f"{leg}_sole" for leg in robot.leg_names} if robot.foot_points.size else {}
     for sensor in sensors:
-        if sensor["type"] != mujoco.mjtSensor.mjSENS_CONTACT:
-            names = soles if sensor["type"] == mujoco.mjtSensor.mjSENS_TOUCH else joints
-            stage.add_sensor(**sensor | {"objname": names.get(sensor["objname"], sensor["objname"])})
+        if sensor["type"] in (kinds.mjSENS_JOINTPOS, kinds.mjSENS_JOINTVEL):
+            continue
+        if sensor["type"] != kinds.mjSENS_CONTACT:
+            places = soles if sensor["type"] == kinds.mjSENS_TOUCH else {}
+            stage.add_sensor(**sensor | {"objname": places.get(sensor["objname"], sensor["objname"])})
             continue
         for number, part in enumerate(sensed[sensor["name"].removesuffix("_ground")]):
             kind = mujoco.mjtObj.mjOBJ_GEOM if hasattr(part, "contype") else mujoco.mjtObj.mjOBJ_BODY

@@ -46,7 +46,7 @@ def find_foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot 
         return None
     knee, axis = data.xanchor[joint], data.xaxis[joint]
     hulls = {geom: in_world(model, data, geom, surface(model, geom)) for geom in candidates}
-    farthest = max(candidates, key=lambda geom: _reach(model, data, geom, knee, hulls[geom]))
+    farthest = max(candidates, key=lambda geom: np.linalg.norm(hulls[geom] - knee, axis=1).max())
     down = _centre(model, data, farthest, knee) - knee
     down -= (down @ axis) * axis  # a foot may be wide
     down /= np.linalg.norm(down)
@@ -92,13 +92,6 @@ def _sole(points: Floats, knee: Floats, down: Floats, slack: float) -> Floats:
     flat = low - np.outer((low - knee) @ down, down)
     middle: Floats = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
     return middle + float(depths.max()) * down
-
-
-def _reach(model: Any, data: Any, geom: int, knee: Floats, hull: Floats) -> float:
-    """Farthest point of a geom from the knee, m; of one that is no ball by its hull, world frame, (k, 3)."""
-    if ends := balls(model, geom):
-        return max(float(np.linalg.norm(in_world(model, data, geom, end) - knee)) + radius for end, radius in ends)
-    return float(np.linalg.norm(hull - knee, axis=1).max())
 
 
 def _centre(model: Any, data: Any, geom: int, knee: Floats) -> Floats:

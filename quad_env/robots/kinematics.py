@@ -33,7 +33,9 @@ def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array)
     (n, 12), rad.
     """
     base = robot.hip_positions + foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3))
-    return position[:, None] + _turned(rotation, base)
+    # Summed in order: a robot's bits are the same in a batch of any size, as those of matmul are not.
+    products = rotation[:, None] * base[:, :, None]
+    return position[:, None] + (products[..., 0] + products[..., 1] + products[..., 2])
 
 
 def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
@@ -47,27 +49,12 @@ def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
 
 def foot_jacobians(robot: Robot, joints: Array) -> Array:
     """Derivatives of `foot_positions` by the angles of a leg's own joints, m/rad, (n, 4, 3, 3)."""
-    each = np.eye(3)[:, None, None]
-    feet = np.broadcast_to(foot_positions(robot, joints), (len(each), *joints.shape))
-    return np.moveaxis(_foot_velocities(robot, joints, each, feet), 0, -1)
-
-
-def _foot_velocities(robot: Robot, angles: Array, rates: Array, feet: Array) -> Array:
-    """Time derivative of `foot_positions`, whose value `feet` are; all (n, 4, 3)."""
-    hip, thigh, knee = angles[..., 0], angles[..., 1], angles[..., 1] + angles[..., 2]
-    turn, upper = rates[..., 0], -robot.thigh_length * rates[..., 1]
-    lower = robot.calf_length * (rates[..., 1] + rates[..., 2])
-    up = lower * np.sin(knee) - upper * np.sin(thigh)
-    velocities = np.empty_like(feet)
-    velocities[..., 0] = upper * np.cos(thigh) - lower * np.cos(knee)
-    velocities[..., 1] = -feet[..., 2] * turn - up * np.sin(hip)
-    velocities[..., 2] = feet[..., 1] * turn + up * np.cos(hip)
-    return velocities
-
-
-def _turned(rotation: Array, base: Array) -> Array:
-    """Vectors of the base frame, (n, k, 3), in the world frame. Products are summed in order: a robot's bits are the
-    same in a batch of any size, as those of matmul are not."""
-    products = rotation[:, None] * base[:, :, None]
-    turned: Array = products[..., 0] + products[..., 1] + products[..., 2]
-    return turned
+    feet, hip, knee = foot_positions(robot, joints), joints[..., 0], joints[..., 1] + joints[..., 2]
+    upper, lower = robot.thigh_length, robot.calf_length
+    by_calf = -lower * np.cos(knee), lower * np.sin(knee)  # ahead, and up in the plane of the leg
+    by_thigh = by_calf[0] - upper * np.cos(joints[..., 1]), by_calf[1] + upper * np.sin(joints[..., 1])
+    jacobians = np.zeros((*joints.shape, 3))
+    jacobians[..., 1, 0], jacobians[..., 2, 0] = -feet[..., 2], feet[..., 1]
+    for joint, (ahead, up) in ((1, by_thigh), (2, by_calf)):
+        jacobians[..., joint] = np.stack((ahead, -up * np.sin(hip), up * np.cos(hip)), axis=-1)
+    return jacobians

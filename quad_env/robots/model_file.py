@@ -11,11 +11,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from quad_env.files.reading import check_file, read_bytes
+from quad_env.files.reading import read_bytes
 from quad_env.robots.anatomy import Anatomy, ModelError, anatomy
 from quad_env.robots.collisions import GROUND_BIT
 from quad_env.robots.held import carried_by, hold, spare_joints
-from quad_env.robots.shapes import SHAPES
 
 READABLE = ".stl", ".obj", ".msh"
 """Endings of the meshes that MuJoCo reads, of a URDF."""
@@ -52,10 +51,6 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     try:
-        check_named(path)
-    except OSError as error:
-        raise ModelError(f"cannot read {error.filename} ({error.strerror})") from None
-    try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of attributes that are deprecated: they are read all the same
             spec = _urdf_spec(mujoco, path) if path.suffix == ".urdf" else mujoco.MjSpec.from_file(str(path))
@@ -74,10 +69,12 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
 
 def remarks(path: Path) -> Iterator[tuple[str, str]]:
     """What the model in a user's file has that one should know of: heading and text, a line each."""
+    import mujoco
+
     own, model, found = read(path)
     feet = [geom for leg in found.legs for geom in leg.foot.geoms]
     names = [model.geom(geom).name or model.body(model.geom_bodyid[geom]).name for geom in feet]
-    kinds = {SHAPES[int(model.geom_type[geom])] for geom in feet}
+    kinds = {mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower() for geom in feet}
     yield "feet", f"{', '.join(names)} ({', '.join(sorted(kinds))})"
     if not found.trunk_collides(model):
         yield "trunk", "does not collide in the model: the box around what is shown of it does here"
@@ -107,26 +104,6 @@ def log_to_the_console() -> None:
     if log.logfile == _DEFAULT_LOG:
         log.logto_file = False
         log.set()
-
-
-_FILE = re.compile(r"""\bfile\w*\s*=\s*["']([^"'\0]+)["']""")
-_FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'\0]*)["']""")
-_MODELS = ".xml", ".urdf"
-
-
-def check_named(path: Path) -> None:
-    """Raise OSError if the MJCF, or a file that it names, is no regular file or too large; what is missing is MuJoCo's
-    to say."""
-    todo, texts = [path], dict[Path, str]()
-    while todo:
-        file = todo.pop()
-        text = texts[file] = read_bytes(file).decode(errors="replace")
-        folders = {"", *(folder for each in texts.values() for folder in _FOLDER.findall(each))}
-        for place in {path.parent / folder / name for folder in folders for name in _FILE.findall(text)}:
-            if place.exists():
-                check_file(place)
-                if place.suffix.lower() in _MODELS and place not in texts:
-                    todo.append(place)
 
 
 def _urdf_spec(mujoco: Any, path: Path) -> Any:
@@ -172,7 +149,7 @@ def _readable(name: str) -> bool:
 
 
 def _found(path: Path, folder: str, name: str) -> Path:
-    """The file of a mesh that a URDF at that path names, in its package or next to it. Raises ModelError, OSError."""
+    """The file of a mesh that a URDF at that path names, in its package or next to it. Raises ModelError."""
     if not _readable(name):
         raise ModelError(f"MuJoCo cannot read it: convert {name!r}, which collides, to {' or '.join(READABLE)}")
     here = path.resolve().parent
@@ -183,6 +160,5 @@ def _found(path: Path, folder: str, name: str) -> Path:
         places = [*(above / within[1] / inner for above in (here, *here.parents)), *places]
     for place in places:
         if place.exists():
-            check_file(place)
             return place
     raise ModelError(f"the mesh {name!r} is no file: it is looked for next to {path.name} and in its package")

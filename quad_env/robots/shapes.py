@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-SHAPES = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
-"""Names of MuJoCo's kinds of geoms."""
-
 _SIGNS = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)], indexing="ij"), axis=-1).reshape(-1, 3)
 _TURNS = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
 _CIRCLE = np.stack((np.cos(_TURNS), np.sin(_TURNS)), axis=1)
+_HEIGHTS = np.sin(np.linspace(-0.5, 0.5, 25) * np.pi)
+_SPHERE = np.concatenate([np.insert(np.sqrt(max(0.0, 1.0 - z * z)) * _CIRCLE, 2, z, axis=1) for z in _HEIGHTS])
+"""Points of the unit sphere on circles of latitude, poles included, (k, 3)."""
 
 
 def descendants(model: Any, body: int) -> Bools:
@@ -109,13 +109,3 @@ def rotation_of(quaternion: Any) -> Floats:
     flat = np.zeros(9)
     mujoco.mju_quat2Mat(flat, quaternion)
     return flat.reshape(3, 3)
-
-
-def _sphere() -> Floats:
-    """Points of the unit sphere on circles of latitude, poles included, (k, 3)."""
-    heights = np.sin(np.linspace(-0.5, 0.5, 25) * np.pi)
-    rings = [np.column_stack((np.sqrt(max(0.0, 1.0 - z * z)) * _CIRCLE, np.full(len(_CIRCLE), z))) for z in heights]
-    return np.concatenate(rings)
-
-
-_SPHERE = _sphere()

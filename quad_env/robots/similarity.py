@@ -51,17 +51,12 @@ def scaled(robot: Robot, value: float, unit: str) -> float:
     if robot == SIMPLE_QUAD:
         return value  # to the last bit
     if unit in (WIDE, LONG):
-        apart = _width if unit == WIDE else _length
-        return apart(robot) + ratio(robot, "m") * (value - apart(SIMPLE_QUAD))
+        return _apart(robot, unit) + ratio(robot, "m") * (value - _apart(SIMPLE_QUAD, unit))
     alike = float((robot.knee_direction * SIMPLE_QUAD.knee_direction).mean()) if unit.endswith(AHEAD) else 1.0
     return alike * ratio(robot, unit.removesuffix(AHEAD)) * value
 
 
-def _width(robot: Robot) -> float:
-    """Between the thigh joints of the left and of the right legs, m."""
-    return 2.0 * (float(np.abs(robot.hip_positions[:, 1]).mean()) + robot.hip_offset)
-
-
-def _length(robot: Robot) -> float:
-    """Between the thigh joints of the fore and of the hind legs, m."""
-    return 2.0 * float(np.abs(robot.hip_positions[:, 0]).mean())
+def _apart(robot: Robot, unit: str) -> float:
+    """Between the thigh joints of left and right legs, or of fore and hind ones, m."""
+    ahead, aside = map(float, np.abs(robot.hip_positions[:, :2]).mean(axis=0))
+    return 2.0 * (aside + robot.hip_offset) if unit == WIDE else 2.0 * ahead

@@ -13,17 +13,7 @@ from quad_env.config import CommandRanges
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import ratio
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.disturbances import (
-    Dropouts,
-    Ground,
-    Latency,
-    Motors,
-    Payload,
-    Pushes,
-    SensorNoise,
-    SteadyForce,
-    check_positive,
-)
+from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.scenario import Scenario, scaled
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
@@ -234,6 +224,12 @@ def _dropout(duration: float) -> Scenario:
     return Scenario("dropout", dropouts=Dropouts(duration=duration))
 
 
+def _check_positive(what: str, value: float) -> None:
+    """Refuse zero, which is no severity of some axes."""
+    if not value > 0:
+        raise ValueError(f"the {what} must be more than 0, got {value}")
+
+
 @_axis("share of the reference amplitudes", "", (0.5, 1.0, 1.5, 2.0, 3.0, 4.0), nominal=1.0)
 def _surprise(share: float) -> Scenario:
     """Rough ground, pushes, wind, a load, weak and slow motors, latency, noise and dropouts at once.
@@ -243,7 +239,7 @@ def _surprise(share: float) -> Scenario:
     Where less is harder it goes geometrically: friction 0.8 · 0.75^share, torque limit 100 N·m · 0.5^share. A servo's
     time constant is in proportion. Latency is in whole control steps.
     """
-    check_positive("the share", share, "")
+    _check_positive("share", share)
     return Scenario(
         "surprise",
         terrain=SmoothRandom(peak_to_valley=0.06 * share),
@@ -265,5 +261,5 @@ def _slow(speed: float) -> Scenario:
     Down to the 0.05 m/s above which the rule of success asks every robot to move. In single precision, in which
     policies are shown commands and records keep them, 0.05 is 0.0500000007: the last level is just above.
     """
-    check_positive("the speed", speed, "m/s")
+    _check_positive("speed", speed)
     return Scenario("slow", commands=CommandRanges.straight(speed))

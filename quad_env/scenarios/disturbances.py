@@ -2,8 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
+from quad_env.config import Amount, Bounds, Positive, Settings
 from quad_env.robots.robot import Robot
+
+Delay = Annotated[float, Bounds("from 0 s to 10 s", 0.0, 10.0)]
 
 
 def _check_window(what: str, count: int, duration: float, window: tuple[float, float]) -> None:
@@ -12,27 +16,15 @@ def _check_window(what: str, count: int, duration: float, window: tuple[float, f
         raise ValueError(f"{count} {what} of {duration} s do not fit into the window {window} s")
 
 
-def check_amount(what: str, value: float, unit: str) -> None:
-    """Refuse a negative or infinite value."""
-    if not 0 <= value < math.inf:
-        raise ValueError(f"{what} must be finite and at least 0 {unit}, got {value}")
-
-
-def check_positive(what: str, value: float | None, unit: str) -> None:
-    """Refuse zero too; None, where it may stand, is left alone."""
-    if value is not None and not 0 < value < math.inf:
-        raise ValueError(f"{what} must be finite and more than 0 {unit}, got {value}")
-
-
 @dataclass(frozen=True)
-class Pushes:
+class Pushes(Settings):
     """Horizontal forces on the trunk's centre, at random times, in random world directions.
 
     The window is cut into `count` equal parts with one push in each, so that pushes never overlap.
     """
 
     count: int = 2
-    impulse: float = 35.0
+    impulse: Amount = 35.0
     """N·s each"""
     duration: float = 0.1
     """s"""
@@ -40,24 +32,21 @@ class Pushes:
     """s from the start of the episode within which every push lies"""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _check_window("pushes", self.count, self.duration, self.window)
-        check_amount("a push's impulse", self.impulse, "N·s")
 
 
 @dataclass(frozen=True)
-class SteadyForce:
+class SteadyForce(Settings):
     """A horizontal force on the trunk's centre in a random world direction, from the start of the episode to its end:
     wind, or a tether."""
 
-    force: float = 20.0
+    force: Amount = 20.0
     """N"""
-
-    def __post_init__(self) -> None:
-        check_amount("a steady force", self.force, "N")
 
 
 @dataclass(frozen=True)
-class Ground:
+class Ground(Settings):
     """What the ground is made of.
 
     Whatever touches it has the ground's friction and softness, not its own: the ground's contact priority is higher.
@@ -69,31 +58,27 @@ class Ground:
     more than critically. A foot under side load creeps. Shins cut through soft ground; it carries feet, knees, trunk.
     """
 
-    friction: float = 0.8
+    friction: Positive = 0.8
     """Coefficient between the ground and whatever touches it; 0.8 is rubber on concrete."""
     sink_depth: float = 0.0
     """m that the feet of the standing robot sink, in its home pose without a load; 0 is the hard ground (0.3 mm), and
     below a millimetre there is nothing else"""
 
     def __post_init__(self) -> None:
-        check_positive("the friction coefficient", self.friction, "")
+        super().__post_init__()
         if self.sink_depth != 0 and not 0.001 <= self.sink_depth < 100:
             raise ValueError(f"sink_depth must be 0 or 0.001 m to 100 m, got {self.sink_depth}")
 
 
 @dataclass(frozen=True)
-class Motors:
+class Motors(Settings):
     """What the joint servos can do."""
 
-    torque_limit: float | None = None
+    torque_limit: Positive | None = None
     """N·m; None: the robot's rated torque"""
-    bandwidth: float | None = None
+    bandwidth: Positive | None = None
     """Hz at which a servo follows a sine of its target with 1/√2 of the amplitude: a first-order filter of the target
     with the time constant 1/(2π·bandwidth). None is a servo that sees its target at once."""
-
-    def __post_init__(self) -> None:
-        check_positive("torque_limit", self.torque_limit, "N·m")
-        check_positive("bandwidth", self.bandwidth, "Hz")
 
     def largest_torque(self, robot: Robot) -> float:
         """Torque limit on that robot, N·m."""
@@ -101,42 +86,31 @@ class Motors:
 
 
 @dataclass(frozen=True)
-class Payload:
+class Payload(Settings):
     """A cube welded to the top of the trunk, its centre at a place drawn uniformly over `reach` at reset."""
 
-    mass: float = 5.0
+    mass: Positive = 5.0
     """kg"""
-    reach: tuple[float, float] = (0.2, 0.1)
+    reach: tuple[Amount, Amount] = (0.2, 0.1)
     """m, half-widths: forward and to the left of the trunk's centre"""
-    edge: float = 0.2
+    edge: Positive = 0.2
     """m, of the cube; its density is uniform"""
-
-    def __post_init__(self) -> None:
-        for what, value, unit in (("a payload's mass", self.mass, "kg"), ("a payload's edge", self.edge, "m")):
-            check_positive(what, value, unit)
-        for half in self.reach:
-            check_amount("a payload's reach", half, "m")
 
 
 @dataclass(frozen=True)
-class Latency:
+class Latency(Settings):
     """Delays of constant length; each is rounded to whole control steps."""
 
-    action: float = 0.02
+    action: Delay = 0.02
     """s from the policy to the servos, which hold the home pose until the first action arrives; `previous_action` shows
     what the policy asked for, not what has arrived"""
-    observation: float = 0.02
+    observation: Delay = 0.02
     """s from the sensors to the policy; until the first reading arrives it sees that of the start. Applies to the
     sensed terms: `previous_action` and `command` are never late."""
 
-    def __post_init__(self) -> None:
-        for what, value in (("action", self.action), ("observation", self.observation)):
-            if not 0 <= value <= 10:
-                raise ValueError(f"latency of the {what} must lie between 0 s and 10 s, got {value}")
-
 
 @dataclass(frozen=True)
-class SensorNoise:
+class SensorNoise(Settings):
     """White Gaussian noise on the sensed terms of the observation, new at every control step.
 
     The proportions between the terms are those of legged_gym's `LeggedRobotCfg.noise.noise_scales` (Rudin et al., 2022:
@@ -144,11 +118,8 @@ class SensorNoise:
     1.5 rad/s); there they are half-widths of uniform noise, here standard deviations.
     """
 
-    gyro: float = 0.2
+    gyro: Amount = 0.2
     """rad/s, standard deviation of each component of `angular_velocity`; every other term's is in proportion"""
-
-    def __post_init__(self) -> None:
-        check_amount("sensor noise", self.gyro, "rad/s")
 
     @property
     def height_scan(self) -> float:
@@ -168,7 +139,7 @@ class SensorNoise:
 
 
 @dataclass(frozen=True)
-class Dropouts:
+class Dropouts(Settings):
     """Moments in which one joint's servo receives no targets and holds its last target.
 
     The window is cut into `count` equal parts with one dropout in each, at a random time, of a random joint.
@@ -181,4 +152,5 @@ class Dropouts:
     """s from the start of the episode within which every dropout lies"""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _check_window("dropouts", self.count, self.duration, self.window)

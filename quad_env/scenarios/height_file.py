@@ -3,7 +3,6 @@
 import hashlib
 import io
 import tomllib
-import warnings
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -32,29 +31,16 @@ class Heights(NamedTuple):
     """From the lowest to the highest, m; 1 where all are alike."""
 
 
-def given(path: Path) -> tuple[str, tuple[float, float], float | None, tuple[float, float] | None]:
-    """The values of KEYS in a TOML file, `file` as found from its folder; ValueError, one line, for what has none."""
+def given(path: Path) -> list[Any]:
+    """The values of KEYS in a TOML file, arrays as tuples; ValueError, one line, for what has others."""
     try:
         found = tomllib.loads(_content(path).decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(one_line(f"{path} is no TOML: {error}")) from error
     if unknown := found.keys() - KEYS:
         raise ValueError(one_line(f"{path}: a terrain has no {', '.join(sorted(unknown))}; valid: {', '.join(KEYS)}"))
-    values: list[Any] = [found.get(name) for name in KEYS]
-    file, size, height, start = values
-    fits = {
-        "file": isinstance(file, str),
-        "size": _are_numbers(size, 2),
-        "height": height is None or _are_numbers([height], 1),
-        "start": start is None or _are_numbers(start, 2),
-    }
-    if wrong := [name for name in KEYS if not fits[name]]:
-        raise ValueError(f"{path} has no {' and no '.join(wrong)} of a terrain; it wants lines such as {LINES}")
-    return str(path.parent / file), tuple(size), height, start and tuple(start)
-
-
-def _are_numbers(values: Any, count: int) -> bool:
-    return isinstance(values, list) and [type(each) in (int, float) for each in values] == [True] * count
+    values = map(found.get, KEYS)
+    return [tuple(value) if isinstance(value, list) else value for value in values]
 
 
 def sha256_of(file: str) -> str:
@@ -122,9 +108,8 @@ def _values(content: bytes, suffix: str, peak: float | None) -> Array:
 def _picture(content: bytes) -> Array:
     from PIL import Image
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", Image.DecompressionBombWarning)
-        image = Image.open(io.BytesIO(content), formats=["PNG"])
+    image = Image.open(io.BytesIO(content), formats=["PNG"])
+    _check_shape((image.height, image.width))
     if image.mode not in ("L", "I;16"):
         raise ValueError(f"a picture of heights is grey, 8 or 16 bit, without transparency; this one is {image.mode}")
     values: Array = np.asarray(image)

@@ -4,21 +4,21 @@
 A scenario is never tuned to a policy. Write one with `dataclasses.replace` or the constructor and pass it to `make`.
 """
 
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields
 from functools import lru_cache
-from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 from quad_env.config import CommandRanges
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
-from quad_env.scenarios.disturbances import Pushes
+from quad_env.scenarios.disturbances import Ground, Motors
 from quad_env.scenarios.scenario import HARDWARE, Scenario, on_hardware, scaled
 from quad_env.scenarios.terrain import HeightField
 
-__all__ = ["SCENARIOS", "Pushes", "Scenario", "scenario"]
+__all__ = ["SCENARIOS", "Scenario", "scenario"]
 
 WRITTEN = (
     "a level of an axis such as push:3, severities of axes such as push=42 or payload=15+slope=10, "
@@ -33,6 +33,8 @@ LARGEST = 1e6
 STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
 """Level ground, and 0.5 m/s straight ahead for every robot, where effort is compared. Of no axis."""
 _LABELS = ("name", "axis", "severity", "severity_unit")
+_IN_PARTS = {"commands": CommandRanges, "ground": Ground, "motors": Motors}
+"""Fields of a scenario of which axes may set different parts."""
 
 
 @lru_cache(maxsize=32)
@@ -149,37 +151,31 @@ def _parts(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
 
 def _together(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
     """What each of them sets, in one scenario."""
-    setters: dict[str, Scenario] = {}
-    found = undisturbed = scaled(Scenario("undisturbed"), robot)
+    usual = _settings(scaled(Scenario("undisturbed"), robot))
+    found, setters = dict(usual), dict[str, Scenario]()
     for part in parts:
-        axis = axes_of(robot)[part.axis]
+        axis, own = axes_of(robot)[part.axis], _settings(part)
         # At any level of the axis: the severity may be that of no disturbance.
-        for setting in {each: None for of in (part, *map(axis.at, axis.levels)) for each in _settings(of, undisturbed)}:
-            value, other = attrgetter(setting), setters.setdefault(setting, part)
-            if value(other) != value(part):
+        of_axis = [own, *(_settings(axis.at(level)) for level in axis.levels)]
+        for setting in [each for each in usual if any(values[each] != usual[each] for values in of_axis)]:
+            other = setters.setdefault(setting, part)
+            if _settings(other)[setting] != own[setting]:
                 what = setting.replace(".", " ").replace("_", " ")
                 raise ValueError(f"{name}: {other.axis} and {part.axis} set the {what} differently; leave one out")
-            found = _with(found, setting, part)
-    return replace(found, name=name)
+            found[setting] = own[setting]
+    whole = {field: found[field] for field in found if "." not in field}
+    made = {field: kind(**_under(field, found)) for field, kind in _IN_PARTS.items()}
+    return Scenario(name, **whole, **made)
 
 
-def _settings(scenario: Scenario, undisturbed: Scenario) -> list[str]:
-    """What it sets unlike a scenario without disturbance: a field, or a part of one such as `ground.friction`."""
-    found = []
-    for name in (field.name for field in fields(Scenario) if field.name not in _LABELS):
-        value, usual = getattr(scenario, name), getattr(undisturbed, name)
-        if is_dataclass(usual) and type(value) is type(usual):
-            parts = (part.name for part in fields(usual))
-            found += [f"{name}.{part}" for part in parts if getattr(value, part) != getattr(usual, part)]
-        elif value != usual:
-            found.append(name)
+def _settings(scenario: Scenario) -> dict[str, Any]:
+    """Its settings by name; of `_IN_PARTS` each part, such as `ground.friction`."""
+    found = {field.name: getattr(scenario, field.name) for field in fields(Scenario) if field.name not in _LABELS}
+    for name in _IN_PARTS:
+        found |= {f"{name}.{part}": value for part, value in vars(found.pop(name)).items()}
     return found
 
 
-def _with(scenario: Scenario, setting: str, giver: Scenario) -> Scenario:
-    """The scenario with that setting of the giver's."""
-    field, _, part = setting.partition(".")
-    value = getattr(giver, field)
-    if part:
-        value = replace(getattr(scenario, field), **{part: getattr(value, part)})
-    return replace(scenario, **{field: value})
+def _under(field: str, settings: dict[str, Any]) -> dict[str, Any]:
+    """The parts of that field."""
+    return {name.partition(".")[2]: value for name, value in settings.items() if name.startswith(f"{field}.")}

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from quad_env.config import AnyPose, CommandRanges, StartNoise, check_kinds
+from quad_env.config import AnyPose, CommandRanges, Settings, StartNoise
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import ratio
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -15,7 +15,7 @@ HARDWARE = "+hardware"
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(Settings):
     """Terrain, disturbances, commands and start of an episode; None is a disturbance that does not happen."""
 
     name: str
@@ -38,9 +38,6 @@ class Scenario:
     hardware: bool = False
     """Whether the robot has its hardware profile, see `quad_env.actuation.hardware`, instead of ideal motors, no delay
     and observations of its true state."""
-
-    def __post_init__(self) -> None:
-        check_kinds(self)
 
 
 def on_hardware(scenario: Scenario) -> Scenario:

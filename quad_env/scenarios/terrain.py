@@ -1,26 +1,29 @@
 """Terrains as values: the height of the ground under a point, and of the centre of a ball, such as a foot, on it."""
 
 import math
+import sys
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import cast
+from typing import Annotated, cast
 
 import numpy as np
 
 from quad_env.columns import Array, Column, clip, where, whole
+from quad_env.config import Amount, Bounds, Settings
 from quad_env.scenarios import height_file
 from quad_env.scenarios.height_file import Heights
 
+Length = Annotated[float, Bounds("more than 0 m and at most 1e6 m", sys.float_info.min, 1e6)]
 STRIDE_ROOM = 0.7
 """m of level ground about the trunk's centre that hold the legs of a starting robot, whatever way it faces."""
 
 
 @dataclass(frozen=True)
-class Flat:
+class Flat(Settings):
     """The plane z = 0."""
 
-    spawn_radius: float = 0.0
+    spawn_radius: Amount = 0.0
     """m, half-side of the square over which robots start"""
 
     def height(self, x: Column, y: Column) -> Column:
@@ -33,17 +36,13 @@ class Flat:
 
 
 @dataclass(frozen=True)
-class Slope:
+class Slope(Settings):
     """An infinite plane through the origin that rises along the world's x axis; robots start aligned with it."""
 
-    angle: float = math.radians(15.0)
+    angle: Annotated[float, Bounds("from 0 to 80° (1.396 rad)", 0.0, math.radians(80.0))] = math.radians(15.0)
     """rad above the horizontal"""
-    spawn_radius: float = 0.0
+    spawn_radius: Amount = 0.0
     """m, half-side of the square over which robots start"""
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.angle <= math.radians(80.0):
-            raise ValueError(f"a slope's angle must lie between 0 and 80° (1.396 rad), got {self.angle} rad")
 
     def height(self, x: Column, y: Column) -> Column:
         """Ground height in the world frame, m."""
@@ -55,31 +54,29 @@ class Slope:
 
 
 @dataclass(frozen=True)
-class Stairs:
+class Stairs(Settings):
     """Stairs with vertical risers, up towards the world's +x and down towards −x from a landing at z = 0.
 
     Each step is a box 2·`half_width` wide, so that edges and risers are exact. Beyond the last steps the ground is
     level.
     """
 
-    rise: float = 0.1
+    rise: Length = 0.1
     """m a step"""
-    run: float = 0.3
+    run: Length = 0.3
     """m a step"""
-    steps: int = 60
+    steps: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 60
     """Each way; at the top commanded speed no robot leaves the stairs within 10 s"""
     landing: float = 0.75
     """m, half-length of the landing"""
-    half_width: float = 22.0
+    half_width: Length = 22.0
     """m"""
-    spawn_radius: float = 0.0
+    spawn_radius: Amount = 0.0
     """m, half-side of the square over which robots start"""
 
     def __post_init__(self) -> None:
-        sizes = (self.rise, self.run, self.half_width)
-        if not all(0 < size < 1e6 for size in sizes) or not 1 <= self.steps <= 1000:
-            raise ValueError(f"stairs need a positive rise, run and half_width and 1 to 1000 steps, got {self}")
-        if not self.spawn_radius >= 0 or not self.landing >= self.spawn_radius + STRIDE_ROOM:
+        super().__post_init__()
+        if not self.landing >= self.spawn_radius + STRIDE_ROOM:
             raise ValueError(f"the landing must be longer than the spawn_radius by {STRIDE_ROOM} m, got {self}")
 
     def height(self, x: Column, y: Column) -> Column:
@@ -103,7 +100,7 @@ class Stairs:
 
 
 @dataclass(frozen=True)
-class SmoothRandom:
+class SmoothRandom(Settings):
     """Random height field: white noise smoothed by a Gaussian, its heights made uniform between valley and peak.
 
     Uniform heights let a robot meet the whole range within a few correlation lengths, where a scaled Gaussian field is
@@ -113,25 +110,23 @@ class SmoothRandom:
     since MuJoCo's heights belong to all simulations of a batch.
     """
 
-    peak_to_valley: float = 0.12
+    peak_to_valley: Length = 0.12
     """m"""
-    correlation_length: float = 0.3
+    correlation_length: Length = 0.3
     """m; the autocorrelation of the smoothed noise falls to 1/e at this distance"""
-    half_size: float = 34.0
+    half_size: Length = 34.0
     """m; at the top commanded speed no robot leaves the field within 10 s"""
-    spawn_radius: float = 16.0
+    spawn_radius: Amount = 16.0
     """m, half-side of the square over which robots start"""
-    cell: float = 0.1
+    cell: Length = 0.1
     """m between grid points"""
-    seed: int = 0
+    seed: Annotated[int, Bounds("at least 0", 0)] = 0
     """The whole field, a set of surfaces, is a function of this seed alone."""
 
     def __post_init__(self) -> None:
-        sizes = (self.peak_to_valley, self.correlation_length, self.half_size, self.cell)
-        if not all(0 < size < 1e6 for size in sizes) or not 0 <= self.spawn_radius <= self.half_size:
-            raise ValueError(f"a surface needs positive sizes and a spawn_radius inside its half_size, got {self}")
-        if self.seed < 0 or not 2 <= self.points <= 4001:
-            raise ValueError(f"a surface needs a seed of at least 0 and 2 to 4001 points a side, got {self}")
+        super().__post_init__()
+        if self.spawn_radius > self.half_size or not 2 <= self.points <= 4001:
+            raise ValueError(f"a surface has its spawn_radius inside its half_size, and 2 to 4001 points, got {self}")
 
     @property
     def points(self) -> int:
@@ -168,7 +163,7 @@ class SmoothRandom:
 
 
 @dataclass(frozen=True)
-class HeightField:
+class HeightField(Settings):
     """Ground of a user's own: heights on a grid, from a picture or an array, about the origin of the world.
 
     The first row of samples, the top of the picture, lies at the largest y, the first column, its left, at the least x.
@@ -179,17 +174,15 @@ class HeightField:
     """Path of a grey picture, .png of 8 or 16 bit, or of an array of rows and columns, .npy"""
     sha256: str
     """SHA-256 of the file"""
-    size: tuple[float, float]
+    size: tuple[Length, Length]
     """m along x and y, between the outermost samples"""
-    peak: float | None = None
+    peak: Length | None = None
     """m, height of the largest value, where 0 is height 0; None for an array of heights in m"""
     start: tuple[float, float] | None = None
     """m from the middle along x and y, where all robots start; None for a place drawn by the episode's seed"""
 
     def __post_init__(self) -> None:
-        sizes = self.size if self.peak is None else (*self.size, self.peak)
-        if not all(0 < length < height_file.LARGEST for length in sizes):
-            raise ValueError(f"{self.file}: size and height of a terrain are positive, m, not {self.size}, {self.peak}")
+        super().__post_init__()
         if self.start is not None and not all(abs(a) <= half for a, half in zip(self.start, self.half, strict=True)):
             raise ValueError(f"{self.file}: robots must start within its {self.size} m, not at {self.start}")
 
@@ -198,8 +191,12 @@ class HeightField:
         """The ground that a TOML file describes by its `file`, `size`, `height` (the `peak`) and `start`; ValueError,
         one line, for what is none."""
         file, size, height, start = height_file.given(path)
-        found = cls(file, height_file.sha256_of(file), size, height, start)
-        height_file.read(file, found.sha256, height)  # raises for what is no ground
+        place = str(path.parent / str(file))
+        try:
+            found = cls(place, height_file.sha256_of(place), size, height, start)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}; it wants lines such as {height_file.LINES}") from None
+        height_file.read(place, found.sha256, height)  # raises for what is no ground
         return found
 
     @property

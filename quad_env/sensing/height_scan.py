@@ -4,15 +4,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.columns import Array, Column, Rows
+from quad_env.config import Amount, Bounds, Positive
 from quad_env.physics.state import QuadState, to_heading
 from quad_env.robots.robot import Robot
-from quad_env.scenarios.disturbances import check_amount, check_positive
+from quad_env.scenarios.disturbances import Delay
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Terrain
@@ -22,6 +23,7 @@ from quad_env.task.observations import ObservationTable, Term, observation_table
 
 UNSEEN = -2.0
 """Least that a point reads, m: its ground is so deep, or not known yet."""
+Count = Annotated[int, Bounds("at least 0", 0)]
 MOST_POINTS = 10_000
 """Of a scan."""
 _SCALE = 2.5
@@ -38,34 +40,23 @@ class HeightScan(Sampled):
     come on top.
     """
 
-    delay: float = 0.0
+    delay: Delay = 0.0
     """s from a sample to when it is seen, at the first control step that is not earlier"""
-    ahead: int = 8
+    ahead: Count = 8
     """Points ahead of the trunk's centre"""
-    behind: int = 8
+    behind: Count = 8
     """Points behind it"""
-    aside: int = 5
+    aside: Count = 5
     """Points to each side of it"""
-    spacing: float = 0.1
+    spacing: Positive = 0.1
     """m between two points. The grid of the defaults is that of legged_gym's `measured_points_x` and `_y`"""
-    noise: float = 0.0
+    noise: Amount = 0.0
     """m, standard deviation of the white noise on each point of each sample"""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            kinds = int if name in ("ahead", "behind", "aside") else int | float
-            if value is not None and (isinstance(value, bool) or not isinstance(value, kinds)):
-                kind = "whole number" if kinds is int else "number"
-                raise ValueError(f"a height scan's {name} must be a {kind}, got {value!r}")
         super().__post_init__()
-        check_positive("a height scan's spacing", self.spacing, "m")
-        check_amount("a height scan's noise", self.noise, "m")
-        counts = self.ahead, self.behind, self.aside
-        if min(counts) < 0 or math.prod(self._grid) > MOST_POINTS:
-            raise ValueError(
-                f"a height scan has at least 0 points ahead, behind and aside and at most {MOST_POINTS} in all, "
-                f"got {counts}"
-            )
+        if math.prod(self._grid) > MOST_POINTS:
+            raise ValueError(f"a height scan has at most {MOST_POINTS} points, got {self._grid}")
 
     @property
     def _grid(self) -> tuple[int, int]:

@@ -7,24 +7,20 @@ errors: whatever reads the sensors knows nothing of them.
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
-from quad_env.config import check_kinds
-from quad_env.scenarios.disturbances import check_amount, check_positive
+from quad_env.config import Amount, Bounds, Finite, Positive, Settings
+from quad_env.scenarios.disturbances import Delay
 
 
 @dataclass(frozen=True)
-class Sampled:
+class Sampled(Settings):
     """What every sensor has."""
 
-    rate: float | None = None
+    rate: Positive | None = None
     """Samples a second; the control rate is a whole multiple of it. None: one a control step"""
-    delay: float = 0.01
+    delay: Delay = 0.01
     """s; one control step by default: what is measured in a step is acted on in the next"""
-
-    def __post_init__(self) -> None:
-        check_positive("a sensor's rate", self.rate, "Hz")
-        if not 0 <= self.delay <= 10:
-            raise ValueError(f"a sensor's delay must lie between 0 s and 10 s, got {self.delay}")
 
 
 @dataclass(frozen=True)
@@ -36,34 +32,24 @@ class Imu(Sampled):
     devices have after a moment of standing still (gyroscope) and as soldered, 20 mg (accelerometer).
     """
 
-    gyro_bias: float = 0.003
+    gyro_bias: Amount = 0.003
     """rad/s, standard deviation over episodes of each axis' bias, which is constant within one"""
-    gyro_noise: float = 0.0017
+    gyro_noise: Amount = 0.0017
     """rad/s, standard deviation of the white noise on each axis of each sample"""
-    gyro_range: float = 34.9
+    gyro_range: Positive = 34.9
     """rad/s; readings saturate at ± this"""
-    accelerometer_bias: float = 0.2
+    accelerometer_bias: Amount = 0.2
     """m/s²"""
-    accelerometer_noise: float = 0.012
+    accelerometer_noise: Amount = 0.012
     """m/s²"""
-    accelerometer_range: float = 235.0
+    accelerometer_range: Positive = 235.0
     """m/s²"""
-    position: tuple[float, float, float] = (0.01, 0.01, 0.01)
+    position: tuple[Finite, Finite, Finite] = (0.01, 0.01, 0.01)
     """m, base frame: from the trunk's centre, where it is taken to be, to where it is. It reads the specific force
     there: α × r + ω × (ω × r) more than at the centre."""
-    rotation: tuple[float, float, float] = (0.005, 0.005, 0.005)
+    rotation: tuple[Finite, Finite, Finite] = (0.005, 0.005, 0.005)
     """rad, roll, pitch and yaw, turned in the order yaw, pitch, roll: from the base frame, which its axes are taken to
     be, to its axes. 0.3° is a careful assembly."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for what in ("gyro", "accelerometer"):
-            unit = "rad/s" if what == "gyro" else "m/s²"
-            check_amount(f"{what}_bias", getattr(self, f"{what}_bias"), unit)
-            check_amount(f"{what}_noise", getattr(self, f"{what}_noise"), unit)
-            check_positive(f"{what}_range", getattr(self, f"{what}_range"), unit)
-        if not all(map(math.isfinite, (*self.position, *self.rotation))):
-            raise ValueError(f"an IMU's position and rotation must be finite, got {self.position}, {self.rotation}")
 
 
 @dataclass(frozen=True)
@@ -73,20 +59,13 @@ class Encoders(Sampled):
     Magnetic encoders have 12 to 16 bits and transition noise about 0.06° (ams AS5046, 12 bits; AS5048, 14 bits).
     """
 
-    bits: int | None = 14
+    bits: Annotated[int, Bounds("from 1 to 32", 1, 32)] | None = 14
     """Steps of 2π/2^bits rad; None is as fine as numbers are"""
-    noise: float = 0.001
+    noise: Amount = 0.001
     """rad, standard deviation of the white noise on each sample, before it is rounded to a step"""
-    zero_offset: float = 0.005
+    zero_offset: Amount = 0.005
     """rad, standard deviation over episodes and joints of where zero is, constant within an episode; 0.3° is
     a robot whose joints were zeroed in a jig"""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.bits is not None and not 1 <= self.bits <= 32:
-            raise ValueError(f"encoders have 1 to 32 bits, or None, got {self.bits}")
-        check_amount("the encoders' noise", self.noise, "rad")
-        check_amount("the encoders' zero_offset", self.zero_offset, "rad")
 
     @property
     def step(self) -> float:
@@ -98,46 +77,32 @@ class Encoders(Sampled):
 class FootContact(Sampled):
     """Force sensors in the feet, read as contact or none; each foot carries 35 N when the robot stands on four."""
 
-    threshold: float = 10.0
+    threshold: Positive = 10.0
     """N from which a foot counts as standing"""
-    noise: float = 1.0
+    noise: Amount = 1.0
     """N, standard deviation of the white noise on each sample"""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_positive("the feet's threshold", self.threshold, "N")
-        check_amount("the feet's noise", self.noise, "N")
 
 
 @dataclass(frozen=True)
 class JointTorque(Sampled):
     """Torque of each joint's drive; the defaults are one per cent of SimpleQuad's range."""
 
-    bias: float = 1.0
+    bias: Amount = 1.0
     """N·m, standard deviation over episodes and joints, constant within an episode"""
-    noise: float = 1.0
+    noise: Amount = 1.0
     """N·m, standard deviation of the white noise on each sample"""
-    range: float | None = None
+    range: Positive | None = None
     """N·m; readings saturate at ± this; None: the robot's rated torque"""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_amount("the torque sensors' bias", self.bias, "N·m")
-        check_amount("the torque sensors' noise", self.noise, "N·m")
-        check_positive("the torque sensors' range", self.range, "N·m")
 
 
 @dataclass(frozen=True)
-class SensorSuite:
+class SensorSuite(Settings):
     """All sensors of a robot."""
 
     imu: Imu = field(default_factory=Imu)
     encoders: Encoders = field(default_factory=Encoders)
     feet: FootContact = field(default_factory=FootContact)
     torque: JointTorque = field(default_factory=JointTorque)
-
-    def __post_init__(self) -> None:
-        check_kinds(self)
 
 
 IDEAL = SensorSuite(

@@ -6,7 +6,7 @@ pay.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any, cast
 
 from quad_env.columns import Column, Truth, anywhere, differences, exp, sqrt, sum_of_squares, total, where
@@ -88,19 +88,7 @@ def foot_air_time(state: QuadState[Column]) -> Column:
 REWARD = "reward_"
 """Begins the key of every term in the infos."""
 TERMS: dict[str, Callable[..., Any]] = {
-    f"{REWARD}{function.__name__}": function
-    for function in (
-        linear_velocity_tracking,
-        yaw_rate_tracking,
-        linear_velocity_error,
-        yaw_rate_error,
-        vertical_velocity,
-        roll_pitch_rate,
-        tilt,
-        action_rate,
-        torque,
-        foot_air_time,
-    )
+    f"{REWARD}{term.name}": globals()[term.name] for term in fields(RewardWeights) if term.name != "fall"
 }
 """Key of each term in the infos -> its function of the state."""
 FALL = f"{REWARD}fall"

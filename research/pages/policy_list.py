@@ -16,10 +16,10 @@ from pathlib import Path, PurePosixPath
 
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import counted
+from quad_env.config import check_settings
 from quad_env.files.reading import TEXT, read_bytes
 from quad_env.files.text import described
 from quad_env.files.writing import write_atomically
-from quad_env.serialisation import check_types
 
 _SOURCE, _SHA256 = re.compile(r"https://[\w.-]+(/[\w-][\w.-]*){2}"), re.compile("[0-9a-f]{64}")
 _OUTSIDE = re.compile(r"[\\:]|^/|(^|/)\.\.(/|$)")
@@ -75,7 +75,7 @@ def read(path: Path) -> PolicyList:
         published = tuple(Published(**each) for each in found.pop("published", ()))
         listed = PolicyList(**{"ours": ()} | found, published=published)
         for value in (listed, *published):
-            check_types(value)
+            check_settings(value)
         _check(listed)
     except (OSError, RecursionError, TypeError, ValueError) as error:
         keys = "robot, ours, and tables [[published]] of name, source, revision, policy and files"

@@ -1,8 +1,6 @@
 """`python -m quad_env info` says what the environment is."""
 
-import io
 import re
-import sys
 from dataclasses import replace
 
 import gymnasium as gym
@@ -81,11 +79,3 @@ def test_a_mistake_is_one_line_that_names_what_there_is(capsys, arguments, named
     assert (printed.out, printed.err.count("\n")) == ("", 1)
     assert printed.err.startswith("error: ")
     assert all(name in printed.err for name in named)
-
-
-def test_a_terminal_without_unicode_gets_the_same(monkeypatch) -> None:
-    narrow = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
-    monkeypatch.setattr(sys, "stdout", narrow)
-    assert main(["scenarios"]) == 0
-    narrow.flush()
-    assert b"35 N?s" in narrow.buffer.getvalue()

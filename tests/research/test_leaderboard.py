@@ -163,7 +163,7 @@ def test_what_is_there_is_not_fetched_again(folder, monkeypatch) -> None:
         ({"robot": "go3"}, "unknown robot 'go3'; there are simple_quad"),
         ({"ours": '"trot", "trott"', "published": ""}, "trott"),
         ({"ours": '"trot", "theirs"'}, "one twice"),
-        ({"ours": "3"}, "ours of a PolicyList cannot be [3]"),
+        ({"ours": "3"}, "PolicyList.ours is of the type"),
         ({"published": "= 3"}, "is no list of policies (TOMLDecodeError"),
         ({"published": PUBLISHED.replace("revision", "version")}, "'version'"),
         ({"published": PUBLISHED.replace("https", "http")}, "wants a source https://"),

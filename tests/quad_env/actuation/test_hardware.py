@@ -88,7 +88,7 @@ def test_other_hardware_beside_the_profile_is_refused_in_a_line(given) -> None:
 
 def test_simple_quad_has_the_articles_motor_and_what_motor_has() -> None:
     actuator, sensors, _ = hardware_profile(SIMPLE_QUAD)
-    assert actuator == Actuator(TorqueSpeed(), ACTUATORS["motor"].gear, 66.0, 0.006, ACTUATORS["motor"].thermal)
+    assert actuator == Actuator(TorqueSpeed(), 66.0, 0.006, ACTUATORS["motor"].thermal)
     line = actuator.curve.on(SIMPLE_QUAD)
     assert {*line.stall_torque, *line.peak_torque} == {100.0}
     assert {*line.no_load_speed} == {10.0}
@@ -98,7 +98,7 @@ def test_simple_quad_has_the_articles_motor_and_what_motor_has() -> None:
 def test_a_users_robot_has_its_rated_torque_and_speed_whatever_it_is_called() -> None:
     mine = quad_env.Robot.from_mjcf(SIMPLE_QUAD.mjcf, "go1", home_pose=SIMPLE_QUAD.home_pose, rated_torque=50.0)
     actuator = hardware_profile(mine).actuator
-    assert (actuator.curve, actuator.gear, actuator.thermal) == (TorqueSpeed(), None, None)
+    assert (actuator.curve, actuator.thermal) == (TorqueSpeed(), None)
     assert set(actuator.curve.on(mine).peak_torque) == {50.0}
 
 

@@ -50,7 +50,7 @@ def test_slow_goes_straight_ahead_down_to_where_the_rule_of_success_begins() -> 
         assert float(observation[0, OBSERVATION["command"].start]) > MOVING
         env.close()
     assert axis.level(1).terrain == SCENARIOS["flat"].terrain
-    with pytest.raises(ValueError, match="the speed must be finite and more than 0 m/s"):
+    with pytest.raises(ValueError, match="the speed must be more than 0"):
         axis.at(0.0)
 
 

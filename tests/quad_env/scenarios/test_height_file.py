@@ -111,8 +111,11 @@ HIGH = "height = 1.0"
     ("given", "words"),
     [
         ({"values": RAMP, "lines": "colour = 1"}, "no colour; valid: file, size, height, start"),
-        ({"values": RAMP, "size": "8.0"}, r"no size of a terrain; it wants lines such as .* size = \[8.0, 8.0\]"),
-        ({"values": RAMP, "size": "[8.0, nan]"}, "size and height of a terrain are positive"),
+        (
+            {"values": RAMP, "size": "8.0"},
+            r"HeightField.size is of the type .*; it wants lines such as .* size = \[8.0, 8.0\]",
+        ),
+        ({"values": RAMP, "size": "[8.0, nan]"}, r"HeightField.size must be more than 0 m"),
         ({"values": RAMP, "lines": "start = [2.1, 0]"}, "start within"),
         ({"values": NAN}, r"hill.npy: heights are finite numbers"),
         ({"values": RAMP[:1]}, "at least 2 x 2 .* these are 1 x 9"),

@@ -14,7 +14,6 @@ from evaluate.rollouts.hardware import Hardware
 from quad_env import SCENARIOS, SIMPLE_QUAD, Robot, Scenario, scenario
 from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv
-from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.scenarios.axes import AS_THE_ROBOT, AXES, axes_of
 from quad_env.scenarios.named import scaled_name
 from quad_env.scenarios.scenario import scaled
@@ -125,12 +124,6 @@ def test_a_physical_name_can_be_said_for_another_robot(small: Robot) -> None:
 def test_no_motor_gets_more_torque_than_it_has(small: Robot) -> None:
     weak = replace(small, name="weak", rated_torque=0.5)
     assert axes_of(weak)["weak_motors"].level(1).motors.torque_limit == 0.5
-
-
-def test_the_environment_takes_the_robots_own_scenario(small: Robot) -> None:
-    for env in (SimpleQuadEnv(scenario="push", robot=small), SimpleQuadVectorEnv(2, scenario="push", robot=small)):
-        assert env.scenario == scenario("push", small)
-        env.close()
 
 
 def test_an_evaluation_and_a_training_take_it(small: Robot, tmp_path: Path) -> None:

@@ -1,0 +1,83 @@
+"""Whether the packages are those that the project asks for, MuJoCo loads, and pictures can be drawn."""
+
+import os
+import platform
+import subprocess
+import sys
+from importlib import import_module, metadata
+
+from packaging.requirements import Requirement
+
+from quad_env.doctor.check import Finding, Subject, ok, problem
+
+PROJECT = "simple-quad"
+PATIENCE = 60.0
+"""Longest time for a first frame, with shaders that the processor compiles, s."""
+INSTALL = "install EGL (Debian and Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri)"
+DRAW = """
+from quad_env.envs.env import SimpleQuadEnv
+env = SimpleQuadEnv(render_mode="rgb_array", width=64, height=48)
+env.reset(seed=0)
+if env.render().std() < 1.0:
+    raise SystemExit("Error: the frame is empty")
+env.close()
+"""
+"""Draws a frame: a program of its own, since a broken OpenGL may end a whole process."""
+
+
+def packages(_: Subject) -> Finding:
+    """Whether the packages that every command needs are there, in versions that fit."""
+    asked = map(Requirement, metadata.requires(PROJECT) or ())
+    needed = [each for each in asked if not each.marker or each.marker.evaluate({"extra": ""})]
+    if wrong := [fault for each in needed if (fault := _fault(each))]:
+        cause = "not installed into this environment, or changed by another package"
+        return problem("; ".join(wrong), cause, f"pip install -U {PROJECT}, or pip install -U -e . in a clone")
+    return ok(f"Python {platform.python_version()}, {len(needed)} packages, MuJoCo {metadata.version('mujoco')}")
+
+
+def _fault(needed: Requirement) -> str | None:
+    """What is wrong with it, in words; None for nothing."""
+    try:
+        version = metadata.version(needed.name)
+    except metadata.PackageNotFoundError:
+        return f"{needed.name} is missing"
+    if needed.specifier.contains(version, prereleases=True):
+        return None
+    return f"{needed.name} is {version}, {needed.specifier} is required"
+
+
+def mujoco(_: Subject) -> Finding:
+    """Whether MuJoCo loads, with its batch of simulations."""
+    try:
+        import_module("quad_env.physics.simulation")  # imports of MuJoCo what all commands do
+    except Exception as error:  # whatever a backend of OpenGL, or a library of the system, raises
+        seen = f"MuJoCo does not load: {' '.join(str(error).split())}"
+        if chosen := os.environ.get("MUJOCO_GL"):
+            cause = f"MUJOCO_GL={chosen}, which MuJoCo reads as it loads, asks for what is not here"
+            return problem(seen, cause, "unset MUJOCO_GL, or set it to egl")
+        return problem(seen, "its wheel is for another system, or is damaged", "pip install --force-reinstall mujoco")
+    return ok("MuJoCo loads, with its batch")
+
+
+def opengl(_: Subject) -> Finding:
+    """Whether a frame is drawn, in another process."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = sys.executable, "-c", DRAW
+    try:
+        run = subprocess.run(command, capture_output=True, check=False, timeout=PATIENCE, env=environment)
+    except subprocess.TimeoutExpired:
+        return _broken(f"no frame within {PATIENCE:g} s")
+    if run.returncode == 0:
+        return ok("a frame is drawn")
+    said = run.stderr.decode(errors="replace").splitlines()
+    errors = [line for line in said if line and not line[0].isspace() and "Error" in line]
+    return _broken((errors or [f"drawing ends the process with {run.returncode}"])[-1].partition(". ")[0])
+
+
+def _broken(seen: str) -> Finding:
+    if sys.platform != "linux":
+        return problem(seen, "the system gives no OpenGL", "run it in a desktop session, with its graphics driver")
+    cause = "EGL, the display or a driver behind it is missing"
+    if chosen := os.environ.get("MUJOCO_GL"):
+        cause = f"MUJOCO_GL={chosen} asks for a backend that does not work here"
+    return problem(f"no picture can be drawn: {seen}", cause, f"MUJOCO_GL=egl draws without a display; {INSTALL}")
