@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Mask, chosen
 from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, conditions
+from policies.memory import Memory, per_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -14,8 +15,14 @@ for _number, _row in enumerate(TRANSITIONS):
 _TARGET = np.array([row.target for row in TRANSITIONS], np.int8)
 
 
-class BehaviourMachine:
+class BehaviourMachine(Memory):
     """States of n robots. `request` asks, `observe` looks and lets happen what happens by itself."""
+
+    ticks: NDArray[np.int64] = per_robot(0)
+    """Control steps that each robot has been in its state, (n,)."""
+    _state: NDArray[np.int8] = per_robot(lambda machine: np.int8(machine._start))
+    _changed: Mask = per_robot(True)
+    _holds: Mask = per_robot(np.zeros(len(GUARDS), np.bool_))
 
     def __init__(
         self,
@@ -27,20 +34,6 @@ class BehaviourMachine:
     ) -> None:
         self._robot, self._period, self._start = robot, control_period, start
         self.reset(num_envs)
-
-    def reset(self, num_envs: int) -> None:
-        """All robots at the start."""
-        self._state = np.full(num_envs, self._start, np.int8)
-        self.ticks = np.zeros(num_envs, np.int64)
-        """Control steps that each robot has been in its state, (n,)."""
-        self._changed = np.ones(num_envs, np.bool_)
-        self._conditions = {guard: np.zeros(num_envs, np.bool_) for guard in GUARDS}
-
-    def restart(self, mask: Mask) -> None:
-        """Restart those robots."""
-        self._enter(mask, self._start)
-        for holds in self._conditions.values():
-            holds[mask] = False
 
     @property
     def state(self) -> NDArray[np.int8]:
@@ -66,7 +59,8 @@ class BehaviourMachine:
     def observe(self, observation: NDArray[np.float32]) -> None:
         """One control step: look at the observations (n, k) and let happen what happens by itself."""
         self.ticks += 1
-        self._conditions = conditions(self._robot, self._period, observation, self._state, self.ticks)
+        holds = conditions(self._robot, self._period, observation, self._state, self.ticks)
+        self._holds = np.stack([holds[guard] for guard in GUARDS], axis=1)
         self._apply(self._rows("", np.ones(len(self._state), np.bool_)))
 
     def _rows(self, request: str, asked: Mask) -> NDArray[np.int64]:
@@ -77,15 +71,12 @@ class BehaviourMachine:
                 continue
             applies = asked & _SOURCE[number][self._state]
             if row.guard:
-                applies &= self._conditions[row.guard]
+                applies &= self._holds[:, GUARDS.index(row.guard)]
             taken[applies] = number
         return taken
 
     def _apply(self, rows: NDArray[np.int64]) -> None:
         moving = rows >= 0
-        self._enter(moving, _TARGET[rows[moving]])
-
-    def _enter(self, mask: Mask, targets: NDArray[np.int8] | State) -> None:
-        self._state[mask] = targets
-        self.ticks[mask] = 0
-        self._changed[mask] = True
+        self._state[moving] = _TARGET[rows[moving]]
+        self.ticks[moving] = 0
+        self._changed[moving] = True

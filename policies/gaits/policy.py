@@ -30,6 +30,7 @@ from policies.gaits.parameters import (
 )
 from policies.legs.foot_path import cycloid, hip_height, load
 from policies.legs.kinematics import held_up, leg_angles
+from policies.memory import per_robot
 from quad_env import OBSERVATION
 from quad_env.config import GRAVITY
 from quad_env.robots.named import robot_of
@@ -79,14 +80,20 @@ class Gaits(GaitedPolicy):
         parameters: of every gait that steps by name; None for the searched ones.
     """
 
-    swing: Mask
+    swing: Mask = per_robot(np.zeros(4, np.bool_))
     """Which feet are to be in the air, (n, 4)."""
     duty: Floats
     """Duty factor in force, (n,)."""
     clock_rate: Floats
     """Gait cycles a second in force, Hz, (n,)."""
-    _change: GaitChange
-    _gait: NDArray[np.int64]
+    _gait: NDArray[np.int64] = per_robot(GAITS.index(STAND))
+    _command: Floats = per_robot(np.zeros(3))
+    _window: Mask = per_robot(np.zeros(4, np.bool_))
+    _x: Floats = per_robot(np.zeros(4))
+    _y: Floats = per_robot(lambda policy: policy._foot_y)
+    _left_x: Floats = per_robot(np.zeros(4))
+    _left_y: Floats = per_robot(lambda policy: policy._foot_y)
+    _joints: Floats = per_robot(lambda policy: policy.robot.home_pose)
 
     def __init__(
         self,
@@ -105,6 +112,9 @@ class Gaits(GaitedPolicy):
         self.frequency = self.parameters[gait].frequency
         self.leg_offsets = _offsets(robot, gait)
         self._first = gait
+        stand = row(self.parameters[STAND])
+        self._foot_y = robot.side * stand[INDEX["stance_width"]] / 2.0 - robot.hip_positions[:, 1]
+        self._change = GaitChange(stand, _offsets(robot, "walk"), control_period)
         super().__init__(robot=robot, control_period=control_period)
 
     @property
@@ -134,26 +144,14 @@ class Gaits(GaitedPolicy):
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
-        self._gait = np.zeros(num_envs, np.int64)
-        self._change = GaitChange(np.zeros((num_envs, len(NAMES))), np.zeros((num_envs, 4)), self.control_period)
-        self._command = np.zeros((num_envs, 3))
-        self._window = self.swing = np.zeros((num_envs, 4), np.bool_)
-        self._x = self._y = self._left_x = self._left_y = np.zeros((num_envs, 4))
-        self._joints = np.zeros((num_envs, self.robot.num_joints))
-        self._restart(np.ones(num_envs, np.bool_))
+        self._set_out(np.ones(num_envs, np.bool_))
 
     def _restart(self, mask: Mask) -> None:
         super()._restart(mask)
-        rows = mask[:, None]
-        stand = row(self.parameters[STAND])
-        foot_y = self.robot.side * stand[INDEX["stance_width"]] / 2.0 - self.robot.hip_positions[:, 1]
-        self._change.place(mask, stand, np.array(_offsets(self.robot, "walk")))
-        self._gait = np.where(mask, GAITS.index(STAND), self._gait)
-        self._command = np.where(rows, 0.0, self._command)
-        self._window, self.swing = self._window & ~rows, self.swing & ~rows
-        self._left_x, self._x = np.where(rows, 0.0, self._left_x), np.where(rows, 0.0, self._x)
-        self._left_y, self._y = np.where(rows, foot_y, self._left_y), np.where(rows, foot_y, self._y)
-        self._joints = np.where(rows, self.robot.home_pose, self._joints)
+        self._set_out(mask)
+
+    def _set_out(self, mask: Mask) -> None:
+        """Send robots that stand to the first gait."""
         self.clock_rate, self.duty = stepping(self.robot, self._change.values, self._command)
         self._send(self._first, mask)
 

@@ -13,7 +13,7 @@ from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.gaits.parameters import OFFSETS
 from policies.legs.ground_plane import above, carried, fitted, renewed
 from policies.legs.level_frame import vector
-from policies.legs.memory import taken_in
+from policies.memory import per_robot, taken_in
 from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
 from policies.mpc.footing import Ground, Terrain, arms, footholds, swing
 from policies.mpc.joint_prediction import JointPrediction
@@ -60,6 +60,20 @@ class Mpc(GaitedPolicy):
 
     name = "mpc"
     stiff_servos = False  # targets carry their torques; soft servos yield at impacts
+    failures: NDArray[np.int64] = per_robot(0)
+    """Programs of each robot without a solution since its start, (n,); it then goes on with the last plan."""
+    stopped: Mask = per_robot(False)
+    """Robots that it has given up and stopped, (n,)."""
+    _new: Mask = per_robot(True)
+    _lost: Mask = per_robot(False)
+    _unsolved: NDArray[np.int64] = per_robot(0)
+    _swinging: Mask = per_robot(np.zeros(4, np.bool_))
+    _start: Floats = per_robot(np.zeros((4, 2)))
+    _prints: Floats = per_robot(np.zeros((3, 4)), axis=2)
+    _slope: Floats = per_robot(np.zeros(2), axis=1)
+    _frequencies: Floats = per_robot(lambda policy: policy.frequency)
+    _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
+    _seen: NDArray[np.float32] = per_robot(lambda policy: policy._at_rest)
 
     def __init__(
         self,
@@ -97,42 +111,6 @@ class Mpc(GaitedPolicy):
         self._joints = JointPrediction(late, control_period)
         self.observer = Observer(robot, self._dynamics, control_period)
         super().__init__(robot=robot, control_period=control_period)
-
-    def _allocate(self, num_envs: int) -> None:
-        super()._allocate(num_envs)
-        self.sense.allocate(num_envs)
-        self._joints.allocate(num_envs)
-        self.observer.allocate(num_envs)
-        self._new = np.ones(num_envs, np.bool_)
-        self._swinging = np.zeros((num_envs, 4), np.bool_)
-        self._start = np.zeros((num_envs, 4, 2))
-        self._prints = np.zeros((3, 4, num_envs))
-        self._slope = np.zeros((2, num_envs))
-        self._frequencies = np.full(num_envs, self.frequency)
-        self._plans.allocate(num_envs)
-        self._stop.reset(num_envs)
-        self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
-        self._seen = np.tile(self._at_rest, (num_envs, 1))
-        self._lost, self._unsolved = np.zeros(num_envs, np.bool_), np.zeros(num_envs, np.int64)
-        self.failures = np.zeros(num_envs, np.int64)
-        """Programs of each robot without a solution since its start, (n,); it then goes on with the last plan."""
-        self.stopped = np.zeros(num_envs, np.bool_)
-        """Robots that it has given up and stopped, (n,)."""
-        self._planned: tuple[Rows, Body, Floats] | None = None
-
-    def _restart(self, mask: Mask) -> None:
-        super()._restart(mask)
-        self.sense.restart(mask)
-        self._joints.restart(mask)
-        self.observer.restart(mask)
-        self._new |= mask
-        self._swinging[mask] = False
-        self._slope[:, mask] = 0.0
-        self._frequencies[mask] = self.frequency
-        self._plans.restart(mask)
-        self._targets[mask], self._seen[mask] = self.robot.home_pose, self._at_rest
-        self.failures[mask], self._unsolved[mask] = 0, 0
-        self._lost[mask] = self.stopped[mask] = False
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
@@ -297,7 +275,6 @@ class Mpc(GaitedPolicy):
             self._plans.renew(which, horizon.spread(value, stands[which]), stands[which], places[which])
             failed[which] = False
         self.failures += failed
-        self._planned = robots, body, places[robots]
         return failed
 
     def _friction(self, now: Motion) -> Friction:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions
 from policies.gait_cycle import Floats, smoothstep
-from policies.legs.memory import taken_in
+from policies.memory import per_robot, taken_in
 from policies.mpc.footing import Ground, Terrain
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
@@ -119,6 +119,7 @@ class SightedMpcWbc(MpcWbc):
     """
 
     name = "mpc_wbc_sighted"
+    _level: Floats = per_robot(np.zeros(3), axis=1)
 
     def __init__(
         self,
@@ -135,15 +136,6 @@ class SightedMpcWbc(MpcWbc):
         points = slice(0, height_scan.grid[..., 0].size)
         self._scan_noise = ReadingNoise(control_period, [points], np.array([QUIET]))
         super().__init__(parameters, robot=robot, control_period=control_period, late=late)
-
-    def _allocate(self, num_envs: int) -> None:
-        super()._allocate(num_envs)
-        self._scan_noise.allocate(num_envs)
-        self._level = np.zeros((3, num_envs))
-
-    def _restart(self, mask: Mask) -> None:
-        super()._restart(mask)
-        self._scan_noise.restart(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._heights = observation[:, self._shown].astype(np.float64)

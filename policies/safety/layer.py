@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.base import Actions, Floats, Mask, Policy, chosen, to_actions
 from policies.behaviour.motion import Damp, Motion, Stop
+from policies.memory import per_robot
 from policies.safety.brace import Brace
 from policies.safety.target_limits import SafetyLimits, limited
 from quad_env import OBSERVATION
@@ -61,6 +62,12 @@ class Safe(Policy):
         limits: of every target.
     """
 
+    _mode: NDArray[np.int8] = per_robot(np.int8(Mode.FOLLOW))
+    _entered: Mask = per_robot(False)
+    _targets: Floats = per_robot(lambda layer: layer.robot.home_pose)
+    _reference: Floats = per_robot(np.zeros(2))
+    _recent: Floats = per_robot(np.zeros(2))
+
     def __init__(self, policy: Policy, limits: SafetyLimits | None = None) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
         self.policy = policy
@@ -102,20 +109,12 @@ class Safe(Policy):
         self.policy.reset(num_envs, seed)
 
     def _allocate(self, num_envs: int) -> None:
-        self._step = 0
-        self._mode = np.zeros(num_envs, np.int8)
-        self._entered = np.zeros(num_envs, np.bool_)
-        self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
-        self._reference, self._recent = np.zeros((num_envs, 2)), np.zeros((num_envs, 2))
-        self._log = deque[Event](maxlen=LOG_CAPACITY)
-        self._brace.reset(num_envs)
-        for motion in self._motions.values():
-            motion.reset(num_envs)
+        super()._allocate(num_envs)
+        self._step, self._log = 0, deque[Event](maxlen=LOG_CAPACITY)
 
     def _restart(self, mask: Mask) -> None:
         self._enter(mask & (self._mode != Mode.FOLLOW), Mode.FOLLOW, "restarted")
-        self._targets[mask] = self.robot.home_pose
-        self._reference[mask], self._recent[mask] = 0.0, 0.0
+        super()._restart(mask)
         self.policy.reset_where(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -180,7 +179,7 @@ class Safe(Policy):
         self._recent = next_recent(self._recent, observation, self.control_period)
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(TOO_FAR)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
-        self._brace.start(predicted)
+        self._brace.reset_where(predicted)
         self._enter(predicted, Mode.CATCH, "fall predicted")
         catching = self._mode == Mode.CATCH
         if catching.any():

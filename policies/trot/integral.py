@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions
+from policies.base import CONTROL_PERIOD, Actions, Floats
 from policies.legs.level_frame import motion
-from policies.legs.memory import taken_in
+from policies.memory import per_robot, taken_in
 from policies.parameters import ParameterFile, number, search_ranges_of
 from policies.shipped import folder_of
 from policies.trot.open_loop import FILE as TROT_FILE
@@ -70,6 +70,8 @@ class TrotIntegral(Trot):
 
     name = "trot_integral"
     parameters: IntegralParameters
+    _expected: Floats = per_robot(np.zeros(3))
+    _integral: Floats = per_robot(np.zeros(3))
 
     def __init__(
         self,
@@ -84,15 +86,6 @@ class TrotIntegral(Trot):
         self._each = np.array([1.0, 1.0, scaled(robot, 1.0, "rad/s") / scaled(robot, 1.0, "m/s")])
         self._gains = np.array([own.integral_gain, own.integral_gain, own.yaw_integral_gain])
         super().__init__(own, robot=robot, control_period=control_period)
-
-    def _allocate(self, num_envs: int) -> None:
-        super()._allocate(num_envs)
-        self._expected, self._integral = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
-
-    def _restart(self, mask: NDArray[np.bool_]) -> None:
-        super()._restart(mask)
-        self._expected = np.where(mask[:, None], 0.0, self._expected)
-        self._integral = np.where(mask[:, None], 0.0, self._integral)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         command = observation[:, OBSERVATION["command"]].astype(np.float64)

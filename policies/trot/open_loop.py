@@ -14,6 +14,7 @@ from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to
 from policies.gait_cycle import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import held_up, leg_angles
+from policies.memory import per_robot
 from policies.parameters import ParameterFile, Parameters, number, search_ranges_of
 from quad_env import OBSERVATION
 from quad_env.robots.named import robot_of
@@ -75,6 +76,8 @@ class Trot(GaitedPolicy):
     """Command-following trot; steps in place at zero command."""
 
     name = "trot"
+    _command: Floats = per_robot(np.zeros(3))
+    _joints: Floats = per_robot(lambda policy: policy.robot.home_pose)
 
     def __init__(
         self,
@@ -89,16 +92,6 @@ class Trot(GaitedPolicy):
         self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
         self._gait = Gait(self.leg_offsets, self.parameters.duty)
         super().__init__(robot=robot, control_period=control_period)
-
-    def _allocate(self, num_envs: int) -> None:
-        super()._allocate(num_envs)
-        self._command = np.zeros((num_envs, 3))
-        self._joints = np.tile(self.robot.home_pose, (num_envs, 1))
-
-    def _restart(self, mask: NDArray[np.bool_]) -> None:
-        super()._restart(mask)
-        self._command = np.where(mask[:, None], 0.0, self._command)
-        self._joints = np.where(mask[:, None], self.robot.home_pose, self._joints)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._tick()

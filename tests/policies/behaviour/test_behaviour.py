@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import policies
 from policies.base import CONTROL_PERIOD
 from policies.behaviour import REQUESTS, TRANSITIONS, Behaviour, BehaviourMachine, State
-from policies.behaviour.transitions import TIME_LIMIT, conditions
+from policies.behaviour.transitions import GUARDS, TIME_LIMIT, conditions
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.policies.readings import reading
 
@@ -58,9 +58,8 @@ def test_every_transition_happens_where_the_table_says():
                 machine.observe(observation)
         else:
             for _ in range(min(steps, 12)):
-                machine._conditions = conditions(
-                    SIMPLE_QUAD, CONTROL_PERIOD, observation, machine._state, np.full(1, steps)
-                )
+                holds = conditions(SIMPLE_QUAD, CONTROL_PERIOD, observation, machine._state, np.full(1, steps))
+                machine._holds = np.stack([holds[guard] for guard in GUARDS], axis=1)
             machine.request(row.request)
         assert machine.state[0] == row.target
 
