@@ -15,7 +15,6 @@ from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to
 from policies.gait_cycle import TROT_OFFSETS, Floats, leg_phases
 from policies.legs.kinematics import joint_angles, shortest_leg
 from policies.parameters import Parameters, number
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -89,12 +88,11 @@ class Document(GaitedPolicy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        robot = robot_of(robot)
+        super().__init__(robot=robot, control_period=control_period)
         self.parameters = parameters if parameters is not None else PrintedGait()
         self.frequency = self.parameters.frequency
-        self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
+        self.leg_offsets = self.robot.in_leg_order(TROT_OFFSETS)
         self._warned = False
-        super().__init__(robot=robot, control_period=control_period)
 
     def targets(self, phase: ArrayLike) -> Floats:
         """The 12 raw targets in rad, before any clipping, for a global phase in rad; shape (..., 12) for (...)."""

@@ -139,10 +139,6 @@ class GaitedPolicy(Policy):
     _phase: Floats = per_robot(0.0)
     _ticks: Floats = per_robot(0.0)
 
-    def __init__(self, *, robot: str | Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
-        super().__init__(robot=robot, control_period=control_period)
-        self._allocate(1)
-
     @property
     def phase(self) -> Floats:
         """Phase of the latest action, rad in [0, 2π), shape (n,)."""

@@ -51,7 +51,6 @@ class History(Memory):
         self._lags = [max(round(lag / control_period), 1) for lag in inputs.lags]
         self._rates = [np.float32(-math.expm1(-control_period / time)) for time in inputs.averages]
         self._longest, self._size, self._now = max(self._lags, default=0), width, 0
-        self.reset(1)
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
         """Forget everything of the robots where the mask, (n,), is true."""

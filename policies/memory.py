@@ -2,24 +2,38 @@
 
 from collections.abc import Iterator
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 
-class Start(NamedTuple):
-    """What an array starts with in the row of every robot, or a function of its owner that gives this."""
+class Field:
+    """An array of robots along an axis, each of which starts with a value, or with what a function of the object gives.
 
-    value: Any
-    axis: int
-    """Of the robots."""
+    Read before the first `reset` of its object, it has one robot.
+    """
+
+    def __init__(self, start: Any, axis: int) -> None:
+        self._start, self.axis = start, axis
+
+    def __set_name__(self, kind: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, owner: Any, kind: type) -> Any:
+        if owner is None:
+            return self
+        owner.reset(1)
+        return vars(owner)[self._name]
+
+    def start(self, owner: object) -> NDArray[Any]:
+        """What a robot's entries start with."""
+        return np.asarray(self._start(owner) if callable(self._start) else self._start)
 
 
 def per_robot(start: Any, axis: int = 0) -> Any:
-    """A field of a class: an array of robots along that axis, the rest of its shape and its type those of `start`, or
-    of what this gives, called with the object."""
-    return Start(start, axis)
+    """A field of a class that has `reset`, see `Field`; `start` gives the array's type and the rest of its shape."""
+    return Field(start, axis)
 
 
 class Memory:
@@ -36,31 +50,27 @@ class Memory:
 
 def begin(owner: object, num_envs: int) -> None:
     """Fresh fields of an object for so many robots."""
-    for name, value, axis in _starts(owner):
-        setattr(owner, name, np.repeat(np.expand_dims(value, axis), num_envs, axis))
+    for name, field in _fields(type(owner)).items():
+        one = np.expand_dims(field.start(owner), field.axis)
+        setattr(owner, name, np.repeat(one, num_envs, field.axis))
     for part in _parts(owner):
         part.reset(num_envs)
 
 
 def begin_again(owner: object, mask: NDArray[np.bool_]) -> None:
     """Fresh fields of an object for the robots where the mask, (n,), is true; arrays handed out stay what they were."""
-    for name, value, axis in _starts(owner):
+    for name, field in _fields(type(owner)).items():
         now = getattr(owner, name).copy()
-        np.moveaxis(now, axis, 0)[mask] = value
+        np.moveaxis(now, field.axis, 0)[mask] = field.start(owner)
         setattr(owner, name, now)
     for part in _parts(owner):
         part.reset_where(mask)
 
 
-def _starts(owner: object) -> Iterator[tuple[str, NDArray[Any], int]]:
-    for name, (value, axis) in _fields(type(owner)).items():
-        yield name, np.asarray(value(owner) if callable(value) else value), axis
-
-
 @cache
-def _fields(kind: type) -> dict[str, Start]:
+def _fields(kind: type) -> dict[str, Field]:
     found = (vars(each).items() for each in reversed(kind.__mro__))
-    return {name: value for items in found for name, value in items if isinstance(value, Start)}
+    return {name: value for items in found for name, value in items if isinstance(value, Field)}
 
 
 def _parts(owner: object) -> Iterator[Memory]:

@@ -39,7 +39,6 @@ class Features(Memory):
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
         self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
         """Numbers of a row."""
-        self.reset(1)
 
     def see(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
         """Features (n, `width`) of observations (n, k) that the base has just answered with its action, (n, 12)."""

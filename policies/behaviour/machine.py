@@ -26,14 +26,12 @@ class BehaviourMachine(Memory):
 
     def __init__(
         self,
-        num_envs: int = 1,
         start: State = State.STAND,
         *,
         robot: Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
         self._robot, self._period, self._start = robot, control_period, start
-        self.reset(num_envs)
 
     @property
     def state(self) -> NDArray[np.int8]:

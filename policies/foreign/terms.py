@@ -66,7 +66,6 @@ class Terms(Memory):
         if any(term.name == "foot_contact" for term in description.terms):
             self._contacts = ContactSense(robot, parameters_of(TROT, robot), control_period)
             self._dynamics = Dynamics(robot)
-        self.reset(1)
 
     def track(self, observation: Floats) -> None:
         """Take in the control step that led to the environment's observations, (n, k): turns and contacts."""

@@ -24,7 +24,6 @@ class GaitChange(Memory):
 
     def __init__(self, values: Floats, offsets: ArrayLike, control_period: float) -> None:
         self._step, self._values, self._offsets = control_period / CHANGE_TIME, values, offsets
-        self.reset(1)
 
     @property
     def values(self) -> Floats:

@@ -33,7 +33,6 @@ from policies.legs.kinematics import held_up, leg_angles
 from policies.memory import per_robot
 from quad_env import OBSERVATION
 from quad_env.config import GRAVITY
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -104,7 +103,8 @@ class Gaits(GaitedPolicy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        robot = robot_of(robot)
+        super().__init__(robot=robot, control_period=control_period)
+        robot = self.robot
         _known(gait)
         self.name = name
         searched = searched_parameters(robot) if parameters is None else parameters
@@ -115,7 +115,7 @@ class Gaits(GaitedPolicy):
         stand = row(self.parameters[STAND])
         self._foot_y = robot.side * stand[INDEX["stance_width"]] / 2.0 - robot.hip_positions[:, 1]
         self._change = GaitChange(stand, _offsets(robot, "walk"), control_period)
-        super().__init__(robot=robot, control_period=control_period)
+        self._allocate(1)
 
     @property
     def gait(self) -> NDArray[np.str_]:

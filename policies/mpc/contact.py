@@ -59,7 +59,6 @@ class ContactSense(Memory):
         p = parameters
         self._shares = np.full(6, taken_in(period, p.disturbance_time))
         self._shares[2] = taken_in(period, p.load_time)
-        self.reset(1)
 
     def estimate(self, motion: Motion, weight: Floats) -> Floats:
         """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`.

@@ -28,7 +28,6 @@ class JointPrediction(Memory):
 
     def __init__(self, late: int, period: float) -> None:
         self._late, self._period = late, period
-        self.reset(1)
 
     def now(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The observations, (n, k), with joints as they are now; themselves where they are not late."""

@@ -30,7 +30,6 @@ class Plans(Memory):
 
     def __init__(self, steps: int, period: float, weight: float) -> None:
         self._steps, self._period, self._weight = steps, period, weight
-        self.reset(1)
 
     def advance(self, time: float) -> None:
         """So many s have passed."""

@@ -28,7 +28,6 @@ from quad_env import OBSERVATION
 from quad_env.columns import Mask, Rows, total
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, table_with
@@ -84,7 +83,8 @@ class Mpc(GaitedPolicy):
         control_period: float = CONTROL_PERIOD,
         late: int = 0,
     ) -> None:
-        robot = robot_of(robot)
+        super().__init__(robot=robot, control_period=control_period)
+        robot = self.robot
         in_force = parameters_of(gait, robot)
         if gait != TROT:
             self.name = f"{self.name}_{gait}"
@@ -110,7 +110,6 @@ class Mpc(GaitedPolicy):
         self.sense = ContactSense(robot, p, control_period)
         self._joints = JointPrediction(late, control_period)
         self.observer = Observer(robot, self._dynamics, control_period)
-        super().__init__(robot=robot, control_period=control_period)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()

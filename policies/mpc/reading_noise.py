@@ -46,7 +46,6 @@ class ReadingNoise(Memory):
 
     def __init__(self, period: float, groups: Sequence[slice] = GROUPS, quiet: Floats = QUIET) -> None:
         self._share, self._groups, self._quiet = taken_in(period, TIME), tuple(groups), quiet
-        self.reset(1)
 
     def variances(self, readings: Floats) -> Floats:
         """Of each group, (n, m), after these readings as well, (n, k)."""

@@ -18,7 +18,6 @@ from policies.memory import per_robot, taken_in
 from policies.trot.feedback_parameters import FeedbackParameters, searched_parameters
 from policies.trot.perception import Following, GroundSense
 from quad_env import OBSERVATION, OBSERVATION_SIZE
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -93,7 +92,8 @@ class TrotFeedback(GaitedPolicy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        robot = robot_of(robot)
+        super().__init__(robot=robot, control_period=control_period)
+        robot = self.robot
         self.parameters = p = parameters if parameters is not None else searched_parameters(robot)
         self.frequency = p.frequency
         self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
@@ -106,7 +106,6 @@ class TrotFeedback(GaitedPolicy):
         self._integral = np.array([[p.integral_gain], [p.integral_gain], [p.yaw_integral_gain]])
         self.ground = GroundSense(robot, control_period, p.plane_filter)
         self.following = Following(robot.num_joints, control_period)
-        super().__init__(robot=robot, control_period=control_period)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         columns = self._smoothed(np.ascontiguousarray(observation.T, dtype=np.float64))

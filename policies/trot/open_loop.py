@@ -17,7 +17,6 @@ from policies.legs.kinematics import held_up, leg_angles
 from policies.memory import per_robot
 from policies.parameters import ParameterFile, Parameters, number, search_ranges_of
 from quad_env import OBSERVATION
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import WIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -86,12 +85,14 @@ class Trot(GaitedPolicy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        robot = robot_of(robot)
-        self.parameters = parameters if parameters is not None else searched_parameters(robot)
-        self.frequency = self.parameters.frequency
-        self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
-        self._gait = Gait(self.leg_offsets, self.parameters.duty)
         super().__init__(robot=robot, control_period=control_period)
+        self.parameters = parameters if parameters is not None else self._searched()
+        self.frequency = self.parameters.frequency
+        self.leg_offsets = self.robot.in_leg_order(TROT_OFFSETS)
+        self._gait = Gait(self.leg_offsets, self.parameters.duty)
+
+    def _searched(self) -> TrotParameters:
+        return searched_parameters(self.robot)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._tick()

@@ -42,7 +42,6 @@ class GroundSense(Memory):
         self._period = control_period
         self._share = taken_in(control_period, plane_filter)
         self._half_base = float(robot.hip_positions[:, 0].max())  # turns slope into height under a foot
-        self.reset(1)
 
     def update(self, senses: Senses, standing: NDArray[np.bool_], undisturbed: NDArray[np.bool_]) -> None:
         """One control period later, with the standing legs, (4, n), on the ground; at first all are.
@@ -89,7 +88,6 @@ class Following(Memory):
     def __init__(self, joints: int, control_period: float) -> None:
         self._share, self._count = taken_in(control_period, MEMORY_TIME), joints
         self._first = np.full(2, AT_FIRST * control_period * joints)
-        self.reset(1)
 
     def read(self, joints: Floats, walking: Floats) -> None:
         """The joints' places, (joints, n), rad, one control period after `command`; the robot's share of walking

@@ -39,7 +39,8 @@ WITHOUT = {  # a reading under which it does not
 
 
 def machine_in(state, n=1):
-    machine = BehaviourMachine(n, start=state)
+    machine = BehaviourMachine(state)
+    machine.reset(n)
     machine.take_changes()
     return machine
 
@@ -83,11 +84,12 @@ def test_every_request_that_the_table_lacks_is_refused():
             assert machine.request(request).all()
             assert machine.state[0] == state
     with pytest.raises(ValueError, match="stand, walk, run, jump"):
-        BehaviourMachine(1).request("gallop")
+        BehaviourMachine().request("gallop")
 
 
 def test_batch_request_moves_those_that_may_and_gives_the_mask_of_those_that_refuse():
-    machine = BehaviourMachine(3, start=State.STAND)
+    machine = BehaviourMachine()
+    machine.reset(3)
     machine.observe(seen(3))
     assert not machine.request("walk", np.array([True, False, False])).any()
     refused = machine.request("run", np.ones(3, bool))
@@ -122,7 +124,8 @@ events = st.one_of(
 @given(st.lists(events, max_size=15), st.sampled_from(State))
 def test_random_commands_never_break_the_machine(script, start):
     """Never in two states, never stuck, every change in the table."""
-    machine = BehaviourMachine(4, start=start)
+    machine = BehaviourMachine(start)
+    machine.reset(4)
     legal = {(source, row.target) for row in TRANSITIONS for source in row.sources}
 
     def as_the_table_says(before):
