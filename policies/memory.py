@@ -26,7 +26,7 @@ class Field:
         owner.reset(1)
         return vars(owner)[self._name]
 
-    def start(self, owner: object) -> NDArray[Any]:
+    def start(self, owner: Any) -> NDArray[Any]:
         """What a robot's entries start with."""
         return np.asarray(self._start(owner) if callable(self._start) else self._start)
 
@@ -48,7 +48,7 @@ class Memory:
         begin_again(self, mask)
 
 
-def begin(owner: object, num_envs: int) -> None:
+def begin(owner: Any, num_envs: int) -> None:
     """Fresh fields of an object for so many robots."""
     for name, field in _fields(type(owner)).items():
         one = np.expand_dims(field.start(owner), field.axis)
@@ -57,7 +57,7 @@ def begin(owner: object, num_envs: int) -> None:
         part.reset(num_envs)
 
 
-def begin_again(owner: object, mask: NDArray[np.bool_]) -> None:
+def begin_again(owner: Any, mask: NDArray[np.bool_]) -> None:
     """Fresh fields of an object for the robots where the mask, (n,), is true; arrays handed out stay what they were."""
     for name, field in _fields(type(owner)).items():
         now = getattr(owner, name).copy()
@@ -73,7 +73,7 @@ def _fields(kind: type) -> dict[str, Field]:
     return {name: value for items in found for name, value in items if isinstance(value, Field)}
 
 
-def _parts(owner: object) -> Iterator[Memory]:
+def _parts(owner: Any) -> Iterator[Memory]:
     for value in vars(owner).values():
         for each in value.values() if isinstance(value, dict) else (value,):
             if isinstance(each, Memory):

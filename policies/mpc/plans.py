@@ -75,7 +75,7 @@ def shared(wrench: Floats, standing: Mask, arms: Floats, friction: Friction) -> 
     square = np.matmul(per_force, per_force.transpose(0, 2, 1)) + _SINGULAR * np.eye(6)
     share = np.linalg.solve(square, wrench[..., None])
     forces = np.matmul(per_force.transpose(0, 2, 1), share).reshape(count, 4, 3)
-    up = np.clip(forces[..., 2], friction.least[:, None], friction.most[:, None])
+    up = np.clip(forces[..., 2], 0.0, friction.most[:, None])
     across = friction.share[:, None, None] * up[..., None]
     drawn = np.concatenate((np.clip(forces[..., :2], -across, across), up[..., None]), axis=-1)
     return np.where(standing[..., None], drawn, 0.0)

@@ -23,7 +23,7 @@ from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import Plans
 from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
-from policies.mpc.whole_body import Priorities, Torques, Wish, leg_torques, torques
+from policies.mpc.whole_body import Torques, Wish, leg_torques, torques
 from quad_env import OBSERVATION
 from quad_env.columns import Mask, Rows, total
 from quad_env.config import GRAVITY
@@ -205,20 +205,20 @@ class Mpc(GaitedPolicy):
         body, yaw_rate = now.bodies.centre_velocity[:, None, :2], now.command[:, 2, None]
         passing = np.stack((yaw_rate * feet[..., 1], -yaw_rate * feet[..., 0]), axis=-1) - body
         time = (1.0 - p.duty) / self._frequencies
-        path = swing(p, self._start, aim, passing, cycle.progress, time, self.control_period, ground)
+        place, rate, acceleration = swing(
+            p, self._start, aim, passing, cycle.progress, time, self.control_period, ground
+        )
         spin = now.turning[:, 2, None]
         carried_along = np.stack(
             (
-                body[..., 0] - spin * path.place[..., 1],
-                body[..., 1] + spin * path.place[..., 0],
+                body[..., 0] - spin * place[..., 1],
+                body[..., 1] + spin * place[..., 0],
                 np.broadcast_to(now.velocity[:, 2:], (len(spin), 4)),
             ),
             axis=-1,
         )
         swinging = (
-            path.acceleration
-            + p.swing_stiffness * (path.place - feet)
-            + p.swing_damping * (carried_along + path.velocity - velocity)
+            acceleration + p.swing_stiffness * (place - feet) + p.swing_damping * (carried_along + rate - velocity)
         )
         down = np.zeros_like(velocity)
         down[..., 2] = now.velocity[:, None, 2] - p.search_speed
@@ -279,7 +279,7 @@ class Mpc(GaitedPolicy):
     def _friction(self, now: Motion) -> Friction:
         """Bounds of the forces of the robots' feet, by what they weigh with their load."""
         weight = now.bodies.mass * GRAVITY
-        return Friction(self.sense.grip, np.zeros(self.num_envs), self.parameters.most_force * weight)
+        return Friction(self.sense.grip, self.parameters.most_force * weight)
 
     def _aim(
         self,
@@ -327,9 +327,7 @@ class MpcWbc(Mpc):
     name = "mpc_wbc"
 
     def _torques(self, now: Motion, wish: Wish, push: Floats, friction: Friction) -> Torques:
-        p, limit = self.parameters, self.robot.rated_torque
-        priorities = Priorities(p.turning_priority, p.standing_priority, p.swinging_priority, p.force_priority)
-        found = torques(now.bodies, wish, push, friction, limit, priorities, self._solver)
+        found = torques(now.bodies, wish, push, friction, self.robot.rated_torque, self.parameters, self._solver)
         if (there := found.found[:, None]).all():
             return found
         self.failures += ~found.found

@@ -40,10 +40,7 @@ class SafetyLimits:
         if servo.curve is None:
             return cls(robot.rated_torque, delay=servo.delay)
         line = servo.curve.on(robot)
-        torque, speed = (
-            float(each[0]) if np.ptp(each) == 0.0 else each for each in (line.peak_torque, line.no_load_speed)
-        )
-        return cls(torque, no_load_speed=speed, delay=servo.delay)
+        return cls(line.peak_torque, no_load_speed=line.no_load_speed, delay=servo.delay)
 
 
 def limited(
