@@ -16,7 +16,7 @@ from policies.foreign.description import PolicyDescription
 from policies.foreign.reference import checked
 from policies.foreign.served import PATIENCE_AT_FIRST, SIGNALS, Answer, Served, serve
 from policies.foreign.terms import scan_of
-from policies.safety.watchdog import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
+from policies.foreign.watched import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -69,15 +69,23 @@ class Foreign(Policy):
         self.name = str(reference)
         self.sha256 = hashlib.sha256(found.content).hexdigest()
         served = partial(serve, found, robot=robot, control_period=control_period, deadline=DEADLINE)
-        make: Any = partial(_on_stderr, served)  # a Served answers as a Policy does
-        self._process = Watched(make, name=self.name, robot=self.robot, control_period=control_period)
-        self._stepped = False
-        _try_out(self._process)
+        self._process, self._stepped = Watched(partial(_on_stderr, served)), False
+        self._try_out()
         self._allocate(1)
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy, such as one for another process, has no process yet."""
         return vars(self) | {"_stepped": False}
+
+    def _try_out(self) -> None:
+        """Raise PolicyError where the policy cannot be loaded, or gives no actions."""
+        try:
+            self._process.ask(("reset", 1, None), START_TIMEOUT)
+        except (DeadlineMissed, PolicyProcessError) as error:
+            reason = str(error).removeprefix("PolicyError: ")
+            raise PolicyError(reason if reason != str(error) else f"cannot load {self.name}: {reason}") from None
+        finally:
+            self._process.close()
 
     def close(self) -> None:
         """End its process; `reset` begins another."""
@@ -129,17 +137,6 @@ class Foreign(Policy):
         for robot, reason in failures.items():
             if self.failure[robot] is None:
                 self.failure[robot] = reason
-
-
-def _try_out(process: Watched) -> None:
-    """Raise PolicyError where the policy of that process cannot be loaded, or gives no actions."""
-    try:
-        process.ask(("reset", 1, None), START_TIMEOUT)
-    except (DeadlineMissed, PolicyProcessError) as error:
-        reason = str(error).removeprefix("PolicyError: ")
-        raise PolicyError(reason if reason != str(error) else f"cannot load {process.name}: {reason}") from None
-    finally:
-        process.close()
 
 
 def _on_stderr(make: Callable[[], Served]) -> Served:

@@ -1,7 +1,5 @@
 """A safety layer around any policy: failures end in a controlled stop, falls are caught, limits are kept."""
 
-from collections import deque
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -33,7 +31,6 @@ TOO_FAR_OVER = "too far over"
 
 TOO_FAR = np.deg2rad(65.0)
 """Tilt past which no fall is caught and no stop is under control any more: 5° before the fall rule, `FallRule.tilt`."""
-LOG_CAPACITY = 4096
 ALARM_ABOVE = 0.8866
 """Velocity deviation, m/s, above which a fall is predicted: 0.2 m/s above the largest in an hour of the undisturbed
 trot."""
@@ -43,25 +40,16 @@ RECENT_TIME = 0.1
 """Time constant of the velocity of late, s: what a robot gains more slowly is no push."""
 
 
-@dataclass(frozen=True)
-class Event:
-    """One entry of the log."""
-
-    step: int
-    robot: int
-    mode: Mode
-    """From then on."""
-    reason: str
-
-
 class Safe(Policy):
-    """`policy` as long as it does well; read `mode` and `events()`.
+    """`policy` as long as it does well; read `mode` and `reason`.
 
     Args:
-        policy: what to guard; put it into `policies.safety.Watched` if it might hang.
+        policy: what to guard.
         limits: of every target.
     """
 
+    reason: NDArray[np.object_] = per_robot(np.array("", object))
+    """Why each robot came into its mode, (n,) of text; empty at the start."""
     _mode: NDArray[np.int8] = per_robot(np.int8(Mode.FOLLOW))
     _entered: Mask = per_robot(False)
     _targets: Floats = per_robot(lambda layer: layer.robot.home_pose)
@@ -95,10 +83,6 @@ class Safe(Policy):
         """Which robots it has taken from the policy to stop them, (n,)."""
         return np.isin(self._mode, (Mode.STOP, Mode.DAMP))
 
-    def events(self) -> list[Event]:
-        """The latest changes of mode, oldest first."""
-        return list(self._log)
-
     def emergency_stop(self, mask: ArrayLike | None = None, *, damp: bool = False) -> None:
         """Stop those robots, all without a mask, from their next action on until a reset: under control, or damped."""
         self._enter(chosen(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, "emergency stop requested")
@@ -108,17 +92,11 @@ class Safe(Policy):
         super().reset(num_envs, seed)
         self.policy.reset(num_envs, seed)
 
-    def _allocate(self, num_envs: int) -> None:
-        super()._allocate(num_envs)
-        self._step, self._log = 0, deque[Event](maxlen=LOG_CAPACITY)
-
     def _restart(self, mask: Mask) -> None:
-        self._enter(mask & (self._mode != Mode.FOLLOW), Mode.FOLLOW, "restarted")
         super()._restart(mask)
         self.policy.reset_where(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        self._step += 1
         rows = observation.astype(np.float64)
         joints = rows[:, OBSERVATION["joint_position"]] + self.robot.home_pose
         self._watch(observation, rows)
@@ -190,8 +168,7 @@ class Safe(Policy):
     def _enter(self, mask: Mask, mode: Mode, reason: str) -> None:
         self._mode[mask] = mode
         self._entered |= mask
-        for robot in np.flatnonzero(mask)[-LOG_CAPACITY:]:
-            self._log.append(Event(self._step, int(robot), Mode(self._mode[robot]), reason))
+        self.reason[mask] = reason
 
 
 def next_reference(reference: Floats, observation: NDArray[np.float32], control_period: float) -> Floats:

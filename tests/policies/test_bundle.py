@@ -77,7 +77,6 @@ def test_a_loaded_policy_acts_bit_for_bit_as_the_saved_one(tmp_path):
     assert trajectory(found) == trajectory(policy)
 
 
-@pytest.mark.filterwarnings("ignore::policies.article.UnreachableFootWarning")
 @pytest.mark.parametrize("name", BASES)
 def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_since(tmp_path, monkeypatch, name):
     base = policies.make(name)
