@@ -128,10 +128,9 @@ def resolve(
     """
     text, robot = str(name_or_path), robot_of(robot)
     if text.startswith(SAFE):
-        inner = resolve(
-            text.removeprefix(SAFE), robot=robot, control_period=control_period, sensors=sensors, trust=trust
-        )
-        return Safe(inner, SafetyLimits.of(robot, actuator))
+        inner = text.removeprefix(SAFE)
+        policy = resolve(inner, robot=robot, control_period=control_period, sensors=sensors, trust=trust)
+        return Safe(policy, SafetyLimits.of(robot, actuator))
     if is_reference(text):
         return Foreign(text, robot=robot, control_period=control_period, trust=trust)
     if text in _MAKERS:

@@ -24,14 +24,8 @@ class BehaviourMachine(Memory):
     _changed: Mask = per_robot(True)
     _holds: Mask = per_robot(np.zeros(len(GUARDS), np.bool_))
 
-    def __init__(
-        self,
-        start: State = State.STAND,
-        *,
-        robot: Robot = SIMPLE_QUAD,
-        control_period: float = CONTROL_PERIOD,
-    ) -> None:
-        self._robot, self._period, self._start = robot, control_period, start
+    def __init__(self, start: State = State.STAND, robot: Robot = SIMPLE_QUAD, period: float = CONTROL_PERIOD) -> None:
+        self._start, self._robot, self._period = start, robot, period
 
     @property
     def state(self) -> NDArray[np.int8]:
@@ -50,19 +44,17 @@ class BehaviourMachine(Memory):
         if name not in REQUESTS:
             raise ValueError(f"unknown request {name!r}; valid: {', '.join(REQUESTS)}")
         asked = chosen(mask, len(self._state))
-        rows = self._rows(name, asked)
-        self._apply(rows)
-        return np.asarray(asked & (rows < 0))
+        return asked & ~self._take(name, asked)
 
     def observe(self, observation: NDArray[np.float32]) -> None:
         """One control step: look at the observations (n, k) and let happen what happens by itself."""
         self.ticks += 1
         holds = conditions(self._robot, self._period, observation, self._state, self.ticks)
         self._holds = np.stack([holds[guard] for guard in GUARDS], axis=1)
-        self._apply(self._rows("", np.ones(len(self._state), np.bool_)))
+        self._take("", np.ones(len(self._state), np.bool_))
 
-    def _rows(self, request: str, asked: Mask) -> NDArray[np.int64]:
-        """Number of the row that each robot asked takes, (n,); -1 for none."""
+    def _take(self, request: str, asked: Mask) -> Mask:
+        """Let each robot asked take the first row of that request that applies to it; those that took one, (n,)."""
         taken = np.full(len(self._state), -1, np.int64)
         for number, row in reversed([*enumerate(TRANSITIONS)]):
             if row.request != request:
@@ -71,10 +63,8 @@ class BehaviourMachine(Memory):
             if row.guard:
                 applies &= self._holds[:, GUARDS.index(row.guard)]
             taken[applies] = number
-        return taken
-
-    def _apply(self, rows: NDArray[np.int64]) -> None:
-        moving = rows >= 0
-        self._state[moving] = _TARGET[rows[moving]]
+        moving: Mask = taken >= 0
+        self._state[moving] = _TARGET[taken[moving]]
         self.ticks[moving] = 0
         self._changed[moving] = True
+        return moving

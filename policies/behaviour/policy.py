@@ -51,7 +51,7 @@ class Behaviour(Policy):
         robot = self.robot
         self._gait = Trot(robot=robot, control_period=control_period)
         self._follow = follow
-        self.machine = BehaviourMachine(start=start, robot=robot, control_period=control_period)
+        self.machine = BehaviourMachine(start, robot, control_period)
         self._motions: dict[State, Motion] = {
             State.FALL: Damp(robot, control_period),
             State.STAND: hold(robot, control_period),

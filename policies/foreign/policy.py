@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, PolicyError, within_limits
+from policies.base import CONTROL_PERIOD, Actions, Mask, Policy, PolicyError, within_limits
 from policies.foreign.described import with_gains
 from policies.foreign.description import PolicyDescription
 from policies.foreign.reference import checked
@@ -34,23 +34,15 @@ class Foreign(Policy):
         reference: names it.
         robot: whose joints it moves; its own `robot` has the servo gains of its description.
         trust: whether a file may be loaded in which code can be hidden.
-        description: in place of what the file says of how its network is run.
 
-    Raises PolicyError, one line, for what is no policy.
+    The attributes named in SIGNALS are its policy's, None where this has none. Raises PolicyError, one line, for what
+    is no policy.
     """
 
     failure: NDArray[np.object_]
     """Why the policy failed each robot, (n,); None where it has not."""
     description: PolicyDescription | None = None
     """How its network is run; None of a policy that acts on our observation by itself."""
-    phase: Floats | None
-    """Its clock, rad, (n,); None without one."""
-    correction: NDArray[np.float32] | None
-    """Of a residual, in shares of the authority, (n, 12); None of others."""
-    base_action: Actions | None
-    """Of a residual's base, rad, (n, 12); None of others."""
-    stopped: NDArray[np.bool_] | None
-    """Which robots it has stopped itself, (n,); None if it does not report that."""
 
     def __init__(
         self,
@@ -59,9 +51,8 @@ class Foreign(Policy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         trust: bool = False,
-        description: PolicyDescription | None = None,
     ) -> None:
-        robot, found = robot_of(robot), checked(reference, trust, description)
+        robot, found = robot_of(robot), checked(reference, trust)
         if found.description is not None:
             robot, self.description = with_gains(robot, found.description), found.description
             self.height_scan = scan_of(found.description)

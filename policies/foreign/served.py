@@ -18,7 +18,8 @@ from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import table_with
 
 SIGNALS = ("phase", "correction", "base_action", "stopped")
-"""Signals that some policies report, (n, …)."""
+"""Signals that some policies report: phase of the clock, rad, (n,); of a residual the correction, in shares of its
+authority, and its base's joint targets, rad, (n, 12) each; which robots it has stopped itself, (n,)."""
 PATIENCE_AT_FIRST = 6
 """How many deadlines the first call may last, in which some compile themselves."""
 LONGEST_REASON = 200

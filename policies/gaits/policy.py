@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, Mask, chosen, flat_joints, to_actions
-from policies.gait_cycle import TURN, Floats, LegCycle, mapped
+from policies.gait_cycle import TURN, Floats, LegCycle, mapped, places
 from policies.gaits.change import GaitChange
 from policies.gaits.parameters import (
     GAITS,
@@ -74,8 +74,7 @@ class Gaits(GaitedPolicy):
     """Steps in the gait asked for; `request` changes it, for all robots or some. A reset puts them in the home pose.
 
     Args:
-        gait: the gait after a reset, one of `gait_parameters.GAITS`.
-        name: the policy's name.
+        gait: the gait after a reset, one of `gait_parameters.GAITS`; the policy has its name if it is not the trot.
         parameters: of every gait that steps by name; None for the searched ones.
     """
 
@@ -97,7 +96,6 @@ class Gaits(GaitedPolicy):
     def __init__(
         self,
         gait: str = "trot",
-        name: str = "gaits",
         parameters: Mapping[str, GaitParameters] | None = None,
         *,
         robot: str | Robot = SIMPLE_QUAD,
@@ -106,7 +104,7 @@ class Gaits(GaitedPolicy):
         super().__init__(robot=robot, control_period=control_period)
         robot = self.robot
         _known(gait)
-        self.name = name
+        self.name = "gaits" if gait == "trot" else gait
         searched = searched_parameters(robot) if parameters is None else parameters
         self.parameters = {STAND: stand_parameters(robot), **searched}
         self.frequency = self.parameters[gait].frequency
@@ -196,10 +194,10 @@ class Gaits(GaitedPolicy):
         """Advance the clock by a tick, and lift and put down the feet that are due."""
         self.clock_rate, self.duty = stepping(self.robot, values, self._command)
         self._phase = (self._phase + TURN * self.control_period * self.clock_rate) % TURN
-        fraction = ((self._phase[:, None] + self.offsets) % TURN) / TURN
+        phases = (self._phase[:, None] + self.offsets) % TURN
         rate, duty = self.clock_rate[:, None], self.duty[:, None]
-        window = fraction < 1.0 - duty
-        progress = np.where(window, fraction / (1.0 - duty), (fraction - (1.0 - duty)) / duty)
+        cycle = places(phases, duty)
+        window = cycle.swing
         # To stand, a foot that is down and in its place stays down; to set out, it lifts at the start of its own swing.
         staying = (self._standing & self._change.settled & (self._command == 0.0).all(axis=1))[:, None]
         starting = window & ~self._window & ~(staying & self._in_place(values))
@@ -207,9 +205,9 @@ class Gaits(GaitedPolicy):
         self._left_x = np.where(starting, self._x, self._left_x)
         self._left_y = np.where(starting, self._y, self._left_y)
         self._window, self.swing = window, swing
-        to_side = self.robot.side * np.cos(TURN * (fraction - 0.5 * (1.0 - duty)))
+        to_side = self.robot.side * np.cos(TURN * (phases / TURN - 0.5 * (1.0 - duty)))
         sway = 0.5 * (to_side[:, 0] + to_side[:, 1] + to_side[:, 2] + to_side[:, 3])
-        return Beat(LegCycle(window, progress), (1.0 - duty) / rate, duty / rate, sway[:, None])
+        return Beat(cycle, (1.0 - duty) / rate, duty / rate, sway[:, None])
 
     def _in_place(self, values: Floats) -> Mask:
         """Which feet are where they belong at rest, (n, 4)."""

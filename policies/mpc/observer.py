@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
 from policies.legs.ground_plane import above
-from policies.legs.level_frame import vector
 from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
 from policies.mpc.motion import Motion, motion
 from policies.mpc.reading_noise import GROUPS, SENSED, ReadingNoise
@@ -179,7 +178,7 @@ def carried(robot: Robot, now: Motion, velocity: Floats, period: float) -> Float
 def _above(now: Motion, slope: Floats) -> Floats:
     """Height of the feet above the plane of that slope through the trunk's centre, (n, 4), m."""
     forward, lateral = slope
-    return above((np.zeros(len(forward)), forward, lateral), vector(now.bodies.feet.T)).T
+    return above((np.zeros(len(forward)), forward, lateral), now.bodies.feet.T).T
 
 
 def _replaced(whole: P, rows: Rows, part: P) -> P:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
-from policies.gait_cycle import TROT_OFFSETS, TURN, Floats, Gait, LegCycle
+from policies.gait_cycle import TROT_OFFSETS, TURN, Floats, LegCycle, places
 from policies.legs.foot_path import Planar, captured, lift, load, passing, raibert, swung, within_reach
 from policies.legs.kinematics import held_up, leg_angles
 from policies.legs.level_frame import LevelFrame, Senses, Vector, hips, length, sense
@@ -97,7 +97,6 @@ class TrotFeedback(GaitedPolicy):
         self.parameters = p = parameters if parameters is not None else searched_parameters(robot)
         self.frequency = p.frequency
         self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
-        self._gait = Gait(self.leg_offsets, p.duty)
         self._offsets = np.array(self.leg_offsets)[:, None]
         self._neutral = (hips(robot)[0] + p.stance_shift, robot.side[:, None] * (p.stance_width / 2.0))
         self._wide = _rectangle(robot, p.brace_length, p.brace_width)
@@ -120,7 +119,7 @@ class TrotFeedback(GaitedPolicy):
         undisturbed = ~(pushed | self._lurches(command))
         self._follow(columns[OBSERVATION["joint_position"]], brace)
         self._advance_clock(errors, brace)
-        cycle = self._gait.places((self._phase + self._offsets) % TURN)
+        cycle = places((self._phase + self._offsets) % TURN, self.parameters.duty)
         self.ground.update(senses, (~cycle.swing & (cycle.progress > SETTLED)) | (brace > BRACED_LOAD), undisturbed)
         gait = self._gait_velocity(reference, error)
         self._plan_feet(senses.frame, cycle, gait, errors, brace)

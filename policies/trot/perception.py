@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
-from policies.legs.ground_plane import above, carried, fitted, renewed
-from policies.legs.level_frame import Senses, length, vector
+from policies.legs.ground_plane import above, carried, fitted
+from policies.legs.level_frame import Senses, length
 from policies.memory import Memory, per_robot, taken_in
 from quad_env.columns import total
 from quad_env.robots.robot import Robot
@@ -50,9 +50,8 @@ class GroundSense(Memory):
         its start is no change of slope.
         """
         share, period = self._share, self._period
-        prints = carried(vector(self._prints), senses.velocity, senses.yaw_rate, period)
-        prints = renewed(prints, senses.feet, standing | self._unknown)
-        self._prints = np.stack(prints)
+        former_prints = carried(self._prints, senses.velocity, senses.yaw_rate, period)
+        self._prints = prints = np.where(standing | self._unknown, np.stack(senses.feet), former_prints)
         plane = fitted(prints)
         self.height, slope = plane[0], np.stack(plane[1:])
         former = np.where(self._unknown, slope, self.slope)
@@ -74,7 +73,7 @@ class GroundSense(Memory):
     def unevenness(self) -> Floats:
         """Height of each footprint above the plane with the smoothed slope, m, (4, n)."""
         forward, lateral = self.slope
-        return above((self.height, forward, lateral), vector(self._prints))
+        return above((self.height, forward, lateral), self._prints)
 
 
 class Following(Memory):
