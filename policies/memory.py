@@ -1,7 +1,7 @@
 """What a controller remembers of each of n robots from one control step to the next, and filters of it."""
 
+from collections import defaultdict
 from collections.abc import Iterator
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,17 +18,22 @@ class Field:
         self._start, self.axis = start, axis
 
     def __set_name__(self, kind: type, name: str) -> None:
-        self._name = name
+        self.name = name
+        _FIELDS[kind].append(self)
 
     def __get__(self, owner: Any, kind: type) -> Any:
         if owner is None:
             return self
         owner.reset(1)
-        return vars(owner)[self._name]
+        return vars(owner)[self.name]
 
     def start(self, owner: Any) -> NDArray[Any]:
         """What a robot's entries start with."""
         return np.asarray(self._start(owner) if callable(self._start) else self._start)
+
+
+_FIELDS = defaultdict[type, list[Field]](list)
+"""By the class that has them."""
 
 
 def per_robot(start: Any, axis: int = 0) -> Any:
@@ -50,27 +55,25 @@ class Memory:
 
 def begin(owner: Any, num_envs: int) -> None:
     """Fresh fields of an object for so many robots."""
-    for name, field in _fields(type(owner)).items():
+    for field in _fields(owner):
         one = np.expand_dims(field.start(owner), field.axis)
-        setattr(owner, name, np.repeat(one, num_envs, field.axis))
+        setattr(owner, field.name, np.repeat(one, num_envs, field.axis))
     for part in _parts(owner):
         part.reset(num_envs)
 
 
 def begin_again(owner: Any, mask: NDArray[np.bool_]) -> None:
     """Fresh fields of an object for the robots where the mask, (n,), is true; arrays handed out stay what they were."""
-    for name, field in _fields(type(owner)).items():
-        now = getattr(owner, name).copy()
+    for field in _fields(owner):
+        now = getattr(owner, field.name).copy()
         np.moveaxis(now, field.axis, 0)[mask] = field.start(owner)
-        setattr(owner, name, now)
+        setattr(owner, field.name, now)
     for part in _parts(owner):
         part.reset_where(mask)
 
 
-@cache
-def _fields(kind: type) -> dict[str, Field]:
-    found = (vars(each).items() for each in reversed(kind.__mro__))
-    return {name: value for items in found for name, value in items if isinstance(value, Field)}
+def _fields(owner: Any) -> list[Field]:
+    return [field for kind in reversed(type(owner).__mro__) for field in _FIELDS.get(kind, ())]
 
 
 def _parts(owner: Any) -> Iterator[Memory]:
