@@ -48,5 +48,5 @@ def at(plane: Plane, x: Floats, y: Floats) -> Floats:
 
 def above(plane: Plane, prints: Floats) -> Floats:
     """Height of each footprint above the plane, m, (4, n)."""
-    x, y, z = prints
-    return z - at(plane, x, y)
+    height: Floats = prints[2] - at(plane, prints[0], prints[1])
+    return height

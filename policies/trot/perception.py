@@ -100,8 +100,8 @@ class Following(Memory):
     @property
     def ratio(self) -> Floats:
         """Movement made per movement commanded, (n,): 1 where all joints follow their targets, 0 where none moves."""
-        commanded, made = self._movements
-        return made / np.maximum(commanded, 1e-9)
+        ratio: Floats = self._movements[1] / np.maximum(self._movements[0], 1e-9)
+        return ratio
 
     def _move(self, which: int, now: Floats, walking: Floats) -> None:
         moved = total(np.abs(now - self._places[which]))  # NumPy's sum has another order for one robot

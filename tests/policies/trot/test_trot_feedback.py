@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from policies.base import CONTROL_PERIOD
+from policies.gait_cycle import Gait
 from policies.legs.kinematics import joint_angles
 from policies.parameters import limits_of
 from policies.trot.feedback import BRACE_RANGE, BRACE_TIME, LARGEST_CORRECTION, LARGEST_SLOWDOWN, TrotFeedback
@@ -43,7 +44,7 @@ def answer(changes, steps=3, **readings):
     felt, level = TrotFeedback(parameters), TrotFeedback(parameters)
     for _ in range(steps):
         moved, usual = felt.act(reading(**readings)), level.act(reading())
-    standing = ~felt._gait.legs(felt.phase).swing[0]
+    standing = ~Gait(felt.leg_offsets, parameters.duty).legs(felt.phase).swing[0]
     assert standing.sum() == 2
     return feet(moved) - feet(usual), standing
 
