@@ -9,7 +9,7 @@ from policies.base import Actions, Floats, Mask, Policy, chosen, to_actions
 from policies.behaviour.motion import Damp, Motion, Stop
 from policies.memory import per_robot
 from policies.safety.brace import Brace
-from policies.safety.target_limits import SafetyLimits, limited
+from policies.safety.target_limits import SafetyLimits
 from quad_env import OBSERVATION
 from quad_env.files.text import described
 
@@ -113,7 +113,7 @@ class Safe(Policy):
                 targets[members] = motion.targets(members, rows[members], joints[members])
         self._entered[:] = False
         speeds = rows[:, OBSERVATION["joint_velocity"]]
-        self._targets = limited(self.robot, self.control_period, targets, self._targets, joints, speeds, self._limits)
+        self._targets = self._limits.kept(self.robot, self.control_period, targets, self._targets, joints, speeds)
         return to_actions(self.robot, self._targets)
 
     def _policy_targets(self, observation: NDArray[np.float32]) -> Floats:

@@ -15,7 +15,7 @@ from policies.gait_cycle import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import held_up, leg_angles
 from policies.memory import per_robot
-from policies.parameters import ParameterFile, Parameters, number, search_ranges_of
+from policies.parameters import CommandMap, ParameterFile, number, search_ranges_of
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import WIDE
@@ -23,7 +23,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
-class TrotParameters(Parameters):
+class TrotParameters(CommandMap):
     """What the search tunes."""
 
     frequency: float = number(3.4, limits=(0.1, 50.0), search=(2.0, 4.0), unit="Hz")
@@ -50,16 +50,6 @@ class TrotParameters(Parameters):
     """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
     yaw_acceleration: float = number(16.0, limits=(1e-3, 1e6), search=(3.0, 40.0), unit="rad/s²")
     """Fastest change of the yaw rate command that the gait follows, rad/s²."""
-    forward_gain: float = number(1.0, limits=(-100.0, 100.0))
-    """Gait's forward velocity per commanded."""
-    forward_bias: float = number(0.0, limits=(-100.0, 100.0), unit="m/s ahead")
-    """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
-    lateral_gain: float = number(1.0, limits=(-100.0, 100.0))
-    """Gait's lateral velocity per commanded."""
-    yaw_gain: float = number(1.0, limits=(-100.0, 100.0))
-    """Gait's yaw rate per commanded."""
-    yaw_per_lateral: float = number(0.0, limits=(-100.0, 100.0), unit="1/m ahead")
-    """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
 
 
 SEARCH_RANGES = search_ranges_of(TrotParameters)
