@@ -212,7 +212,7 @@ class Gaits(GaitedPolicy):
 
     def _in_place(self, values: Floats) -> Mask:
         """Which feet are where they belong at rest, (n, 4)."""
-        close: Mask = (np.abs(self._place - _middle(self.robot, Columns(values))) < CLOSE).all(axis=1)
+        close: Mask = np.less(np.abs(self._place - _middle(self.robot, Columns(values))), CLOSE).all(axis=1)
         return close
 
     def _move_feet(self, beat: Beat, p: Columns, velocity: tuple[Floats, Floats, Floats]) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
 from policies.gait_cycle import TROT_OFFSETS, TURN, Floats, LegCycle, places
-from policies.legs.foot_path import Planar, captured, lift, load, passing, raibert, swung, within_reach
+from policies.legs.foot_path import captured, lift, load, passing, raibert, swung, within_reach
 from policies.legs.kinematics import held_up, leg_angles
 from policies.legs.level_frame import LevelFrame, Senses, Vector, hips, length, sense
 from policies.memory import per_robot, taken_in
@@ -74,11 +74,11 @@ class TrotFeedback(GaitedPolicy):
     """Velocity to have now, m/s, m/s and rad/s, (3, n)."""
     velocity_correction: Floats = per_robot(np.zeros(3), axis=1)
     """Of the gait's velocity by the integral of its error, (3, n)."""
-    feet: Floats = per_robot(lambda policy: np.stack(policy._neutral)[..., 0], axis=2)
+    feet: Floats = per_robot(lambda policy: policy._neutral[..., 0], axis=2)
     """Planned, level frame, m, (2, 4, n)."""
     lift: Floats = per_robot(np.zeros(4), axis=1)
     """Of the planned feet, m, (4, n)."""
-    _start: Floats = per_robot(lambda policy: np.stack(policy._neutral)[..., 0], axis=2)
+    _start: Floats = per_robot(lambda policy: policy._neutral[..., 0], axis=2)
     _speed: Floats = per_robot(np.zeros((2, 4)), axis=2)
     _swinging: NDArray[np.bool_] = per_robot(np.zeros(4, np.bool_), axis=1)
     _followed: Floats = per_robot(np.zeros(2), axis=1)
@@ -98,7 +98,7 @@ class TrotFeedback(GaitedPolicy):
         self.frequency = p.frequency
         self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
         self._offsets = np.array(self.leg_offsets)[:, None]
-        self._neutral = (hips(robot)[0] + p.stance_shift, robot.side[:, None] * (p.stance_width / 2.0))
+        self._neutral = np.stack((hips(robot)[0] + p.stance_shift, robot.side[:, None] * (p.stance_width / 2.0)))
         self._wide = _rectangle(robot, p.brace_length, p.brace_width)
         self._hold = _rectangle(robot, p.hold_length, p.hold_width)
         self._acceleration = np.array([[p.linear_acceleration], [p.linear_acceleration], [p.yaw_acceleration]])
@@ -204,44 +204,38 @@ class TrotFeedback(GaitedPolicy):
             p.yaw_gain * yaw_rate + p.yaw_per_lateral * lateral + more_yaw,
         )
 
-    def _footholds(self, neutral: Planar, gait: Vector, errors: Vector) -> Planar:
+    def _footholds(self, neutral: Floats, gait: Vector, errors: Vector) -> Floats:
         """Where the swinging feet are to land, by velocity errors smoothed over the sway of a stride."""
         p = self.parameters
         share = taken_in(self.control_period, p.velocity_filter)
         self._error = self._error + share * (np.stack(errors[:2]) - self._error)
-        error_x, error_y = self._error
         stance_time = p.neutral_share * p.duty * self._period
         gains = (p.raibert_gain, p.raibert_lateral, p.yaw_step)
-        x, y = raibert(neutral, gait, stance_time, (error_x, error_y, errors[2]), gains)
-        further_x, further_y = captured((error_x, error_y), p.capture_threshold, p.capture_gain)
-        return within_reach(x + further_x, y + further_y, neutral)
+        feet = raibert(neutral, gait, stance_time, (self._error[0], self._error[1], errors[2]), gains)
+        return within_reach(feet + captured(self._error, p.capture_threshold, p.capture_gain)[:, None], neutral)
 
     def _plan_feet(self, frame: LevelFrame, cycle: LegCycle, gait: Vector, errors: Vector, brace: Floats) -> None:
         """Move the planned feet: the standing ones with the ground, the swinging ones towards their footholds."""
         p = self.parameters
         neutral = self._uphill(_under(frame, self._neutral))
-        foothold = np.stack(self._footholds(neutral, gait, errors))
+        foothold = self._footholds(neutral, gait, errors)
         feet, error = self.feet, np.stack(errors[:2])[:, None]
         lifted = cycle.swing & ~self._swinging
         self._swinging = cycle.swing
         self._start = np.where(lifted, feet, self._start)
-        drift = np.stack(passing(feet[0], feet[1], gait))
-        stood_x, stood_y = feet + self.control_period * (drift - p.stance_yield * error)
-        stood = within_reach(stood_x, stood_y, neutral)
+        drift = passing(feet, gait)
+        stood = within_reach(feet + self.control_period * (drift - p.stance_yield * error), neutral)
         swing_time = (1.0 - p.duty) * self._period
         planned = np.where(cycle.swing, swung(self._start, foothold, drift * swing_time, cycle.progress), stood)
-        wide_x, wide_y = (wide + self.hold * (held - wide) for wide, held in zip(self._wide, self._hold, strict=True))
-        wide = np.stack(self._uphill(_under(frame, (wide_x, wide_y))))
+        wide = self._uphill(_under(frame, self._wide + self.hold * (self._hold - self._wide)))
         wide = wide + np.clip(p.brace_lead * error, -LARGEST_LEAD, LARGEST_LEAD)
         planned = planned + brace * (wide - planned)
         self._speed = (planned - feet) / self.control_period
         self.feet = planned
 
-    def _uphill(self, places: Planar) -> Planar:
-        """Level-frame points (4, n) shifted against the fall of the ground."""
-        forward, lateral = self.ground.slope
-        shift = self.parameters.slope_shift
-        return places[0] + shift * forward, places[1] + shift * lateral
+    def _uphill(self, places: Floats) -> Floats:
+        """Level-frame points (2, 4, n) shifted against the fall of the ground."""
+        return places + self.parameters.slope_shift * self.ground.slope[:, None]
 
     def _foot_targets(self, senses: Senses, cycle: LegCycle, errors: Vector, brace: Floats) -> Vector:
         """Feet in the base frame, m: the plan, the lead of the servos, and the standing legs' push against errors."""
@@ -289,15 +283,14 @@ class TrotFeedback(GaitedPolicy):
         return np.maximum(load(cycle), BRACED_LOAD * brace) * self.parameters.stance_load
 
 
-def _rectangle(robot: Robot, length: float, width: float) -> Planar:
-    """Feet at its corners, (4, 1) each."""
-    return np.sign(hips(robot)[0]) * (length / 2.0), robot.side[:, None] * (width / 2.0)
+def _rectangle(robot: Robot, length: float, width: float) -> Floats:
+    """Feet at its corners, (2, 4, 1)."""
+    return np.stack((np.sign(hips(robot)[0]) * (length / 2.0), robot.side[:, None] * (width / 2.0)))
 
 
-def _under(frame: LevelFrame, places: Planar) -> Planar:
-    """Points of the trunk's plane in the level frame, (4, n) each: legs hang along gravity from there."""
-    x, y, _ = frame.to_level((places[0], places[1], np.zeros(1)))
-    return x, y
+def _under(frame: LevelFrame, places: Floats) -> Floats:
+    """Points of the trunk's plane in the level frame, (2, 4, n): legs hang along gravity from there."""
+    return np.stack(frame.to_level((places[0], places[1], np.zeros(1)))[:2])
 
 
 def _joints(robot: Robot, feet: Vector, force: Floats) -> Floats:
