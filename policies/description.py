@@ -94,13 +94,10 @@ def description_of(
     return {
         "schema_version": SCHEMA_VERSION,
         "name": policy.name,
-        "env_id": ENV_ID,
+        **_of_environment(policy.robot),
         "robot": policy.robot.name,
-        "joints": list(policy.robot.joint_names),
         "model_sha256": policy.robot.sha256,
         "control_period": policy.control_period,
-        "observation": _layout(policy.robot),
-        "observation_scale": observation_table(policy.robot).scale.tolist(),
         "network": {"sizes": list(policy.network.sizes), "activation": ACTIVATION},
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
@@ -144,7 +141,11 @@ def assembled(
     """The policy of a description, with the network of so many inputs and outputs; `robot` as in `load`. Raises
     PolicyError."""
     robot = _made_for(place, description, robot)
-    _check_environment(place, description, robot)
+    for field, here in _of_environment(robot).items():
+        if (there := description[field]) != here:
+            fail(place, f"{field} differs from that of this {ENV_ID} with {robot.name}: {there!r:.80}")
+    if description["model_sha256"] not in (None, robot.sha256):
+        fail(place, f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)")
     given = description["inputs"]
     try:
         base = described(description["base"], robot, float(description["control_period"]))
@@ -156,25 +157,12 @@ def assembled(
     return ResidualPolicy(base, corrects, authority, description["name"], inputs, description["hold"])
 
 
-def _check_environment(folder: Path, description: dict[str, Any], robot: Robot) -> None:
-    if description["env_id"] != ENV_ID:
-        fail(folder, f"it is for {description['env_id']!r}, not {ENV_ID!r}")
-    if description["observation"] != _layout(robot):
-        fail(folder, f"its observation layout is not that of this {ENV_ID}")
-    if description["observation_scale"] != observation_table(robot).scale.tolist():
-        fail(folder, f"its observation scales are not those of this {ENV_ID}")
-
-
 def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) -> Robot:
     """The robot, if it is the one that is given."""
     name = description["robot"]
     robot = robot and _commanded(folder, description, robot)
     if robot is None or (name != robot.name and not _is_of(description, robot)):
         robot = _commanded(folder, description, _named(folder, name))
-    if description["joints"] != list(robot.joint_names):
-        fail(folder, f"it was trained on other joints than those of {robot.name}, or in another order")
-    if description["model_sha256"] is not None and description["model_sha256"] != robot.sha256:
-        fail(folder, f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)")
     return robot
 
 
@@ -221,9 +209,15 @@ def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]], in
     return network
 
 
-def _layout(robot: Robot) -> dict[str, list[int]]:
-    """The observation's layout: name -> [start, stop]."""
-    return {name: [part.start, part.stop] for name, part in observation_table(robot).slices.items()}
+def _of_environment(robot: Robot) -> dict[str, Any]:
+    """Fields that say in which environment a policy acts; the observation's layout by name -> [start, stop]."""
+    table = observation_table(robot)
+    return {
+        "env_id": ENV_ID,
+        "joints": list(robot.joint_names),
+        "observation": {name: [part.start, part.stop] for name, part in table.slices.items()},
+        "observation_scale": table.scale.tolist(),
+    }
 
 
 def fail(folder: Path, reason: str) -> NoReturn:

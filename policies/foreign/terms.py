@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from policies.base import Floats, Mask, PolicyError
 from policies.foreign.description import HeightGrid, PolicyDescription, Term
 from policies.foreign.joints import joints_of
-from policies.legs.level_frame import level_frame, vector
+from policies.legs.level_frame import level_frame
 from policies.memory import Memory, per_robot
 from policies.mpc.contact import ContactSense
 from policies.mpc.motion import motion
@@ -131,7 +131,7 @@ def _turned(body: Floats, frame: str, seen: Seen) -> Floats:
     """Vectors of the body in a frame, (m, 3)."""
     if frame == "body":
         return body
-    x, y, z = level_frame(seen["projected_gravity"].T).to_level(vector(body.T))
+    x, y, z = level_frame(seen["projected_gravity"].T).to_level(body.T)
     if frame == "world":
         cosine, sine = np.cos(seen["yaw"]), np.sin(seen["yaw"])
         x, y = cosine * x - sine * y, sine * x + cosine * y

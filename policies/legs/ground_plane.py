@@ -18,7 +18,7 @@ Plane = tuple[Floats, Floats, Floats]
 """Height at the trunk's x, y (relative to the trunk's centre, m) and rise per metre forward and to the left; (n,)."""
 
 
-def carried(prints: Floats, velocity: Vector, yaw_rate: Floats, period: float) -> Floats:
+def carried(prints: Floats, velocity: Vector | Floats, yaw_rate: Floats, period: float) -> Floats:
     """Footprints, (3, 4, n), m, one period of `period` s later: they pass under a trunk that moves and turns."""
     x, y, _ = prints
     forward, lateral, vertical = velocity

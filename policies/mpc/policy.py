@@ -12,7 +12,6 @@ from policies.behaviour.motion import Stop
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.gaits.parameters import OFFSETS
 from policies.legs.ground_plane import above, carried, fitted
-from policies.legs.level_frame import vector
 from policies.memory import per_robot, taken_in
 from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
 from policies.mpc.footing import Ground, Terrain, arms, footholds, swing
@@ -178,7 +177,7 @@ class Mpc(GaitedPolicy):
 
     def _ground(self, now: Motion, landed: Mask) -> Ground:
         """The plane of the slope that the footprints have shown for a while, at the footprints' mean height."""
-        former = carried(self._prints, vector(now.velocity.T), now.turning[:, 2], self.control_period)
+        former = carried(self._prints, now.velocity.T, now.turning[:, 2], self.control_period)
         self._prints = prints = np.where(landed.T, now.bodies.feet.T, former)
         _, *slope = fitted(prints)
         share = taken_in(self.control_period, self.parameters.slope_time)
