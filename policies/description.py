@@ -17,7 +17,7 @@ from policies.base import CONTROL_PERIOD, PolicyError
 from policies.history import Inputs
 from policies.network import ACTIVATION, Network
 from policies.parameters import is_number
-from policies.residual import Features, ResidualPolicy
+from policies.residual import ResidualPolicy
 from policies.residual_bases import describe, described
 from quad_env import ENV_ID
 from quad_env.files.reading import parse_json
@@ -135,26 +135,21 @@ def parsed(place: Path, content: bytes) -> dict[str, Any]:
     return found
 
 
-def assembled(
-    place: Path, description: dict[str, Any], network: Callable[[int, int], Network], robot: Robot | None = None
-) -> ResidualPolicy:
-    """The policy of a description, with the network of so many inputs and outputs; `robot` as in `load`. Raises
-    PolicyError."""
+def assembled(place: Path, description: dict[str, Any], network: Network, robot: Robot | None = None) -> ResidualPolicy:
+    """The policy of a description with its network; `robot` as in `load`. Raises PolicyError."""
     robot = _made_for(place, description, robot)
     for field, here in _of_environment(robot).items():
         if (there := description[field]) != here:
             fail(place, f"{field} differs from that of this {ENV_ID} with {robot.name}: {there!r:.80}")
     if description["model_sha256"] not in (None, robot.sha256):
         fail(place, f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)")
-    given = description["inputs"]
+    given, authority = description["inputs"], np.array(description["authority"], dtype=np.float32)
     try:
         base = described(description["base"], robot, float(description["control_period"]))
         inputs = Inputs(tuple(given.get("lags", ())), tuple(given.get("averages", ())), given.get("clock", 0.0))
+        return ResidualPolicy(base, network, authority, description["name"], inputs, description["hold"])
     except ValueError as error:
         fail(place, str(error))
-    corrects = network(Features(base, inputs).width, robot.num_joints)
-    authority = np.array(description["authority"], dtype=np.float32)
-    return ResidualPolicy(base, corrects, authority, description["name"], inputs, description["hold"])
 
 
 def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) -> Robot:
@@ -192,7 +187,7 @@ def _named(folder: Path, name: Any) -> Robot:
         fail(folder, str(error))
 
 
-def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]], inputs: int, outputs: int) -> Network:
+def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]]) -> Network:
     """The network of a description and of tensors by name. Raises PolicyError."""
     count = len(tensors) // 2
     try:
@@ -202,8 +197,6 @@ def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]], in
         fail(folder, f"the tensors in {WEIGHTS} make no network ({error})")
     if len(tensors) % 2 or shape != {"sizes": list(network.sizes), "activation": ACTIVATION}:
         fail(folder, f"the tensors in {WEIGHTS} are not of the network, {shape!r:.80}, that {DESCRIPTION} describes")
-    if (network.sizes[0], network.sizes[-1]) != (inputs, outputs):
-        fail(folder, f"its network must lead from {inputs} inputs to {outputs} outputs")
     if not all(np.abs(value).max(initial=0.0) <= _LARGEST_WEIGHT for value in tensors.values()):  # NaN is not
         fail(folder, f"weights must be finite and lie within ±{_LARGEST_WEIGHT:g}")
     return network

@@ -188,7 +188,7 @@ def test_a_network_for_other_inputs_than_its_base_gives_is_refused(folder):
         save_tensors(f, tensors | {"0.weight": tensors["0.weight"][:61].copy()})
         rewrite(f, network={"sizes": [61, 16, 12], "activation": "elu"})
 
-    assert "from 62 inputs to 12 outputs" in damaged(folder, narrow)
+    assert "needs 62 inputs and 12 outputs, not 61 and 12" in damaged(folder, narrow)
 
 
 @pytest.mark.parametrize(
