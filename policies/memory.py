@@ -27,9 +27,9 @@ class Field:
         owner.reset(1)
         return vars(owner)[self.name]
 
-    def start(self, owner: Any) -> NDArray[Any]:
-        """What a robot's entries start with."""
-        return np.asarray(self._start(owner) if callable(self._start) else self._start)
+    def of_one(self, owner: Any) -> NDArray[Any]:
+        """The array of one robot at its start."""
+        return np.expand_dims(self._start(owner) if callable(self._start) else self._start, self.axis)
 
 
 _FIELDS = defaultdict[type, list[Field]](list)
@@ -56,8 +56,7 @@ class Memory:
 def begin(owner: Any, num_envs: int) -> None:
     """Fresh fields of an object for so many robots."""
     for field in _fields(owner):
-        one = np.expand_dims(field.start(owner), field.axis)
-        setattr(owner, field.name, np.repeat(one, num_envs, field.axis))
+        setattr(owner, field.name, np.repeat(field.of_one(owner), num_envs, field.axis))
     for part in _parts(owner):
         part.reset(num_envs)
 
@@ -66,7 +65,7 @@ def begin_again(owner: Any, mask: NDArray[np.bool_]) -> None:
     """Fresh fields of an object for the robots where the mask, (n,), is true; arrays handed out stay what they were."""
     for field in _fields(owner):
         now = getattr(owner, field.name).copy()
-        np.moveaxis(now, field.axis, 0)[mask] = field.start(owner)
+        now[(*[slice(None)] * field.axis, mask)] = field.of_one(owner)
         setattr(owner, field.name, now)
     for part in _parts(owner):
         part.reset_where(mask)

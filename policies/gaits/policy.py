@@ -87,10 +87,10 @@ class Gaits(GaitedPolicy):
     _gait: NDArray[np.int64] = per_robot(GAITS.index(STAND))
     _command: Floats = per_robot(np.zeros(3))
     _window: Mask = per_robot(np.zeros(4, np.bool_))
-    _place: Floats = per_robot(lambda policy: policy._at_home)
-    """Of the feet in their hip frames, forward and to the left, m, (n, 2, 4)."""
-    _left: Floats = per_robot(lambda policy: policy._at_home)
-    """Where they left the ground last, (n, 2, 4)."""
+    _x: Floats = per_robot(np.zeros(4))
+    _y: Floats = per_robot(lambda policy: policy._foot_y)
+    _left_x: Floats = per_robot(np.zeros(4))
+    _left_y: Floats = per_robot(lambda policy: policy._foot_y)
     _joints: Floats = per_robot(lambda policy: policy.robot.home_pose)
 
     def __init__(
@@ -111,8 +111,7 @@ class Gaits(GaitedPolicy):
         self.leg_offsets = _offsets(robot, gait)
         self._first = gait
         stand = row(self.parameters[STAND])
-        self._hips = robot.hip_positions[:, :2].T
-        self._at_home = np.stack((np.zeros(4), robot.side * stand[INDEX["stance_width"]] / 2.0 - self._hips[1]))
+        self._foot_y = robot.side * stand[INDEX["stance_width"]] / 2.0 - robot.hip_positions[:, 1]
         self._change = GaitChange(stand, _offsets(robot, "walk"), control_period)
         self._allocate(1)
 
@@ -179,15 +178,14 @@ class Gaits(GaitedPolicy):
         p, robot = Columns(values), self.robot
         beat = self._beat(values)
         self._move_feet(beat, p, mapped(p, *(self._command[:, i, None] for i in range(3))))
-        x, y = self._place[:, 0], self._place[:, 1]
         _, lift = cycloid(beat.cycle.progress)
         z = np.where(self.swing, p.step_height * lift, 0.0) - p.body_height
         z = z - hip_height(beat.cycle, beat.swing_time, beat.stance_time, p.bounce)
-        y = y + p.sway * beat.sway
-        hip, thigh, calf = leg_angles(robot, x, y, z)
+        y = self._y + p.sway * beat.sway
+        hip, thigh, calf = leg_angles(robot, self._x, y, z)
         share = load(LegCycle(self.swing, beat.cycle.progress))
         force = share * p.stance_load * (robot.mass * GRAVITY / len(robot.leg_names) / self.duty[:, None])
-        joints = flat_joints(np.stack(held_up(robot, hip, thigh, calf, x, y, force), axis=-1))
+        joints = flat_joints(np.stack(held_up(robot, hip, thigh, calf, self._x, y, force), axis=-1))
         ahead = p.servo_lead / self.control_period * (joints - self._joints)
         self._joints = joints
         return to_actions(robot, joints + ahead)
@@ -204,7 +202,8 @@ class Gaits(GaitedPolicy):
         staying = (self._standing & self._change.settled & (self._command == 0.0).all(axis=1))[:, None]
         starting = window & ~self._window & ~(staying & self._in_place(values))
         swing = window & (self.swing | starting)
-        self._left = np.where(starting[:, None], self._place, self._left)
+        self._left_x = np.where(starting, self._x, self._left_x)
+        self._left_y = np.where(starting, self._y, self._left_y)
         self._window, self.swing = window, swing
         to_side = self.robot.side * np.cos(TURN * (phases / TURN - 0.5 * (1.0 - duty)))
         sway = 0.5 * (to_side[:, 0] + to_side[:, 1] + to_side[:, 2] + to_side[:, 3])
@@ -212,33 +211,35 @@ class Gaits(GaitedPolicy):
 
     def _in_place(self, values: Floats) -> Mask:
         """Which feet are where they belong at rest, (n, 4)."""
-        close: Mask = np.less(np.abs(self._place - _middle(self.robot, Columns(values))), CLOSE).all(axis=1)
-        return close
+        p = Columns(values)
+        x, y = _middle(self.robot, p)
+        return (np.abs(self._x - x) < CLOSE) & (np.abs(self._y - y) < CLOSE)
 
     def _move_feet(self, beat: Beat, p: Columns, velocity: tuple[Floats, Floats, Floats]) -> None:
         """Carry the feet on by a tick: on the ground at -(v + ω × r), through the air to the next foothold."""
-        middle = _middle(self.robot, p)
-        ahead = _passed(velocity, self._hips + middle)
-        landing = middle + np.clip(0.5 * beat.stance_time[..., None] * ahead, -LONGEST_REACH, LONGEST_REACH)
+        forward, lateral, yaw_rate = velocity
+        hip_x, hip_y = self.robot.hip_positions[:, 0], self.robot.hip_positions[:, 1]
+        middle_x, middle_y = _middle(self.robot, p)
+        ahead_x = forward - yaw_rate * (hip_y + middle_y)
+        ahead_y = lateral + yaw_rate * (hip_x + middle_x)
+        half = 0.5 * beat.stance_time
+        landing_x = middle_x + np.clip(half * ahead_x, -LONGEST_REACH, LONGEST_REACH)
+        landing_y = middle_y + np.clip(half * ahead_y, -LONGEST_REACH, LONGEST_REACH)
         share, _ = cycloid(beat.cycle.progress)
         # Over the ground the foot is carried by `share` of the way, while the ground goes by evenly.
         gone = beat.swing_time * (share - beat.cycle.progress)
-        air = self._left + (landing - self._left) * share[:, None] + gone[:, None] * ahead
-        ground = self._place - self.control_period * _passed(velocity, self._hips + self._place)
-        place = np.where(self.swing[:, None], air, ground)
-        self._place = np.clip(place, middle - LONGEST_REACH, middle + LONGEST_REACH)
+        air_x = self._left_x + (landing_x - self._left_x) * share + gone * ahead_x
+        air_y = self._left_y + (landing_y - self._left_y) * share + gone * ahead_y
+        ground_x = self._x - self.control_period * (forward - yaw_rate * (hip_y + self._y))
+        ground_y = self._y - self.control_period * (lateral + yaw_rate * (hip_x + self._x))
+        x, y = np.where(self.swing, air_x, ground_x), np.where(self.swing, air_y, ground_y)
+        self._x = np.clip(x, middle_x - LONGEST_REACH, middle_x + LONGEST_REACH)
+        self._y = np.clip(y, middle_y - LONGEST_REACH, middle_y + LONGEST_REACH)
 
 
-def _passed(velocity: tuple[Floats, Floats, Floats], place: Floats) -> Floats:
-    """Velocity of a body, (n, 1) each, at places from its centre, (n, 2, 4), m: v + ω × r, (n, 2, 4), m/s."""
-    forward, lateral, yaw_rate = velocity
-    return np.stack((forward - yaw_rate * place[:, 1], lateral + yaw_rate * place[:, 0]), axis=1)
-
-
-def _middle(robot: Robot, p: Columns) -> Floats:
-    """Middle of the strides in the hip frames, m, (n, 2, 4)."""
-    y = robot.side * (p.stance_width / 2.0) - robot.hip_positions[:, 1]
-    return np.stack((np.broadcast_to(p.stance_shift, y.shape), y), axis=1)
+def _middle(robot: Robot, p: Columns) -> tuple[Floats, Floats]:
+    """Middle of the strides in the hip frames, m: (n, 1) and (n, 4)."""
+    return p.stance_shift, robot.side * (p.stance_width / 2.0) - robot.hip_positions[:, 1]
 
 
 def _offsets(robot: Robot, gait: str) -> tuple[float, ...]:

@@ -157,8 +157,9 @@ class Safe(Policy):
         self._recent = next_recent(self._recent, observation, self.control_period)
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(TOO_FAR)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
-        self._brace.reset_where(predicted)
-        self._enter(predicted, Mode.CATCH, "fall predicted")
+        if predicted.any():
+            self._brace.reset_where(predicted)
+            self._enter(predicted, Mode.CATCH, "fall predicted")
         catching = self._mode == Mode.CATCH
         if catching.any():
             self._enter(self._brace.advance(catching, alarm, rows), Mode.FOLLOW, "at rest again")
