@@ -83,7 +83,8 @@ def raibert(
     forward, lateral, turn = gains
     further = np.stack((forward * errors[0], lateral * errors[1]))
     about = turn * errors[2] * np.stack((-neutral[1], neutral[0]))
-    return neutral - 0.5 * stance_time * passing(neutral, velocity) + further[:, None] + about
+    footholds: Floats = neutral - 0.5 * stance_time * passing(neutral, velocity) + further[:, None] + about
+    return footholds
 
 
 def captured(error: Floats, threshold: float, gain: float) -> Floats:
@@ -99,7 +100,8 @@ def within_reach(feet: Floats, neutral: Floats) -> Floats:
     """Feet drawn in to the ellipse about their neutral points that the legs reach."""
     x, y = away = feet - neutral
     size = np.sqrt((x / REACH_FORWARD) ** 2 + (y / REACH_LATERAL) ** 2)
-    return neutral + 1.0 / np.maximum(size, 1.0) * away
+    drawn: Floats = neutral + 1.0 / np.maximum(size, 1.0) * away
+    return drawn
 
 
 def swung(start: Floats, end: Floats, slope: Floats, progress: Floats) -> Floats:
