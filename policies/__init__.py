@@ -78,10 +78,14 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(_MAKERS))
 
 
-def summary(name: str) -> str:
-    """What the policy of that name is, in a line. Raises PolicyError for a name that does not exist."""
+def _known(name: str) -> None:
     if name not in _MAKERS:
         raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names())}")
+
+
+def summary(name: str) -> str:
+    """What the policy of that name is, in a line. Raises PolicyError for a name that does not exist."""
+    _known(name)
     return SUMMARIES.get(name, "a trained policy in models/ that does not ship with the project")
 
 
@@ -103,8 +107,7 @@ def make(
     if name.startswith(SAFE):
         policy = make(name.removeprefix(SAFE), robot=robot, control_period=control_period, sensors=sensors)
         return Safe(policy, SafetyLimits.of(robot, actuator))
-    if name not in _MAKERS:
-        raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names())}")
+    _known(name)
     made = partial(_MAKERS[name], robot=robot, control_period=control_period)
     if name not in _PREDICTING or (suite := sensor_suite(sensors)) is None:
         return made()
@@ -124,14 +127,17 @@ def resolve(
     `Foreign`; `trust` lets it load files in which code can be hidden. Raises PolicyError.
     """
     text, robot = str(name_or_path), robot_of(robot)
-    if is_reference(inner := text.removeprefix(SAFE)):
-        policy: Policy = Foreign(inner, robot=robot, control_period=control_period, trust=trust)
-        return Safe(policy, SafetyLimits.of(robot, actuator)) if text.startswith(SAFE) else policy
-    if text.removeprefix(SAFE) in _MAKERS:
-        return make(text, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors)
-    if Path(name_or_path).is_dir():
-        return _loaded(name_or_path, robot, control_period)
-    if (remedy := unsupported(inner)) is not None:
+    if text.startswith(SAFE):
+        inner = text.removeprefix(SAFE)
+        policy = resolve(inner, robot=robot, control_period=control_period, sensors=sensors, trust=trust)
+        return Safe(policy, SafetyLimits.of(robot, actuator))
+    if is_reference(text):
+        return Foreign(text, robot=robot, control_period=control_period, trust=trust)
+    if text in _MAKERS:
+        return make(text, robot=robot, control_period=control_period, sensors=sensors)
+    if Path(text).is_dir():
+        return _loaded(text, robot, control_period)
+    if (remedy := unsupported(text)) is not None:
         raise PolicyError(remedy)
     raise PolicyError(
         f"no policy {text!r}: name one of {', '.join(names())}, the folder of a trained policy, or a policy of yours: "

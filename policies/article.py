@@ -5,7 +5,6 @@ thigh takes for an angle from straight down; its leg length ignores the lateral 
 behind where its swing ended.
 """
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,13 +14,8 @@ from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to
 from policies.gait_cycle import TROT_OFFSETS, Floats, leg_phases
 from policies.legs.kinematics import joint_angles, shortest_leg
 from policies.parameters import Parameters, number
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-
-
-class UnreachableFootWarning(UserWarning):
-    """A foot is asked for where no leg of the article's reaches: it gets the joint angles zero, as printed."""
 
 
 @dataclass(frozen=True)
@@ -52,17 +46,12 @@ class PrintedGait(Parameters):
         return np.stack([x, np.broadcast_to(self.foot_line * robot.side, x.shape), z], axis=-1)
 
 
-def unreachable(robot: Robot, feet: Floats) -> NDArray[np.bool_]:
-    """Which feet (..., 3) the document calls so: farther in the leg's plane than it is long, or too near; (...)."""
-    distance = np.sqrt(feet[..., 0] ** 2 + feet[..., 2] ** 2)
-    return (distance > robot.leg_length) | (distance < shortest_leg(robot))
-
-
 def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
-    """The document's inverse kinematics: roll, pitch, knee in rad, zeros for unreachable feet; shape (..., 3)."""
+    """The document's inverse kinematics: roll, pitch, knee in rad, shape (..., 3); zeros for feet (..., 3) that are
+    farther in the leg's plane than it is long, or too near."""
     x, y, z = np.moveaxis(feet, -1, 0)
     distance = np.sqrt(x**2 + z**2)
-    missed = unreachable(robot, feet)
+    missed = (distance > robot.leg_length) | (distance < shortest_leg(robot))
     upper, lower = robot.thigh_length, robot.calf_length
     knee = np.arccos(np.clip((upper**2 + lower**2 - distance**2) / (2.0 * upper * lower), -1.0, 1.0)) - np.pi
     # A foot on the hip joint itself (distance 0) has no direction: the printed quotient is 0/0 there.
@@ -74,11 +63,7 @@ def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
 
 
 class Document(GaitedPolicy):
-    """The printed controller: no command, no observation, no blending in, targets clipped by the joint limits.
-
-    It warns of a foot out of reach as the article does, though once and not at every step: the printed figures never
-    ask for one.
-    """
+    """The printed controller: no command, no observation, no blending in, targets clipped by the joint limits."""
 
     name = "document"
 
@@ -89,22 +74,14 @@ class Document(GaitedPolicy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        robot = robot_of(robot)
+        super().__init__(robot=robot, control_period=control_period)
         self.parameters = parameters if parameters is not None else PrintedGait()
         self.frequency = self.parameters.frequency
-        self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
-        self._warned = False
-        super().__init__(robot=robot, control_period=control_period)
+        self.leg_offsets = self.robot.in_leg_order(TROT_OFFSETS)
 
     def targets(self, phase: ArrayLike) -> Floats:
         """The 12 raw targets in rad, before any clipping, for a global phase in rad; shape (..., 12) for (...)."""
-        feet = self.parameters.feet(self.robot, phase, stance_start=0.0)
-        if not self._warned and (missed := unreachable(self.robot, feet)).any():
-            self._warned = True
-            place = ", ".join(f"{coordinate:.3g}" for coordinate in feet[missed][0])
-            message = f"a foot at ({place}) m from its hip is out of reach; its joints are sent to zero"
-            warnings.warn(message, UnreachableFootWarning, stacklevel=2)
-        return flat_joints(printed_joint_angles(self.robot, feet))
+        return flat_joints(printed_joint_angles(self.robot, self.parameters.feet(self.robot, phase, stance_start=0.0)))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._tick()

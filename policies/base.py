@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.gait_cycle import Floats as Floats
 from policies.gait_cycle import advance, smoothstep
+from policies.memory import begin, begin_again, per_robot
 from quad_env.cli.command_line import UserError
 from quad_env.config import TaskConfig
 from quad_env.robots.named import robot_of
@@ -119,12 +120,12 @@ class Policy(ABC):
         """Actions (n, 12) for a checked batch of observations (n, k)."""
 
     def _allocate(self, num_envs: int) -> None:
-        """Make fresh state for `num_envs` robots."""
-        return
+        """Make fresh state for `num_envs` robots: of the fields `per_robot`."""
+        begin(self, num_envs)
 
     def _restart(self, mask: Mask) -> None:
         """Put the state of the masked robots back to its start."""
-        return
+        begin_again(self, mask)
 
 
 class GaitedPolicy(Policy):
@@ -135,23 +136,13 @@ class GaitedPolicy(Policy):
     stiff_servos = True
     leg_offsets: tuple[float, ...]
     """Phase of each leg ahead of the clock in the gait that it starts with, rad."""
-
-    def __init__(self, *, robot: str | Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
-        super().__init__(robot=robot, control_period=control_period)
-        self._allocate(1)
+    _phase: Floats = per_robot(0.0)
+    _ticks: Floats = per_robot(0.0)
 
     @property
     def phase(self) -> Floats:
         """Phase of the latest action, rad in [0, 2π), shape (n,)."""
         return self._phase
-
-    def _allocate(self, num_envs: int) -> None:
-        self._phase = np.zeros(num_envs)
-        self._ticks = np.zeros(num_envs)
-
-    def _restart(self, mask: Mask) -> None:
-        self._phase = np.where(mask, 0.0, self._phase)
-        self._ticks = np.where(mask, 0.0, self._ticks)
 
     def _tick(self, faster: Floats | float = 0.0) -> None:
         """Advance the clocks by a tick, faster by (n,) Hz."""

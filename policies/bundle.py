@@ -59,13 +59,10 @@ def load(path: str | Path, robot: str | Robot | None = None) -> ResidualPolicy:
     """
     folder = folder_of(Path(path))
     description = parsed(folder, _read(folder / DESCRIPTION, TEXT))
-
-    def network(inputs: int, outputs: int) -> Network:
-        weights = _read(folder / WEIGHTS, LARGEST)
-        if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
-            fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
-        return network_of(folder, description["network"], _parse_weights(folder, weights), inputs, outputs)
-
+    weights = _read(folder / WEIGHTS, LARGEST)
+    if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
+        fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
+    network = network_of(folder, description["network"], _parse_weights(folder, weights))
     return assembled(folder, description, network, None if robot is None else robot_of(robot))
 
 

@@ -7,18 +7,17 @@ look as if it worked.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, PolicyError
+from policies.base import CONTROL_PERIOD, PolicyError
 from policies.history import Inputs
 from policies.network import ACTIVATION, Network
 from policies.parameters import is_number
-from policies.residual import Features, ResidualPolicy
+from policies.residual import ResidualPolicy
 from policies.residual_bases import describe, described
 from quad_env import ENV_ID
 from quad_env.files.reading import parse_json
@@ -60,12 +59,32 @@ _REMOVED_FIELDS = {
     "shift_time": 0.0,
 }
 """Fields of bundles of older versions, and the only values that policies can still have."""
-_LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
 _LARGEST_WEIGHT = 1e6
-_LARGEST_AUTHORITY = math.pi
-_LONGEST_PERIOD = 1.0
-_MOST_FRAMES = 32
-_LONGEST_HOLD = 1000
+
+
+def _numbers(values: Any, most: int, low: float = -math.inf, high: float = math.inf) -> bool:
+    """Whether a JSON value is a list of at most so many numbers between two."""
+    return isinstance(values, list) and len(values) <= most and all(is_number(v) and low <= v <= high for v in values)
+
+
+_RULES: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "name": (lambda value: isinstance(value, str) and value != "" and value.isprintable(), "printable characters"),
+    "training": (lambda value: isinstance(value, dict), "an object"),
+    "git_revision": (lambda value: isinstance(value, str), "a text"),
+    "control_period": (lambda value: is_number(value) and 0.0 < value <= 1.0, "a time above 0 s, at most 1 s"),
+    "authority": (lambda value: _numbers(value, 12, 0.0, math.pi) and len(value) == 12, "12 numbers from 0 to π"),
+    "hold": (lambda value: type(value) is int and 1 <= value <= 1000, "a whole number from 1 to 1000"),
+    "inputs": (
+        lambda value: (
+            isinstance(value, dict)
+            and value.keys() <= {"lags", "averages", "clock"}
+            and all(_numbers(value.get(name, []), 32) for name in ("lags", "averages"))
+            and is_number(value.get("clock", 0.0))
+        ),
+        "lags and averages, lists of at most 32 numbers, and a clock, a number",
+    ),
+}
+"""What fields must be that mean the same for every robot."""
 
 
 def description_of(
@@ -75,13 +94,10 @@ def description_of(
     return {
         "schema_version": SCHEMA_VERSION,
         "name": policy.name,
-        "env_id": ENV_ID,
+        **_of_environment(policy.robot),
         "robot": policy.robot.name,
-        "joints": list(policy.robot.joint_names),
         "model_sha256": policy.robot.sha256,
         "control_period": policy.control_period,
-        "observation": _layout(policy.robot),
-        "observation_scale": observation_table(policy.robot).scale.tolist(),
         "network": {"sizes": list(policy.network.sizes), "activation": ACTIVATION},
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
@@ -95,7 +111,7 @@ def description_of(
 
 
 def parsed(place: Path, content: bytes) -> dict[str, Any]:
-    """The description with exactly the fields of its schema, whose contents are yet to be checked; PolicyError."""
+    """The description with exactly the fields of its schema, checked as far as every robot's can be; PolicyError."""
     try:
         description = parse_json(content)
     except ValueError as error:
@@ -112,55 +128,37 @@ def parsed(place: Path, content: bytes) -> dict[str, Any]:
             fail(place, f"its {field} is {value!r:.80}, which this version cannot do; an older one can")
     if unknown := sorted(set(description) - _FIELDS - set(_LATER_FIELDS)):
         fail(place, f"{DESCRIPTION} has unknown fields {', '.join(unknown)}")
-    return _LATER_FIELDS | description
+    found = _LATER_FIELDS | description
+    for field, (holds, what) in _RULES.items():
+        if not holds(found[field]):
+            fail(place, f"{field} must be {what}")
+    return found
 
 
-def assembled(
-    place: Path, description: dict[str, Any], network: Callable[[int, int], Network], robot: Robot | None = None
-) -> ResidualPolicy:
-    """The policy of a description, with the network of so many inputs and outputs; `robot` as in `load`. Raises
-    PolicyError."""
-    robot, control_period = _made_for(place, description, robot)
-    _check_environment(place, description, robot)
+def assembled(place: Path, description: dict[str, Any], network: Network, robot: Robot | None = None) -> ResidualPolicy:
+    """The policy of a description with its network; `robot` as in `load`. Raises PolicyError."""
+    robot = _made_for(place, description, robot)
+    for field, here in _of_environment(robot).items():
+        if (there := description[field]) != here:
+            fail(place, f"{field} differs from that of this {ENV_ID} with {robot.name}: {there!r:.80}")
+    if description["model_sha256"] not in (None, robot.sha256):
+        fail(place, f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)")
+    given, authority = description["inputs"], np.array(description["authority"], dtype=np.float32)
     try:
-        base = described(description["base"], robot, control_period)
+        base = described(description["base"], robot, float(description["control_period"]))
+        inputs = Inputs(tuple(given.get("lags", ())), tuple(given.get("averages", ())), given.get("clock", 0.0))
+        return ResidualPolicy(base, network, authority, description["name"], inputs, description["hold"])
     except ValueError as error:
         fail(place, str(error))
-    inputs = _inputs(place, description["inputs"])
-    corrects = network(Features(base, inputs).width, robot.num_joints)
-    if type(hold := description["hold"]) is not int or not 1 <= hold <= _LONGEST_HOLD:
-        fail(place, f"hold must be a whole number from 1 to {_LONGEST_HOLD}")
-    name = description["name"]
-    if not isinstance(name, str) or not name or not name.isprintable():
-        fail(place, "name must be a text of printable characters")
-    authority = _authority(place, description["authority"], robot.num_joints)
-    return ResidualPolicy(base, corrects, authority, name, inputs, hold)
 
 
-def _check_environment(folder: Path, description: dict[str, Any], robot: Robot) -> None:
-    if description["env_id"] != ENV_ID:
-        fail(folder, f"it is for {description['env_id']!r}, not {ENV_ID!r}")
-    if description["observation"] != _layout(robot):
-        fail(folder, f"its observation layout is not that of this {ENV_ID}")
-    if description["observation_scale"] != observation_table(robot).scale.tolist():
-        fail(folder, f"its observation scales are not those of this {ENV_ID}")
-    if not isinstance(description["training"], dict) or not isinstance(description["git_revision"], str):
-        fail(folder, "training must be an object and git_revision a text")
-
-
-def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) -> tuple[Robot, float]:
-    """The robot, if it is the one that is given, and the control period, s."""
-    name, control_period = description["robot"], description["control_period"]
+def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) -> Robot:
+    """The robot, if it is the one that is given."""
+    name = description["robot"]
     robot = robot and _commanded(folder, description, robot)
     if robot is None or (name != robot.name and not _is_of(description, robot)):
         robot = _commanded(folder, description, _named(folder, name))
-    if description["joints"] != list(robot.joint_names):
-        fail(folder, f"it was trained on other joints than those of {robot.name}, or in another order")
-    if description["model_sha256"] is not None and description["model_sha256"] != robot.sha256:
-        fail(folder, f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)")
-    if not is_number(control_period) or not 0.0 < control_period <= _LONGEST_PERIOD:
-        fail(folder, f"control_period must be a time above 0 s, at most {_LONGEST_PERIOD:g} s")
-    return robot, float(control_period)
+    return robot
 
 
 def _commanded(folder: Path, description: dict[str, Any], robot: Robot) -> Robot:
@@ -189,54 +187,30 @@ def _named(folder: Path, name: Any) -> Robot:
         fail(folder, str(error))
 
 
-def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]], inputs: int, outputs: int) -> Network:
+def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]]) -> Network:
     """The network of a description and of tensors by name. Raises PolicyError."""
-    if not isinstance(shape, dict) or set(shape) != {"sizes", "activation"}:
-        fail(folder, "network must have sizes and activation")
-    sizes = shape["sizes"]
-    if not isinstance(sizes, list) or not all(type(s) is int and 0 < s <= _LARGEST_WIDTH for s in sizes):
-        fail(folder, f"network sizes must be whole numbers from 1 to {_LARGEST_WIDTH}")
-    if not 2 <= len(sizes) <= _MOST_LAYERS + 1 or sizes[0] != inputs or sizes[-1] != outputs:
-        fail(folder, f"network sizes must lead from {inputs} inputs to {outputs} outputs")
-    if shape["activation"] != ACTIVATION:
-        fail(folder, f"activation must be {ACTIVATION}")
-    layers = list(enumerate(pairwise(sizes)))
-    expected = {f"{i}.weight": pair for i, pair in layers} | {f"{i}.bias": pair[1:] for i, pair in layers}
-    if {key: value.shape for key, value in tensors.items()} != expected:
-        fail(folder, f"the tensors in {WEIGHTS} do not make the network that {DESCRIPTION} describes")
-    if not all(value.dtype == np.float32 and np.isfinite(value).all() for value in tensors.values()):
-        fail(folder, "weights must be finite float32")
-    if not all(np.abs(value).max() <= _LARGEST_WEIGHT for value in tensors.values()):
-        fail(folder, f"weights must lie within ±{_LARGEST_WEIGHT:g}")
-    weights, biases = (tuple(tensors[f"{i}.{kind}"] for i, _ in layers) for kind in ("weight", "bias"))
-    return Network(weights, biases)
-
-
-def _authority(folder: Path, values: Any, count: int) -> Actions:
-    if not isinstance(values, list) or len(values) != count:
-        fail(folder, f"authority must be {count} numbers")
-    if not all(is_number(value) and 0.0 <= value <= _LARGEST_AUTHORITY for value in values):
-        fail(folder, "authority must be finite numbers from 0 to π")
-    return np.array(values, dtype=np.float32)
-
-
-def _inputs(folder: Path, values: Any) -> Inputs:
-    if not isinstance(values, dict) or not set(values) <= {"lags", "averages", "clock"}:
-        fail(folder, "inputs must have lags, averages and a clock")
-    clock, times = values.get("clock", 0.0), {name: values.get(name, []) for name in ("lags", "averages")}
-    if not all(isinstance(each, list) and len(each) <= _MOST_FRAMES for each in times.values()):
-        fail(folder, f"lags and averages must be lists of at most {_MOST_FRAMES} times")
-    if not all(is_number(number) for number in (clock, *times["lags"], *times["averages"])):
-        fail(folder, "lags, averages and the clock must be numbers")
+    count = len(tensors) // 2
     try:
-        return Inputs(tuple(times["lags"]), tuple(times["averages"]), clock)
-    except ValueError as error:
-        fail(folder, str(error))
+        weights, biases = (tuple(tensors[f"{i}.{kind}"] for i in range(count)) for kind in ("weight", "bias"))
+        network = Network(weights, biases)
+    except (IndexError, KeyError, ValueError) as error:
+        fail(folder, f"the tensors in {WEIGHTS} make no network ({error})")
+    if len(tensors) % 2 or shape != {"sizes": list(network.sizes), "activation": ACTIVATION}:
+        fail(folder, f"the tensors in {WEIGHTS} are not of the network, {shape!r:.80}, that {DESCRIPTION} describes")
+    if not all(np.abs(value).max(initial=0.0) <= _LARGEST_WEIGHT for value in tensors.values()):  # NaN is not
+        fail(folder, f"weights must be finite and lie within ±{_LARGEST_WEIGHT:g}")
+    return network
 
 
-def _layout(robot: Robot) -> dict[str, list[int]]:
-    """The observation's layout: name -> [start, stop]."""
-    return {name: [part.start, part.stop] for name, part in observation_table(robot).slices.items()}
+def _of_environment(robot: Robot) -> dict[str, Any]:
+    """Fields that say in which environment a policy acts; the observation's layout by name -> [start, stop]."""
+    table = observation_table(robot)
+    return {
+        "env_id": ENV_ID,
+        "joints": list(robot.joint_names),
+        "observation": {name: [part.start, part.stop] for name, part in table.slices.items()},
+        "observation_scale": table.scale.tolist(),
+    }
 
 
 def fail(folder: Path, reason: str) -> NoReturn:

@@ -46,15 +46,14 @@ class Gait:
 
     def legs(self, phase: ArrayLike) -> LegCycle:
         """Each leg's place in its cycle at a global phase in rad; (...) gives (..., 4)."""
-        return self.places(leg_phases(phase, self.offsets))
+        return places(leg_phases(phase, self.offsets), self.duty)
 
-    def places(self, phases: Floats) -> LegCycle:
-        """Place in its cycle of a leg at a phase of its own, in [0, 2π) rad; shape of the phases."""
-        fraction = phases / TURN
-        swing_share = 1.0 - self.duty
-        swing = fraction < swing_share
-        progress = np.where(swing, fraction / swing_share, (fraction - swing_share) / self.duty)
-        return LegCycle(swing, progress)
+
+def places(phases: Floats, duty: Floats | float) -> LegCycle:
+    """Place in its cycle of a leg at a phase of its own, in [0, 2π) rad; shape of the phases."""
+    fraction, swing_share = phases / TURN, 1.0 - duty
+    swing = fraction < swing_share
+    return LegCycle(swing, np.where(swing, fraction / swing_share, (fraction - swing_share) / duty))
 
 
 def smoothstep(progress: Floats) -> Floats:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from policies.memory import Memory, per_robot
+
 Frames = NDArray[np.float32]
 LONGEST = 10.0
 """s that can be remembered."""
@@ -36,23 +38,19 @@ class Inputs:
         return len(self.lags) + len(self.averages)
 
 
-class History:
+class History(Memory):
     """The past frames of n robots, each of so many numbers. A robot's first frame stands for all before it."""
+
+    _past: Frames = per_robot(lambda history: np.zeros((history._longest + 1, history._size), np.float32), axis=1)
+    _averages: Frames = per_robot(lambda history: np.zeros((len(history._rates), history._size), np.float32), axis=1)
+    _new: NDArray[np.bool_] = per_robot(True)
 
     def __init__(self, inputs: Inputs, width: int, control_period: float) -> None:
         self.width = width * inputs.frames
         """Numbers of a row."""
         self._lags = [max(round(lag / control_period), 1) for lag in inputs.lags]
         self._rates = [np.float32(-math.expm1(-control_period / time)) for time in inputs.averages]
-        self._frame_width = width
-        self.reset(1)
-
-    def reset(self, num_envs: int) -> None:
-        """Forget everything, of so many robots."""
-        shape = (num_envs, self._frame_width)
-        self._past: Frames = np.zeros((max(self._lags, default=0) + 1, *shape), np.float32)
-        self._averages: Frames = np.zeros((len(self._rates), *shape), np.float32)
-        self._new, self._now = np.ones(num_envs, np.bool_), 0
+        self._longest, self._size, self._now = max(self._lags, default=0), width, 0
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
         """Forget everything of the robots where the mask, (n,), is true."""

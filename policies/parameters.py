@@ -45,6 +45,22 @@ class Parameters:
                 raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
 
 
+@dataclass(frozen=True)
+class CommandMap(Parameters):
+    """What to ask of a gait so that the robot achieves its command; see `policies.gait_cycle.mapped`."""
+
+    forward_gain: float = number(1.0, limits=(-100.0, 100.0))
+    """Gait's forward velocity per commanded."""
+    forward_bias: float = number(0.0, limits=(-100.0, 100.0), unit="m/s ahead")
+    """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
+    lateral_gain: float = number(1.0, limits=(-100.0, 100.0))
+    """Gait's lateral velocity per commanded."""
+    yaw_gain: float = number(1.0, limits=(-100.0, 100.0))
+    """Gait's yaw rate per commanded."""
+    yaw_per_lateral: float = number(0.0, limits=(-100.0, 100.0), unit="1/m ahead")
+    """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
+
+
 def scaled_parameters(parameters: P, robot: Robot) -> P:
     """SimpleQuad's parameters for a robot, by dynamic similarity. Raises PolicyError for one of a size beyond any."""
     values = ((each.name, each.metadata["unit"], getattr(parameters, each.name)) for each in fields(parameters))

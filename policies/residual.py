@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Floats, GaitedPolicy, Policy, within_limits
 from policies.history import History, Inputs
+from policies.memory import Memory, per_robot
 from policies.network import Network
 from quad_env.robots.robot import Robot
 from quad_env.task.observations import observation_table
@@ -20,32 +21,24 @@ def authority_of(robot: Robot, hip: float = 0.15, joint: float = 0.3) -> Actions
     return np.tile(np.array([hip, joint, joint], np.float32), len(robot.leg_names))
 
 
-class Features:
+class Features(Memory):
     """What the network over a base sees of n robots, about unit size.
 
     The scaled observation; over a gaited base the sine and cosine of its phase, and its action minus the home pose;
-    sine and cosine of a clock of its own; what is remembered of the scaled observations before.
+    sine and cosine of a clock of its own; what is remembered of the scaled observations before. The base is reset by
+    who uses it.
     """
+
+    ticks: Floats = per_robot(0.0)
+    """Observations that each robot has been seen with since it began, (n,)."""
 
     def __init__(self, base: Policy, inputs: Inputs = PRESENT) -> None:
         self.base, self.inputs = base, inputs
         self._table = observation_table(base.robot)
         self._history = History(inputs, self._table.size, base.control_period)
-        self.ticks = np.zeros(1)
-        """Observations that each robot has been seen with since it began, (n,)."""
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
         self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
         """Numbers of a row."""
-
-    def reset(self, num_envs: int) -> None:
-        """Forget the past, of so many robots; the base is reset by who uses it."""
-        self._history.reset(num_envs)
-        self.ticks = np.zeros(num_envs)
-
-    def reset_where(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the past of the robots where the mask, (n,), is true."""
-        self._history.reset_where(mask)
-        self.ticks[mask] = 0.0
 
     def see(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
         """Features (n, `width`) of observations (n, k) that the base has just answered with its action, (n, 12)."""
@@ -79,9 +72,9 @@ def _home(robot: Robot) -> Actions:
 class ResidualPolicy(Policy):
     """base + authority · network(features); with a zero correction its base, bit for bit. Its robot is its base's."""
 
-    correction: NDArray[np.float32]
+    correction: NDArray[np.float32] = per_robot(lambda policy: np.zeros(policy.robot.num_joints, np.float32))
     """The latest correction, in shares of the authority, -1 … 1, shape (n, 12); zero before the first action."""
-    base_action: Actions
+    base_action: Actions = per_robot(lambda policy: _home(policy.robot))
     """The base's latest action, rad, shape (n, 12); the home pose before the first."""
 
     def __init__(
@@ -118,17 +111,10 @@ class ResidualPolicy(Policy):
         """Restart the policy, base included, for `num_envs` robots."""
         super().reset(num_envs, seed)
         self.base.reset(num_envs, seed)
-        self.features.reset(num_envs)
-
-    def _allocate(self, num_envs: int) -> None:
-        self.correction = np.zeros((num_envs, self.robot.num_joints), np.float32)
-        self.base_action = np.tile(_home(self.robot), (num_envs, 1))
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
+        super()._restart(mask)
         self.base.reset_where(mask)
-        self.features.reset_where(mask)
-        self.correction = np.where(mask[:, None], np.float32(0.0), self.correction)
-        self.base_action = np.where(mask[:, None], _home(self.robot), self.base_action)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self.base_action = self.base.act(observation)

@@ -39,20 +39,20 @@ class Base(NamedTuple):
 
 
 BASES: dict[str, Base] = {
-    "bound": Base(partial(Gaits, "bound", name="bound"), GaitParameters),
+    "bound": Base(partial(Gaits, "bound"), GaitParameters),
     "crouch": Base(Crouch),
     "document": Base(Document, PrintedGait),
     "document_repaired": Base(DocumentRepaired, PrintedGait),
     "gaits": Base(Gaits, GaitParameters),
     "mpc": Base(Mpc, MpcParameters),
     "mpc_wbc": Base(MpcWbc, MpcParameters),
-    "pace": Base(partial(Gaits, "pace", name="pace"), GaitParameters),
-    "pronk": Base(partial(Gaits, "pronk", name="pronk"), GaitParameters),
+    "pace": Base(partial(Gaits, "pace"), GaitParameters),
+    "pronk": Base(partial(Gaits, "pronk"), GaitParameters),
     "stand": Base(Stand),
     "trot": Base(Trot, TrotParameters),
     "trot_feedback": Base(TrotFeedback, FeedbackParameters),
     "trot_integral": Base(TrotIntegral, IntegralParameters),
-    "walk": Base(partial(Gaits, "walk", name="walk"), GaitParameters),
+    "walk": Base(partial(Gaits, "walk"), GaitParameters),
 }
 """Bases by name."""
 

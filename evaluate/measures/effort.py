@@ -5,17 +5,7 @@ Upright steps after the first second alone, NaN without one.
 
 import numpy as np
 
-from evaluate.measures.averages import (
-    Bools,
-    Floats,
-    Recorded,
-    count,
-    over_steps,
-    quotient,
-    total,
-    upright_mean,
-    upright_share,
-)
+from evaluate.measures.averages import Bools, Floats, Recorded, count, quotient, total, upright_mean, upright_share
 from evaluate.measures.episodes import Episodes
 
 ENERGY_RULE, ENERGY_1 = "energy/2", "energy/1"
@@ -100,7 +90,7 @@ def residual_use(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
     correction, counted = episodes.correction[episodes.settling :], upright[episodes.settling :]
     motion = np.diff(episodes.base_action[episodes.settling - 1 :].astype(np.float64), axis=0)
     directed = (np.abs(motion) >= SLOW * episodes.dt) & (np.abs(correction) >= SLIGHT)
-    directed &= over_steps(counted, correction)
+    directed &= counted[..., None]
     against = directed & (motion * correction < 0)
     return {
         "authority_used": upright_mean(np.abs(correction.astype(np.float64)).mean(axis=-1), counted),

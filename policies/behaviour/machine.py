@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Mask, chosen
 from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, conditions
+from policies.memory import Memory, per_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -14,33 +15,17 @@ for _number, _row in enumerate(TRANSITIONS):
 _TARGET = np.array([row.target for row in TRANSITIONS], np.int8)
 
 
-class BehaviourMachine:
+class BehaviourMachine(Memory):
     """States of n robots. `request` asks, `observe` looks and lets happen what happens by itself."""
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        start: State = State.STAND,
-        *,
-        robot: Robot = SIMPLE_QUAD,
-        control_period: float = CONTROL_PERIOD,
-    ) -> None:
-        self._robot, self._period, self._start = robot, control_period, start
-        self.reset(num_envs)
+    ticks: NDArray[np.int64] = per_robot(0)
+    """Control steps that each robot has been in its state, (n,)."""
+    _state: NDArray[np.int8] = per_robot(lambda machine: np.int8(machine._start))
+    _changed: Mask = per_robot(True)
+    _holds: Mask = per_robot(np.zeros(len(GUARDS), np.bool_))
 
-    def reset(self, num_envs: int) -> None:
-        """All robots at the start."""
-        self._state = np.full(num_envs, self._start, np.int8)
-        self.ticks = np.zeros(num_envs, np.int64)
-        """Control steps that each robot has been in its state, (n,)."""
-        self._changed = np.ones(num_envs, np.bool_)
-        self._conditions = {guard: np.zeros(num_envs, np.bool_) for guard in GUARDS}
-
-    def restart(self, mask: Mask) -> None:
-        """Restart those robots."""
-        self._enter(mask, self._start)
-        for holds in self._conditions.values():
-            holds[mask] = False
+    def __init__(self, start: State = State.STAND, robot: Robot = SIMPLE_QUAD, period: float = CONTROL_PERIOD) -> None:
+        self._start, self._robot, self._period = start, robot, period
 
     @property
     def state(self) -> NDArray[np.int8]:
@@ -59,33 +44,27 @@ class BehaviourMachine:
         if name not in REQUESTS:
             raise ValueError(f"unknown request {name!r}; valid: {', '.join(REQUESTS)}")
         asked = chosen(mask, len(self._state))
-        rows = self._rows(name, asked)
-        self._apply(rows)
-        return np.asarray(asked & (rows < 0))
+        return asked & ~self._take(name, asked)
 
     def observe(self, observation: NDArray[np.float32]) -> None:
         """One control step: look at the observations (n, k) and let happen what happens by itself."""
         self.ticks += 1
-        self._conditions = conditions(self._robot, self._period, observation, self._state, self.ticks)
-        self._apply(self._rows("", np.ones(len(self._state), np.bool_)))
+        holds = conditions(self._robot, self._period, observation, self._state, self.ticks)
+        self._holds = np.stack([holds[guard] for guard in GUARDS], axis=1)
+        self._take("", np.ones(len(self._state), np.bool_))
 
-    def _rows(self, request: str, asked: Mask) -> NDArray[np.int64]:
-        """Number of the row that each robot asked takes, (n,); -1 for none."""
+    def _take(self, request: str, asked: Mask) -> Mask:
+        """Let each robot asked take the first row of that request that applies to it; those that took one, (n,)."""
         taken = np.full(len(self._state), -1, np.int64)
         for number, row in reversed([*enumerate(TRANSITIONS)]):
             if row.request != request:
                 continue
             applies = asked & _SOURCE[number][self._state]
             if row.guard:
-                applies &= self._conditions[row.guard]
+                applies &= self._holds[:, GUARDS.index(row.guard)]
             taken[applies] = number
-        return taken
-
-    def _apply(self, rows: NDArray[np.int64]) -> None:
-        moving = rows >= 0
-        self._enter(moving, _TARGET[rows[moving]])
-
-    def _enter(self, mask: Mask, targets: NDArray[np.int8] | State) -> None:
-        self._state[mask] = targets
-        self.ticks[mask] = 0
-        self._changed[mask] = True
+        moving: Mask = taken >= 0
+        self._state[moving] = _TARGET[taken[moving]]
+        self.ticks[moving] = 0
+        self._changed[moving] = True
+        return moving

@@ -1,7 +1,6 @@
 """Motions of the legs with an end: each gives the targets of the robots in it, and can restart them."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,22 +8,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.base import Floats, Mask
 from policies.legs.kinematics import joint_angles, joint_targets, leg_height
+from policies.memory import Memory, per_robot
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
 Floating = NDArray[np.floating[Any]]
 
 
-class Motion(ABC):
+class Motion(Memory, ABC):
     """Joint targets over time for n robots; one robot's depend on its own starts and readings alone."""
+
+    _target: Floats = per_robot(lambda motion: motion._robot.home_pose)
+    _ticks: NDArray[np.int64] = per_robot(0)
 
     def __init__(self, robot: Robot, control_period: float) -> None:
         """`control_period`: time between two calls of `targets`, s."""
         self._robot, self._period = robot, control_period
-
-    def reset(self, num_envs: int) -> None:
-        """Make room for that many robots."""
-        self._target, self._ticks = np.tile(self._robot.home_pose, (num_envs, 1)), np.zeros(num_envs, np.int64)
 
     def start(self, mask: Mask, joints: Floats) -> None:
         """Start the motion of those robots from their joint angles (k, 12), rad."""
@@ -40,32 +39,6 @@ def approach(current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLi
     steps_left = np.maximum((np.asarray(duration) - elapsed) / control_period, 0.0) + 1.0
     nearer: Floats = current + (goal - current) / steps_left[:, None]
     return nearer
-
-
-HOLD_TIME = 0.4
-"""From the joints' pose to the home pose, s."""
-
-
-class Hold(Motion):
-    """The home pose, approached within `HOLD_TIME`."""
-
-    def reset(self, num_envs: int) -> None:
-        """Make room for that many robots."""
-        super().reset(num_envs)
-        self._elapsed = np.zeros(num_envs)
-
-    def start(self, mask: Mask, joints: Floats) -> None:
-        """Begin with those robots' joints."""
-        super().start(mask, joints)
-        self._elapsed[mask] = 0.0
-
-    def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
-        """Targets of those robots."""
-        home = np.broadcast_to(self._robot.home_pose, joints.shape)
-        target = approach(self._target[rows], home, self._elapsed[rows], HOLD_TIME, self._period)
-        self._target[rows] = target
-        self._elapsed[rows] += self._period
-        return target
 
 
 class Damp(Motion):
@@ -89,10 +62,7 @@ STOP_OUTWARD = 0.04
 class Stop(Motion):
     """A controlled stop: feet below the hips, trunk lowered slowly, then held there."""
 
-    def reset(self, num_envs: int) -> None:
-        """Make room for that many robots."""
-        super().reset(num_envs)
-        self._height = np.zeros(num_envs)
+    _height: Floats = per_robot(0.0)
 
     def start(self, mask: Mask, joints: Floats) -> None:
         """Begin with those robots' joints."""
@@ -114,45 +84,31 @@ class Stop(Motion):
         return self._target[rows]
 
 
-@dataclass(frozen=True)
-class Keyframe:
-    """Where every foot is and how it comes there."""
-
-    forward: float
-    """Foot ahead of its hip, m."""
-    height: float
-    """Hip above the foot's centre, m."""
-    duration: float
-    """Way there, s."""
-    hold: float = 0.0
-    """s there before the next."""
-
-
-def keyframes_of(robot: Robot) -> tuple[Keyframe, ...]:
-    """Crouch, thrust, flight and landing, stand.
+def keyframes_of(robot: Robot) -> tuple[tuple[float, float, float, float], ...]:
+    """Crouch, thrust, flight and landing, stand: every foot ahead of its hip, m, hip above the foot's centre, m, way
+    there, s, time there, s.
 
     From a random search for the least pitch at 0.165 m of rise or more: knees that all bend backward turn the trunk,
     and the feet behind the hips at take-off make up for part of it.
     """
     return (
-        Keyframe(0.007, 0.377, 0.35, 0.1),
-        Keyframe(-0.051, 0.551, 0.06, 0.02),
-        Keyframe(0.08, 0.422, 0.1, 0.58),
-        Keyframe(0.0, robot.home_height - robot.foot_depth + robot.hip_rise, 0.4),
+        (0.007, 0.377, 0.35, 0.1),
+        (-0.051, 0.551, 0.06, 0.02),
+        (0.08, 0.422, 0.1, 0.58),
+        (0.0, robot.home_height - robot.foot_depth + robot.hip_rise, 0.4, 0.0),
     )
 
 
-class Jump(Motion):
-    """Keyframes by the clock; the joint servos take the landing."""
+class Poses(Motion):
+    """Poses (p, 12), rad, by the clock: from the joints at the start to each in its `durations`, s, and there for its
+    `holds`, s."""
 
-    def __init__(self, robot: Robot, control_period: float) -> None:
+    def __init__(
+        self, robot: Robot, control_period: float, poses: Floats, durations: ArrayLike, holds: ArrayLike
+    ) -> None:
         super().__init__(robot, control_period)
-        keyframes = keyframes_of(robot)
-        feet = [[(key.forward, side * robot.hip_offset, -key.height) for side in robot.side] for key in keyframes]
-        self._poses = joint_angles(robot, feet).reshape(len(keyframes), -1)
-        self._durations = np.array([key.duration for key in keyframes])
-        ends = np.cumsum([key.duration + key.hold for key in keyframes])
-        self._begins = np.concatenate(([0.0], ends[:-1]))
+        self._poses, self._durations = poses, np.asarray(durations)
+        self._begins = np.concatenate(([0.0], np.cumsum(self._durations + holds)[:-1]))
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
         """Targets of those robots."""
@@ -163,3 +119,20 @@ class Jump(Motion):
         self._target[rows] = target
         self._ticks[rows] += 1
         return target
+
+
+HOLD_TIME = 0.4
+"""From the joints' pose to the home pose, s."""
+
+
+def hold(robot: Robot, control_period: float) -> Poses:
+    """The home pose, approached within `HOLD_TIME`."""
+    return Poses(robot, control_period, robot.home_pose[None], [HOLD_TIME], [0.0])
+
+
+def jump(robot: Robot, control_period: float) -> Poses:
+    """Keyframes by the clock; the joint servos take the landing."""
+    forwards, heights, durations, holds = np.transpose(keyframes_of(robot))
+    pairs = zip(forwards, heights, strict=True)
+    feet = [[(forward, side * robot.hip_offset, -height) for side in robot.side] for forward, height in pairs]
+    return Poses(robot, control_period, joint_angles(robot, feet).reshape(len(feet), -1), durations, holds)

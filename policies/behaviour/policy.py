@@ -5,9 +5,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, to_actions
 from policies.behaviour.machine import BehaviourMachine
-from policies.behaviour.motion import Damp, Hold, Jump, Motion
+from policies.behaviour.motion import Damp, Motion, hold, jump
 from policies.behaviour.recovery import Recovery
 from policies.behaviour.transitions import State
+from policies.memory import per_robot
 from policies.trot.open_loop import Trot
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
@@ -35,6 +36,8 @@ class Behaviour(Policy):
 
     name = "behaviour"
     stiff_servos = True
+    _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
+    _was_moving: Mask = per_robot(False)
 
     def __init__(
         self,
@@ -48,13 +51,13 @@ class Behaviour(Policy):
         robot = self.robot
         self._gait = Trot(robot=robot, control_period=control_period)
         self._follow = follow
-        self.machine = BehaviourMachine(start=start, robot=robot, control_period=control_period)
-        self._motions: tuple[tuple[State, Motion], ...] = (
-            (State.FALL, Damp(robot, control_period)),
-            (State.STAND, Hold(robot, control_period)),
-            (State.RECOVER, Recovery(robot, control_period)),
-            (State.JUMP, Jump(robot, control_period)),
-        )
+        self.machine = BehaviourMachine(start, robot, control_period)
+        self._motions: dict[State, Motion] = {
+            State.FALL: Damp(robot, control_period),
+            State.STAND: hold(robot, control_period),
+            State.RECOVER: Recovery(robot, control_period),
+            State.JUMP: jump(robot, control_period),
+        }
         self._allocate(1)
 
     @property
@@ -67,18 +70,12 @@ class Behaviour(Policy):
         return self.machine.request(name, mask)
 
     def _allocate(self, num_envs: int) -> None:
-        self.machine.reset(num_envs)
+        super()._allocate(num_envs)
         self._gait.reset(num_envs)
-        for _, motion in self._motions:
-            motion.reset(num_envs)
-        self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
-        self._was_moving = np.zeros(num_envs, np.bool_)
 
     def _restart(self, mask: Mask) -> None:
-        self.machine.restart(mask)
+        super()._restart(mask)
         self._gait.reset_where(mask)
-        self._targets[mask] = self.robot.home_pose
-        self._was_moving[mask] = False
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self.machine.observe(observation)
@@ -88,7 +85,7 @@ class Behaviour(Policy):
         rows = observation.astype(np.float64)
         joints = rows[:, OBSERVATION["joint_position"]] + self.robot.home_pose
         targets = self._gait_targets(observation, state)
-        for behaviour, motion in self._motions:
+        for behaviour, motion in self._motions.items():
             within = state == behaviour
             if within.any():
                 if (entering := within & changed).any():

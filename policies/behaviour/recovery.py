@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from policies.base import Floats, Mask
 from policies.behaviour.motion import Motion, approach
 from policies.behaviour.transitions import POSE_TOLERANCE
+from policies.memory import per_robot
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
@@ -91,6 +92,11 @@ LEVEL = 0.9
 class Recovery(Motion):
     """Getting up from any pose."""
 
+    phase: NDArray[np.int64] = per_robot(0)
+    """`Phase` of each robot, (n,)."""
+    _left_lower: NDArray[np.int64] = per_robot(0)
+    """Whether its left side is the lower one."""
+
     def __init__(self, robot: Robot, control_period: float) -> None:
         super().__init__(robot, control_period)
         self._p = p = RecoveryParameters()
@@ -101,12 +107,6 @@ class Recovery(Motion):
         self._times = np.array(
             [SETTLE_TIME, p.gather_time, ROCK_TIME, p.kick_time, p.land_time, p.tuck_time, STAND_TIME]
         )
-
-    def reset(self, num_envs: int) -> None:
-        """Make room for that many robots."""
-        super().reset(num_envs)
-        self.phase, self._left_lower = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64)
-        """`Phase` of each robot, (n,), and whether its left side is the lower one."""
 
     def start(self, mask: Mask, joints: Floats) -> None:
         """Begin with those robots' joints."""

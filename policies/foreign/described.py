@@ -3,11 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, Mask, Policy, PolicyError, to_actions
+from policies.base import CONTROL_PERIOD, Actions, Floats, Policy, PolicyError, to_actions
 from policies.foreign import networks
 from policies.foreign.description import PolicyDescription
 from policies.foreign.joints import joints_of
 from policies.foreign.terms import Terms
+from policies.memory import per_robot
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -28,6 +29,9 @@ class DescribedPolicy(Policy):
     or the environment cannot have.
     """
 
+    _ticks: NDArray[np.int64] = per_robot(0)
+    _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
+
     def __init__(
         self,
         description: PolicyDescription,
@@ -45,17 +49,6 @@ class DescribedPolicy(Policy):
         self.height_scan = self._terms.height_scan
         self._networks = networks.load(description)
         self._allocate(1)
-
-    def _allocate(self, num_envs: int) -> None:
-        self._ticks = np.zeros(num_envs, np.int64)
-        self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
-        self._terms.allocate(num_envs)
-        self._networks.allocate(num_envs)
-
-    def _restart(self, mask: Mask) -> None:
-        self._ticks[mask] = 0
-        self._terms.restart(mask)
-        self._networks.restart(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         rows = observation.astype(np.float64)

@@ -32,6 +32,9 @@ TERMS: dict[str, int | None] = {
 }
 """Names of observation terms, and how many numbers each has; None where the term's own settings say it."""
 
+OF_JOINTS = "default_position", "action_scale", "stiffness", "damping", "action_offset", "target_clip"
+"""Fields of a description with a value for each of its `joints`, in their order."""
+
 LONGEST_HISTORY, MOST_POINTS = 1000, 10_000
 """Control steps that a term may show, and points of a height scan."""
 _OWNERS = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
@@ -180,7 +183,7 @@ def _check(described: object, **counts: tuple[int, ...]) -> None:
             continue
         values = (value,) if allowed == (1,) else value
         many = isinstance(values, tuple) and len(values) in (allowed or (len(values) or 1,))
-        if not many or not all(map(_is_number, values)):
+        if not many or not all(map(is_number, values)):
             count = " or ".join(map(str, dict.fromkeys(allowed))) or "some"
             raise PolicyError(f"`{name}` must be {count} finite numbers, not {shortened(value)}")
         if name in _POSITIVE and (min(values) < 0 or (0 in values and name != "damping")):
@@ -191,12 +194,13 @@ def _check(described: object, **counts: tuple[int, ...]) -> None:
 
 
 def _check_range(name: str, value: object) -> None:
-    two = isinstance(value, tuple) and len(value) == 2 and all(map(_is_number, value))
+    two = isinstance(value, tuple) and len(value) == 2 and all(map(is_number, value))
     if value is not None and not (two and value[0] < value[1]):  # type: ignore[index]
         raise PolicyError(f"`{name}` must be a least and a largest value, not {shortened(value)}")
 
 
-def _is_number(value: object) -> bool:
+def is_number(value: object) -> bool:
+    """Whether it is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.foreign.described import with_gains
-from policies.foreign.description import PolicyDescription, Term
+from policies.foreign.description import OF_JOINTS, PolicyDescription, Term
 from policies.foreign.joints import joints_of
 from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.robot import Robot
@@ -21,8 +21,6 @@ Names = tuple[str, ...]
 ORDERS = SIDES, ENDS, GROUPING = "left and right", "fore and hind", "joints by kind or by leg"
 MISTAKES = (*ORDERS, FRAMES := "frame of velocities", GRAVITY := "sign of gravity", GAINS := "servo gains")
 """What may be the other way round, or another's."""
-IN_ORDER = "default_position", "action_scale", "stiffness", "damping", "action_offset", "target_clip"
-"""What a description gives in the order of its `joints`."""
 FACTORS = 0.2, 0.45, 2.2, 5.0
 """Of the described servo gains, where the policy's are not known."""
 _OTHER = {SIDES: str.maketrans("lr", "rl"), ENDS: str.maketrans("fh", "hf")}
@@ -88,7 +86,7 @@ def _reordered(described: PolicyDescription, mistakes: Names, robot: Robot) -> I
     kind, words = " and ".join(mistakes), order_of(joints, robot)
     yield Correction(kind, f"the joint order {words}", "`joints`", alone)
     moved = [described.joints.index(name) for name in joints]
-    figures: dict[str, Any] = {name: getattr(described, name) for name in IN_ORDER}
+    figures: dict[str, Any] = {name: getattr(described, name) for name in OF_JOINTS}
     figures = {name: values and tuple(values[place] for place in moved) for name, values in figures.items()}
     if (together := replace(alone, **figures)) != alone:
         words = f"joints and their figures in the order {words}"

@@ -18,6 +18,7 @@ from policies.base import Mask, PolicyError
 from policies.foreign.description import PolicyDescription
 from policies.foreign.onnx_file import acting, session_of
 from policies.foreign.python_file import Act
+from policies.memory import Memory
 from quad_env.columns import Rows
 from quad_env.files.text import described
 
@@ -25,7 +26,7 @@ Weights = NDArray[np.float32]
 LONGEST_REASON = 300
 
 
-class Networks:
+class Networks(Memory):
     """The network of a description, for n robots.
 
     Args:
@@ -35,13 +36,13 @@ class Networks:
 
     def __init__(self, make: Callable[[], Act], remembers: bool) -> None:
         self._make, self.remembers = make, remembers
-        self.allocate(1)
+        self.reset(1)
 
-    def allocate(self, num_envs: int) -> None:
+    def reset(self, num_envs: int) -> None:
         """Fresh memories for so many robots."""
         self._acts = [self._make() for _ in range(num_envs)] if self.remembers else [self._make()] * num_envs
 
-    def restart(self, mask: Mask) -> None:
+    def reset_where(self, mask: Mask) -> None:
         """Fresh memories for those robots."""
         for robot in np.flatnonzero(mask).tolist() if self.remembers else ():
             self._acts[robot] = self._make()

@@ -97,17 +97,13 @@ def _residual(file: Path, description: str, act: Act, robot: Robot) -> ResidualP
     onnx = package("onnx")
     tensors = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer}
     found = parsed(file, description.encode())
-
-    def network(inputs: int, outputs: int) -> Network:
-        network = network_of(file, found["network"], tensors, inputs, outputs)
-        try:
-            off = _difference(act, network, PROBES)
-        except Exception as error:
-            raise PolicyError(f"the network in {file} fails: {described(error)}") from error
-        if not off <= TOLERANCE:
-            raise PolicyError(f"the network in {file} is not the one that its metadata describes; export it again")
-        return network
-
+    network = network_of(file, found["network"], tensors)
+    try:
+        off = _difference(act, network, PROBES)
+    except Exception as error:
+        raise PolicyError(f"the network in {file} fails: {described(error)}") from error
+    if not off <= TOLERANCE:
+        raise PolicyError(f"the network in {file} is not the one that its metadata describes; export it again")
     return assembled(file, found, network, robot)
 
 

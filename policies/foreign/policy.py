@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, PolicyError, within_limits
+from policies.base import CONTROL_PERIOD, Actions, Mask, Policy, PolicyError, within_limits
 from policies.foreign.described import with_gains
 from policies.foreign.description import PolicyDescription
 from policies.foreign.reference import checked
 from policies.foreign.served import PATIENCE_AT_FIRST, SIGNALS, Answer, Served, serve
 from policies.foreign.terms import scan_of
-from policies.safety.watchdog import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
+from policies.foreign.watched import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -34,23 +34,15 @@ class Foreign(Policy):
         reference: names it.
         robot: whose joints it moves; its own `robot` has the servo gains of its description.
         trust: whether a file may be loaded in which code can be hidden.
-        description: in place of what the file says of how its network is run.
 
-    Raises PolicyError, one line, for what is no policy.
+    The attributes named in SIGNALS are its policy's, None where this has none. Raises PolicyError, one line, for what
+    is no policy.
     """
 
     failure: NDArray[np.object_]
     """Why the policy failed each robot, (n,); None where it has not."""
     description: PolicyDescription | None = None
     """How its network is run; None of a policy that acts on our observation by itself."""
-    phase: Floats | None
-    """Its clock, rad, (n,); None without one."""
-    correction: NDArray[np.float32] | None
-    """Of a residual, in shares of the authority, (n, 12); None of others."""
-    base_action: Actions | None
-    """Of a residual's base, rad, (n, 12); None of others."""
-    stopped: NDArray[np.bool_] | None
-    """Which robots it has stopped itself, (n,); None if it does not report that."""
 
     def __init__(
         self,
@@ -59,9 +51,8 @@ class Foreign(Policy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         trust: bool = False,
-        description: PolicyDescription | None = None,
     ) -> None:
-        robot, found = robot_of(robot), checked(reference, trust, description)
+        robot, found = robot_of(robot), checked(reference, trust)
         if found.description is not None:
             robot, self.description = with_gains(robot, found.description), found.description
             self.height_scan = scan_of(found.description)
@@ -69,15 +60,23 @@ class Foreign(Policy):
         self.name = str(reference)
         self.sha256 = hashlib.sha256(found.content).hexdigest()
         served = partial(serve, found, robot=robot, control_period=control_period, deadline=DEADLINE)
-        make: Any = partial(_on_stderr, served)  # a Served answers as a Policy does
-        self._process = Watched(make, name=self.name, robot=self.robot, control_period=control_period)
-        self._stepped = False
-        _try_out(self._process)
+        self._process, self._stepped = Watched(partial(_on_stderr, served)), False
+        self._try_out()
         self._allocate(1)
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy, such as one for another process, has no process yet."""
         return vars(self) | {"_stepped": False}
+
+    def _try_out(self) -> None:
+        """Raise PolicyError where the policy cannot be loaded, or gives no actions."""
+        try:
+            self._process.ask(("reset", 1, None), START_TIMEOUT)
+        except (DeadlineMissed, PolicyProcessError) as error:
+            reason = str(error).removeprefix("PolicyError: ")
+            raise PolicyError(reason if reason != str(error) else f"cannot load {self.name}: {reason}") from None
+        finally:
+            self._process.close()
 
     def close(self) -> None:
         """End its process; `reset` begins another."""
@@ -129,17 +128,6 @@ class Foreign(Policy):
         for robot, reason in failures.items():
             if self.failure[robot] is None:
                 self.failure[robot] = reason
-
-
-def _try_out(process: Watched) -> None:
-    """Raise PolicyError where the policy of that process cannot be loaded, or gives no actions."""
-    try:
-        process.ask(("reset", 1, None), START_TIMEOUT)
-    except (DeadlineMissed, PolicyProcessError) as error:
-        reason = str(error).removeprefix("PolicyError: ")
-        raise PolicyError(reason if reason != str(error) else f"cannot load {process.name}: {reason}") from None
-    finally:
-        process.close()
 
 
 def _on_stderr(make: Callable[[], Served]) -> Served:

@@ -75,18 +75,16 @@ def _read(text: str | Path) -> Reference:
     return Reference(Path(file), name) if colon and file.lower().endswith(".py") else Reference(Path(text))
 
 
-def checked(text: str | Path, trust: bool, description: PolicyDescription | None = None) -> Reference:
-    """What a text names, wherever the process that loads it stands, if it is there and may be loaded.
-
-    A description given stands for that of the file. Raises PolicyError, which says what is missing.
-    """
+def checked(text: str | Path, trust: bool) -> Reference:
+    """What a text names, wherever the process that loads it stands, if it is there and may be loaded. Raises
+    PolicyError, which says what is missing."""
     reference = _read(text)
     _check_file(reference.file)
     if reference.suffix == ".py" and not reference.name:
         raise PolicyError(f"name the policy in {reference.file} after a colon, as in {reference.file}:MyPolicy")
     found = replace(reference, file=reference.file.absolute())
     if found.suffix in DESCRIBED:
-        found = replace(found, description=description or _description(reference.file))
+        found = replace(found, description=_description(reference.file))
     loaded = found.file if found.description is None else found.description.network
     if loaded.suffix.lower() in (".zip", ".pt") and not trust:
         raise PolicyError(

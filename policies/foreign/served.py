@@ -12,13 +12,14 @@ from policies.foreign import onnx_file, python_file, sb3_file
 from policies.foreign.described import DescribedPolicy
 from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
-from policies.safety.watchdog import still_at_work
+from policies.foreign.watched import still_at_work
 from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import table_with
 
 SIGNALS = ("phase", "correction", "base_action", "stopped")
-"""Signals that some policies report, (n, …)."""
+"""Signals that some policies report: phase of the clock, rad, (n,); of a residual the correction, in shares of its
+authority, and its base's joint targets, rad, (n, 12) each; which robots it has stopped itself, (n,)."""
 PATIENCE_AT_FIRST = 6
 """How many deadlines the first call may last, in which some compile themselves."""
 LONGEST_REASON = 200
@@ -78,9 +79,6 @@ class Served:
         reason = self.reset(1, 0).get(0) or self._ask(self._acts[0], shown, wanted)[1]
         if reason is not None:
             raise PolicyError(f"{reference} must give an action {wanted} for an observation {shown.shape}; it {reason}")
-
-    def check_fits(self, robot: Robot, control_period: float) -> None:
-        """Nothing, for `serve` has checked it."""
 
     def reset(self, num_envs: int, seed: int | None) -> dict[int, str]:
         """Restart the policy for so many robots; why it failed, by robot."""

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from policies.base import Floats, Mask, PolicyError
 from policies.foreign.description import HeightGrid, PolicyDescription, Term
 from policies.foreign.joints import joints_of
-from policies.legs.level_frame import level_frame, vector
+from policies.legs.level_frame import level_frame
+from policies.memory import Memory, per_robot
 from policies.mpc.contact import ContactSense
 from policies.mpc.motion import motion
 from policies.mpc.parameters import TROT, parameters_of
@@ -35,7 +36,7 @@ Seen = dict[str, Floats]
 reset, 0 at the first; `action`, the previous one; `contact` of the robot's feet."""
 
 
-class Terms:
+class Terms(Memory):
     """Observations of n robots.
 
     Args:
@@ -43,6 +44,14 @@ class Terms:
         robot: whose observations they are, with the servo gains in force.
         control_period: of the environment, s.
     """
+
+    action: Floats = per_robot(lambda terms: np.zeros(len(terms._description.joints)))
+    """The previous action of each robot as the policy is shown it, (n, 12); to be renewed after each action."""
+    _yaw: Floats = per_robot(0.0)
+    _turning: Mask = per_robot(False)
+    _steps: NDArray[np.int64] = per_robot(0)
+    _history: Floats = per_robot(lambda terms: np.zeros(_shape(terms._description)))
+    _contact: Mask = per_robot(np.zeros(4, np.bool_))
 
     def __init__(self, description: PolicyDescription, robot: Robot, control_period: float) -> None:
         self._description, self._robot, self._period = description, robot, control_period
@@ -57,26 +66,6 @@ class Terms:
         if any(term.name == "foot_contact" for term in description.terms):
             self._contacts = ContactSense(robot, parameters_of(TROT, robot), control_period)
             self._dynamics = Dynamics(robot)
-        self.allocate(1)
-
-    def allocate(self, num_envs: int) -> None:
-        """Fresh state for so many robots."""
-        d = self._description
-        self._yaw, self._turning = np.zeros(num_envs), np.zeros(num_envs, np.bool_)
-        self._steps = np.zeros(num_envs, np.int64)
-        self.action = np.zeros((num_envs, len(d.joints)))
-        """The previous action of each robot as the policy is shown it, (n, 12); to be renewed after each action."""
-        self._history = np.zeros((num_envs, *_shape(d)))
-        self._contact = np.zeros((num_envs, len(self._robot.leg_names)), np.bool_)
-        if self._contacts is not None:
-            self._contacts.allocate(num_envs)
-
-    def restart(self, mask: Mask) -> None:
-        """Fresh state for those robots."""
-        for state in (self._yaw, self._turning, self._steps, self.action, self._history):
-            state[mask] = 0
-        if self._contacts is not None:
-            self._contacts.restart(mask)
 
     def track(self, observation: Floats) -> None:
         """Take in the control step that led to the environment's observations, (n, k): turns and contacts."""
@@ -142,7 +131,7 @@ def _turned(body: Floats, frame: str, seen: Seen) -> Floats:
     """Vectors of the body in a frame, (m, 3)."""
     if frame == "body":
         return body
-    x, y, z = level_frame(seen["projected_gravity"].T).to_level(vector(body.T))
+    x, y, z = level_frame(seen["projected_gravity"].T).to_level(body.T)
     if frame == "world":
         cosine, sine = np.cos(seen["yaw"]), np.sin(seen["yaw"])
         x, y = cosine * x - sine * y, sine * x + cosine * y

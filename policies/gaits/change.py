@@ -1,24 +1,29 @@
 """The way of n robots from one gait's numbers and phase offsets to another's, each robot at its own time."""
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from policies.gait_cycle import TURN, Floats, smoothstep
+from policies.memory import Memory, per_robot
 
 CHANGE_TIME = 1.0
 """From one gait to another, s."""
 _ROUNDING = 1e-9
 
 
-class GaitChange:
-    """Values (n, k) and phase offsets (n, 4), rad, that go smoothly from old ones to new ones; all start settled."""
+class GaitChange(Memory):
+    """Values (n, k) and phase offsets (n, 4), rad, that go smoothly from old ones to new ones; all start settled at
+    `values`, (k,), and `offsets`, (4,)."""
 
-    def __init__(self, values: Floats, offsets: Floats, control_period: float) -> None:
-        self._step = control_period / CHANGE_TIME
-        self._old = self.goal = values
-        """The values that the robots are sent to, (n, k)."""
-        self._old_offsets = self._new_offsets = offsets
-        self._share: Floats = np.ones(len(values))
+    goal: Floats = per_robot(lambda change: change._values)
+    """The values that the robots are sent to, (n, k)."""
+    _old: Floats = per_robot(lambda change: change._values)
+    _old_offsets: Floats = per_robot(lambda change: change._offsets)
+    _new_offsets: Floats = per_robot(lambda change: change._offsets)
+    _share: Floats = per_robot(1.0)
+
+    def __init__(self, values: Floats, offsets: ArrayLike, control_period: float) -> None:
+        self._step, self._values, self._offsets = control_period / CHANGE_TIME, values, offsets
 
     @property
     def values(self) -> Floats:

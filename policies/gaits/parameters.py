@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from policies.gait_cycle import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
-from policies.parameters import Parameters, from_json, number, read, scaled_parameters
+from policies.parameters import CommandMap, from_json, number, read, scaled_parameters
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import WIDE
@@ -33,7 +33,7 @@ BEYOND = 10.0
 
 
 @dataclass(frozen=True)
-class GaitParameters(Parameters):
+class GaitParameters(CommandMap):
     """Numbers of one gait; a robot that changes gait goes through all values between."""
 
     frequency: float = number(3.0, limits=(0.05, 50.0), unit="Hz")
@@ -60,16 +60,6 @@ class GaitParameters(Parameters):
     """Share of its mean load whose give in the joint servos the targets of a standing leg make up for."""
     servo_lead: float = number(0.01, limits=(0.0, 1.0), unit="s")
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
-    forward_gain: float = number(1.0, limits=(-10.0, 10.0))
-    """Gait's forward velocity per commanded."""
-    forward_bias: float = number(0.0, limits=(-10.0, 10.0), unit="m/s ahead")
-    """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
-    lateral_gain: float = number(1.0, limits=(-10.0, 10.0))
-    """Gait's lateral velocity per commanded."""
-    yaw_gain: float = number(1.0, limits=(-10.0, 10.0))
-    """Gait's yaw rate per commanded."""
-    yaw_per_lateral: float = number(0.0, limits=(-100.0, 100.0), unit="1/m ahead")
-    """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
     forward_limit: float = number(BEYOND, limits=(0.01, 100.0), unit="m/s")
     """Fastest forward command that the gait follows, m/s; asked for more it goes the same way more slowly: `slowed`."""
     backward_limit: float = number(BEYOND, limits=(0.01, 100.0), unit="m/s")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, Mask, chosen, flat_joints, to_actions
-from policies.gait_cycle import TURN, Floats, LegCycle, mapped
+from policies.gait_cycle import TURN, Floats, LegCycle, mapped, places
 from policies.gaits.change import GaitChange
 from policies.gaits.parameters import (
     GAITS,
@@ -30,9 +30,9 @@ from policies.gaits.parameters import (
 )
 from policies.legs.foot_path import cycloid, hip_height, load
 from policies.legs.kinematics import held_up, leg_angles
+from policies.memory import per_robot
 from quad_env import OBSERVATION
 from quad_env.config import GRAVITY
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -74,38 +74,46 @@ class Gaits(GaitedPolicy):
     """Steps in the gait asked for; `request` changes it, for all robots or some. A reset puts them in the home pose.
 
     Args:
-        gait: the gait after a reset, one of `gait_parameters.GAITS`.
-        name: the policy's name.
+        gait: the gait after a reset, one of `gait_parameters.GAITS`; the policy has its name if it is not the trot.
         parameters: of every gait that steps by name; None for the searched ones.
     """
 
-    swing: Mask
+    swing: Mask = per_robot(np.zeros(4, np.bool_))
     """Which feet are to be in the air, (n, 4)."""
     duty: Floats
     """Duty factor in force, (n,)."""
     clock_rate: Floats
     """Gait cycles a second in force, Hz, (n,)."""
-    _change: GaitChange
-    _gait: NDArray[np.int64]
+    _gait: NDArray[np.int64] = per_robot(GAITS.index(STAND))
+    _command: Floats = per_robot(np.zeros(3))
+    _window: Mask = per_robot(np.zeros(4, np.bool_))
+    _x: Floats = per_robot(np.zeros(4))
+    _y: Floats = per_robot(lambda policy: policy._foot_y)
+    _left_x: Floats = per_robot(np.zeros(4))
+    _left_y: Floats = per_robot(lambda policy: policy._foot_y)
+    _joints: Floats = per_robot(lambda policy: policy.robot.home_pose)
 
     def __init__(
         self,
         gait: str = "trot",
-        name: str = "gaits",
         parameters: Mapping[str, GaitParameters] | None = None,
         *,
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        robot = robot_of(robot)
+        super().__init__(robot=robot, control_period=control_period)
+        robot = self.robot
         _known(gait)
-        self.name = name
+        self.name = "gaits" if gait == "trot" else gait
         searched = searched_parameters(robot) if parameters is None else parameters
         self.parameters = {STAND: stand_parameters(robot), **searched}
         self.frequency = self.parameters[gait].frequency
         self.leg_offsets = _offsets(robot, gait)
         self._first = gait
-        super().__init__(robot=robot, control_period=control_period)
+        stand = row(self.parameters[STAND])
+        self._foot_y = robot.side * stand[INDEX["stance_width"]] / 2.0 - robot.hip_positions[:, 1]
+        self._change = GaitChange(stand, _offsets(robot, "walk"), control_period)
+        self._allocate(1)
 
     @property
     def gait(self) -> NDArray[np.str_]:
@@ -134,26 +142,14 @@ class Gaits(GaitedPolicy):
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
-        self._gait = np.zeros(num_envs, np.int64)
-        self._change = GaitChange(np.zeros((num_envs, len(NAMES))), np.zeros((num_envs, 4)), self.control_period)
-        self._command = np.zeros((num_envs, 3))
-        self._window = self.swing = np.zeros((num_envs, 4), np.bool_)
-        self._x = self._y = self._left_x = self._left_y = np.zeros((num_envs, 4))
-        self._joints = np.zeros((num_envs, self.robot.num_joints))
-        self._restart(np.ones(num_envs, np.bool_))
+        self._set_out(np.ones(num_envs, np.bool_))
 
     def _restart(self, mask: Mask) -> None:
         super()._restart(mask)
-        rows = mask[:, None]
-        stand = row(self.parameters[STAND])
-        foot_y = self.robot.side * stand[INDEX["stance_width"]] / 2.0 - self.robot.hip_positions[:, 1]
-        self._change.place(mask, stand, np.array(_offsets(self.robot, "walk")))
-        self._gait = np.where(mask, GAITS.index(STAND), self._gait)
-        self._command = np.where(rows, 0.0, self._command)
-        self._window, self.swing = self._window & ~rows, self.swing & ~rows
-        self._left_x, self._x = np.where(rows, 0.0, self._left_x), np.where(rows, 0.0, self._x)
-        self._left_y, self._y = np.where(rows, foot_y, self._left_y), np.where(rows, foot_y, self._y)
-        self._joints = np.where(rows, self.robot.home_pose, self._joints)
+        self._set_out(mask)
+
+    def _set_out(self, mask: Mask) -> None:
+        """Send robots that stand to the first gait."""
         self.clock_rate, self.duty = stepping(self.robot, self._change.values, self._command)
         self._send(self._first, mask)
 
@@ -198,10 +194,10 @@ class Gaits(GaitedPolicy):
         """Advance the clock by a tick, and lift and put down the feet that are due."""
         self.clock_rate, self.duty = stepping(self.robot, values, self._command)
         self._phase = (self._phase + TURN * self.control_period * self.clock_rate) % TURN
-        fraction = ((self._phase[:, None] + self.offsets) % TURN) / TURN
+        phases = (self._phase[:, None] + self.offsets) % TURN
         rate, duty = self.clock_rate[:, None], self.duty[:, None]
-        window = fraction < 1.0 - duty
-        progress = np.where(window, fraction / (1.0 - duty), (fraction - (1.0 - duty)) / duty)
+        cycle = places(phases, duty)
+        window = cycle.swing
         # To stand, a foot that is down and in its place stays down; to set out, it lifts at the start of its own swing.
         staying = (self._standing & self._change.settled & (self._command == 0.0).all(axis=1))[:, None]
         starting = window & ~self._window & ~(staying & self._in_place(values))
@@ -209,9 +205,9 @@ class Gaits(GaitedPolicy):
         self._left_x = np.where(starting, self._x, self._left_x)
         self._left_y = np.where(starting, self._y, self._left_y)
         self._window, self.swing = window, swing
-        to_side = self.robot.side * np.cos(TURN * (fraction - 0.5 * (1.0 - duty)))
+        to_side = self.robot.side * np.cos(TURN * (phases / TURN - 0.5 * (1.0 - duty)))
         sway = 0.5 * (to_side[:, 0] + to_side[:, 1] + to_side[:, 2] + to_side[:, 3])
-        return Beat(LegCycle(window, progress), (1.0 - duty) / rate, duty / rate, sway[:, None])
+        return Beat(cycle, (1.0 - duty) / rate, duty / rate, sway[:, None])
 
     def _in_place(self, values: Floats) -> Mask:
         """Which feet are where they belong at rest, (n, 4)."""

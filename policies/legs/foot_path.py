@@ -4,7 +4,7 @@ A stride carries the foot from +1/2 to -1/2 of its length at constant speed in s
 leaves the ground with the velocity that the stance ended with and lands with the velocity that the next one starts
 with, so a foot that moves with the ground neither scuffs at lift-off nor brakes at touch-down.
 
-Footholds are in the level frame (see `policies.legs.level_frame`), legs first: arrays (4, n), of robots (n,).
+Footholds are in the level frame (see `policies.legs.level_frame`), forward and to the left: arrays (2, 4, n).
 """
 
 import numpy as np
@@ -64,49 +64,44 @@ def hip_height(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce:
     return height
 
 
-Planar = tuple[Floats, Floats]
-
 REACH_FORWARD = 0.22
 """Farthest that a foot is put ahead of or behind its neutral point, m."""
 REACH_LATERAL = 0.12
 """Farthest to its side, m: the hip turns by half a radian."""
 
 
-def passing(x: Floats, y: Floats, velocity: Vector) -> Planar:
-    """Velocity of the ground under the trunk at feet (4, n), for a trunk's velocity (n,) each: -(v + ω × r)."""
+def passing(feet: Floats, velocity: Vector) -> Floats:
+    """Velocity of the ground under the trunk at feet, for a trunk's velocity (n,) each: -(v + ω × r)."""
     forward, lateral, yaw_rate = velocity
-    return yaw_rate * y - forward, -yaw_rate * x - lateral
+    return np.stack((yaw_rate * feet[1] - forward, -yaw_rate * feet[0] - lateral))
 
 
 def raibert(
-    neutral: Planar, velocity: Vector, stance_time: Floats | float, errors: Vector, gains: tuple[float, float, float]
-) -> Planar:
+    neutral: Floats, velocity: Vector, stance_time: Floats | float, errors: Vector, gains: tuple[float, float, float]
+) -> Floats:
     """Footholds half a stance ahead of the neutral points, and further by gain · error, the yaw's about the trunk."""
-    x, y = neutral
-    passed_x, passed_y = passing(x, y, velocity)
-    half = 0.5 * stance_time
     forward, lateral, turn = gains
-    error_x, error_y, error_yaw = errors
-    return (
-        x - half * passed_x + forward * error_x - turn * error_yaw * y,
-        y - half * passed_y + lateral * error_y + turn * error_yaw * x,
-    )
+    further = np.stack((forward * errors[0], lateral * errors[1]))
+    about = turn * errors[2] * np.stack((-neutral[1], neutral[0]))
+    footholds: Floats = neutral - 0.5 * stance_time * passing(neutral, velocity) + further[:, None] + about
+    return footholds
 
 
-def captured(error: Planar, threshold: float, gain: float) -> Planar:
-    """How much further out a step is put to catch a push: gain · what a velocity error is beyond the threshold."""
+def captured(error: Floats, threshold: float, gain: float) -> Floats:
+    """How much further out a step is put to catch a push, (2, n): gain · what a velocity error is beyond the
+    threshold."""
     x, y = error
     size = np.sqrt(x * x + y * y)
-    share = gain * np.maximum(size - threshold, 0.0) / np.maximum(size, 1e-9)
-    return share * x, share * y
+    further: Floats = gain * np.maximum(size - threshold, 0.0) / np.maximum(size, 1e-9) * error
+    return further
 
 
-def within_reach(x: Floats, y: Floats, neutral: Planar) -> Planar:
+def within_reach(feet: Floats, neutral: Floats) -> Floats:
     """Feet drawn in to the ellipse about their neutral points that the legs reach."""
-    away_x, away_y = x - neutral[0], y - neutral[1]
-    size = np.sqrt((away_x / REACH_FORWARD) ** 2 + (away_y / REACH_LATERAL) ** 2)
-    share = 1.0 / np.maximum(size, 1.0)
-    return neutral[0] + share * away_x, neutral[1] + share * away_y
+    x, y = away = feet - neutral
+    size = np.sqrt((x / REACH_FORWARD) ** 2 + (y / REACH_LATERAL) ** 2)
+    drawn: Floats = neutral + 1.0 / np.maximum(size, 1.0) * away
+    return drawn
 
 
 def swung(start: Floats, end: Floats, slope: Floats, progress: Floats) -> Floats:

@@ -4,7 +4,6 @@ Everything is in the level frame (see `policies.legs.level_frame`), legs along t
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
 from policies.legs.level_frame import Vector
@@ -19,24 +18,15 @@ Plane = tuple[Floats, Floats, Floats]
 """Height at the trunk's x, y (relative to the trunk's centre, m) and rise per metre forward and to the left; (n,)."""
 
 
-def carried(prints: Vector, velocity: Vector, yaw_rate: Floats, period: float) -> Vector:
-    """Footprints one period of `period` s later: they pass under a trunk that moves and turns, m."""
-    x, y, z = prints
+def carried(prints: Floats, velocity: Vector | Floats, yaw_rate: Floats, period: float) -> Floats:
+    """Footprints, (3, 4, n), m, one period of `period` s later: they pass under a trunk that moves and turns."""
+    x, y, _ = prints
     forward, lateral, vertical = velocity
-    return (
-        x - period * (forward - yaw_rate * y),
-        y - period * (lateral + yaw_rate * x),
-        z - period * vertical,
-    )
+    passed = np.broadcast_arrays(forward - yaw_rate * y, lateral + yaw_rate * x, vertical)
+    return prints - period * np.stack(passed)
 
 
-def renewed(prints: Vector, feet: Vector, standing: NDArray[np.bool_]) -> Vector:
-    """Footprints, those of the standing legs where these feet are now."""
-    x, y, z = (np.where(standing, foot, old) for foot, old in zip(feet, prints, strict=True))
-    return x, y, z
-
-
-def fitted(prints: Vector) -> Plane:
+def fitted(prints: Floats) -> Plane:
     """Least-squares plane through the footprints."""
     x, y, z = prints
     mean_x, mean_y, mean_z = (0.25 * total(values) for values in prints)
@@ -56,7 +46,7 @@ def at(plane: Plane, x: Floats, y: Floats) -> Floats:
     return there
 
 
-def above(plane: Plane, prints: Vector) -> Floats:
+def above(plane: Plane, prints: Floats) -> Floats:
     """Height of each footprint above the plane, m, (4, n)."""
-    x, y, z = prints
-    return z - at(plane, x, y)
+    height: Floats = prints[2] - at(plane, prints[0], prints[1])
+    return height

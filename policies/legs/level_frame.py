@@ -1,6 +1,7 @@
 """The level frame: origin at the trunk's centre, x along the trunk's heading, z up; and what a robot measures in it.
 
-It is the contract's heading frame with a vertical axis. Vectors are tuples of three arrays that broadcast.
+It is the contract's heading frame with a vertical axis. Vectors are tuples of three arrays that broadcast, or arrays
+(3, …).
 """
 
 from typing import NamedTuple
@@ -13,13 +14,6 @@ from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
 Vector = tuple[Floats, Floats, Floats]
-
-
-def vector(components: Floats) -> Vector:
-    """The three components along the first axis, (3, …)."""
-    x, y, z = components
-    return x, y, z
-
 
 _NO_HEADING = 1e-6
 """Length of the horizontal part of the trunk's x axis below which it has no heading."""
@@ -46,7 +40,7 @@ class LevelFrame(NamedTuple):
         """Turn about +y, rad: positive with the nose down; (n,)."""
         return -np.arcsin(np.clip(self.up_x, -1.0, 1.0))
 
-    def to_level(self, vector: Vector) -> Vector:
+    def to_level(self, vector: Vector | Floats) -> Vector:
         """A base-frame vector in the level frame.
 
         The level axes in the base frame are z = up, y = up × x / |up × x| and x = y × z.
@@ -113,7 +107,7 @@ def motion(observation: Floats) -> tuple[LevelFrame, Vector, Floats]:
     """Attitude, velocity of the trunk's centre in the level frame, m/s, and yaw rate about the vertical, rad/s, of
     observations (k, n)."""
     frame = level_frame(observation[OBSERVATION["projected_gravity"]])
-    velocity, turn = (vector(observation[OBSERVATION[name]]) for name in ("linear_velocity", "angular_velocity"))
+    velocity, turn = (observation[OBSERVATION[name]] for name in ("linear_velocity", "angular_velocity"))
     return frame, frame.to_level(velocity), frame.up_x * turn[0] + frame.up_y * turn[1] + frame.up_z * turn[2]
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from policies.gait_cycle import Floats, LegCycle
-from policies.legs.memory import at_first_a_mean, taken_in
+from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
 from quad_env.columns import Mask
@@ -41,35 +41,24 @@ _SINGULAR = 1e-4
 """Added to the squared Jacobian of a leg, m²: a straight leg shows no force along itself."""
 
 
-class ContactSense:
+class ContactSense(Memory):
     """Contact estimates of n robots, updated at every control period."""
+
+    wrench: Floats = per_robot(np.zeros(6))
+    """Smoothed, that no foot explains: force in the level frame, N, and moment about the trunk's centre in the base
+    frame, N·m, (n, 6)."""
+    grip: Floats = per_robot(lambda sense: sense._parameters.friction)
+    """Friction that is relied on, (n,)."""
+    _known: Mask = per_robot(False)
+    _before: Floats = per_robot(np.zeros(18 + 12))
+    _looks: Floats = per_robot(0.0)
+    _sliding: Mask = per_robot(np.zeros(4, np.bool_))
 
     def __init__(self, robot: Robot, parameters: MpcParameters, period: float) -> None:
         self._robot, self._parameters, self._period = robot, parameters, period
         p = parameters
         self._shares = np.full(6, taken_in(period, p.disturbance_time))
         self._shares[2] = taken_in(period, p.load_time)
-        self.allocate(1)
-
-    def allocate(self, num_envs: int) -> None:
-        """Fresh state for so many robots."""
-        self._known = np.zeros(num_envs, np.bool_)
-        self._before = np.zeros((num_envs, 18 + 12))
-        self._looks = np.zeros(num_envs)
-        self._sliding = np.zeros((num_envs, 4), np.bool_)
-        self.wrench = np.zeros((num_envs, 6))
-        """Smoothed, that no foot explains: force in the level frame, N, and moment about the trunk's centre in the base
-        frame, N·m, (n, 6)."""
-        self.grip = np.full(num_envs, self._parameters.friction)
-        """Friction that is relied on, (n,)."""
-
-    def restart(self, mask: Mask) -> None:
-        """Fresh state for those robots."""
-        self._known &= ~mask
-        self._looks[mask] = 0.0
-        self._sliding[mask] = False
-        self.wrench[mask] = 0.0
-        self.grip[mask] = self._parameters.friction
 
     def estimate(self, motion: Motion, weight: Floats) -> Floats:
         """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`.

@@ -71,14 +71,6 @@ def footholds(
     return aim
 
 
-class Swing(NamedTuple):
-    """Where swinging feet are to be and how they are to move, relative to the trunk; (n, 4, 3), m, m/s, m/s²."""
-
-    place: Floats
-    velocity: Floats
-    acceleration: Floats
-
-
 def swing(
     p: MpcParameters,
     start: Floats,
@@ -88,8 +80,9 @@ def swing(
     time: Floats,
     period: float,
     ground: Terrain,
-) -> Swing:
-    """The swing at that progress, (n, 4), from `start` to `aim`, (n, 4, 2).
+) -> tuple[Floats, Floats, Floats]:
+    """Place, velocity and acceleration of feet at that progress, (n, 4), of a swing from `start` to `aim`, (n, 4, 2),
+    relative to the trunk; (n, 4, 3) each, m, m/s, m/s².
 
     It leaves and lands with the velocity of the ground, `passing`, (n, 4, 2), m/s, and ends a little below it. `time`:
     of a swing, (n,), s; the acceleration is the mean one over a control period from now on.
@@ -107,7 +100,7 @@ def swing(
         return (at(t + _NEAR) - at(t - _NEAR)) / (2.0 * _NEAR * time[:, None, None])
 
     now, then = speed(progress), speed(progress + step)
-    return Swing(at(progress), now, (then - now) / period)
+    return at(progress), now, (then - now) / period
 
 
 def arms(

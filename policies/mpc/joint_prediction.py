@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
+from policies.memory import Memory, per_robot
 from quad_env import OBSERVATION
 from quad_env.columns import Mask
 
@@ -17,23 +18,16 @@ SPEED_GAIN = 90.0
 """Correction of the speed per error of the angle that was predicted, 1/s; 100 would be that of one control step."""
 
 
-class JointPrediction:
+class JointPrediction(Memory):
     """Joints of n robots that are shown `late` control steps late, of `period`, s, each."""
+
+    _known: Mask = per_robot(False)
+    _angles: Floats = per_robot(np.zeros(12))
+    _speeds: Floats = per_robot(np.zeros(12))
+    _planned: Floats = per_robot(lambda joints: np.zeros((joints._late, 12)), axis=1)
 
     def __init__(self, late: int, period: float) -> None:
         self._late, self._period = late, period
-        self.allocate(1)
-
-    def allocate(self, num_envs: int) -> None:
-        """Fresh state for so many robots."""
-        self._known = np.zeros(num_envs, np.bool_)
-        self._angles, self._speeds = np.zeros((2, num_envs, 12))
-        self._planned = np.zeros((self._late, num_envs, 12))
-
-    def restart(self, mask: Mask) -> None:
-        """Fresh state for those robots."""
-        self._known &= ~mask
-        self._speeds[mask], self._planned[:, mask] = 0.0, 0.0
 
     def now(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The observations, (n, k), with joints as they are now; themselves where they are not late."""

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
 from policies.legs.ground_plane import above
-from policies.legs.level_frame import vector
-from policies.legs.memory import at_first_a_mean, taken_in
+from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
 from policies.mpc.motion import Motion, motion
 from policies.mpc.reading_noise import GROUPS, SENSED, ReadingNoise
 from policies.mpc.servo_step import landing, response
@@ -54,37 +53,29 @@ FAR = 10.0
 """How far below an unseen ground is, m."""
 
 
-class Observer:
+class Observer(Memory):
     """Observes n robots, control step by control step of `period` s."""
+
+    listening: Mask = per_robot(True)
+    """Robots that stand until the noise of their readings is known, (n,)."""
+    delays: NDArray[np.int64] = per_robot(0)
+    """Control steps from the reading on which a target rests to when it takes effect, (n,)."""
+    _unexplained: Floats = per_robot(np.zeros(LONGEST + 1), axis=1)
+    _targets: Floats = per_robot(lambda observer: np.tile(observer._robot.home_pose, (LONGEST + 1, 1)), axis=1)
+    _standing: Mask = per_robot(np.ones((LONGEST + 1, 4), np.bool_), axis=1)
+    _ground: Floats = per_robot(-FAR)
+    _doubt: Floats = per_robot(np.zeros(3))
+    _joint_doubt: Floats = per_robot(np.zeros((2, 2)))
 
     def __init__(self, robot: Robot, dynamics: Dynamics, period: float) -> None:
         self._robot, self._dynamics, self._period = robot, dynamics, period
         self._noise = ReadingNoise(period)
-        self.allocate(1)
+        self.reset(1)
 
-    def allocate(self, num_envs: int) -> None:
-        """Fresh state for so many robots."""
-        self._noise.allocate(num_envs)
-        self.listening = np.ones(num_envs, np.bool_)
-        """Robots that stand until the noise of their readings is known, (n,)."""
-        self.delays = np.zeros(num_envs, np.int64)
-        """Control steps from the reading on which a target rests to when it takes effect, (n,)."""
-        self._unexplained = np.zeros((LONGEST + 1, num_envs))
-        self._targets = np.zeros((LONGEST + 1, num_envs, self._robot.num_joints))
-        self._standing = np.zeros((LONGEST + 1, num_envs, 4), np.bool_)
-        self._ground = np.zeros(num_envs)
-        self._doubt, self._joint_doubt = np.zeros((num_envs, 3)), np.zeros((num_envs, 2, 2))
+    def reset(self, num_envs: int) -> None:
+        """Fresh memory of so many robots."""
+        super().reset(num_envs)
         self._read: Motion | None = None
-        self.restart(np.ones(num_envs, np.bool_))
-
-    def restart(self, mask: Mask) -> None:
-        """Fresh state for those robots."""
-        self._noise.restart(mask)
-        self.delays[mask] = 0
-        self._unexplained[:, mask] = 0.0
-        self._targets[:, mask], self._standing[:, mask] = self._robot.home_pose, True
-        self._ground[mask] = -FAR
-        self._doubt[mask], self._joint_doubt[mask] = 0.0, 0.0
 
     @property
     def looks(self) -> NDArray[np.int64]:
@@ -187,7 +178,7 @@ def carried(robot: Robot, now: Motion, velocity: Floats, period: float) -> Float
 def _above(now: Motion, slope: Floats) -> Floats:
     """Height of the feet above the plane of that slope through the trunk's centre, (n, 4), m."""
     forward, lateral = slope
-    return above((np.zeros(len(forward)), forward, lateral), vector(now.bodies.feet.T)).T
+    return above((np.zeros(len(forward)), forward, lateral), now.bodies.feet.T).T
 
 
 def _replaced(whole: P, rows: Rows, part: P) -> P:

@@ -7,6 +7,7 @@ do, those share the wrench that the planned forces have about the centre of mass
 import numpy as np
 
 from policies.gait_cycle import Floats
+from policies.memory import Memory, per_robot
 from policies.mpc.rigid_body import Friction
 from quad_env.columns import Ids, Mask, Rows
 from quad_env.physics.rotations import skew
@@ -17,27 +18,18 @@ _TICK = 1e-6
 """Rounding of a clock, s."""
 
 
-class Plans:
+class Plans(Memory):
     """Plans of n robots for N steps of `period` s; at first every foot bears a quarter of `weight`, N, for ever."""
+
+    forces: Floats = per_robot(lambda plans: np.tile([0.0, 0.0, 0.25 * plans._weight], (plans._steps, 4, 1)))
+    """Level frame, N."""
+    age: Floats = per_robot(np.inf)
+    """Time since the forces were found, (n,), s."""
+    _stands: Mask = per_robot(lambda plans: np.ones((plans._steps, 4), np.bool_))
+    _moments: Floats = per_robot(lambda plans: np.zeros((plans._steps, 3)))
 
     def __init__(self, steps: int, period: float, weight: float) -> None:
         self._steps, self._period, self._weight = steps, period, weight
-        self.allocate(1)
-
-    def allocate(self, num_envs: int) -> None:
-        """Fresh state for so many robots."""
-        self.forces = np.zeros((num_envs, self._steps, 4, 3))
-        """Level frame, N."""
-        self.age = np.zeros(num_envs)
-        """Time since the forces were found, (n,), s."""
-        self._stands = np.zeros((num_envs, self._steps, 4), np.bool_)
-        self._moments = np.zeros((num_envs, self._steps, 3))
-        self.restart(np.ones(num_envs, np.bool_))
-
-    def restart(self, mask: Mask) -> None:
-        """Fresh state for those robots."""
-        self.forces[mask] = [0.0, 0.0, 0.25 * self._weight]
-        self._stands[mask], self._moments[mask], self.age[mask] = True, 0.0, np.inf
 
     def advance(self, time: float) -> None:
         """So many s have passed."""
@@ -83,7 +75,7 @@ def shared(wrench: Floats, standing: Mask, arms: Floats, friction: Friction) -> 
     square = np.matmul(per_force, per_force.transpose(0, 2, 1)) + _SINGULAR * np.eye(6)
     share = np.linalg.solve(square, wrench[..., None])
     forces = np.matmul(per_force.transpose(0, 2, 1), share).reshape(count, 4, 3)
-    up = np.clip(forces[..., 2], friction.least[:, None], friction.most[:, None])
+    up = np.clip(forces[..., 2], 0.0, friction.most[:, None])
     across = friction.share[:, None, None] * up[..., None]
     drawn = np.concatenate((np.clip(forces[..., :2], -across, across), up[..., None]), axis=-1)
     return np.where(standing[..., None], drawn, 0.0)

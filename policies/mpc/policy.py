@@ -11,9 +11,8 @@ from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
 from policies.behaviour.motion import Stop
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.gaits.parameters import OFFSETS
-from policies.legs.ground_plane import above, carried, fitted, renewed
-from policies.legs.level_frame import vector
-from policies.legs.memory import taken_in
+from policies.legs.ground_plane import above, carried, fitted
+from policies.memory import per_robot, taken_in
 from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
 from policies.mpc.footing import Ground, Terrain, arms, footholds, swing
 from policies.mpc.joint_prediction import JointPrediction
@@ -23,12 +22,11 @@ from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import Plans
 from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
-from policies.mpc.whole_body import Priorities, Torques, Wish, leg_torques, torques
+from policies.mpc.whole_body import Torques, Wish, leg_torques, torques
 from quad_env import OBSERVATION
 from quad_env.columns import Mask, Rows, total
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, table_with
@@ -60,6 +58,20 @@ class Mpc(GaitedPolicy):
 
     name = "mpc"
     stiff_servos = False  # targets carry their torques; soft servos yield at impacts
+    failures: NDArray[np.int64] = per_robot(0)
+    """Programs of each robot without a solution since its start, (n,); it then goes on with the last plan."""
+    stopped: Mask = per_robot(False)
+    """Robots that it has given up and stopped, (n,)."""
+    _new: Mask = per_robot(True)
+    _lost: Mask = per_robot(False)
+    _unsolved: NDArray[np.int64] = per_robot(0)
+    _swinging: Mask = per_robot(np.zeros(4, np.bool_))
+    _start: Floats = per_robot(np.zeros((4, 2)))
+    _prints: Floats = per_robot(np.zeros((3, 4)), axis=2)
+    _slope: Floats = per_robot(np.zeros(2), axis=1)
+    _frequencies: Floats = per_robot(lambda policy: policy.frequency)
+    _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
+    _seen: NDArray[np.float32] = per_robot(lambda policy: policy._at_rest)
 
     def __init__(
         self,
@@ -70,7 +82,8 @@ class Mpc(GaitedPolicy):
         control_period: float = CONTROL_PERIOD,
         late: int = 0,
     ) -> None:
-        robot = robot_of(robot)
+        super().__init__(robot=robot, control_period=control_period)
+        robot = self.robot
         in_force = parameters_of(gait, robot)
         if gait != TROT:
             self.name = f"{self.name}_{gait}"
@@ -96,43 +109,6 @@ class Mpc(GaitedPolicy):
         self.sense = ContactSense(robot, p, control_period)
         self._joints = JointPrediction(late, control_period)
         self.observer = Observer(robot, self._dynamics, control_period)
-        super().__init__(robot=robot, control_period=control_period)
-
-    def _allocate(self, num_envs: int) -> None:
-        super()._allocate(num_envs)
-        self.sense.allocate(num_envs)
-        self._joints.allocate(num_envs)
-        self.observer.allocate(num_envs)
-        self._new = np.ones(num_envs, np.bool_)
-        self._swinging = np.zeros((num_envs, 4), np.bool_)
-        self._start = np.zeros((num_envs, 4, 2))
-        self._prints = np.zeros((3, 4, num_envs))
-        self._slope = np.zeros((2, num_envs))
-        self._frequencies = np.full(num_envs, self.frequency)
-        self._plans.allocate(num_envs)
-        self._stop.reset(num_envs)
-        self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
-        self._seen = np.tile(self._at_rest, (num_envs, 1))
-        self._lost, self._unsolved = np.zeros(num_envs, np.bool_), np.zeros(num_envs, np.int64)
-        self.failures = np.zeros(num_envs, np.int64)
-        """Programs of each robot without a solution since its start, (n,); it then goes on with the last plan."""
-        self.stopped = np.zeros(num_envs, np.bool_)
-        """Robots that it has given up and stopped, (n,)."""
-        self._planned: tuple[Rows, Body, Floats] | None = None
-
-    def _restart(self, mask: Mask) -> None:
-        super()._restart(mask)
-        self.sense.restart(mask)
-        self._joints.restart(mask)
-        self.observer.restart(mask)
-        self._new |= mask
-        self._swinging[mask] = False
-        self._slope[:, mask] = 0.0
-        self._frequencies[mask] = self.frequency
-        self._plans.restart(mask)
-        self._targets[mask], self._seen[mask] = self.robot.home_pose, self._at_rest
-        self.failures[mask], self._unsolved[mask] = 0, 0
-        self._lost[mask] = self.stopped[mask] = False
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
@@ -201,9 +177,8 @@ class Mpc(GaitedPolicy):
 
     def _ground(self, now: Motion, landed: Mask) -> Ground:
         """The plane of the slope that the footprints have shown for a while, at the footprints' mean height."""
-        prints = carried(vector(self._prints), vector(now.velocity.T), now.turning[:, 2], self.control_period)
-        prints = renewed(prints, vector(now.bodies.feet.T), landed.T)
-        self._prints = np.stack(prints)
+        former = carried(self._prints, now.velocity.T, now.turning[:, 2], self.control_period)
+        self._prints = prints = np.where(landed.T, now.bodies.feet.T, former)
         _, *slope = fitted(prints)
         share = taken_in(self.control_period, self.parameters.slope_time)
         self._slope = self._slope + share * (np.clip(np.stack(slope), -STEEPEST, STEEPEST) - self._slope)
@@ -228,20 +203,20 @@ class Mpc(GaitedPolicy):
         body, yaw_rate = now.bodies.centre_velocity[:, None, :2], now.command[:, 2, None]
         passing = np.stack((yaw_rate * feet[..., 1], -yaw_rate * feet[..., 0]), axis=-1) - body
         time = (1.0 - p.duty) / self._frequencies
-        path = swing(p, self._start, aim, passing, cycle.progress, time, self.control_period, ground)
+        place, rate, acceleration = swing(
+            p, self._start, aim, passing, cycle.progress, time, self.control_period, ground
+        )
         spin = now.turning[:, 2, None]
         carried_along = np.stack(
             (
-                body[..., 0] - spin * path.place[..., 1],
-                body[..., 1] + spin * path.place[..., 0],
+                body[..., 0] - spin * place[..., 1],
+                body[..., 1] + spin * place[..., 0],
                 np.broadcast_to(now.velocity[:, 2:], (len(spin), 4)),
             ),
             axis=-1,
         )
         swinging = (
-            path.acceleration
-            + p.swing_stiffness * (path.place - feet)
-            + p.swing_damping * (carried_along + path.velocity - velocity)
+            acceleration + p.swing_stiffness * (place - feet) + p.swing_damping * (carried_along + rate - velocity)
         )
         down = np.zeros_like(velocity)
         down[..., 2] = now.velocity[:, None, 2] - p.search_speed
@@ -297,13 +272,12 @@ class Mpc(GaitedPolicy):
             self._plans.renew(which, horizon.spread(value, stands[which]), stands[which], places[which])
             failed[which] = False
         self.failures += failed
-        self._planned = robots, body, places[robots]
         return failed
 
     def _friction(self, now: Motion) -> Friction:
         """Bounds of the forces of the robots' feet, by what they weigh with their load."""
         weight = now.bodies.mass * GRAVITY
-        return Friction(self.sense.grip, np.zeros(self.num_envs), self.parameters.most_force * weight)
+        return Friction(self.sense.grip, self.parameters.most_force * weight)
 
     def _aim(
         self,
@@ -351,9 +325,7 @@ class MpcWbc(Mpc):
     name = "mpc_wbc"
 
     def _torques(self, now: Motion, wish: Wish, push: Floats, friction: Friction) -> Torques:
-        p, limit = self.parameters, self.robot.rated_torque
-        priorities = Priorities(p.turning_priority, p.standing_priority, p.swinging_priority, p.force_priority)
-        found = torques(now.bodies, wish, push, friction, limit, priorities, self._solver)
+        found = torques(now.bodies, wish, push, friction, self.robot.rated_torque, self.parameters, self._solver)
         if (there := found.found[:, None]).all():
             return found
         self.failures += ~found.found

@@ -8,11 +8,11 @@ filters since Mehra, "On the identification of variances and adaptive Kalman fil
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
-from policies.legs.memory import at_first_a_mean, taken_in
+from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
 from quad_env import OBSERVATION
-from quad_env.columns import Mask
 
 GROUPS = tuple(
     OBSERVATION[name]
@@ -31,7 +31,7 @@ FIRST = 3
 """Looks before there are two second differences."""
 
 
-class ReadingNoise:
+class ReadingNoise(Memory):
     """Noise of what n robots are shown, control step by control step of `period` s.
 
     Args:
@@ -39,20 +39,13 @@ class ReadingNoise:
         quiet: standard deviations that these seem to have without noise, (m,).
     """
 
+    looks: NDArray[np.int64] = per_robot(0)
+    """Readings that each robot has had since its start, (n,)."""
+    _last: Floats = per_robot(lambda noise: np.zeros((3, max(group.stop for group in noise._groups))), axis=1)
+    _seeming: Floats = per_robot(lambda noise: np.zeros(len(noise._groups)))
+
     def __init__(self, period: float, groups: Sequence[slice] = GROUPS, quiet: Floats = QUIET) -> None:
         self._share, self._groups, self._quiet = taken_in(period, TIME), tuple(groups), quiet
-        self.allocate(1)
-
-    def allocate(self, num_envs: int) -> None:
-        """Fresh state for so many robots."""
-        self.looks = np.zeros(num_envs, np.int64)
-        """Readings that each robot has had since its start, (n,)."""
-        self._last = np.zeros((3, num_envs, max(group.stop for group in self._groups)))
-        self._seeming = np.zeros((num_envs, len(self._groups)))
-
-    def restart(self, mask: Mask) -> None:
-        """Fresh state for those robots."""
-        self.looks[mask], self._seeming[mask] = 0, 0.0
 
     def variances(self, readings: Floats) -> Floats:
         """Of each group, (n, m), after these readings as well, (n, k)."""

@@ -71,8 +71,6 @@ class Friction(NamedTuple):
 
     share: Floats
     """Largest horizontal force along each axis, per vertical; (n,)."""
-    least: Floats
-    """Vertical, (n,), N."""
     most: Floats
     """Vertical, (n,), N."""
 
@@ -205,5 +203,5 @@ def friction_rows(feet: int, friction: Friction) -> tuple[Floats, Floats, Floats
     rows[:, across, up] = -friction.share[:, None, None]
     lower, upper = np.full((2, len(rows), feet, 5), -np.inf)
     upper[..., :4] = 0.0
-    lower[..., 4], upper[..., 4] = friction.least[:, None], friction.most[:, None]
+    lower[..., 4], upper[..., 4] = 0.0, friction.most[:, None]
     return rows, lower.reshape(len(rows), -1), upper.reshape(len(rows), -1)

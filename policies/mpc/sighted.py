@@ -8,14 +8,13 @@ from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions
 from policies.gait_cycle import Floats, smoothstep
-from policies.legs.memory import taken_in
+from policies.memory import per_robot, taken_in
 from policies.mpc.footing import Ground, Terrain
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import STEEPEST, MpcWbc
 from policies.mpc.reading_noise import ReadingNoise
 from quad_env.columns import Mask
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, HeightScan, table_with
@@ -119,6 +118,7 @@ class SightedMpcWbc(MpcWbc):
     """
 
     name = "mpc_wbc_sighted"
+    _level: Floats = per_robot(np.zeros(3), axis=1)
 
     def __init__(
         self,
@@ -129,21 +129,11 @@ class SightedMpcWbc(MpcWbc):
         late: int = 0,
         height_scan: HeightScan = SCAN,
     ) -> None:
-        robot = robot_of(robot)
         self.height_scan = self._scan = height_scan
-        self._shown = table_with(robot, height_scan).slices["height_scan"]
+        super().__init__(parameters, robot=robot, control_period=control_period, late=late)
+        self._shown = table_with(self.robot, height_scan).slices["height_scan"]
         points = slice(0, height_scan.grid[..., 0].size)
         self._scan_noise = ReadingNoise(control_period, [points], np.array([QUIET]))
-        super().__init__(parameters, robot=robot, control_period=control_period, late=late)
-
-    def _allocate(self, num_envs: int) -> None:
-        super()._allocate(num_envs)
-        self._scan_noise.allocate(num_envs)
-        self._level = np.zeros((3, num_envs))
-
-    def _restart(self, mask: Mask) -> None:
-        super()._restart(mask)
-        self._scan_noise.restart(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._heights = observation[:, self._shown].astype(np.float64)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from policies.gait_cycle import Floats
+from policies.mpc.parameters import MpcParameters
 from policies.mpc.quadratic_program import Programs, Solver, solve
 from policies.mpc.rigid_body import Friction, alike, friction_rows
 from quad_env.columns import Mask, Rows
@@ -19,6 +20,8 @@ from quad_env.physics.dynamics import RigidBodies
 
 TRUNK = slice(3, 6)
 """Angular part of the generalised velocity."""
+OF_JOINTS, OF_BASE = 1e-5, 1e-6
+"""Weights of squared joint accelerations and of the trunk's, which make the program definite."""
 
 
 class Wish(NamedTuple):
@@ -32,23 +35,6 @@ class Wish(NamedTuple):
     """Of the standing feet, world frame, (n, 4, 3), N."""
     standing: Mask
     """(n, 4)."""
-
-
-class Priorities(NamedTuple):
-    """Weights of the squares of what is missed."""
-
-    turning: float
-    """Of the trunk's angular acceleration."""
-    standing: float
-    """Of the accelerations of feet that stand."""
-    swinging: float
-    """The same of feet that swing."""
-    force: float
-    """Of the feet's forces."""
-    joints: float = 1e-5
-    """Of joint accelerations, which makes the program definite."""
-    base: float = 1e-6
-    """Of the trunk's, for the same."""
 
 
 class Torques(NamedTuple):
@@ -68,13 +54,13 @@ def torques(
     wrench: Floats,
     friction: Friction,
     limit: float,
-    priorities: Priorities,
+    p: MpcParameters,
     solver: Solver = solve,
 ) -> Torques:
     """The programs of the bodies, solved; see `programs`."""
     count, size = bodies.bias.shape
     torque, acceleration, found = np.zeros((count, size - 6)), np.zeros((count, size - 6)), np.zeros(count, np.bool_)
-    for robots, each in programs(bodies, wish, wrench, friction, limit, priorities):
+    for robots, each in programs(bodies, wish, wrench, friction, limit, p):
         solutions = solver(each)
         needed = np.matmul(each.rows[:, 6:size], solutions.value[..., None])[..., 0]
         torque[robots] = np.where(solutions.solved[:, None], needed + bodies.bias[robots, 6:], 0.0)
@@ -84,7 +70,7 @@ def torques(
 
 
 def programs(
-    bodies: RigidBodies, wish: Wish, wrench: Floats, friction: Friction, limit: float, priorities: Priorities
+    bodies: RigidBodies, wish: Wish, wrench: Floats, friction: Friction, limit: float, p: MpcParameters
 ) -> Iterator[tuple[Rows, Programs]]:
     """Programs over generalised acceleration and forces of the standing feet, those of one shape together, with the
     robots whose they are. `wrench` pushes their trunks, (n, 6), N and N·m; `limit`: of a torque, N·m."""
@@ -103,13 +89,13 @@ def programs(
         contact = of_feet(bodies.jacobians, standing)
         forces = slice(size, size + contact.shape[1])
         diagonal = np.zeros(forces.stop)
-        diagonal[:size], diagonal[:6], diagonal[forces] = priorities.joints, priorities.base, priorities.force
-        diagonal[TRUNK] += priorities.turning
+        diagonal[:size], diagonal[:6], diagonal[forces] = OF_JOINTS, OF_BASE, p.force_priority
+        diagonal[TRUNK] += p.turning_priority
         hessian = np.tile(np.diag(diagonal), (group, 1, 1))
         gradient = np.zeros((group, forces.stop))
-        gradient[:, TRUNK] = -priorities.turning * wish.turning[robots]
-        gradient[:, forces] = -priorities.force * of_feet(wish.forces, standing)
-        for chosen, weight in ((standing, priorities.standing), (~standing, priorities.swinging)):
+        gradient[:, TRUNK] = -p.turning_priority * wish.turning[robots]
+        gradient[:, forces] = -p.force_priority * of_feet(wish.forces, standing)
+        for chosen, weight in ((standing, p.standing_priority), (~standing, p.swinging_priority)):
             turned = of_feet(bodies.jacobians, chosen).transpose(0, 2, 1)
             hessian[:, :size, :size] += weight * np.matmul(turned, turned.transpose(0, 2, 1))
             gradient[:, :size] -= weight * np.matmul(turned, of_feet(aims, chosen)[..., None])[..., 0]

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from policies.base import Floats, Mask
 from policies.gait_cycle import smoothstep
 from policies.legs.kinematics import joint_targets
+from policies.memory import Memory, per_robot
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
@@ -25,22 +26,17 @@ RELEASE_TIME = 0.15
 """From the brace to the policy's targets, s."""
 
 
-class Brace:
+class Brace(Memory):
     """How far each robot is braced while a fall is being caught: wholly until it is at rest, then less and less."""
+
+    share: Floats = per_robot(1.0)
+    """Share of the brace in the targets, (n,)."""
+    _rest_steps: NDArray[np.int64] = per_robot(0)
+    _released: Mask = per_robot(False)
 
     def __init__(self, robot: Robot, control_period: float) -> None:
         """`control_period`: time between two calls of `advance`, s."""
         self._robot, self._period = robot, control_period
-
-    def reset(self, num_envs: int) -> None:
-        """Make room for that many robots."""
-        self.share = np.ones(num_envs)
-        """Share of the brace in the targets, (n,)."""
-        self._rest_steps, self._released = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.bool_)
-
-    def start(self, mask: Mask) -> None:
-        """Brace those robots."""
-        self._rest_steps[mask], self._released[mask] = 0, False
 
     def advance(self, catching: Mask, alarm: Mask, observation: Floats) -> Mask:
         """One control step of the robots that are being caught; which of them, (n,), follow their policy again."""

@@ -1,7 +1,5 @@
 """A safety layer around any policy: failures end in a controlled stop, falls are caught, limits are kept."""
 
-from collections import deque
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -9,8 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.base import Actions, Floats, Mask, Policy, chosen, to_actions
 from policies.behaviour.motion import Damp, Motion, Stop
+from policies.memory import per_robot
 from policies.safety.brace import Brace
-from policies.safety.target_limits import SafetyLimits, limited
+from policies.safety.target_limits import SafetyLimits
 from quad_env import OBSERVATION
 from quad_env.files.text import described
 
@@ -32,7 +31,6 @@ TOO_FAR_OVER = "too far over"
 
 TOO_FAR = np.deg2rad(65.0)
 """Tilt past which no fall is caught and no stop is under control any more: 5° before the fall rule, `FallRule.tilt`."""
-LOG_CAPACITY = 4096
 ALARM_ABOVE = 0.8866
 """Velocity deviation, m/s, above which a fall is predicted: 0.2 m/s above the largest in an hour of the undisturbed
 trot."""
@@ -42,24 +40,21 @@ RECENT_TIME = 0.1
 """Time constant of the velocity of late, s: what a robot gains more slowly is no push."""
 
 
-@dataclass(frozen=True)
-class Event:
-    """One entry of the log."""
-
-    step: int
-    robot: int
-    mode: Mode
-    """From then on."""
-    reason: str
-
-
 class Safe(Policy):
-    """`policy` as long as it does well; read `mode` and `events()`.
+    """`policy` as long as it does well; read `mode` and `reason`.
 
     Args:
-        policy: what to guard; put it into `policies.safety.Watched` if it might hang.
+        policy: what to guard.
         limits: of every target.
     """
+
+    reason: NDArray[np.object_] = per_robot(np.array("", object))
+    """Why each robot came into its mode, (n,) of text; empty at the start."""
+    _mode: NDArray[np.int8] = per_robot(np.int8(Mode.FOLLOW))
+    _entered: Mask = per_robot(False)
+    _targets: Floats = per_robot(lambda layer: layer.robot.home_pose)
+    _reference: Floats = per_robot(np.zeros(2))
+    _recent: Floats = per_robot(np.zeros(2))
 
     def __init__(self, policy: Policy, limits: SafetyLimits | None = None) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
@@ -88,10 +83,6 @@ class Safe(Policy):
         """Which robots it has taken from the policy to stop them, (n,)."""
         return np.isin(self._mode, (Mode.STOP, Mode.DAMP))
 
-    def events(self) -> list[Event]:
-        """The latest changes of mode, oldest first."""
-        return list(self._log)
-
     def emergency_stop(self, mask: ArrayLike | None = None, *, damp: bool = False) -> None:
         """Stop those robots, all without a mask, from their next action on until a reset: under control, or damped."""
         self._enter(chosen(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, "emergency stop requested")
@@ -101,25 +92,11 @@ class Safe(Policy):
         super().reset(num_envs, seed)
         self.policy.reset(num_envs, seed)
 
-    def _allocate(self, num_envs: int) -> None:
-        self._step = 0
-        self._mode = np.zeros(num_envs, np.int8)
-        self._entered = np.zeros(num_envs, np.bool_)
-        self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
-        self._reference, self._recent = np.zeros((num_envs, 2)), np.zeros((num_envs, 2))
-        self._log = deque[Event](maxlen=LOG_CAPACITY)
-        self._brace.reset(num_envs)
-        for motion in self._motions.values():
-            motion.reset(num_envs)
-
     def _restart(self, mask: Mask) -> None:
-        self._enter(mask & (self._mode != Mode.FOLLOW), Mode.FOLLOW, "restarted")
-        self._targets[mask] = self.robot.home_pose
-        self._reference[mask], self._recent[mask] = 0.0, 0.0
+        super()._restart(mask)
         self.policy.reset_where(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        self._step += 1
         rows = observation.astype(np.float64)
         joints = rows[:, OBSERVATION["joint_position"]] + self.robot.home_pose
         self._watch(observation, rows)
@@ -136,7 +113,7 @@ class Safe(Policy):
                 targets[members] = motion.targets(members, rows[members], joints[members])
         self._entered[:] = False
         speeds = rows[:, OBSERVATION["joint_velocity"]]
-        self._targets = limited(self.robot, self.control_period, targets, self._targets, joints, speeds, self._limits)
+        self._targets = self._limits.kept(self.robot, self.control_period, targets, self._targets, joints, speeds)
         return to_actions(self.robot, self._targets)
 
     def _policy_targets(self, observation: NDArray[np.float32]) -> Floats:
@@ -180,8 +157,9 @@ class Safe(Policy):
         self._recent = next_recent(self._recent, observation, self.control_period)
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(TOO_FAR)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
-        self._brace.start(predicted)
-        self._enter(predicted, Mode.CATCH, "fall predicted")
+        if predicted.any():
+            self._brace.reset_where(predicted)
+            self._enter(predicted, Mode.CATCH, "fall predicted")
         catching = self._mode == Mode.CATCH
         if catching.any():
             self._enter(self._brace.advance(catching, alarm, rows), Mode.FOLLOW, "at rest again")
@@ -191,8 +169,7 @@ class Safe(Policy):
     def _enter(self, mask: Mask, mode: Mode, reason: str) -> None:
         self._mode[mask] = mode
         self._entered |= mask
-        for robot in np.flatnonzero(mask)[-LOG_CAPACITY:]:
-            self._log.append(Event(self._step, int(robot), Mode(self._mode[robot]), reason))
+        self.reason[mask] = reason
 
 
 def next_reference(reference: Floats, observation: NDArray[np.float32], control_period: float) -> Floats:

@@ -40,33 +40,24 @@ class SafetyLimits:
         if servo.curve is None:
             return cls(robot.rated_torque, delay=servo.delay)
         line = servo.curve.on(robot)
-        torque, speed = (
-            float(each[0]) if np.ptp(each) == 0.0 else each for each in (line.peak_torque, line.no_load_speed)
-        )
-        return cls(torque, no_load_speed=speed, delay=servo.delay)
+        return cls(line.peak_torque, no_load_speed=line.no_load_speed, delay=servo.delay)
 
+    def kept(
+        self, robot: Robot, period: float, targets: Floats, previous: Floats, joints: Floats, speeds: Floats
+    ) -> Floats:
+        """The targets nearest to those given, (n, 12) rad, that keep the limits; joints and speeds are the present
+        ones, `previous` the targets of `period` s ago.
 
-def limited(
-    robot: Robot,
-    control_period: float,
-    targets: Floats,
-    previous: Floats,
-    joints: Floats,
-    speeds: Floats,
-    limits: SafetyLimits,
-) -> Floats:
-    """The targets nearest to those given, (n, 12) rad, that keep the limits; joints and speeds are the present ones.
-
-    The torque limit comes last but for the joint range: it holds even where that means a jump of the target.
-    """
-    reach = limits.target_rate * control_period
-    targets = np.clip(targets, previous - reach, previous + reach)
-    targets = np.where(speeds > limits.joint_speed, np.minimum(targets, joints), targets)
-    targets = np.where(speeds < -limits.joint_speed, np.maximum(targets, joints), targets)
-    # A servo's torque is stiffness (target - angle) - damping · speed, and may lie anywhere within its limits.
-    damping, stiffness, share = robot.servo_damping * speeds, robot.servo_stiffness, speeds / limits.no_load_speed
-    backward, forward = (limits.torque * np.clip(1.0 + sign * share, 0.0, 1.0) for sign in (1.0, -1.0))
-    low, high = (damping - backward) / stiffness, (damping + forward) / stiffness
-    then = joints + limits.delay * speeds
-    targets = then + np.clip(targets - then, low, high)
-    return np.clip(targets, robot.joint_lower, robot.joint_upper)
+        The torque limit comes last but for the joint range: it holds even where that means a jump of the target.
+        """
+        reach = self.target_rate * period
+        targets = np.clip(targets, previous - reach, previous + reach)
+        targets = np.where(speeds > self.joint_speed, np.minimum(targets, joints), targets)
+        targets = np.where(speeds < -self.joint_speed, np.maximum(targets, joints), targets)
+        # A servo's torque is stiffness (target - angle) - damping · speed, and may lie anywhere within its limits.
+        damping, stiffness, share = robot.servo_damping * speeds, robot.servo_stiffness, speeds / self.no_load_speed
+        backward, forward = (self.torque * np.clip(1.0 + sign * share, 0.0, 1.0) for sign in (1.0, -1.0))
+        low, high = (damping - backward) / stiffness, (damping + forward) / stiffness
+        then = joints + self.delay * speeds
+        targets = then + np.clip(targets - then, low, high)
+        return np.clip(targets, robot.joint_lower, robot.joint_upper)

@@ -5,20 +5,20 @@ off it for good. Here the integral of the velocity error is added to the command
 """
 
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions
+from policies.base import Actions, Floats
 from policies.legs.level_frame import motion
-from policies.legs.memory import taken_in
+from policies.memory import per_robot, taken_in
 from policies.parameters import ParameterFile, number, search_ranges_of
 from policies.shipped import folder_of
 from policies.trot.open_loop import FILE as TROT_FILE
 from policies.trot.open_loop import Trot, TrotParameters, searched_parameters
 from quad_env import OBSERVATION
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import scaled
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -70,29 +70,16 @@ class TrotIntegral(Trot):
 
     name = "trot_integral"
     parameters: IntegralParameters
+    _expected: Floats = per_robot(np.zeros(3))
+    _integral: Floats = per_robot(np.zeros(3))
 
-    def __init__(
-        self,
-        parameters: IntegralParameters | None = None,
-        *,
-        robot: str | Robot = SIMPLE_QUAD,
-        control_period: float = CONTROL_PERIOD,
-    ) -> None:
-        robot = robot_of(robot)
-        own = parameters if parameters is not None else integral_parameters(robot)
-        # The same number is of m/s and of rad/s, which are not alike on other robots than SimpleQuad.
-        self._each = np.array([1.0, 1.0, scaled(robot, 1.0, "rad/s") / scaled(robot, 1.0, "m/s")])
-        self._gains = np.array([own.integral_gain, own.integral_gain, own.yaw_integral_gain])
-        super().__init__(own, robot=robot, control_period=control_period)
+    def _searched(self) -> IntegralParameters:
+        return integral_parameters(self.robot)
 
-    def _allocate(self, num_envs: int) -> None:
-        super()._allocate(num_envs)
-        self._expected, self._integral = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
-
-    def _restart(self, mask: NDArray[np.bool_]) -> None:
-        super()._restart(mask)
-        self._expected = np.where(mask[:, None], 0.0, self._expected)
-        self._integral = np.where(mask[:, None], 0.0, self._integral)
+    @cached_property
+    def _each(self) -> Floats:
+        """Of a number of m/s and of rad/s, which are not alike on other robots than SimpleQuad."""
+        return np.array([1.0, 1.0, scaled(self.robot, 1.0, "rad/s") / scaled(self.robot, 1.0, "m/s")])
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         command = observation[:, OBSERVATION["command"]].astype(np.float64)
@@ -102,7 +89,8 @@ class TrotIntegral(Trot):
         error = self._expected - np.stack((forward, lateral, yaw_rate), axis=-1)
         largest, most = p.largest_error * self._each, p.largest_correction * self._each
         counted = np.clip(error, -largest, largest)
-        self._integral = np.clip(self._integral + period * self._gains * counted, -most, most)
+        gains = np.array([p.integral_gain, p.integral_gain, p.yaw_integral_gain])
+        self._integral = np.clip(self._integral + period * gains * counted, -most, most)
         corrected = observation.copy()
         corrected[:, OBSERVATION["command"]] += self._integral.astype(np.float32)
         return super()._act(corrected)

@@ -14,16 +14,16 @@ from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to
 from policies.gait_cycle import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import held_up, leg_angles
-from policies.parameters import ParameterFile, Parameters, number, search_ranges_of
+from policies.memory import per_robot
+from policies.parameters import CommandMap, ParameterFile, number, search_ranges_of
 from quad_env import OBSERVATION
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import WIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
-class TrotParameters(Parameters):
+class TrotParameters(CommandMap):
     """What the search tunes."""
 
     frequency: float = number(3.4, limits=(0.1, 50.0), search=(2.0, 4.0), unit="Hz")
@@ -50,16 +50,6 @@ class TrotParameters(Parameters):
     """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
     yaw_acceleration: float = number(16.0, limits=(1e-3, 1e6), search=(3.0, 40.0), unit="rad/s²")
     """Fastest change of the yaw rate command that the gait follows, rad/s²."""
-    forward_gain: float = number(1.0, limits=(-100.0, 100.0))
-    """Gait's forward velocity per commanded."""
-    forward_bias: float = number(0.0, limits=(-100.0, 100.0), unit="m/s ahead")
-    """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
-    lateral_gain: float = number(1.0, limits=(-100.0, 100.0))
-    """Gait's lateral velocity per commanded."""
-    yaw_gain: float = number(1.0, limits=(-100.0, 100.0))
-    """Gait's yaw rate per commanded."""
-    yaw_per_lateral: float = number(0.0, limits=(-100.0, 100.0), unit="1/m ahead")
-    """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
 
 
 SEARCH_RANGES = search_ranges_of(TrotParameters)
@@ -75,6 +65,8 @@ class Trot(GaitedPolicy):
     """Command-following trot; steps in place at zero command."""
 
     name = "trot"
+    _command: Floats = per_robot(np.zeros(3))
+    _joints: Floats = per_robot(lambda policy: policy.robot.home_pose)
 
     def __init__(
         self,
@@ -83,22 +75,14 @@ class Trot(GaitedPolicy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        robot = robot_of(robot)
-        self.parameters = parameters if parameters is not None else searched_parameters(robot)
-        self.frequency = self.parameters.frequency
-        self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
-        self._gait = Gait(self.leg_offsets, self.parameters.duty)
         super().__init__(robot=robot, control_period=control_period)
+        self.parameters = parameters if parameters is not None else self._searched()
+        self.frequency = self.parameters.frequency
+        self.leg_offsets = self.robot.in_leg_order(TROT_OFFSETS)
+        self._gait = Gait(self.leg_offsets, self.parameters.duty)
 
-    def _allocate(self, num_envs: int) -> None:
-        super()._allocate(num_envs)
-        self._command = np.zeros((num_envs, 3))
-        self._joints = np.tile(self.robot.home_pose, (num_envs, 1))
-
-    def _restart(self, mask: NDArray[np.bool_]) -> None:
-        super()._restart(mask)
-        self._command = np.where(mask[:, None], 0.0, self._command)
-        self._joints = np.where(mask[:, None], self.robot.home_pose, self._joints)
+    def _searched(self) -> TrotParameters:
+        return searched_parameters(self.robot)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._tick()

@@ -8,9 +8,6 @@ from policies.foreign.readers import isaac_lab, legged_gym, mjlab_onnx, rl_sar, 
 from policies.foreign.readers.settings import BY_HAND, Settings, load
 from policies.foreign.readers.toml_file import write_toml
 
-SUFFIXES = (".onnx", ".yaml", ".yml", ".json", ".toml")
-"""Of files that can hold a description."""
-
 
 def read(path: Path) -> PolicyDescription | None:
     """The description that a file holds, or that it and the files next to it do; None for an ONNX file without one and
@@ -60,4 +57,4 @@ def _settings(found: Settings) -> PolicyDescription:
     )
 
 
-__all__ = ["SUFFIXES", "read", "write_toml"]
+__all__ = ["read", "write_toml"]

@@ -32,8 +32,6 @@ def describe(settings: Settings) -> PolicyDescription:
     for key in ("dt", "decimation", "num_of_dofs"):
         if base and base.find(key) not in (None, found.find(key)):
             raise _disagreement(settings, key)
-    if (count := found.number("num_of_dofs", 12)) != 12:
-        raise PolicyError(f"`num_of_dofs` is {count:g}: policies of 12 joints are read")
     if found.find("hip_scale_reduction") is not None:
         raise found.wrong("hip_scale_reduction", "in `action_scale`, joint by joint")
     steps, newest = _history(found)
@@ -88,8 +86,6 @@ def _terms(found: Settings, steps: int) -> tuple[Term, ...]:
         if key:
             found.get(key)
         terms.append(scaled(Term(term, history=steps), found, key))
-    if (width := sum(term.width for term in terms)) != found.number("num_observations", width):
-        raise found.wrong("num_observations", f"{width}, the numbers of `observations`")
     return tuple(terms)
 
 

@@ -9,14 +9,11 @@ from reprlib import repr as shortened
 from typing import Any, TextIO, TypeVar
 
 from policies.base import PolicyError
-from policies.foreign.description import HeightGrid, PolicyDescription, Term
+from policies.foreign.description import OF_JOINTS, HeightGrid, PolicyDescription, Term, is_number
 from policies.foreign.readers.joint_orders import by_leg
-from policies.foreign.readers.settings import named
+from policies.foreign.readers.settings import LARGEST, named
 from quad_env.files.reading import read_bytes
 
-LARGEST = 2**20
-OF_JOINTS = ("default_position", "action_scale", "stiffness", "damping", "action_offset", "target_clip")
-"""Fields of twelve values: one stands for all, and a table gives one for each part of a name, such as `hip`."""
 Made = TypeVar("Made", PolicyDescription, Term, HeightGrid)
 
 
@@ -51,7 +48,7 @@ def write_toml(description: PolicyDescription, target: Path | TextIO) -> None:
 
 
 def _of_joints(name: str, value: Any, joints: Any) -> Any:
-    """Twelve values of what stands for them."""
+    """Twelve values: one stands for all, and a table gives one for each part of a name, such as `hip`."""
     if isinstance(value, dict) and isinstance(joints, list | tuple):
         parts = [[part for part in value if part in str(joint)] for joint in joints]
         if wrong := [joint for joint, found in zip(joints, parts, strict=True) if len(found) != 1]:
@@ -68,7 +65,7 @@ def _term(given: Any) -> Term:
     made: dict[str, Any] = {}
     if "grid" in given:
         made["grid"] = _made(HeightGrid, given["grid"])
-    if _is_number(given.get("scale")):
+    if is_number(given.get("scale")):
         made["scale"] = (given["scale"],)
     return _made(Term, given | made)
 
@@ -89,10 +86,6 @@ def _made(kind: type[Made], given: Any) -> Made:
 
 def _tuples(value: Any) -> Any:
     return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float)
 
 
 def _fields(value: Any, folder: Path | None = None) -> list[tuple[str, str]]:
@@ -120,5 +113,5 @@ def _text(value: Any) -> str:
     parts = [_text(each) for each in value]
     if len(line := f"[{', '.join(parts)}]") <= 100:
         return line
-    step = 3 if len(parts) == 12 else 8 if _is_number(value[0]) else 1
+    step = 3 if len(parts) == 12 else 8 if is_number(value[0]) else 1
     return "[\n" + "".join(f"    {', '.join(parts[i : i + step])},\n" for i in range(0, len(parts), step)) + "]"

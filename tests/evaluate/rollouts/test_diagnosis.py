@@ -1,6 +1,7 @@
 """A policy that walks as described raises no complaint; each of the six usual mistakes in its description is named."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +10,7 @@ from policies.foreign import Foreign, mistakes
 from policies.foreign.described import DescribedPolicy
 from policies.foreign.description import PolicyDescription
 from policies.foreign.mistakes import ENDS, FRAMES, GAINS, GRAVITY, GROUPING, SIDES, corrections
+from policies.foreign.readers import write_toml
 from quad_env import SIMPLE_QUAD
 from tests.policies.foreign import walking_network
 
@@ -40,9 +42,9 @@ def with_mistake(described: PolicyDescription, mistake: str) -> PolicyDescriptio
     return next(each.description for each in corrections(described, SIMPLE_QUAD) if each.mistake == mistake)
 
 
-def test_a_policy_that_is_described_as_it_is_raises_no_complaint(described: PolicyDescription) -> None:
-    policy = Foreign(described.network, description=described)
-    assert diagnosis.warning(policy, "simple_quad") is None
+def test_a_policy_that_is_described_as_it_is_raises_no_complaint(described: PolicyDescription, tmp_path: Path) -> None:
+    write_toml(described, tmp_path / "policy.toml")
+    assert diagnosis.warning(Foreign(tmp_path / "policy.toml"), "simple_quad") is None
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import policies
 from policies.base import CONTROL_PERIOD
 from policies.behaviour import REQUESTS, TRANSITIONS, Behaviour, BehaviourMachine, State
-from policies.behaviour.transitions import TIME_LIMIT, conditions
+from policies.behaviour.transitions import GUARDS, TIME_LIMIT, conditions
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.policies.readings import reading
 
@@ -39,7 +39,8 @@ WITHOUT = {  # a reading under which it does not
 
 
 def machine_in(state, n=1):
-    machine = BehaviourMachine(n, start=state)
+    machine = BehaviourMachine(state)
+    machine.reset(n)
     machine.take_changes()
     return machine
 
@@ -58,9 +59,8 @@ def test_every_transition_happens_where_the_table_says():
                 machine.observe(observation)
         else:
             for _ in range(min(steps, 12)):
-                machine._conditions = conditions(
-                    SIMPLE_QUAD, CONTROL_PERIOD, observation, machine._state, np.full(1, steps)
-                )
+                holds = conditions(SIMPLE_QUAD, CONTROL_PERIOD, observation, machine._state, np.full(1, steps))
+                machine._holds = np.stack([holds[guard] for guard in GUARDS], axis=1)
             machine.request(row.request)
         assert machine.state[0] == row.target
 
@@ -84,11 +84,12 @@ def test_every_request_that_the_table_lacks_is_refused():
             assert machine.request(request).all()
             assert machine.state[0] == state
     with pytest.raises(ValueError, match="stand, walk, run, jump"):
-        BehaviourMachine(1).request("gallop")
+        BehaviourMachine().request("gallop")
 
 
 def test_batch_request_moves_those_that_may_and_gives_the_mask_of_those_that_refuse():
-    machine = BehaviourMachine(3, start=State.STAND)
+    machine = BehaviourMachine()
+    machine.reset(3)
     machine.observe(seen(3))
     assert not machine.request("walk", np.array([True, False, False])).any()
     refused = machine.request("run", np.ones(3, bool))
@@ -123,7 +124,8 @@ events = st.one_of(
 @given(st.lists(events, max_size=15), st.sampled_from(State))
 def test_random_commands_never_break_the_machine(script, start):
     """Never in two states, never stuck, every change in the table."""
-    machine = BehaviourMachine(4, start=start)
+    machine = BehaviourMachine(start)
+    machine.reset(4)
     legal = {(source, row.target) for row in TRANSITIONS for source in row.sources}
 
     def as_the_table_says(before):

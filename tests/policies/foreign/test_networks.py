@@ -45,7 +45,7 @@ def test_a_row_has_the_same_bits_whatever_is_next_to_it(batch: int | str, tmp_pa
         graph.node.extend([mean, onnx.helper.make_node("Add", ["last_one", "mean"], ["actions"])])
 
     mixed = of(altered(Numbers(WIDTH).onnx(tmp_path / "p.onnx", batch), mix))
-    mixed.allocate(20)
+    mixed.reset(20)
     found, act = mixed.actions(rows, np.arange(20)), Numbers(WIDTH).fresh()
     np.testing.assert_allclose(found, [2.0 * act(row) for row in rows], atol=1e-5)
     np.testing.assert_array_equal(mixed.actions(rows[7:8], np.array([0])), found[7:8])
@@ -58,11 +58,11 @@ def test_a_restart_of_one_robot_leaves_the_memories_of_the_others(kind: str, tmp
     numbers = Numbers(WIDTH, lstm=True)
     found = of(numbers.onnx(tmp_path / "p.onnx", 1) if kind == "onnx" else numbers.torchscript(tmp_path / "p.pt"))
     assert found.remembers
-    found.allocate(3)
+    found.reset(3)
     acts = [numbers.fresh() for _ in range(3)]
     for step in range(6):
         if step == 3:
-            found.restart(np.array([False, True, False]))
+            found.reset_where(np.array([False, True, False]))
             acts[1] = numbers.fresh()
         who = np.array([0, 1, 2] if step % 2 else [2, 1])
         expected = [acts[robot](rows[3 * step + robot]) for robot in who]
@@ -78,7 +78,7 @@ def test_a_torchscript_that_keeps_its_memory_to_itself(tmp_path: Path, rows) -> 
         torch.jit.script(torch_modules.Counting(WIDTH)).save(str(tmp_path / "p.pt"))
     found = of(tmp_path / "p.pt")
     assert found.remembers
-    found.allocate(2)
+    found.reset(2)
     for step in (1, 2, 3):
         np.testing.assert_allclose(found.actions(rows[:2], np.arange(2))[:, 0], rows[:2].sum(axis=1) + step, rtol=1e-5)
 

@@ -75,13 +75,13 @@ def test_the_world_frame_is_the_heading_at_the_start_of_each_episode() -> None:
     ahead = standing(linear_velocity=(1.0, 0.0, 0.2), angular_velocity=(0.0, 0.0, 0.5))
     np.testing.assert_allclose(seen(of, *[spinning] * 101), (0.0, 0.0, 2.0), atol=1e-6)
     np.testing.assert_allclose(seen(of, ahead), (np.cos(0.505), np.sin(0.505), 0.2), atol=1e-6)
-    of.restart(np.array([True]))
+    of.reset_where(np.array([True]))
     np.testing.assert_allclose(seen(of, ahead), (1.0, 0.0, 0.2), atol=1e-6)
 
 
 def test_contacts_are_those_of_the_simulation_in_nine_steps_of_ten() -> None:
     of = Terms(described(NETWORK, (Term("foot_contact"),)), SIMPLE_QUAD, PERIOD)
-    of.allocate(2)
+    of.reset(2)
     agreed: list[Floats] = []
 
     def compare(step: Step) -> None:

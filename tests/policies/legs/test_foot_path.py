@@ -79,8 +79,7 @@ def test_a_thrown_hip_has_no_jump_and_no_kink():
         np.testing.assert_allclose((left - before) / h, (after - right) / h, atol=1e-3)
 
 
-HIPS = (SIMPLE_QUAD.hip_positions[:, 0:1], SIMPLE_QUAD.hip_positions[:, 1:2])
-NONE = np.zeros(1)
+HIPS = SIMPLE_QUAD.hip_positions[:, :2].T[..., None]
 GAINS = (0.1, 0.2, 0.05)
 
 
@@ -90,8 +89,7 @@ def number(value):
 
 def offsets(velocity, errors):
     """Of the footholds from the hips, (2, 4), for a stance of 0.2 s."""
-    x, y = raibert(HIPS, tuple(map(number, velocity)), 0.2, tuple(map(number, errors)), GAINS)
-    return np.stack([x - HIPS[0], y - HIPS[1]])[..., 0]
+    return (raibert(HIPS, tuple(map(number, velocity)), 0.2, tuple(map(number, errors)), GAINS) - HIPS)[..., 0]
 
 
 TURNED = 0.1 * np.stack([-HIPS[1], HIPS[0]])[..., 0]
@@ -114,9 +112,9 @@ def test_a_foot_lands_half_a_stance_ahead_of_its_hip_and_where_the_robot_is_push
 
 def test_a_push_is_caught_by_what_is_beyond_the_threshold_and_along_it():
     """|(0.6, 0.8)| = 1: 0.4 m/s beyond 0.6, times 0.1 s, along the error."""
-    np.testing.assert_allclose(np.ravel(captured((number(0.6), number(0.8)), 0.6, 0.1)), [0.024, 0.032])
-    assert not np.any(captured((number(0.3), number(0.4)), 0.6, 0.1))
-    assert not np.any(captured((NONE, NONE), 0.0, 0.1))
+    np.testing.assert_allclose(np.ravel(captured(np.array([[0.6], [0.8]]), 0.6, 0.1)), [0.024, 0.032])
+    assert not captured(np.array([[0.3], [0.4]]), 0.6, 0.1).any()
+    assert not captured(np.zeros((2, 1)), 0.0, 0.1).any()
 
 
 @pytest.mark.parametrize(
@@ -129,13 +127,12 @@ def test_a_push_is_caught_by_what_is_beyond_the_threshold_and_along_it():
     ],
 )
 def test_feet_stay_within_the_ellipse_about_their_neutral_points(away, expected):
-    x, y = within_reach(HIPS[0] + away[0], HIPS[1] + away[1], HIPS)
-    np.testing.assert_allclose(x - HIPS[0], expected[0], atol=1e-12)
-    np.testing.assert_allclose(y - HIPS[1], expected[1], atol=1e-12)
+    found = within_reach(HIPS + np.reshape(away, (2, 1, 1)), HIPS) - HIPS
+    np.testing.assert_allclose(found[..., 0].T, [expected] * 4, atol=1e-12)
 
 
 def test_the_ground_passes_against_the_velocity_at_the_foot():
-    x, y = passing(number(0.3), number(0.2), (number(1.0), number(0.5), number(2.0)))
+    x, y = passing(np.array([[0.3], [0.2]]), (number(1.0), number(0.5), number(2.0)))
     assert (x.item(), y.item()) == pytest.approx((-(1.0 - 2.0 * 0.2), -(0.5 + 2.0 * 0.3)))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from policies.base import CONTROL_PERIOD
-from policies.legs.ground_plane import STEEPEST, above, carried, fitted, renewed
+from policies.legs.ground_plane import STEEPEST, above, carried, fitted
 from policies.legs.level_frame import Senses, level_frame
 from policies.trot.perception import EVEN, LARGEST_ROUGHNESS, GroundSense
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -21,7 +21,7 @@ def test_one_foot_on_a_stone_of_a_square_stance_lifts_and_tilts_the_plane_by_qua
     """By hand: z = h (1/4 + x/(4 a) + y/(4 a)) fits a stone of height h under the corner (a, a); ± h/4 remains."""
     a, h = 0.2, 0.08
     x, y = np.array([[a, a, -a, -a]]).T, np.array([[a, -a, a, -a]]).T
-    prints = (x, y, np.array([[h, 0.0, 0.0, 0.0]]).T)
+    prints = np.stack((x, y, np.array([[h, 0.0, 0.0, 0.0]]).T))
     plane = fitted(prints)
     np.testing.assert_allclose(np.ravel(plane), [h / 4, h / (4 * a), h / (4 * a)], rtol=1e-4)
     np.testing.assert_allclose(above(plane, prints), np.array([[h / 4, -h / 4, -h / 4, h / 4]]).T, rtol=1e-4)
@@ -30,25 +30,19 @@ def test_one_foot_on_a_stone_of_a_square_stance_lifts_and_tilts_the_plane_by_qua
 @pytest.mark.parametrize("spread", [0.0, 1e-9, 1e4])
 def test_footprints_on_one_line_give_a_finite_plane(spread):
     line = spread * np.array([[1.0, 2.0, 3.0, 4.0]]).T
-    plane = fitted((line, line, np.array([[1.0, -2.0, 5.0, 0.0]]).T))
+    plane = fitted(np.stack((line, line, np.array([[1.0, -2.0, 5.0, 0.0]]).T)))
     assert np.isfinite(plane).all()
     assert np.abs(plane[1:]).max() <= STEEPEST
 
 
 def test_footprints_pass_backward_under_a_trunk_that_moves_on_and_turn_right_under_one_that_turns_left():
-    x, y, z = carried((FEET_X, FEET_Y, FEET_X), (number(1.0), number(0.5), number(0.2)), number(0.0), 0.1)
+    x, y, z = carried(np.stack((FEET_X, FEET_Y, FEET_X)), (number(1.0), number(0.5), number(0.2)), number(0.0), 0.1)
     np.testing.assert_allclose(x, FEET_X - 0.1)
     np.testing.assert_allclose(y, FEET_Y - 0.05)
     np.testing.assert_allclose(z, FEET_X - 0.02)
     still = (number(0.0), number(0.0), number(0.0))
-    x, y, _ = carried((number(1.0), number(0.0), number(0.0)), still, number(2.0), 0.01)
+    x, y, _ = carried(np.array([[1.0], [0.0], [0.0]]), still, number(2.0), 0.01)
     assert (x.item(), y.item()) == (1.0, -0.02)
-
-
-def test_only_standing_feet_leave_new_footprints():
-    standing = np.array([[True, False, False, True]]).T
-    x, _, _ = renewed((FEET_X, FEET_Y, FEET_X), (FEET_X + 1, FEET_Y, FEET_X), standing)
-    np.testing.assert_array_equal(x, np.where(standing, FEET_X + 1, FEET_X))
 
 
 def feet_on(forward, lateral, twist=0.0):

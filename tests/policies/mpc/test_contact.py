@@ -130,7 +130,7 @@ def test_a_push_is_hardly_taken_for_a_lasting_force() -> None:
 def test_a_slip_lowers_what_is_relied_on_and_is_forgotten() -> None:
     parameters = MpcParameters(grip_memory=1.0)
     sense, velocity = ContactSense(SIMPLE_QUAD, parameters, PERIOD), np.zeros((2, 4, 3))
-    sense.allocate(2)
+    sense.reset(2)
     forces = np.tile([8.0, 0.0, 80.0], (2, 4, 1))
     velocity[1, 2, 0] = 0.5  # one foot of the second robot slides, at a tenth of its load
     sense._estimate_friction(forces, velocity)

@@ -87,7 +87,7 @@ def test_readings_without_noise_and_delay_are_taken_as_they_are() -> None:
 def test_noise_shows(scenario: str) -> None:
     """Variances on top of those that a quiet walk seems to have, of the scenario's noise on a motion at 2.5 Hz."""
     noise, rng = ReadingNoise(0.01), np.random.default_rng(0)
-    noise.allocate(2)
+    noise.reset(2)
     time = 0.01 * np.arange(400)
     sines = np.sin(2 * np.pi * 2.5 * time[:, None] + np.arange(SENSED.stop))
     sigma = np.repeat(NOISE[scenario], [group.stop - group.start for group in GROUPS])
@@ -104,7 +104,7 @@ def test_robots_walk_on_late_and_on_noisy_readings(scenario: str) -> None:
 
 def test_a_restart_forgets_one_robot_alone() -> None:
     policy = deepcopy(walked("latency=0.02"))
-    policy.observer.restart(np.array([True, False]))
+    policy.observer.reset_where(np.array([True, False]))
     np.testing.assert_array_equal(policy.observer.delays, (0, 4))
     np.testing.assert_array_equal(policy.observer.looks > 0, (False, True))
 

@@ -9,7 +9,7 @@ from policies.mpc.rigid_body import Friction
 STEPS, PERIOD, WEIGHT = 5, 0.04, 140.0
 FEET = np.array([[0.25, 0.25, -0.4], [0.25, -0.25, -0.4], [-0.25, 0.25, -0.4], [-0.25, -0.25, -0.4]])
 FIRST = np.array([True, False, False, True])
-FRICTION = Friction(np.array([0.6]), np.array([0.0]), np.array([170.0]))
+FRICTION = Friction(np.array([0.6]), np.array([170.0]))
 
 
 def planned() -> tuple[Plans, np.ndarray]:

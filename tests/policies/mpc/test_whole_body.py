@@ -2,17 +2,18 @@
 
 import numpy as np
 
+from policies.mpc.parameters import MpcParameters
 from policies.mpc.quadratic_program import solve
 from policies.mpc.rigid_body import Friction
-from policies.mpc.whole_body import Priorities, Torques, Wish, leg_torques, programs, torques
+from policies.mpc.whole_body import Torques, Wish, leg_torques, programs, torques
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics, RigidBodies
 from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT
 
 COUNT, LIMIT = 6, 60.0
 WEIGHT = ROBOT.mass * GRAVITY
-PRIORITIES = Priorities(turning=1.0, standing=10.0, swinging=0.2, force=0.01)
-FRICTION = Friction(np.full(COUNT, 0.6), np.zeros(COUNT), np.full(COUNT, 1.5 * WEIGHT))
+PRIORITIES = MpcParameters(turning_priority=1.0, standing_priority=10.0, swinging_priority=0.2, force_priority=0.01)
+FRICTION = Friction(np.full(COUNT, 0.6), np.full(COUNT, 1.5 * WEIGHT))
 NOTHING = np.zeros((COUNT, 6))
 
 

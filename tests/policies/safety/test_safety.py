@@ -1,8 +1,3 @@
-import functools
-import os
-import signal
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,9 +8,8 @@ from evaluate.commands.options import Options
 from evaluate.commands.plan import check
 from evaluate.measures.at_rest import Motion, controlled_stops
 from policies.base import CONTROL_PERIOD
-from policies.safety import Mode, PolicyProcessError, Safe, SafetyLimits, Watched
-from policies.safety.target_limits import limited
-from quad_env import OBSERVATION, OBSERVATION_SIZE
+from policies.safety import Mode, Safe, SafetyLimits
+from quad_env import OBSERVATION
 from quad_env.actuation.models import Actuator, TorqueSpeed
 from quad_env.columns import of_robots
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -84,54 +78,7 @@ def test_failing_policy_ends_in_a_controlled_stop_of_its_robots_with_its_reason_
     assert controlled_stops(trace, np.full(3, STEPS), 0.01)[robots].all()
     assert torque <= SIMPLE_QUAD.rated_torque
     assert np.flatnonzero(policy.mode == Mode.STOP).tolist() == robots
-    events = [(event.step, event.robot, event.mode, event.reason) for event in policy.events()]
-    assert events == [(BROKEN, robot, Mode.STOP, reason) for robot in robots]
-
-
-@pytest.fixture
-def watched():
-    """The trot in another process."""
-    policy = Watched(functools.partial(policies.make, "trot"), deadline=30.0)
-    yield policy
-    policy.close()
-
-
-def test_watched_policy_gives_the_bits_of_the_policy_and_its_exceptions_by_name(watched):
-    """Of 1024 robots, whose observations are more than a pipe holds."""
-    plain, robots = policies.make("trot"), 1024
-    watched.reset(robots), plain.reset(robots)
-    rows = np.random.default_rng(0).normal(size=(6, robots, OBSERVATION_SIZE)).astype(np.float32)
-    for number, row in enumerate(rows):
-        if number == 3:
-            watched.reset_where(np.arange(robots) < 9), plain.reset_where(np.arange(robots) < 9)
-        assert watched.act(row).tobytes() == plain.act(row).tobytes()
-    with pytest.raises(PolicyProcessError, match="ValueError: observation must"):
-        watched.ask(("act", np.zeros(3, np.float32)), 30.0)
-
-
-def test_policy_that_hangs_is_answered_for_within_a_control_step_and_stopped_until_a_reset(watched):
-    policy = Safe(watched)
-
-    def hang(step):
-        if step == BROKEN:
-            watched._deadline = 1.0
-            os.kill(watched._process.pid, signal.SIGSTOP)
-
-    drive(policy, steps=BROKEN + 2, before_step=hang)
-    assert policy.events()[0].step == BROKEN + 1
-    assert "DeadlineMissed" in policy.events()[0].reason
-    assert policy.stopped.all()
-    watched._deadline = 30.0  # on a busy machine its new process may need longer than a second
-    policy.reset(1)
-    policy.act(reading(1))
-    assert not policy.stopped.any()
-
-
-def test_watched_process_that_dies_is_an_error_and_no_missed_deadline():
-    watched = Watched(functools.partial(sys.exit, 3), deadline=30.0)
-    with pytest.raises(PolicyProcessError, match="ended"):
-        watched.reset(1)
-    watched.close()
+    assert policy.reason.tolist() == [reason if robot in robots else "" for robot in range(3)]
 
 
 def test_emergency_stop_of_a_walking_robot_is_a_controlled_stop_until_a_reset_or_damps_its_joints():
@@ -143,7 +90,7 @@ def test_emergency_stop_of_a_walking_robot_is_a_controlled_stop_until_a_reset_or
 
     trace, _ = drive(policy, before_step=stop)
     assert controlled_stops(trace, np.full(3, STEPS), 0.01).all()
-    assert policy.events()[-1].reason == "emergency stop requested"
+    assert policy.reason.tolist() == ["emergency stop requested"] * 3
     policy.reset_where(np.array([True, False, False]))
     assert policy.mode.tolist() == [Mode.FOLLOW, Mode.STOP, Mode.STOP]
     policy.emergency_stop(np.array([True, False, False]), damp=True)
@@ -158,9 +105,8 @@ joint_rows = st.lists(st.floats(-3.0, 3.0), min_size=12, max_size=12)
 def test_limited_targets_ask_for_no_torque_above_the_limit_and_stay_in_range(target, previous, speed, torque):
     joints = np.clip(np.array([previous]) * 0.3, SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
     speeds = np.array([speed])
-    result = limited(
-        SIMPLE_QUAD, CONTROL_PERIOD, np.array([target]), joints, joints, speeds, SafetyLimits(torque=torque)
-    )
+    limits = SafetyLimits(torque=torque)
+    result = limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, np.array([target]), joints, joints, speeds)
     asked = SIMPLE_QUAD.servo_stiffness * (result - joints) - SIMPLE_QUAD.servo_damping * speeds
     inside = (result > SIMPLE_QUAD.joint_lower) & (
         result < SIMPLE_QUAD.joint_upper
@@ -175,25 +121,22 @@ def test_the_limits_of_a_weaker_actuator_follow_its_torque_speed_line_and_its_de
     limits = SafetyLimits.of(SIMPLE_QUAD, Actuator(TorqueSpeed(40.0, 10.0), delay=0.01))
     joints, speeds, far = np.zeros((1, 12)), np.full((1, 12), 5.0), np.full((1, 12), 2.0)
     thigh = (0, 1)
-    assert limited(SIMPLE_QUAD, CONTROL_PERIOD, far, far, joints, speeds, limits)[thigh] == pytest.approx(
+    assert limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, far, far, joints, speeds)[thigh] == pytest.approx(
         0.05 + (20.0 + 50.0) / 300.0
     )
-    assert limited(SIMPLE_QUAD, CONTROL_PERIOD, -far, -far, joints, speeds, limits)[thigh] == pytest.approx(
+    assert limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, -far, -far, joints, speeds)[thigh] == pytest.approx(
         0.05 + (-40.0 + 50.0) / 300.0
     )
     # Past the speed without load nothing drives the joint on.
-    assert limited(SIMPLE_QUAD, CONTROL_PERIOD, far, far, joints, 3.0 * speeds, limits)[thigh] == pytest.approx(
+    assert limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, far, far, joints, 3.0 * speeds)[thigh] == pytest.approx(
         0.15 + (0.0 + 150.0) / 300.0
     )
 
 
 def test_the_safety_layer_of_a_run_knows_the_actuator_of_its_robots(tmp_path):
     plan = check(Options(out=tmp_path, policies=("safe:trot",), actuator="torque_speed", scenarios=("flat",)))
-    assert (
-        plan.policies[0].policy._limits
-        == SafetyLimits.of(SIMPLE_QUAD, "torque_speed")
-        == SafetyLimits(100.0, no_load_speed=10.0)
-    )
+    limits = plan.policies[0].policy._limits
+    assert (np.unique(limits.torque), np.unique(limits.no_load_speed), limits.delay) == (100.0, 10.0, 0.0)
     assert SafetyLimits.of(SIMPLE_QUAD) == SafetyLimits(SIMPLE_QUAD.rated_torque)
     assert SafetyLimits.of(SIMPLE_QUAD, "motor").delay == 0.002
 
@@ -202,10 +145,10 @@ def test_targets_change_no_faster_than_the_limit_and_not_further_along_a_joint_t
     previous = joints = np.tile(SIMPLE_QUAD.home_pose, (1, 1))
     far, still = joints + 0.25, np.zeros((1, 12))
     limits = SafetyLimits(torque=1e6, target_rate=10.0, joint_speed=5.0)
-    np.testing.assert_allclose(limited(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, still, limits) - joints, 0.1)
+    np.testing.assert_allclose(limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, still) - joints, 0.1)
     fast = np.full((1, 12), 6.0)
-    np.testing.assert_allclose(limited(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, fast, limits), joints)
-    np.testing.assert_allclose(limited(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, -fast, limits) - joints, 0.1)
+    np.testing.assert_allclose(limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, fast), joints)
+    np.testing.assert_allclose(limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, -fast) - joints, 0.1)
 
 
 def test_undisturbed_trot_passes_the_layer_unchanged():
@@ -218,7 +161,7 @@ def test_undisturbed_trot_passes_the_layer_unchanged():
         np.testing.assert_allclose(action, plain.act(observation), atol=1e-6)
         observation, *_ = env.step(action)
     env.close()
-    assert not safe.events()
+    assert not safe.reason.any()
 
 
 def test_wrong_masks_and_settings_are_refused():

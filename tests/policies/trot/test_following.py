@@ -34,7 +34,7 @@ def test_a_robot_alone_has_the_same_bits_as_among_others():
 
     def ratio(strides):
         following, walks = Following(JOINTS, 0.01), np.ones(strides.shape[2])
-        following.memory.allocate(strides.shape[2])
+        following.reset(strides.shape[2])
         for targets, joints in zip(strides[::2], strides[1::2], strict=True):
             following.read(joints, walks)
             following.command(targets, walks)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from policies.base import CONTROL_PERIOD
+from policies.gait_cycle import Gait
 from policies.legs.kinematics import joint_angles
 from policies.parameters import limits_of
 from policies.trot.feedback import BRACE_RANGE, BRACE_TIME, LARGEST_CORRECTION, LARGEST_SLOWDOWN, TrotFeedback
@@ -43,7 +44,7 @@ def answer(changes, steps=3, **readings):
     felt, level = TrotFeedback(parameters), TrotFeedback(parameters)
     for _ in range(steps):
         moved, usual = felt.act(reading(**readings)), level.act(reading())
-    standing = ~felt._gait.legs(felt.phase).swing[0]
+    standing = ~Gait(felt.leg_offsets, parameters.duty).legs(felt.phase).swing[0]
     assert standing.sum() == 2
     return feet(moved) - feet(usual), standing
 
@@ -110,8 +111,8 @@ def test_slower_steps_are_higher_and_longer():
     for _ in range(200):
         for policy in (slow, usual):
             policy.act(reading(command=(0.5, 0.0, 0.0)))
-        lifts.append([policy.memory["lift"].max() for policy in (slow, usual)])
-        places.append([policy.memory["feet"][0, 0, 0] for policy in (slow, usual)])
+        lifts.append([policy.lift.max() for policy in (slow, usual)])
+        places.append([policy.feet[0, 0, 0] for policy in (slow, usual)])
     np.testing.assert_allclose(np.max(lifts, axis=0), (0.05 + 0.1 * LARGEST_SLOWDOWN, 0.05), atol=2e-3)
     longer = np.divide(*np.ptp(places[100:], axis=0))
     assert longer == pytest.approx(1.0 / (1.0 - LARGEST_SLOWDOWN), rel=0.15)
@@ -140,14 +141,14 @@ def test_the_integral_of_a_steady_velocity_error_grows_against_it_up_to_its_limi
     slow = reading(linear_velocity=(-0.1, 0.0, 0.0))
     for _ in range(50):
         policy.act(slow)
-    assert policy.memory["correction"][:, 0].tolist() == pytest.approx([2.0 * 0.1 * 0.5, 0.0, 0.0])
+    assert policy.velocity_correction[:, 0].tolist() == pytest.approx([2.0 * 0.1 * 0.5, 0.0, 0.0])
     for _ in range(500):
         policy.act(slow)
-    assert policy.memory["correction"][0, 0] == LARGEST_CORRECTION
+    assert policy.velocity_correction[0, 0] == LARGEST_CORRECTION
     pushed = TrotFeedback(dataclasses.replace(BARE, integral_gain=2.0))
     for _ in range(50):
         pushed.act(reading(linear_velocity=(1.0, 0.0, 0.0)))
-    assert not pushed.memory["correction"].any()  # a push is no bias
+    assert not pushed.velocity_correction.any()  # a push is no bias
 
 
 def test_far_too_fast_for_any_foothold_all_feet_come_down_wide_and_low_and_the_clock_stops():
@@ -166,10 +167,10 @@ def test_bracing_ends_slowly_and_the_trot_goes_on():
     policy = TrotFeedback(dataclasses.replace(BARE, brace_error=1.0, brace_release=0.2))
     for _ in range(10):
         policy.act(reading(linear_velocity=(3.0, 0.0, 0.0)))
-    assert policy.memory["brace"].item() == 1.0
+    assert policy.brace.item() == 1.0
     for _ in range(10):
         policy.act(reading())
-    assert policy.memory["brace"].item() == pytest.approx(0.5)
+    assert policy.brace.item() == pytest.approx(0.5)
     phase = policy.phase[0]
     policy.act(reading())
     assert policy.phase[0] > phase
@@ -224,13 +225,13 @@ def test_on_ground_too_rough_to_walk_on_it_stands_still_on_all_feet_and_remember
     for _ in range(100):
         action = policy.act(on_slope(0.0, 0.0))
     assert policy.phase[0] == phase
-    assert not policy.memory["reference"].any()
+    assert not policy.reference.any()
     # The slope that the stone seemed to be is forgotten by now.
     np.testing.assert_allclose(np.abs(feet(action)), np.tile([0.3, 0.28, 0.34], (4, 1)), atol=2e-3)
     even = TrotFeedback(dataclasses.replace(BARE, rough_brace=0.02))
     for _ in range(200):
         even.act(on_a_stone(0.02))
-    assert even.memory["brace"].item() == 0.0
+    assert even.brace.item() == 0.0
 
 
 def roughness_learnt(first, then):
@@ -259,9 +260,9 @@ def test_feet_are_shifted_uphill_by_the_slope(slope_brace, brace):
     for _ in range(200):
         for policy in (shifted, plain):
             policy.act(on_slope(*slope))
-    assert plain.memory["brace"].item() == pytest.approx(brace)
+    assert plain.brace.item() == pytest.approx(brace)
     np.testing.assert_allclose(np.ravel(plain.ground.slope), slope, atol=2e-3)
-    moved = (shifted.memory["feet"] - plain.memory["feet"])[..., 0]
+    moved = (shifted.feet - plain.feet)[..., 0]
     np.testing.assert_allclose(moved, np.tile(np.multiply(0.2, slope)[:, None], 4), atol=2e-3)
 
 
@@ -274,7 +275,7 @@ def test_bad_ground_slows_the_robot_down(ground):
         policy.act(row)
     bad = (20.0 * policy.ground.roughness.item()) ** 2 + (2.0 * policy.ground.steepness.item()) ** 2
     assert bad > 0.3
-    assert policy.memory["reference"][0, 0] == pytest.approx(1.0 / (1.0 + bad), rel=0.05)
+    assert policy.reference[0, 0] == pytest.approx(1.0 / (1.0 + bad), rel=0.05)
 
 
 def test_it_mirrors_left_and_right():

@@ -96,7 +96,6 @@ RL_SAR = [
     (path("num_of_dofs", 16), "`num_of_dofs` in config.yaml and in ../base.yaml disagree"),
     (path("dt", 0.002), "`dt` in config.yaml and in ../base.yaml disagree"),
     (path("joint_names", list(MOTORS[::-1])), "`joint_names` in config.yaml and in ../base.yaml disagree"),
-    (path("num_observations", 48), "`go2/robot_lab.num_observations` in config.yaml must be 45"),
     (path("observations", ["phase"]), "the observation term phase is not known; write a TOML"),
     (path("observations_history", [0, 2]), "must be the steps from 0, or down to 0"),
     (path("dof_vel_scale", None), "config.yaml has no `go2/robot_lab.dof_vel_scale`"),

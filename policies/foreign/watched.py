@@ -1,4 +1,4 @@
-"""A policy in a process of its own, watched from outside: whatever it does, an answer is there in time."""
+"""A policy in a process of its own, watched from outside: whatever it does, an answer or an error comes in time."""
 
 import multiprocessing
 import threading
@@ -7,15 +7,8 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from policies.base import CONTROL_PERIOD, Actions, Policy
 from quad_env.cli.child_process import serve_parent, without_ctrl_c
 from quad_env.files.text import described
-from quad_env.robots.named import robot_of
-from quad_env.robots.robot import Robot
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 START_TIMEOUT = 60.0
 """For the process to start and make its policy, s."""
@@ -32,33 +25,17 @@ class PolicyProcessError(RuntimeError):
     """The policy raised an exception in its process, or the process is gone; the message says which."""
 
 
-class Watched(Policy):
-    """A policy that may hang: within `deadline` s `act` answers or raises, even if the policy never returns.
+class Watched:
+    """An object in a process of its own, whose methods can be asked for within a time, even if they never return.
 
     Args:
-        make: makes the policy, in the other process; picklable, such as `functools.partial(policies.make, "trot")`.
-        deadline: for an answer, s; half a control period, the default, leaves the other half for what has to be done
-            instead.
-        robot, control_period: those that the policy was made for.
+        make: makes the object, in the other process; picklable, such as `functools.partial(policies.make, "trot")`.
 
-    A late or broken process is ended, and every later `act` raises at once; `reset` starts a fresh one.
+    A late or broken process is ended; the next question begins another.
     """
 
-    def __init__(
-        self,
-        make: Callable[[], Policy],
-        deadline: float | None = None,
-        name: str = "watched",
-        *,
-        robot: str | Robot = SIMPLE_QUAD,
-        control_period: float = CONTROL_PERIOD,
-    ) -> None:
-        robot = robot_of(robot)
-        super().__init__(robot=robot, control_period=control_period)
-        if deadline is not None and not deadline > 0.0:
-            raise ValueError(f"deadline must be positive, not {deadline}")
-        self._deadline = 0.5 * control_period if deadline is None else deadline
-        self._make, self.name = make, name
+    def __init__(self, make: Callable[[], object]) -> None:
+        self._make = make
         self._process: Any = None
         self._connection: Connection | None = None
 
@@ -77,13 +54,6 @@ class Watched(Policy):
             self._connection.close()
             self._connection = None
 
-    def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Restart the policy for `num_envs` robots, in a fresh process if there is none."""
-        super().reset(num_envs, seed)
-        if self._process is None:
-            self._launch()
-        self.ask(("reset", num_envs, seed), START_TIMEOUT)
-
     def _launch(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
@@ -91,23 +61,10 @@ class Watched(Policy):
         with without_ctrl_c():
             self._process.start()
         theirs.close()
-        self.ask(("check_fits", self.robot, self.control_period), START_TIMEOUT)
-
-    def _restart(self, mask: NDArray[np.bool_]) -> None:
-        if self._process is None:
-            self._launch()
-            self.ask(("reset", self.num_envs, None), START_TIMEOUT)
-        else:
-            self.ask(("reset_where", mask), self._deadline)
-
-    def _act(self, observation: NDArray[np.float32]) -> Actions:
-        if self._process is None:
-            raise PolicyProcessError("the policy's process is not running; reset starts it")
-        answer: Actions = self.ask(("act", observation), self._deadline)
-        return answer
+        self.ask(("__repr__",), START_TIMEOUT)  # waits until it is made
 
     def ask(self, question: tuple[object, ...], patience: float) -> Any:
-        """What a method of the policy, named first, gives for the arguments after it, in a process begun if need be.
+        """What a method of the object, named first, gives for the arguments after it, in a process begun if need be.
 
         The process is ended unless the answer comes within `patience` s, or within as much of the last `still_at_work`.
         """
@@ -146,7 +103,7 @@ def still_at_work() -> None:
         _asking.send(None)
 
 
-def _serve(connection: Connection, make: Callable[[], Policy]) -> None:
+def _serve(connection: Connection, make: Callable[[], object]) -> None:
     """Answer questions until the connection closes; an exception is an answer too.
 
     It ends with the process that began it, even while its policy hangs.
