@@ -4,7 +4,6 @@ import threading
 import webbrowser
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
-from pathlib import Path
 
 from live.commands.episode import Command, EpisodeOptions
 from live.view.driver import Driver
@@ -28,8 +27,6 @@ class Options(EpisodeOptions):
     """Command at first: forward m/s, left m/s, yaw rate rad/s; None leaves commands to the scenario."""
     port: int | None = None
     """Port to listen on, 0 for any that is free; by default 8080, or another where that is taken."""
-    record: Path | None = None
-    """Recording from the start on, an .mcap as `python -m quad_env record` makes."""
     browser: bool = True
     """Open the page in a browser, where there is a display."""
 
@@ -56,8 +53,6 @@ def main(options: Options) -> int:
         except ValueError as error:
             raise UsageError(f"--policy: {error}") from error
         stack.enter_context(closing(driver))
-        if options.record is not None:
-            driver.record(options.record)
         view = LiveView(driver, lambda receive: _server(options.port, receive))
         stack.enter_context(closing(view))
         print(f"open {view.server.url} (Ctrl-C ends it)", flush=True)

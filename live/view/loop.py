@@ -56,7 +56,7 @@ class LiveView:
         return None
 
     def run(self, seconds: float = float("inf")) -> None:
-        """Go on for so many s of wall time. OSError without room for a recording; KeyboardInterrupt after Ctrl-C."""
+        """Go on for so many s of wall time. KeyboardInterrupt after Ctrl-C."""
         end = time.perf_counter() + seconds
         with Interrupt() as interrupt:
             while time.perf_counter() < end:
@@ -69,7 +69,7 @@ class LiveView:
     def _show(self, now: float) -> None:
         """Draw and report what is due."""
         if self.server.wanted.is_set() and self._painter.idle and now >= self._frame_due:
-            self._painter.hand(self._driver.camera.picture(self._driver.session))
+            self._painter.hand(self._driver.picture())
             self._frame_due = max(now, self._frame_due + 1.0 / FRAMES_A_SECOND)
         if now >= self._telling_due and self.server.watched:
             self.server.tell(json.dumps(self._state(now)))

@@ -1,4 +1,4 @@
-"""Pictures of a session: the robots, arrows, and the place of the camera."""
+"""Pictures of robots: what is to be drawn, and the place of the camera."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,9 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.film.scene import Scene
-from evaluate.rollouts.observers import Step
-from live.session import Session
 from quad_env.physics.arrows import Arrow
 from quad_env.physics.rendering import Viewpoint
 
@@ -46,45 +43,29 @@ class Orbit(Viewpoint):
 
 
 @dataclass(frozen=True)
-class Picture:
-    """What there is to be seen at one moment."""
+class Shot:
+    """One robot at one moment."""
 
     model: Any
-    """mujoco.MjModel of the simulation, the same object for as long as it is one simulation."""
-    robots: Sequence[Any]
-    """mujoco.MjData of each robot."""
-    places: Sequence[tuple[float, float, float]]
-    """What the camera looks at for each robot, world, m."""
+    """mujoco.MjModel of its simulation, the same object for as long as it is one simulation."""
+    data: Any
+    """mujoco.MjData, a snapshot."""
+    position: NDArray[np.float64]
+    """Of its trunk, world, m, (3,)."""
+    arrows: Sequence[Arrow]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What there is to be seen at one moment: robots side by side, each from the same direction."""
+
+    shots: Sequence[Shot]
     names: Sequence[str]
     orbit: Orbit
-    arrows: Sequence[Arrow]
     """About the first robot."""
 
-
-class ViewCamera:
-    """Observer of a session that takes pictures of it."""
-
-    def __init__(self) -> None:
-        self.orbit = Orbit()
-
-    def __call__(self, step: Step) -> None:
-        """Take note of a control step, or of the start of an episode."""
-        if step.number == 0:
-            self.orbit = replace(self.orbit, target=tuple(step.infos["position"][0].tolist()))
-            self._scene = Scene(step)
-        else:
-            self._scene.advance(step)
-
-    def picture(self, session: Session) -> Picture:
-        """Of now."""
-        env, positions = session.env, session.latest.infos["position"]
-        self.orbit = self.orbit.at(positions[0])
-        height = self.orbit.target[2]
-        return Picture(
-            model=env.simulation.model,
-            robots=[env.simulation.snapshot(robot) for robot in range(env.num_envs)],
-            places=[self.orbit.target, *((float(x), float(y), height) for x, y, _ in positions[1:])],
-            names=[policy.name for policy in session.policies],
-            orbit=self.orbit,
-            arrows=self._scene.arrows(),
-        )
+    def viewpoint(self, number: int) -> Orbit:
+        """From where that robot is seen; a narrower picture shows as much."""
+        orbit, (x, y, _) = self.orbit, self.shots[number].position.tolist()
+        target = (x, y, orbit.target[2]) if orbit.follow else orbit.target
+        return replace(orbit, target=target, distance=orbit.distance * len(self.shots) ** 0.5)
