@@ -50,6 +50,8 @@ class Session:
         """Command that is held, (3,); None where the scenario draws them."""
         self.seed = seed
         """Of the present episode."""
+        self._chosen_at: int | None = None
+        self._offset: Actions | None = None
         try:
             self._check(policy)
             self._begin()
@@ -107,8 +109,7 @@ class Session:
             raise PolicyError(f"{policy.name} needs other ground heights than {self.policy.name}")
 
     def _begin(self) -> Step:
-        self._chosen_at: int | None = None
-        self._offset: Actions | None = None
+        self._chosen_at = self._offset = None
         self.touched = False
         """Whether somebody has steered or pushed the robot or changed its policy in the present episode."""
         self.policy.reset(num_envs=1, seed=0)

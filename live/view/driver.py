@@ -14,7 +14,7 @@ from evaluate.film.scene import heading
 from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from live.session import Session
-from live.view.picture import Orbit, Picture
+from live.view.picture import Orbit, Shot
 from live.view.requests import Request
 from live.view.telemetry import Telemetry, rounded
 from policies.base import PolicyError
@@ -122,11 +122,10 @@ class Driver:
             "events": events,
         }
 
-    def picture(self) -> Picture:
-        """Of now."""
-        shots = [telemetry.shot() for telemetry in self._telemetry]
-        self.orbit = self.orbit.at(shots[0].position)
-        return Picture(shots, [session.policy.name for session in self.sessions], self.orbit)
+    def picture(self) -> list[Shot]:
+        """Every robot now, side by side."""
+        self.orbit = self.orbit.at(self.sessions[0].latest.infos["position"][0])
+        return [telemetry.shot(self.orbit, len(self.sessions)) for telemetry in self._telemetry]
 
     def close(self) -> None:
         """Free the simulations."""

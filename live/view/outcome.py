@@ -66,20 +66,20 @@ def _story(kept: Sequence[_Kept], session: Session) -> list[str]:
 
 
 def _record(kept: Sequence[_Kept], session: Session) -> Episodes:
-    """The kept steps as a record whose first is the start, with pushes by hand."""
+    """The kept steps as a record whose first is the start, with the pushes by hand."""
     policy: Any = SimpleNamespace()
     recorder = Recorder(policy, np.array([session.seed]), STEPS)
     for number, (step, failure, stopped) in enumerate(kept):
         policy.failure, policy.stopped = failure, np.array([stopped])
         recorder(replace(step, number=number))
-    force = np.array([step.infos["push"][0] for step, *_ in kept[1:]])
-    pushed = force.any(axis=1)
+    force = np.array([step.infos["push"][0] for step, *_ in kept[1:]]).reshape(-1, 2)  # N, world
+    pushed = np.asarray(force.any(axis=1))
     begins = np.flatnonzero(pushed & ~np.append(False, pushed[:-1]))
     episodes, scenario = recorder.episodes(), session.env.scenario
     return replace(
         episodes,
         push_step=begins[None],
-        push_impulse=np.add.reduceat(force, begins)[None] * episodes.dt,
+        push_impulse=np.add.reduceat(force, begins)[np.newaxis] * episodes.dt,
         push_steps=int(pushed.sum()) // max(1, len(begins)),
         scenario=scenario if kept[0][0].number == 0 else replace(scenario, dropouts=None),  # whose times are gone
     )

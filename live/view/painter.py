@@ -1,4 +1,4 @@
-"""Painter: a thread that draws the picture it was handed, while the simulation goes on."""
+"""Painter: a thread that draws the shots it was handed, while the simulation goes on."""
 
 import io
 from collections.abc import Callable, Sequence
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from live.view.picture import Picture
+from live.view.picture import Shot
 from quad_env.physics.rendering import Camera
 
 JPEG_QUALITY = 80
@@ -32,8 +32,6 @@ class Painter:
         self._models: list[Any] = []
         self.failure: str | None = None
         """Why nothing can be drawn, once that is known."""
-        self.drawn = 0
-        """Frames so far."""
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="painter")
         self._work: Future[None] | None = None
 
@@ -42,36 +40,35 @@ class Painter:
         """Whether it can draw and has drawn what it was handed."""
         return self.failure is None and (self._work is None or self._work.done())
 
-    def hand(self, picture: Picture) -> None:
+    def hand(self, shots: Sequence[Shot]) -> None:
         """Have that drawn."""
-        self._work = self._thread.submit(self._take, picture)
+        self._work = self._thread.submit(self._take, shots)
 
     def close(self) -> None:
         """End the thread and free what it draws with."""
         self._thread.submit(self._forget)
         self._thread.shutdown()
 
-    def _take(self, picture: Picture) -> None:
+    def _take(self, shots: Sequence[Shot]) -> None:
         try:
-            file = self._paint(picture)
+            file = self._paint(shots)
         except Exception as error:  # whatever the graphics driver fails with
             self.failure = f"nothing can be drawn here ({type(error).__name__}: {error})"
             return
-        self.drawn += 1
         self._show(file)
 
-    def _paint(self, picture: Picture) -> bytes:
-        models = [shot.model for shot in picture.shots]
+    def _paint(self, shots: Sequence[Shot]) -> bytes:
+        models = [shot.model for shot in shots]
         if models != self._models:
             self._forget()
             self._cameras = [Camera(model, WIDTH // len(models), HEIGHT, None) for model in models]
             self._models = models
         frames = [
-            camera.draw(shot.data, arrows=shot.arrows, viewpoint=picture.viewpoint(number))
-            for number, (camera, shot) in enumerate(zip(self._cameras, picture.shots, strict=True))
+            camera.draw(shot.data, arrows=shot.arrows, viewpoint=shot.viewpoint)
+            for camera, shot in zip(self._cameras, shots, strict=True)
         ]
         image, buffer = Image.fromarray(np.concatenate(frames, axis=1)), io.BytesIO()
-        _label(image, picture.names)
+        _label(image, shots)
         image.save(buffer, "jpeg", quality=JPEG_QUALITY)
         return buffer.getvalue()
 
@@ -81,9 +78,9 @@ class Painter:
         self._cameras, self._models = [], []
 
 
-def _label(image: Image.Image, names: Sequence[str]) -> None:
+def _label(image: Image.Image, shots: Sequence[Shot]) -> None:
     """Name the robots where they are, in the colours of their curves."""
     draw, size = ImageDraw.Draw(image), image.height // 22
-    for number, (name, colour) in enumerate(zip(names, COLOURS, strict=False)):
-        place = number * image.width // len(names) + size / 2, size / 2
-        draw.text(place, name, fill=colour, font_size=size, stroke_width=2, stroke_fill=_EDGE)
+    for number, (shot, colour) in enumerate(zip(shots, COLOURS, strict=False)):
+        place = number * image.width // len(shots) + size / 2, size / 2
+        draw.text(place, shot.name, fill=colour, font_size=size, stroke_width=2, stroke_fill=_EDGE)

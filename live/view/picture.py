@@ -1,4 +1,4 @@
-"""Pictures of robots: what is to be drawn, and the place of the camera."""
+"""Shots of robots: what is to be drawn, and the place of the camera."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -41,31 +41,21 @@ class Orbit(Viewpoint):
         x, y, z = robot
         return replace(self, target=(float(x), float(y), self.target[2] + FOLLOWING * (float(z) - self.target[2])))
 
+    def beside(self, robot: NDArray[np.float64], count: int) -> "Orbit":
+        """About a robot there, one of so many side by side, whose narrower pictures show as much."""
+        x, y, _ = robot.tolist()
+        target = (x, y, self.target[2]) if self.follow else self.target
+        return replace(self, target=target, distance=self.distance * count**0.5)
+
 
 @dataclass(frozen=True)
 class Shot:
-    """One robot at one moment."""
+    """What there is to be seen of one robot at one moment."""
 
     model: Any
     """mujoco.MjModel of its simulation, the same object for as long as it is one simulation."""
     data: Any
     """mujoco.MjData, a snapshot."""
-    position: NDArray[np.float64]
-    """Of its trunk, world, m, (3,)."""
+    name: str
+    viewpoint: Viewpoint
     arrows: Sequence[Arrow]
-
-
-@dataclass(frozen=True)
-class Picture:
-    """What there is to be seen at one moment: robots side by side, each from the same direction."""
-
-    shots: Sequence[Shot]
-    names: Sequence[str]
-    orbit: Orbit
-    """About the first robot."""
-
-    def viewpoint(self, number: int) -> Orbit:
-        """From where that robot is seen; a narrower picture shows as much."""
-        orbit, (x, y, _) = self.orbit, self.shots[number].position.tolist()
-        target = (x, y, orbit.target[2]) if orbit.follow else orbit.target
-        return replace(orbit, target=target, distance=orbit.distance * len(self.shots) ** 0.5)

@@ -9,7 +9,7 @@ from evaluate.film.scene import Scene, heading
 from evaluate.rollouts.observers import Step
 from live.session import Session
 from live.view.outcome import Outcome
-from live.view.picture import Shot
+from live.view.picture import Orbit, Shot
 from policies.base import Policy
 from quad_env.task.rewards import REWARD
 
@@ -36,10 +36,11 @@ class Telemetry:
         self._scene.advance(step)
         self._rows.append(self._row(step))
 
-    def shot(self) -> Shot:
-        """What is to be drawn of it now."""
-        simulation, arrows = self._session.env.simulation, self._scene.arrows()
-        return Shot(simulation.model, simulation.snapshot(0), self._session.latest.infos["position"][0], arrows)
+    def shot(self, orbit: Orbit, count: int) -> Shot:
+        """What is to be drawn of it now, as one of so many robots."""
+        simulation, place = self._session.env.simulation, self._session.latest.infos["position"][0]
+        name, viewpoint = self._session.policy.name, orbit.beside(place, count)
+        return Shot(simulation.model, simulation.snapshot(0), name, viewpoint, self._scene.arrows())
 
     def state(self) -> dict[str, Any]:
         """Present state, with the rows since the last call."""

@@ -14,6 +14,7 @@ let socket = null;
 let axes = [];
 let latest = null; // the latest state
 let decoding = 0; // frames that came and are not shown yet
+let shown = []; // when those of the latest second were shown, ms
 let set = 0; // when something was set here, ms
 
 function send(what, values = {}) {
@@ -51,6 +52,7 @@ async function show(file) {
   }
   canvas.getContext("2d").drawImage(picture, 0, 0);
   picture.close();
+  shown = [...shown.filter((time) => time > performance.now() - 1000), performance.now()];
   canvas.dataset.frames = Number(canvas.dataset.frames ?? 0) + 1;
   decoding -= 1;
   if (!first) taken();
@@ -120,7 +122,7 @@ function stated(state) {
   at("pause").textContent = state.paused ? "go on" : "pause";
   at("speed-value").textContent = `${state.speed} ×`;
   at("clock").textContent = `${state.time.toFixed(2)} s, ${state.scenario}, seed ${state.seed}, commands ${state.by_hand ? "by hand" : "of the scenario"}${state.paused ? ", paused" : ""}`;
-  at("rate").textContent = `${state.measured.toFixed(2)} × real time, ${state.frames} frames/s`;
+  at("rate").textContent = `${state.measured.toFixed(2)} × real time, ${shown.filter((time) => time > performance.now() - 1000).length} frames/s`;
   if (state.drawing) notice(state.drawing);
   outcomes(state);
   table(state);
@@ -222,8 +224,8 @@ const KEYS = {
 
 addEventListener("keydown", (event) => {
   const { tagName, type } = event.target;
-  const taken = type === "text" || tagName === "SELECT" || (type === "range" && event.key.startsWith("Arrow"));
-  if (taken || event.ctrlKey || event.altKey || event.metaKey) return;
+  const own = type === "text" || tagName === "SELECT" || (type === "range" && event.key.startsWith("Arrow"));
+  if (own || event.ctrlKey || event.altKey || event.metaKey) return;
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
   if (!(key in KEYS)) return;
   event.preventDefault();

@@ -11,13 +11,12 @@ import pytest
 from live.view.driver import Driver
 from live.view.loop import LiveView
 from live.view.requests import Request
-from live.view.server import Server
 
 
 @pytest.fixture
 def view() -> Iterator[tuple[Driver, LiveView]]:
     driver = Driver(["stand"])
-    found = LiveView(driver, lambda receive: Server(0, receive))
+    found = LiveView(driver, 0)
     with closing(driver), closing(found):
         yield driver, found
 

@@ -42,15 +42,14 @@ def test_dragging_right_turns_the_scene_right_and_dragging_down_lifts_the_camera
 def test_each_picture_looks_at_its_own_robot_while_it_follows() -> None:
     with closing(walking("trot", "stand")) as driver:
         walk(driver, 70)
-        picture = driver.picture()
-        places = np.array([picture.viewpoint(number).target for number in (0, 1)])
+        places = np.array([shot.viewpoint.target for shot in driver.picture()])
         there = [session.latest.infos["position"][0, :2] for session in driver.sessions]
         np.testing.assert_allclose(places[:, :2], there)
         assert places[0, 0] > places[1, 0] + 0.1
         driver.orbit = replace(driver.orbit, follow=False)
-        stays = driver.picture().viewpoint(1).target
+        stays = driver.picture()[1].viewpoint.target
         walk(driver, 1)
-        assert driver.picture().viewpoint(1).target == stays
+        assert driver.picture()[1].viewpoint.target == stays
 
 
 @pytest.fixture
