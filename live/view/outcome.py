@@ -47,7 +47,7 @@ class Outcome:
     def words(self) -> str:
         """What is known by now."""
         if self.story:
-            return self.story[-1].replace("  ", ": ", 1)
+            return self.story[-1].replace("  ", ": ", 1).replace("_", " ")
         if self._session.touched:
             return "no outcome: steered, pushed or changed by hand"
         return f"undecided until {STEPS * self._session.env.dt:g} s"

@@ -52,20 +52,24 @@ export class Curves {
     pen.moveTo(0, y(0));
     pen.lineTo(width, y(0));
     pen.stroke();
-    pen.fillText((high - margin).toFixed(2), 4, 11);
-    pen.fillText((low + margin).toFixed(2), 4, height - 3);
     for (const [name, rows, of] of curves) {
       pen.strokeStyle = colour(name);
       pen.beginPath();
       for (const row of rows) if (Math.round(100 * row[0]) % EVERY === 0) pen.lineTo(x(row[0]), y(of(row)));
       pen.stroke();
     }
+    pen.strokeStyle = colour("panel");
+    pen.lineWidth = 3;
+    for (const [number, bottom] of [[high - margin, 11], [low + margin, height - 3]]) {
+      pen.strokeText(number.toFixed(2), 4, bottom);
+      pen.fillText(number.toFixed(2), 4, bottom);
+    }
   }
 
   // A bar of each foot, in it a stripe of each robot.
   feet() {
     const { pen, width, height, x } = this.begin("contacts");
-    const [bar, row_width] = [height / FEET.length, Math.ceil(width / (SECONDS * 100)) + 1];
+    const [bar, row_width] = [height / FEET.length, Math.ceil(width / (SECONDS * 100))];
     const stripe = (bar - 4) / this.robots.length;
     for (const [foot, name] of FEET.entries()) {
       this.robots.forEach((rows, number) => {
