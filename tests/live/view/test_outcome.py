@@ -51,6 +51,9 @@ def test_success_is_said_at_the_end_of_the_time_and_never_of_what_was_steered(mo
         outcome.note()
         assert (outcome.words, outcome.failed) == ("1.50 s: succeeded", False)
         session.reset()
+        session.push((0.0, 0.0), 0.1)
+        assert session.touched
+        session.reset()
         session.steer((0.5, 0.0, 0.0))
         outcome = watched(session, 151)
         assert outcome.words == "no outcome: steered, pushed or changed by hand"
