@@ -71,5 +71,5 @@ def test_a_push_by_hand_long_after_the_start_is_a_cause_and_times_are_those_of_t
                 session.push((0.0, 1500.0), 0.1)
             session.step()
             outcome.note()
-    assert outcome.story[0] == "2.20 s  a push of 150 N·s, 10.6 m/s"
+    assert outcome.story[0] == "2.20 s  a push of 150 N·s, 10.6 m/s for its mass"
     assert outcome.words.endswith("cause: pushed over (certain)")
