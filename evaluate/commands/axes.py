@@ -37,5 +37,6 @@ def main(options: Options) -> int:
     levels = (f"{name}:all" for name in dict.fromkeys(options.axes or AXES))
     plan = check(comparison.Options(**given | {"scenarios": (*levels, *options.scenarios)}))
     from evaluate.commands.execution import execute
+    from evaluate.report.table import print_levels
 
-    return execute(plan)
+    return execute(plan, show=print_levels)

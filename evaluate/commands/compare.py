@@ -63,17 +63,12 @@ def main(options: Options) -> int:
         raise UsageError(f"{options.a} and {options.b} have {what}")
     console, found = Console(), both.matches
     print_ranking(both.ranking, console)
-    if found:
-        console.print(_table(options, found, NARROW_DIFFERENCES))
-    if any(each.metric in FEW for match in found for each in match.contrasts):
-        console.print(_table(options, found, FEW))
-    for line in (
-        *_survives(both.correlation, found),
-        *_notes(a, b, found, rules),
-        *_left_out(a, b),
-        f"A and B differ in: {'; '.join(changed) or 'nothing that is known'}",
-    ):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    for heads in (NARROW_DIFFERENCES, FEW):
+        if any(each.metric in heads for match in found for each in match.contrasts):
+            console.print(_table(options, found, heads))
+    said = [*_survives(both.correlation, found), *_notes(a, b, found, rules), *_left_out(a, b)]
+    said.append(f"A and B differ in: {'; '.join(changed) or 'nothing that is known'}")
+    console.print("\n".join(said), highlight=False, markup=False, soft_wrap=True)
     if options.json is not None:
         _write(options, both, changed, options.json)
         console.print(str(options.json), highlight=False, markup=False, soft_wrap=True)

@@ -35,7 +35,7 @@ class Options:
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    from evaluate.commands.outputs import Ending, Terminal, analysed, conclude
+    from evaluate.commands.outputs import Terminal, analysed, conclude
     from evaluate.commands.plan import check_baseline, check_gates
     from evaluate.records.store import read_run, remove_chunks
     from evaluate.report.table import print_results
@@ -55,10 +55,9 @@ def main(options: Options) -> int:
     if options.success is not None:
         _print_by(options.success, run, options)
         return 0
-    ending = Ending(gates=gates, baseline=options.baseline)
     try:
         with sole_use(options.folder):
-            code = conclude(run, options.folder, ending)
+            code = conclude(run, options.folder, gates, options.baseline)
             if run.complete:
                 remove_chunks(options.folder)
             return code
