@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 from rich.console import Console
@@ -169,10 +169,9 @@ def _left_out(a: Stored, b: Stored) -> Iterator[str]:
 
 
 def _write(options: Options, both: Joint, changed: list[str], path: Path) -> None:
-    contents: dict[str, Any] = {"schema": 1, "a": str(options.a), "b": str(options.b), "differences": changed}
-    contents["ranking"] = asdict(both.ranking)
-    contents["comparisons"] = [asdict(match) for match in both.matches]
-    contents["rank_correlation"] = asdict(both.correlation) if both.correlation else None
+    contents = {"schema": 1, "a": str(options.a), "b": str(options.b), "differences": changed}
+    contents |= {"ranking": asdict(both.ranking), "comparisons": [asdict(match) for match in both.matches]}
+    contents |= {"rank_correlation": asdict(both.correlation) if both.correlation else None}
     try:
         write_atomically(path, (json.dumps(without_nan(contents), indent=2, allow_nan=False) + "\n").encode())
     except OSError as error:

@@ -105,7 +105,7 @@ def table(options: Options) -> Iterator[str]:
     for name, scenario in walks(options.ground).items():
         for estimator in ESTIMATORS:
             found = errors(options, scenario, estimator)
-            roll, pitch = np.degrees(rms(found.tilt[..., 0])), np.degrees(rms(found.tilt[..., 1]))
+            roll, pitch = np.degrees(norm(found.tilt[..., :1])), np.degrees(norm(found.tilt[..., 1:]))
             velocity, shown, level = map(norm, (found.velocity, found.shown, found.shown[..., :2]))
             cells = [name, estimator, *(f"{each:.3f}" for each in (velocity, shown, level)), f"{roll:.2f}, {pitch:.2f}"]
             yield f"| {' | '.join([*cells, *consistency(found.nees)])} |"
@@ -140,11 +140,6 @@ def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
     falls, watch = Falls(len(seeds), STEPS), _Watch(late)
     roll_out(policy, scenario, seeds, falls, watch, steps=STEPS, nthread=options.threads, hardware=hardware)
     return watch.errors(falls.step)
-
-
-def rms(values: Floats) -> float:
-    """Root of the mean square of all that are numbers."""
-    return float(np.sqrt(np.nanmean(values**2)))
 
 
 def norm(vectors: Floats) -> float:
