@@ -117,16 +117,13 @@ def table(options: Options) -> Iterator[str]:
 
 def walks(ground: int) -> dict[str, Scenario]:
     """Scenarios by name; the rough ground is the field of that number."""
-    flat, rough = (_forward(SCENARIOS[name]) for name in ("flat", "rough"))
+    ranges = {"forward": FORWARD, "lateral": (0.0, 0.0), "yaw_rate": YAW_RATE, "zero_fraction": 0.0}
+    named = SCENARIOS["flat"], SCENARIOS["rough"]
+    flat, rough = (replace(each, commands=replace(each.commands, **ranges)) for each in named)
     assert isinstance(rough.terrain, SmoothRandom)
     rough = replace(rough, terrain=replace(rough.terrain, seed=ground))
     straight = replace(flat, commands=replace(flat.commands, yaw_rate=(0.0, 0.0)))
     return {"flat": flat, "rough, 0.12 m": rough, "flat, straight on": straight}
-
-
-def _forward(scenario: Scenario) -> Scenario:
-    commands = replace(scenario.commands, forward=FORWARD, lateral=(0.0, 0.0), yaw_rate=YAW_RATE, zero_fraction=0.0)
-    return replace(scenario, commands=commands)
 
 
 def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
