@@ -62,9 +62,9 @@ def main(options: Options) -> int:
     write_atomically(options.table, csv_text(rows))
     heads = {name: name.replace("_", " ") for name in ("made_for", "episodes", "right", "certain", "certain_and_wrong")}
     put(options.page, [table(heads, [{name: str(row[name]) for name in heads} for row in rows])], "agreement")
-    columns = ("threshold", "value", "unit", "reason")
+    columns = {name: name for name in ("threshold", "value", "unit", "reason")}
     lines = (dict(zip(columns, map(str, (name, *of)), strict=True)) for name, of in THRESHOLDS.items())
-    put(options.page, [table({name: name for name in columns}, lines)], "thresholds")
+    put(options.page, [table(columns, lines)], "thresholds")
     return 0
 
 
@@ -127,8 +127,7 @@ def read(options: Options, reading: Path) -> int:
     said = f"They agree on {same} of {len(films)} films, on {sum(sure)} of the {len(sure)} where the rules are certain."
     heads = [cause for cause in CAUSES if any(cause == other for _, other in pairs)]
     body = [{cause: str(pairs[rule, cause] or "") for cause in heads} | {"by the rules": rule} for rule in CAUSES]
-    filled = [row for row in body if any(row[cause] for cause in heads)]
-    names = {name: name for name in ("by the rules", *heads)}
+    filled, names = [row for row in body if any(map(row.get, heads))], {name: name for name in ("by the rules", *heads)}
     put(options.page, [f"{said} Rows: the rules; columns: the person.", "", table(names, filled)], "reading")
     films = [{**row, "remark": person[row["film"]].get("remark", "")} for row in films]
     write_atomically(options.table.with_name("causes_films.csv"), csv_text(films))

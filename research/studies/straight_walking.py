@@ -113,8 +113,7 @@ def lines(options: Options, robot: Robot, table: Sequence[Mapping[str, Any]]) ->
     push, rough = scenario("push", robot).severity, scenario("rough", robot).severity
     by_walk: dict[str, dict[str, str]] = {}
     for row in table:
-        words = f"{row['ground']}, {row['speed']:.2f} m/s"
-        cost = number(row["cost_of_transport"], 2)
+        words, cost = f"{row['ground']}, {row['speed']:.2f} m/s", number(row["cost_of_transport"], 2)
         by_walk.setdefault(words, {FIRST: words})[row["policy"]] = f"{percent(row['success_rate'])}, {cost}"
     return [
         f"{robot.name}, {robot.mass:.1f} kg; {options.episodes} episodes of 10 s each, the same for all policies; "
