@@ -117,7 +117,7 @@ def table(options: Options) -> Iterator[str]:
 
 def walks(ground: int) -> dict[str, Scenario]:
     """Scenarios by name; the rough ground is the field of that number."""
-    ranges = {"forward": FORWARD, "lateral": (0.0, 0.0), "yaw_rate": YAW_RATE, "zero_fraction": 0.0}
+    ranges: dict[str, Any] = {"forward": FORWARD, "lateral": (0.0, 0.0), "yaw_rate": YAW_RATE, "zero_fraction": 0.0}
     named = map(SCENARIOS.__getitem__, ("flat", "rough"))
     flat, rough = (replace(each, commands=replace(each.commands, **ranges)) for each in named)
     assert isinstance(rough.terrain, SmoothRandom)

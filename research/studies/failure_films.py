@@ -26,11 +26,10 @@ CURVES = {
     "heading_velocity": "forward, left, m/s, and yaw rate, rad/s",
     "tilt": "tilt, rad",
     "torque_share": "torque of each leg, share of its limit",
-    "given": "tilt, velocity and yaw rate as given to the policy",
+    "given": "tilt, velocity, yaw rate as given",
 }
 """Curves below the frames."""
-BEFORE = 0.6
-"""s before the onset of a fall."""
+BEFORE = 0.6  # s before the onset of a fall
 
 
 def span(record: Record, measures: Measures, earlier: float) -> slice:
@@ -93,8 +92,9 @@ def _curves(record: Record, part: slice, width: int) -> Image.Image:
     part, found = slice(part.start, min(part.stop, record.end)), curves(record.episodes, record.end)
     time, drawn = (np.arange(part.start, part.stop) + 1) * record.episodes.dt, io.BytesIO()
     figure = Figure(figsize=(width / 100, 2.4), dpi=100, layout="constrained")
-    for axes, (name, title) in zip(figure.subplots(1, len(CURVES)), CURVES.items(), strict=True):
-        axes.set_title(title, fontsize=9)
-        axes.plot(time, np.array(found[name], np.float64)[:, part].T if name in found else np.nan * time)
+    shown = [name for name in CURVES if name in found]
+    for axes, name in zip(figure.subplots(1, len(shown)), shown, strict=True):
+        axes.set_title(CURVES[name], fontsize=9)
+        axes.plot(time, np.array(found[name], np.float64)[:, part].T)
     figure.savefig(drawn)
     return Image.open(drawn).convert("RGB")
