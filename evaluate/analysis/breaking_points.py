@@ -84,27 +84,16 @@ def _on_axis(axis: str, levels: Sequence[Cell], of: Of) -> AxisBreakingPoint:
 
 
 def breaking_point_text(point: AxisBreakingPoint) -> str:
-    """`48 N·s [45, 51]`; `none up to 100 N·s` where less than half ever fall; `already at 20 N·s`, the mildest."""
-    figure, ends = figure_and_interval(point)
-    unit = amount(0.0, point.unit).removeprefix("0")
-    return f"{figure}{unit} [{ends}]" if ends else f"{figure}{unit}"
-
-
-def figure_and_interval(point: AxisBreakingPoint) -> tuple[str, str]:
-    """The same without unit, the figure apart from its interval, `45, 51`, which is empty where there is none."""
+    """`48 N·s [45, 51]`; `none up to 100 N·s` where less than half ever fail; `already at 20 N·s`, the mildest."""
+    rising = point.hardest == point.highest
     if point.found == "never":
-        to = "up to" if point.hardest == point.highest else "down to"
-        return f"none {to} {amount(point.hardest)}", ""
+        return f"none {'up' if rising else 'down'} to {amount(point.hardest, point.unit)}"
     if point.found == "always":
-        return f"already at {amount(point.lowest if point.hardest == point.highest else point.highest)}", ""
-    return f"{_digits(point.severity50):g}", _ends(point)
-
-
-def _ends(point: AxisBreakingPoint) -> str:
+        return f"already at {amount(point.lowest if rising else point.highest, point.unit)}"
     low, high = point.ci
     lower = f"{_digits(low):g}" if math.isfinite(low) else f"<{NO_BREAK}{amount(point.lowest)}"
     upper = f"{_digits(high):g}" if math.isfinite(high) else f">{NO_BREAK}{amount(point.highest)}"
-    return f"{lower},{NO_BREAK}{upper}"
+    return f"{amount(_digits(point.severity50), point.unit)} [{lower},{NO_BREAK}{upper}]"
 
 
 def _digits(value: float) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from html import escape
 
-from evaluate.analysis.breaking_points import CAVEAT, HALF, AxisBreakingPoint, Of, figure_and_interval
+from evaluate.analysis.breaking_points import CAVEAT, HALF, Of, breaking_point_text
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.headings import FIRST
@@ -12,7 +12,7 @@ from evaluate.report.plots import success
 from evaluate.report.plots.drawing import svg
 from evaluate.report.sections.axis_section import anchor
 from evaluate.report.sections.figures import policy_label
-from quad_env.cli.format import ABSENT, NO_BREAK
+from quad_env.cli.format import ABSENT
 
 SUCCESS_LEAD = (
     "Episodes that succeed, in %: in each block the severities of an axis in this run, the mildest to the left. An "
@@ -45,7 +45,8 @@ def _heat_map(results: Results) -> str:
 
 def _breaking_points(results: Results, axes: Mapping[str, str], of: Of) -> str:
     """A table, headed by what breaks, of the policies that have a breaking point."""
-    cells = {(point.axis, point.policy): _breaking_cell(point) for point in results.breaking_points if point.of == of}
+    found = [point for point in results.breaking_points if point.of == of]
+    cells = {(point.axis, point.policy): escape(breaking_point_text(point)) for point in found}
     policies = {name: policy_label(results, name) for name in results.policies if any(name == one for _, one in cells)}
     rows = [
         {FIRST: f'<a href="#{anchor(axis)}">{escape(axis)}</a><small>{escape(words)}</small>'}
@@ -53,8 +54,3 @@ def _breaking_points(results: Results, axes: Mapping[str, str], of: Of) -> str:
         for axis, words in axes.items()
     ]
     return f"<h3>{HALF[of].capitalize()}</h3>{table({FIRST: 'axis', **policies}, rows, 'text')}" if cells else ""
-
-
-def _breaking_cell(point: AxisBreakingPoint) -> str:
-    figure, ends = figure_and_interval(point)
-    return f"{escape(figure)}<small>{escape(ends.replace(NO_BREAK, ' '))}</small>" if ends else escape(figure)
