@@ -99,16 +99,16 @@ def success_table(results: Results) -> FittedTable:
     rows = []
     for axis in severity_axes(results.cells):
         severities = " ".join(amount(level.severity) for level in axis.levels if level.severity)
-        below = f"\n   {escape(severities)} {escape(axis.unit)}" if severities else ""
+        below = f"\n   {severities} {escape(axis.unit)}".rstrip()
         cells = {policy: _success(results, axis, policy) for policy in results.policies}
         rows.append({FIRST: f"{row_name(axis.name)}{below}", **cells})
     return console_table("success in % at each severity", heads, {"": rows})
 
 
 def _success(results: Results, axis: SeverityAxis, policy: str) -> str:
-    """`100 92 46`; empty where the policy did not run."""
+    """`100/92/46`; empty where the policy did not run."""
     ran = [results.summaries.get((level.name, policy)) for level in axis.levels]
-    return " ".join(number(100.0 * one.success_rate, 0) if one else ABSENT for one in ran) if any(ran) else ""
+    return "/".join(number(100.0 * one.success_rate, 0) if one else ABSENT for one in ran) if any(ran) else ""
 
 
 def summary_table(results: Results) -> FittedTable:

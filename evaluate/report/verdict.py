@@ -11,15 +11,6 @@ MOST_NEEDED = 10_000
 """Episodes beyond which no number is given."""
 NAMED = 3
 """Scenarios or axes that are named in a line."""
-CLAIMS = (
-    "Claimed is which of two neighbours in the ranking has the better score, and on which scenarios alone neighbours, "
-    "or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip permutation "
-    "of scores, exact McNemar of success. One correction holds for all of these claims (Holm's method, nine tenths of "
-    "the weight for the ranking): the chance that any of them is false is at most 5 %. Intervals are each by itself. "
-    "The episodes that would be needed find a difference as large as the one seen with a chance of 80 %. Falls and "
-    "errors have intervals and no tests."
-)
-"""How claims are made, for readers."""
 
 
 def verdict(ranked: Ranking) -> str:
