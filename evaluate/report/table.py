@@ -42,7 +42,7 @@ def print_levels(results: Results, console: Console) -> None:
     console.print(success_table(results))
     for (axis, of), points in groupby(results.breaking_points, key=lambda each: (each.axis, each.of)):
         found = "; ".join(f"{each.policy} {breaking_point_text(each)}" for each in points)
-        console.print(f"\n[bold]{escape(axis)}[/bold]: {HALF[of]} {escape(found)}", highlight=False)
+        console.print(f"\n[bold]{escape(axis)}[/bold]: {HALF[of]}: {escape(found)}", highlight=False)
     _print_notes(results, console)
     console.print()
 
