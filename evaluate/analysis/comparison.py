@@ -55,7 +55,7 @@ def compare(
     scenario of the run, and those of neighbours without it.
     """
     against = against or usual_baseline([cell.policy for cell in cells])
-    found = []
+    found = list[Comparison]()
     for scenario in dict.fromkeys(cell.scenario.name for cell in cells):
         ran = sorted(
             (each for each in cells if each.scenario.name == scenario), key=lambda each: each.policy != against
