@@ -43,9 +43,12 @@ def test_the_table_fits_into_80_columns_and_shows_severities_and_rates(folder) -
     print_levels(results, console)
     lines = console.file.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
-    (heads,) = (line for line in lines if line.split()[:2] == ["policy", "20"])
-    assert heads.split()[1 : 1 + len(AXES["push"].levels)] == [f"{level:g}" for level in AXES["push"].levels]
-    assert next(line for line in lines if line.split()[:1] == ["falls"]).count("100") == len(AXES["push"].levels)
+    severities = " ".join(f"{level:g}" for level in AXES["push"].levels)
+    assert any(line.split() == f"{severities} N·s".split() for line in lines)
+    (shares,) = (line for line in lines if line.split()[:1] == ["push"])
+    assert shares.split()[1:] == ["/".join(["0"] * len(AXES["push"].levels))] * 2
+    said = " ".join(" ".join(lines).replace("\u00a0", " ").split())
+    assert "push: half of the episodes fall at: document already at 20 N·s; stand none up to 200 N·s" in said
 
 
 def test_every_other_option_is_that_of_a_comparison(monkeypatch) -> None:
