@@ -11,8 +11,6 @@ Ints = NDArray[np.intp]
 
 SHORTEST_SWING = 0.04
 """s; a foot off the ground for less has not stepped: it rattles."""
-LONGEST_STRIDE = 1.0
-"""s; touch-downs of a foot that are further apart are no stride."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +33,6 @@ class Footfalls:
         late = self.swing_start >= step
         listed = ("swing_start", "touch_down", "episode", "foot")
         return replace(self, **{name: getattr(self, name)[late] for name in listed})
-
-    def of(self, foot: int) -> tuple[Ints, Ints]:
-        """Episodes and steps of one foot's touch-downs."""
-        its = self.foot == foot
-        return self.episode[its], self.touch_down[its]
 
 
 def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:

@@ -1,4 +1,4 @@
-"""How the robot steps, stands still and carries its trunk; formulas stand in `evaluate.measures.catalogue`.
+"""How the robot steps and stands still; formulas stand in `evaluate.measures.catalogue`.
 
 Upright steps alone, NaN without one.
 """
@@ -15,30 +15,23 @@ from evaluate.measures.averages import (
     quotient,
     total,
     upright_mean,
-    upright_rms,
     upright_share,
 )
 from evaluate.measures.episodes import Episodes
-from evaluate.measures.footfalls import LONGEST_STRIDE, Footfalls, footfalls
-from quad_env.config import GRAVITY
+from evaluate.measures.footfalls import Footfalls, footfalls
 
 LANDING = 0.02
 """s; how long a touch-down lasts, in whole control steps, of which the first is that in which the foot lands."""
-Places = tuple[NDArray[np.intp], NDArray[np.intp]]
-"""Episodes and their steps."""
 
 
-def gait(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
-    """Every measure of the gait, of standing still and of the trunk's motion over a distance, (n,) m."""
+def gait(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
+    """Every measure of the gait and of standing still."""
     settling, dt = episodes.settling, episodes.dt
     settled, with_the_step_before = slice(settling, None), slice(settling - 1, None)
     counted = upright[settled]
     falls = footfalls(episodes.foot_contact, upright, dt)
     standing = count(falls.stance[settled] & counted[..., None])
     feet, contact = episodes.foot_position[with_the_step_before], episodes.foot_contact[with_the_step_before]
-    rate = episodes.angular_velocity[settled].astype(np.float64)
-    climbing = np.diff(episodes.position[with_the_step_before, :, 2].astype(np.float64), axis=0) / dt
-    speed = quotient(distance, count(counted) * dt)
     return {
         **standing_still(episodes, upright, falls),
         "duty_factor": quotient(standing, count(counted)[:, None]),
@@ -49,11 +42,6 @@ def gait(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floa
         / episodes.weight,
         "foot_slip": foot_slip(feet, contact, upright[with_the_step_before], dt),
         "foot_clearance": foot_clearance(episodes.foot_height, falls.after(settling)),
-        "phase_error": phase_error(falls, episodes.robot.diagonals, settling, dt),
-        "roll_rate": upright_rms(rate[..., 0], counted),
-        "pitch_rate": upright_rms(rate[..., 1], counted),
-        "vertical_speed": upright_rms(climbing, counted),
-        "froude_number": speed * speed / (GRAVITY * episodes.robot.leg_length),
     }
 
 
@@ -111,36 +99,6 @@ def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> 
     x, y = (np.diff(position[..., axis].astype(np.float64), axis=0) for axis in (0, 1))
     travel = np.where(held, np.sqrt(x * x + y * y), 0.0)
     return quotient(total(travel).sum(axis=-1), count(held).sum(axis=-1) * dt)
-
-
-def phase_error(falls: Footfalls, diagonals: tuple[tuple[int, int], ...], first: int, dt: float) -> Floats:
-    """How far the diagonal pairs are out of step, in cycles, 0 … 0.5, mean over the strides of both pairs, (n,).
-
-    For each stride of the front foot: the time from its first touch-down to the nearest one of the hind foot, over the
-    stride's length; 0.5 where the hind foot comes no nearer. Strides count if both swings began at `first` or later.
-    `diagonals` are the front and the hind foot of each pair.
-    """
-    steps, episodes, _ = falls.stance.shape
-    errors, owners = [], []
-    late = falls.after(first)
-    for front, hind in diagonals:
-        episode, step = late.of(front)
-        length = np.diff(step)
-        stride = (np.diff(episode) == 0) & (length * dt <= LONGEST_STRIDE)
-        begin, length, episode = step[:-1][stride], length[stride], episode[:-1][stride]
-        errors.append(np.minimum(_nearest(falls.of(hind), (episode, begin), steps) / length, 0.5))
-        owners.append(episode)
-    return _mean_by_episode(np.concatenate(errors), np.concatenate(owners), episodes)
-
-
-def _nearest(falls: Places, wanted: Places, steps: int) -> Floats:
-    """Steps from each of the wanted (episode, step) to the nearest of `falls` in its episode; inf without one."""
-    apart = 2 * steps  # episodes further apart on the common axis than any two steps within one
-    axis = np.concatenate(([-np.inf], falls[0] * apart + falls[1], [np.inf]))
-    place = wanted[0] * apart + wanted[1]
-    after = np.searchsorted(axis, place)
-    nearest = np.minimum(axis[after] - place, place - axis[after - 1])
-    return np.where(nearest < steps, nearest, np.inf)
 
 
 def _mean_by_episode(values: Floats, episode: NDArray[np.intp], episodes: int) -> Floats:

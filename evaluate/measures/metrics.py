@@ -60,11 +60,6 @@ class Measures:
     touchdown_impulse: Floats
     flight: Floats
     trunk_height: Floats
-    phase_error: Floats
-    roll_rate: Floats
-    pitch_rate: Floats
-    vertical_speed: Floats
-    froude_number: Floats
     authority_used: Floats
     authority_saturated: Floats
     against_base: Floats
@@ -75,10 +70,9 @@ class Measures:
     mean_velocities: Floats
     """(n, k, 3); NaN where the robot was not upright to its end."""
     push_time: Floats
-    """(n, k), k pushes, as are the next four."""
+    """(n, k), k pushes, as are the next three."""
     push_impulse: Floats
     """(n, k, 2)"""
-    push_phase: Floats
     push_fell: Floats
     push_recovery: Floats
     cause: NDArray[np.object_]
@@ -111,7 +105,7 @@ def measure(episodes: Episodes) -> Measures:
         distance=distance,
         **following,
         **effort(episodes, upright, distance),
-        **gait(episodes, upright, distance),
+        **gait(episodes, upright),
         **residual_use(episodes, upright),
         **pushes(episodes),
         cause=unknown,

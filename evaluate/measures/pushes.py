@@ -1,4 +1,4 @@
-"""What pushes do: when, how hard, from where, at which phase of the gait, and what came of them.
+"""What pushes do: when, how hard, from where, and what came of them.
 
 Arrays (n, k): the k pushes of each of n episodes; NaN for a push after the fall.
 """
@@ -29,9 +29,6 @@ def pushes(episodes: Episodes) -> dict[str, Floats]:
     """
     onset = episodes.push_step
     pushed = (onset <= episodes.fall_step[:, None]) & (onset < episodes.steps)
-    phase = np.full(onset.shape, np.nan)
-    if episodes.phase is not None:
-        phase = _at(episodes.phase.astype(np.float64), onset)
     deadline = np.minimum(onset + round(FALL_WITHIN / episodes.dt), _next(onset, episodes.steps))
     fell = np.where(pushed, episodes.fall_step[:, None] < deadline, np.nan)
     recovery = np.where(pushed & _evaluable(episodes), _recovery(episodes), np.nan)
@@ -41,7 +38,6 @@ def pushes(episodes: Episodes) -> dict[str, Floats]:
         "recovery_time": recovery_time(recovery),
         "push_time": np.where(pushed, onset * episodes.dt, np.nan),
         "push_impulse": np.where(pushed[..., None], _in_heading(episodes), np.nan),
-        "push_phase": np.where(pushed, phase, np.nan),
         "push_fell": fell,
         "push_recovery": recovery,
     }

@@ -56,12 +56,6 @@ def test_push_impulse() -> None:
     assert np.isnan(measured("push_impulse", fall=400)[1]).all()
 
 
-def test_push_phase() -> None:
-    phase = np.arange(STEPS, dtype=np.float32)[:, None] / 200
-    np.testing.assert_allclose(measured("push_phase", phase=phase), (0.75, 3.25))
-    assert np.isnan(measured("push_phase")).all()
-
-
 def test_push_fell_and_fall_after_push() -> None:
     np.testing.assert_array_equal(measured("push_fell"), (0, 0))
     np.testing.assert_array_equal(measured("push_fell", fall=SECOND + 199), (0, 1))
