@@ -1,6 +1,6 @@
 """Footfalls: stance, swing and touch-downs of every foot, found in the recorded contacts."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +27,6 @@ class Footfalls:
     """Which episode it belongs to, (swings,)."""
     foot: Ints
     """Which foot, 0 … 3, (swings,); swings are ordered by episode, then foot, then time."""
-
-    def after(self, step: int) -> "Footfalls":
-        """Without the swings that began before that step."""
-        late = self.swing_start >= step
-        listed = ("swing_start", "touch_down", "episode", "foot")
-        return replace(self, **{name: getattr(self, name)[late] for name in listed})
 
 
 def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:

@@ -1,4 +1,4 @@
-"""How the robot steps and stands still; formulas stand in `evaluate.measures.catalogue`.
+"""How the robot steps; formulas stand in `evaluate.measures.catalogue`.
 
 Upright steps alone, NaN without one.
 """
@@ -6,17 +6,7 @@ Upright steps alone, NaN without one.
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.averages import (
-    Bools,
-    Floats,
-    Recorded,
-    count,
-    planar,
-    quotient,
-    total,
-    upright_mean,
-    upright_share,
-)
+from evaluate.measures.averages import Bools, Floats, Recorded, count, quotient, total, upright_mean, upright_share
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import Footfalls, footfalls
 
@@ -25,39 +15,20 @@ LANDING = 0.02
 
 
 def gait(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
-    """Every measure of the gait and of standing still."""
+    """Every measure of the gait."""
     settling, dt = episodes.settling, episodes.dt
-    settled, with_the_step_before = slice(settling, None), slice(settling - 1, None)
-    counted = upright[settled]
+    settled, before, counted = slice(settling, None), slice(settling - 1, None), upright[settling:]
     falls = footfalls(episodes.foot_contact, upright, dt)
     standing = count(falls.stance[settled] & counted[..., None])
-    feet, contact = episodes.foot_position[with_the_step_before], episodes.foot_contact[with_the_step_before]
     return {
-        **standing_still(episodes, upright, falls),
         "duty_factor": quotient(standing, count(counted)[:, None]),
         "step_rate": step_rate(falls, settling, count(counted), dt),
         "flight": upright_share(np.asarray(~falls.stance[settled].any(axis=-1)), counted),
         "trunk_height": upright_mean(episodes.height[settled].astype(np.float64), counted) / episodes.robot.home_height,
         "touchdown_impulse": touchdown_impulse(episodes.foot_impulse, falls, settling, episodes.fall_step, dt)
         / episodes.weight,
-        "foot_slip": foot_slip(feet, contact, upright[with_the_step_before], dt),
-        "foot_clearance": foot_clearance(episodes.foot_height, falls.after(settling)),
+        "foot_slip": foot_slip(episodes.foot_position[before], episodes.foot_contact[before], upright[before], dt),
     }
-
-
-def standing_still(episodes: Episodes, upright: Bools, falls: Footfalls) -> dict[str, Floats]:
-    """Drift, and touch-downs of all feet, over the intervals commanded to stand that were ended upright."""
-    position = episodes.position.astype(np.float64)
-    moved, drifting, landed, time = np.zeros((4, episodes.count))
-    for window in episodes.intervals.settled:
-        last = window.stop - 1
-        counts = ~episodes.command[window.start].any(axis=-1) & upright[last]
-        moved += np.where(counts, planar(position[last] - position[window.start]), 0.0)
-        drifting += counts * ((last - window.start) * episodes.dt)
-        inside = (falls.touch_down >= window.start) & (falls.touch_down < window.stop)
-        landed += counts * np.bincount(falls.episode[inside], minlength=episodes.count)
-        time += counts * ((window.stop - window.start) * episodes.dt)
-    return {"drift": quotient(moved, drifting), "needless_steps": quotient(landed, time)}
 
 
 def step_rate(falls: Footfalls, first: int, upright: NDArray[np.int64], dt: float) -> Floats:
@@ -74,19 +45,6 @@ def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDAr
     step, episode, foot = falls.touch_down[whole], falls.episode[whole], falls.foot[whole]
     received = sum(impulse[step + later, episode, foot].astype(np.float64) for later in range(length))
     return _mean_by_episode(np.asarray(received), episode, len(end))
-
-
-def foot_clearance(height: Recorded, falls: Footfalls) -> Floats:
-    """Peak height above the terrain of each swing, averaged over the swings of all feet, (n,) m."""
-    steps, episodes, feet = height.shape
-    if not len(falls.episode):
-        return np.full(episodes, np.nan)
-    start = (falls.episode * feet + falls.foot) * steps
-    # The stretch from a touch-down to the next swing is cut out by taking every other peak.
-    cuts = np.stack((start + falls.swing_start, start + falls.touch_down), axis=1).ravel()
-    rows = np.ascontiguousarray(np.moveaxis(height, 0, -1)).ravel()
-    peaks = np.maximum.reduceat(rows, cuts)[::2].astype(np.float64)
-    return _mean_by_episode(peaks, falls.episode, episodes)
 
 
 def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> Floats:
