@@ -115,7 +115,7 @@ def film(options: Options, folder: Path) -> int:
 def read(options: Options, reading: Path) -> int:
     """Write the confusion table of the rules and a person's reading; the exit code. Raises UsageError."""
     try:
-        key, seen = (csv.DictReader(path.read_text("utf-8").splitlines()) for path in (options.key, reading))
+        key, seen = (csv.DictReader(path.read_text(encoding="utf-8").splitlines()) for path in (options.key, reading))
         person = {row["film"]: row for row in seen}
         films = [{**row, "read": person[row["film"]]["cause"]} for row in key]
     except (OSError, KeyError) as error:
