@@ -20,16 +20,29 @@ COMMANDS = {STAND: (0.0, 0.0, 0.0), "forward": (0.5, 0.0, 0.0), "in a curve": (0
 SEEDS = episode_seeds("search", 0, 2)
 
 
-class Corrected(DescribedPolicy):
-    """A policy by a corrected description; where its network overflows, its robot falls."""
+class Abreast(Policy):
+    """Policies for one robot, each for as many of those of a batch."""
+
+    name = "abreast"
+
+    def __init__(self, policies: Sequence[Policy]) -> None:
+        super().__init__(robot=policies[0].robot, control_period=policies[0].control_period)
+        self.height_scan = policies[0].height_scan
+        self._policies = policies
+
+    def _allocate(self, num_envs: int) -> None:
+        for policy in self._policies:
+            policy.reset(num_envs // len(self._policies))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        return np.nan_to_num(super()._act(observation))
+        shares = np.split(observation, len(self._policies))
+        actions = [policy.act(own) for policy, own in zip(self._policies, shares, strict=True)]
+        return np.nan_to_num(np.concatenate(actions))  # a network that overflows falls
 
 
-def tried(policy: Policy, robot: str) -> list[Walk]:
+def tried(policy: Policy, robot: str, times: int = 1) -> list[Walk]:
     """Walks at each of COMMANDS on that robot, by name or path."""
-    return walks(policy, Hardware(robot=robot), COMMANDS, SEEDS)
+    return walks(policy, Hardware(robot=robot), COMMANDS, SEEDS, times)
 
 
 def faults(found: Sequence[Walk]) -> dict[str, str]:
@@ -60,9 +73,15 @@ def _deviations(policy: Foreign, robot: str, count: int) -> Iterator[tuple[float
     """How far off its commands it is at worst with each correction, of so many mistakes of the order."""
     assert policy.description is not None
     own = Hardware(robot=robot).quadruped
+    groups: dict[bytes, list[tuple[Correction, Policy]]] = {}
     for each in corrections(policy.description, own, count):
-        made = Corrected(each.description, robot=own, control_period=policy.control_period)
-        yield max(walk.deviation for walk in tried(made, robot)), each
+        made = DescribedPolicy(each.description, robot=own, control_period=policy.control_period)
+        gains = made.robot.servo_stiffness.tobytes() + made.robot.servo_damping.tobytes()
+        groups.setdefault(gains, []).append((each, made))  # robots of a batch have the same servos
+    for group in groups.values():
+        found = tried(Abreast([made for _, made in group]), robot, len(group))
+        worst = np.reshape([walk.deviation for walk in found], (len(group), -1)).max(axis=1)
+        yield from ((float(off), correction) for off, (correction, _) in zip(worst, group, strict=True))
 
 
 def warning(policy: Policy, robot: str) -> str | None:

@@ -59,13 +59,19 @@ class Walk:
         return f"{words}, with {_rounded(self.velocity[worst])} {UNITS[worst]} {AXES[worst]}"
 
 
-def walks(policy: Policy, hardware: Hardware, commands: Mapping[str, Command], seeds: NDArray[np.int64]) -> list[Walk]:
+def walks(
+    policy: Policy,
+    hardware: Hardware,
+    commands: Mapping[str, Command],
+    seeds: NDArray[np.int64],
+    times: int = 1,
+) -> list[Walk]:
     """A walk for each seed and each command by its words; these are SimpleQuad's, scaled to the size of the robot.
 
-    Raises what making the environment and `Policy.check_fits` do.
+    All of them so many `times`, for policies abreast. Raises what making the environment and `Policy.check_fits` do.
     """
     scale, count = np.array([ratio(policy.robot, unit) for unit in UNITS]), len(seeds)
-    asked = np.repeat(scale * np.array(list(commands.values())), count, axis=0)
+    asked = np.tile(np.repeat(scale * np.array(list(commands.values())), count, axis=0), (times, 1))
     fall = np.zeros(len(asked), int)
     velocities: list[Floats] = []
 
@@ -74,7 +80,7 @@ def walks(policy: Policy, hardware: Hardware, commands: Mapping[str, Command], s
         if step.number * step.env.dt > SETTLING:
             velocities.append(step.infos["heading_velocity"])
 
-    steps, seeds = round(SECONDS / policy.control_period), np.tile(seeds, len(commands))
+    steps, seeds = round(SECONDS / policy.control_period), np.tile(seeds, len(commands) * times)
     roll_out(policy, "flat", seeds, observe, steps=steps, command=asked, hardware=hardware)
     planar = np.linalg.norm(asked[:, :2], axis=1, keepdims=True)
     rule = RULES[SUCCESS_RULE]
@@ -82,7 +88,7 @@ def walks(policy: Policy, hardware: Hardware, commands: Mapping[str, Command], s
     means = np.mean(velocities, axis=0) if velocities else np.zeros_like(asked)
     errors = np.abs(means - asked) / allowed
     errors[:, 2] *= asked.any(axis=1)  # many turn a little where they are to stand
-    ways = np.repeat(list(commands), count).tolist()
+    ways = np.tile(np.repeat(list(commands), count), times).tolist()
     falls = [FALL_REASONS[code] if code else "" for code in fall]
     failures = getattr(policy, "failure", None)
     failures = [None] * len(asked) if failures is None else failures
