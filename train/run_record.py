@@ -18,7 +18,6 @@ from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 LEARNER = ("stable-baselines3", "torch", "safetensors")
 """Packages that a run depends on in addition to those of the evaluation."""
-WEIGHT = "--rewards."
 
 
 def command(config: TrainConfig) -> str:
@@ -28,10 +27,8 @@ def command(config: TrainConfig) -> str:
     if config.robot != usual.robot:  # whose defaults are other ones
         options.append(f"--robot {shlex.quote(config.robot)}")
         usual = for_robot(usual, Hardware(robot=config.robot))
-    changed = differences(usual, config)
-    weights = [each.option.removeprefix(WEIGHT) + f"={each.new}" for each in changed if each.option.startswith(WEIGHT)]
-    others = [each for each in changed if not each.option.startswith(("--seed", WEIGHT))]
-    options += [f"{each.option} {words(each.new)}" for each in others] + ["--rewards", *weights] * bool(weights)
+    changed = [each for each in differences(usual, config) if each.option != "--seed"]
+    options += [f"{each.option} {words(each.new)}" for each in changed]
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
 
 
