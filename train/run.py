@@ -13,10 +13,9 @@ from train.run_folder import BEST, CHECKPOINTS, new_run, refuse_folder_in_use, w
 from train.run_record import evaluation, write_settings
 from train.sb3 import checkpoint
 from train.sb3.callbacks import BetweenRollouts, CallbackState
-from train.sb3.display import Display
 from train.sb3.log import run_logger
-from train.sb3.pace import Pace
 from train.sb3.ppo import REWARD_SCALE, build
+from train.sb3.progress import Display, Pace
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import make_robots, training_seeds
 

@@ -8,8 +8,7 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
 from live.imu import Imu
-from live.recording.rows import Floats, Source
-from live.recording.skeleton import IMU_LINK, TRUNK, Link, rotations
+from live.recording.skeleton import IMU_LINK, TRUNK, Floats, Link, Source, rotations
 from quad_env.config import FALL_REASONS
 from quad_env.task.rewards import REWARD
 

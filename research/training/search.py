@@ -29,8 +29,19 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
 from train.config import check_scenarios
 from train.scenarios import Purpose, practice
-from train.search.cmaes import SHORTEST, Effort, Ranges, Seeds, Subject, as_json, changes, method, results, search
-from train.search.panel import Panel
+from train.search.cmaes import (
+    SHORTEST,
+    Effort,
+    Panel,
+    Ranges,
+    Seeds,
+    Subject,
+    as_json,
+    changes,
+    method,
+    results,
+    search,
+)
 
 EXERCISES = (
     *("flat=1.5", "flat=3", "push=35", "push=65", "rough=0.12", "rough=0.24", "slope=15", "slope=25", "stairs=0.1"),

@@ -2,8 +2,7 @@
 
 A generation's candidates are simulated together on the same episodes, other ones in each generation, all from the
 "search" family of seeds, which neither training nor evaluation draws. What a search finds is written as JSON, with an
-account in Markdown of how it was found and what it changed.
-"""
+account in Markdown of how it was found and what it changed."""
 
 import json
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -17,12 +16,39 @@ from rich.progress import track
 
 from evaluate.measures.metrics import Measures
 from evaluate.measures.tracking import SETTLING_TIME
-from policies.base import CONTROL_PERIOD, Floats
+from policies.base import CONTROL_PERIOD, Actions, Floats, Policy
 from policies.parameters import Parameters, limits_of, number
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.files.writing import write_atomically
 from quad_env.seeding import episode_seeds
+
+
+class Panel(Policy):
+    """Several policies as one, each on its own equal share of the rows.
+
+    Args:
+        members: the policies, in the order of their shares.
+        blocks: equal parts that the rows come in, such as one a scenario, in each of which each member has its share.
+    """
+
+    name = "panel"
+
+    def __init__(self, members: Sequence[Policy], blocks: int = 1) -> None:
+        super().__init__(robot=members[0].robot, control_period=members[0].control_period)
+        self._members, self._blocks = members, blocks
+
+    def _allocate(self, num_envs: int) -> None:
+        for member in self._members:
+            member.reset(num_envs // len(self._members))
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        shares = np.arange(len(observation)).reshape(self._blocks, len(self._members), -1).swapaxes(0, 1)
+        actions = np.empty((len(observation), self.robot.num_joints), np.float32)
+        for member, share in zip(self._members, shares, strict=True):
+            actions[share.ravel()] = member.act(observation[share.ravel()])
+        return actions
+
 
 Ranges = Mapping[str, tuple[float, float]]
 """Bounds of the parameters that are searched, by field name."""
