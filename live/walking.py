@@ -1,4 +1,4 @@
-"""Checks of `python -m quad_env doctor` that need policies: does the robot follow commands, does a policy work, and does
+"""Checks of `python -m quad_env doctor` that need policies: does the robot follow commands, does a policy work, does
 one with a description load, stand and walk as described.
 """
 

@@ -28,7 +28,7 @@ from policies.trot import feedback_parameters, integral
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
 from train.config import check_scenarios
-from train.scenarios import Purpose, practice
+from train.curriculum import Purpose, practice
 from train.search.cmaes import (
     SHORTEST,
     Effort,

@@ -27,11 +27,11 @@ from train import validation
 from train.__main__ import main
 from train.commands.run import parse
 from train.config import TrainConfig
+from train.curriculum import TERRAIN_SEEDS
 from train.run import make_env
 from train.run_folder import VALIDATIONS_FILE, steps_done
 from train.sb3.callbacks import BetweenRollouts, CallbackState
 from train.sb3.ppo import build
-from train.scenarios import TERRAIN_SEEDS
 from train.training_robots import training_seeds
 
 WORDS = (

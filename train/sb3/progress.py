@@ -1,4 +1,4 @@
-"""Progress of a run: how fast it is and how long it will take, as a bar on a terminal, else a line every few seconds."""
+"""Progress of a run: its speed and the time that is left, as a bar on a terminal, else a line every few seconds."""
 
 import contextlib
 import math
