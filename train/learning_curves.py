@@ -15,9 +15,8 @@ from policies.base import Floats
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
-from train.config_file import flat, load_settings
 from train.run_folder import VALIDATIONS_FILE
-from train.run_record import words
+from train.run_record import flat, load_settings, words
 
 LONGEST = 48
 """Characters of a label."""

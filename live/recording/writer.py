@@ -28,8 +28,10 @@ def write(rows: Connection, answer: Connection, path: Path, source: Source) -> N
 
 
 def _write(rows: Connection, path: Path, source: Source) -> None:
-    from live.recording.files import McapFile  # here: the process that simulates needs none of it
-    from live.recording.messages import Messages
+    from live.recording.messages import (
+        McapFile,  # here: the process that simulates needs none of it
+        Messages,
+    )
 
     messages = Messages(source)
     with closing(McapFile(path, messages.topics)) as file, contextlib.suppress(EOFError):

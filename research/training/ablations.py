@@ -26,8 +26,8 @@ from research.pages.csv_text import csv_text
 from research.pages.evaluations import png
 from train.commands.run import parse
 from train.config import DEFAULTS, TrainConfig
-from train.config_file import differences, load_config
 from train.run_folder import METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, steps_done
+from train.run_record import differences, load_config
 
 DEFAULT = "default"
 VARIANTS: Mapping[str, str] = {

@@ -11,8 +11,8 @@ from policies.residual_bases import BASES
 from quad_env.cli.command_line import UsageError
 from train.commands.run import parse
 from train.config import DEFAULTS, MIXTURE, BaseName, PpoConfig, TrainConfig
-from train.config_file import differences, from_dict, to_dict
 from train.run_folder import CONFIG_FILE
+from train.run_record import differences, from_dict, to_dict
 from train.training_robots import robots_per_scenario
 
 

@@ -14,8 +14,8 @@ from quad_env.cli.command_line import UsageError, as_spelled
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP, Command, Program
 from train.config import DEFAULTS, TrainConfig, check, for_robot
-from train.config_file import differences, load_config
 from train.run_folder import has_checkpoint, steps_done
+from train.run_record import differences, load_config
 
 NAME = "python -m train"
 COMMANDS = {

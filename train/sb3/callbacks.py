@@ -22,12 +22,11 @@ from policies.bundle import save as save_bundle
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig
-from train.config_file import decode, to_dict
 from train.curriculum import next_shares
 from train.learning_curves import by_seed, read_curve, write_picture
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, CURVE_FILE, LAST
-from train.run_record import write_validations
+from train.run_record import decode, to_dict, write_validations
 from train.sb3 import checkpoint
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.progress import Display
