@@ -13,7 +13,6 @@ from rosbags.typesys import Stores, get_typestore
 from live.imu import Imu
 from live.recording.skeleton import IMU_LINK, TRUNK, Floats, Link, Source, rotations
 from quad_env.config import FALL_REASONS
-from quad_env.task.rewards import REWARD
 
 STANDARD = {
     "/robot_description": "std_msgs/msg/String",
@@ -25,9 +24,10 @@ STANDARD = {
     "/cmd_vel": "geometry_msgs/msg/Twist",
     "/position_controller/command": "std_msgs/msg/Float64MultiArray",
     "/correction": "std_msgs/msg/Float64MultiArray",
+    "/reward": "std_msgs/msg/Float64",
     "/events": "rcl_interfaces/msg/Log",
 }
-"""Type of each topic that every robot has; `topics` has those that are named after its legs and rewards too."""
+"""Type of each topic that every robot has; `topics` has those that are named after its legs too."""
 LATCHED = ("/robot_description", "/tf_static")
 """Topics of one message, at the beginning, which ROS keeps for those who listen later."""
 TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -64,13 +64,11 @@ class Messages:
         self._imu = Imu(source.dt)
         self._command, self._latest = _NO_COMMAND, _OVER
         self._contacts = [topic_name("contacts", name) for name in (*source.legs, "legs", "trunk")]
-        self._rewards = {name: topic_name("rewards", name.removeprefix(REWARD)) for name in source.rewards}
 
     @property
     def topics(self) -> dict[str, str]:
         """Type of each topic."""
-        rewards = dict.fromkeys(("/rewards/total", *self._rewards.values()), "std_msgs/msg/Float64")
-        return STANDARD | dict.fromkeys(self._contacts, "std_msgs/msg/Bool") | rewards
+        return STANDARD | dict.fromkeys(self._contacts, "std_msgs/msg/Bool")
 
     def of_beginning(self) -> Iterator[Message]:
         """Messages for late subscribers too."""
@@ -127,9 +125,7 @@ class Messages:
         touching = np.concatenate([readings[name] for name in ("foot_contact", "leg_contact", "trunk_contact")]) > 0.0
         for topic, touches in zip(self._contacts, touching.tolist(), strict=True):
             yield topic, _T["std_msgs/msg/Bool"](data=touches)
-        rewards = {topic: float(readings[name][0]) for name, topic in self._rewards.items()}
-        for topic, value in {"/rewards/total": sum(rewards.values()), **rewards}.items():
-            yield topic, _T["std_msgs/msg/Float64"](data=value)
+        yield "/reward", _T["std_msgs/msg/Float64"](data=float(readings["reward"][0]))
         if not np.isnan(readings["correction"][0]):
             yield "/correction", _numbers(readings["correction"])
 

@@ -78,7 +78,8 @@ class Recorder:
         if first:
             self._begin(step)
         correction = getattr(self.policy, "correction", None)
-        readings = {name: step.infos[name][0] for name in self._names}
+        readings = {name: step.infos[name][0] for name in SIGNALS}
+        readings["reward"] = sum(step.infos[name][0] for name in step.infos if name.startswith(REWARD))
         readings["correction"] = np.full(step.action.shape[1], np.nan) if correction is None else correction[0]
         readings["start"] = step.number == 0 or first
         self._send(np.concatenate([np.ravel(reading) for reading in readings.values()], dtype=np.float64))
@@ -95,10 +96,9 @@ class Recorder:
 
     def _begin(self, step: Step) -> None:
         env, robot = step.env, step.env.robot
-        self._names = (*SIGNALS, *(name for name in step.infos if name.startswith(REWARD)))
-        widths = {name: step.infos[name][0].size for name in self._names}
+        widths = {name: step.infos[name][0].size for name in SIGNALS}
         source = Source(
-            widths=widths | {"correction": robot.num_joints, "start": 1},
+            widths=widths | {"reward": 1, "correction": robot.num_joints, "start": 1},
             joints=robot.joint_names,
             legs=robot.leg_names,
             links=links_of(env.simulation.model, env.simulation.snapshot(0), robot),

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from quad_env.robots.robot import Robot
-from quad_env.task.rewards import REWARD
 
 Floats = NDArray[np.float64]
 TRUNK, IMU_LINK = "base_link", "imu_link"
@@ -78,7 +77,7 @@ class Source:
     """What the rows are of, a row a control step or start of an episode."""
 
     widths: dict[str, int]
-    """Columns of each reading, in the order of a row; also `correction`, NaN of a policy that has none, and
+    """Columns of each reading, in the order of a row; also `reward`, `correction`, NaN of a policy that has none, and
     `start`, 1 where an episode or the recording begins."""
     joints: tuple[str, ...]
     legs: tuple[str, ...]
@@ -87,11 +86,6 @@ class Source:
     """URDF of the robot; empty where there is none."""
     dt: float
     """Control period, s."""
-
-    @property
-    def rewards(self) -> list[str]:
-        """Readings that are terms of the reward."""
-        return [name for name in self.widths if name.startswith(REWARD)]
 
     @property
     def slices(self) -> dict[str, slice]:
