@@ -15,7 +15,7 @@ from evaluate.rollouts.hardware import Hardware
 from policies.residual_bases import describe
 from quad_env.robots.named import EXTRA, WHEEL
 from quad_env.seeding import episode_seeds
-from train.scenarios import practice
+from train.curriculum import practice
 
 EPISODES = 16
 SHIPPED = [(Hardware.robot, name) for name in policies.TRAINED] + [("go1", "residual"), ("go2", "residual")]

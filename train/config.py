@@ -1,16 +1,21 @@
 """Settings of one training run: frozen dataclasses that are the command line, the help text and config.json at once."""
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
+from evaluate.rollouts import hardware
 from evaluate.rollouts.hardware import Hardware
 from policies.history import Inputs
-from policies.parameters import number
-from quad_env.scenarios.named import scaled_name
-from train.reward_weights import REWARDS, Weights
+from policies.parameters import limits_of, number
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.config import RewardWeights
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.named import scaled_name, scenario
 
 PolicyKind = Literal["residual", "end-to-end"]
 BaseName = Literal[
@@ -18,6 +23,12 @@ BaseName = Literal[
     "trot_feedback", "trot_integral", "walk",
 ]  # fmt: skip
 """A name of `policies.residual_bases.BASES`; written out, so that --help lists them at once."""
+
+POSES = ("crouch", "stand")
+"""Bases of an end-to-end policy."""
+LARGEST_REWARD_WEIGHT, LARGEST_SHARE = 1e4, 1e6
+MOST_HIDDEN_LAYERS, LARGEST_ROLLOUT = 8, 2**24
+"""Of a bundle; samples."""
 
 LARGEST_SEED = 2**32 - 1
 _LOG_STD = (-20.0, 2.0)
@@ -34,6 +45,9 @@ MIXTURE = (
 )  # fmt: skip
 """Every axis at a severity where the base starts to fail, or just beyond, each with its share of the robots; and a
 small delay, without which robots trained on a delay of 0.08 s do worse at 0.03 s than their base."""
+REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, fall=-5.0)
+"""The environment's, and a slope where the robot is so far off its command that the tracking rewards are flat. A second
+there costs about 1: less than a fall, or falling would earn more."""
 MEMORY = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
 """Past observations in which delays, loads, forces and slow motors can be recognised."""
 
@@ -131,8 +145,7 @@ class TrainConfig:
     and the value network's extra inputs stay the truth."""
     estimator: str = "complementary"
     """Estimator of gravity and velocity from the sensors, one of quad_env.ESTIMATORS: complementary or kalman."""
-    rewards: Weights = REWARDS
-    """Weights of reward terms of `quad_env.task.rewards` by name, such as fall=-10 tilt=-1; the others stay."""
+    rewards: RewardWeights = REWARDS
     ppo: PpoConfig = dataclasses.field(default_factory=PpoConfig)
     validation: ValidationConfig = dataclasses.field(default_factory=ValidationConfig)
 
@@ -171,3 +184,52 @@ def for_robot(config: TrainConfig, hardware: Hardware) -> TrainConfig:
     """SimpleQuad's settings for another robot: the same shares on scenarios as hard for it."""
     mixture = tuple((scaled_name(name, hardware.quadruped), share) for name, share in config.mixture)
     return dataclasses.replace(config, robot=hardware.robot, mixture=mixture)
+
+
+def check(config: TrainConfig) -> None:
+    """Raise UsageError, one line, on settings that cannot be trained with."""
+    for group, part in (("", config), ("ppo.", config.ppo), ("validation.", config.validation)):
+        check_numbers(part, limits_of(part), group)
+    terms = [each.name for each in dataclasses.fields(config.rewards)]
+    check_numbers(config.rewards, dict.fromkeys(terms, (-LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)), "rewards.")
+    if max(len(config.ppo.actor), len(config.ppo.critic)) > MOST_HIDDEN_LAYERS:
+        raise UsageError(f"--ppo.actor and --ppo.critic must be at most {MOST_HIDDEN_LAYERS} widths")
+    total = config.ppo.envs * config.ppo.rollout_steps
+    if total % config.ppo.minibatch or total > LARGEST_ROLLOUT:
+        what = f"--ppo.minibatch, {config.ppo.minibatch}, must divide ppo.envs x ppo.rollout-steps, {total}"
+        raise UsageError(f"{what}, which must be at most {LARGEST_ROLLOUT}")
+    try:
+        hardware.check(config.hardware)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    _check_mixture(config)
+    check_scenarios("--validation.scenarios", config.complete_validation.scenarios, config.hardware.quadruped)
+    names = dict.fromkeys((*dict(config.mixture), *config.complete_validation.scenarios))
+    real = ", ".join(name for name in names if scenario(name, config.hardware.quadruped).hardware)
+    if real and config.hardware.chosen:
+        raise UsageError(f"{real}: the profile has its own --actuator, --sensors and --estimator: leave these out")
+    if config.policy == "end-to-end" and config.base not in POSES:
+        raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
+
+
+def _check_mixture(config: TrainConfig) -> None:
+    shares = [share for _, share in config.mixture]
+    check_scenarios("--mixture", [name for name, _ in config.mixture], config.hardware.quadruped)
+    if not all(0 <= share <= LARGEST_SHARE for share in shares):
+        raise UsageError(f"--mixture needs shares that are not negative and at most {LARGEST_SHARE:g}, as in: flat 0.5")
+    # Smaller than any share that means something, and the quotients below stay finite.
+    if sum(shares) < 1e-6:
+        raise UsageError("--mixture: at least one share must be above zero")
+
+
+def check_scenarios(option: str, names: Sequence[str], robot: Robot = SIMPLE_QUAD) -> None:
+    """Raise UsageError, one line, where an option names no scenario, an unknown one or one twice."""
+    if not names:
+        raise UsageError(f"{option} needs at least one scenario")
+    for name in names:
+        try:
+            scenario(name, robot)
+        except ValueError as error:
+            raise UsageError(f"{option}: {error}") from None
+    if len(set(names)) < len(names):
+        raise UsageError(f"{option} names a scenario twice")

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,24 @@ from evaluate.measures.outcomes import RULES, SUCCESS_RULE
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import axes_of
+from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import SmoothRandom
 from train.residual_env import BoolArray
+
+Purpose = Literal["validation", "search", "training"]
+TERRAIN_SEEDS: dict[Purpose, int] = {"validation": 1, "search": 2, "training": 1000}
+"""Seed of the random ground of each purpose, of which every episode uses another part."""
+
+
+def practice(name: str | Scenario, purpose: Purpose, seed: int = 0, robot: Robot = SIMPLE_QUAD) -> Scenario:
+    """The scenario, or the robot's of that name, for that purpose; `seed` selects further random ground."""
+    original = scenario(name, robot)
+    if not isinstance(original.terrain, SmoothRandom):
+        return original
+    surface = dataclasses.replace(original.terrain, seed=TERRAIN_SEEDS[purpose] + seed)
+    return dataclasses.replace(original, terrain=surface)
+
 
 KEPT, LOST = 0.85, 0.6
 """Share of tracked command intervals above which a scenario becomes harder, and below which it becomes milder."""

@@ -13,10 +13,9 @@ from train.run_folder import BEST, CHECKPOINTS, new_run, refuse_folder_in_use, w
 from train.run_record import evaluation, write_settings
 from train.sb3 import checkpoint
 from train.sb3.callbacks import BetweenRollouts, CallbackState
-from train.sb3.display import Display
 from train.sb3.log import run_logger
-from train.sb3.pace import Pace
 from train.sb3.ppo import REWARD_SCALE, build
+from train.sb3.progress import Display, Pace
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import make_robots, training_seeds
 
@@ -54,7 +53,7 @@ def _run(config: TrainConfig, interrupt: Interrupt, found: checkpoint.Checkpoint
             notices += [f"the result may differ from an uninterrupted run; {change}" for change in changed]
             notices += [f"continuing at {done:,} steps"] if found else []
             display = Display(config.steps, Pace(config, done, state.validated))
-            with run_logger(config.folder, done) as logger, contextlib.closing(display):
+            with run_logger(config.folder, done) as logger:
                 for notice in notices:
                     display.note(notice)
                 model.set_logger(logger)

@@ -1,24 +1,132 @@
-"""Records in a run's folder: the command that repeats it, packages, validations, metrics."""
+"""Records of a run: its settings as JSON, in its config.json and in bundles, those of version 0.1.0 included, and their
+differences; the command that repeats it, packages, validations.
+"""
 
+import dataclasses
 import json
 import shlex
-from collections.abc import Mapping, Sequence
+import types
+import typing
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 from evaluate.analysis.results import without_nan
 from evaluate.records.provenance import model_of, versions
 from evaluate.rollouts.hardware import Hardware
+from policies.network import ACTIVATION
+from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
-from train.config import DEFAULTS, TrainConfig, for_robot
-from train.config_file import differences, to_dict
+from train.config import DEFAULTS, PUSHES, TIMESTEP, TrainConfig, for_robot
 from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
+
+
+def to_dict(config: TrainConfig) -> dict[str, Any]:
+    """The settings that decide a run's result, as JSON types: all but where it is written and with how many threads."""
+    settings: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(config), default=str))
+    return {key: value for key, value in settings.items() if key not in ("out", "resume", "threads")}
+
+
+_REMOVED: Mapping[str, Mapping[str, Any]] = {
+    "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0, "hardness": 1.0}
+    | {"foothold_authority": 0.0, "reward_terms": [], "pushes": PUSHES, "timestep": TIMESTEP}
+    | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}},
+    "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
+    | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
+    "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
+}
+"""Settings of older versions, by group, and the only value with which a run still loads; None: any."""
+
+
+def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
+    """The inverse of `to_dict`, of older versions too. Raises UsageError on what is no configuration."""
+    try:
+        found = {**settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
+        for group, removed in _REMOVED.items():
+            values = found.get(group, {}) if group else found
+            for name, only in removed.items():
+                if values.pop(name, only) != only and only is not None:
+                    raise ValueError(f"{name} was removed")
+        return typing.cast(TrainConfig, decode(TrainConfig, found))
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise UsageError(f"not a training configuration: {error}") from None
+
+
+def load_config(folder: Path) -> TrainConfig:
+    """The settings of the run in `folder`. Raises UsageError where there is none."""
+    return from_dict(load_settings(folder))
+
+
+def load_settings(folder: Path) -> dict[str, Any]:
+    """The settings of the run in `folder` as its version wrote them. Raises UsageError where there is none."""
+    try:
+        settings = json.loads(read_bytes(folder / CONFIG_FILE))
+    except OSError as error:
+        problem = f"{CONFIG_FILE} cannot be read ({error.strerror})"
+        raise UsageError(f"no run in {folder}: {problem}; name the folder of a training run") from None
+    except ValueError:
+        settings = None
+    if not isinstance(settings, dict):
+        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is damaged; name the folder of a training run")
+    return settings
+
+
+def decode(kind: Any, value: Any) -> Any:
+    """A value of that type, dataclasses among them, from JSON types. Raises an error of Python's for what is none."""
+    if dataclasses.is_dataclass(kind):
+        hints = typing.get_type_hints(kind)
+        if unknown := set(value) - set(hints):
+            raise ValueError(f"unknown settings {sorted(unknown)}")
+        return kind(**{name: decode(hints[name], entry) for name, entry in value.items()})  # type: ignore[operator]
+    parts = typing.get_args(kind)
+    if typing.get_origin(kind) is tuple:
+        kinds = parts[:1] * len(value) if parts[-1] is Ellipsis else parts
+        return tuple(decode(k, v) for k, v in zip(kinds, value, strict=True))
+    if typing.get_origin(kind) is Literal:
+        if value not in parts:
+            raise ValueError(f"{value!r} is none of {', '.join(parts)}")
+        return value
+    if typing.get_origin(kind) is types.UnionType:  # with None
+        return None if value is None else decode(parts[0], value)
+    return kind(value)
+
+
+class Change(NamedTuple):
+    """A setting in which two runs differ, by its option."""
+
+    option: str
+    old: Any
+    new: Any
+
+    @property
+    def extends(self) -> bool:
+        """Whether the change only makes the run longer."""
+        return self.option == "--steps" and self.new > self.old
+
+    def __str__(self) -> str:
+        return f"{self.option}: the run has {self.old}, the command {self.new}"
+
+
+def differences(old: TrainConfig, new: TrainConfig) -> list[Change]:
+    """Differences between two runs' settings, of those that decide the result."""
+    after = dict(flat(to_dict(new)))
+    return [Change(f"--{name}", value, after[name]) for name, value in flat(to_dict(old)) if value != after[name]]
+
+
+def flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Settings of `to_dict` by the names of their options, groups flattened."""
+    for key, value in settings.items():
+        name = prefix + key.replace("_", "-")
+        if isinstance(value, dict):
+            yield from flat(value, f"{name}.")
+        else:
+            yield name, value
+
 
 LEARNER = ("stable-baselines3", "torch", "safetensors")
 """Packages that a run depends on in addition to those of the evaluation."""
-WEIGHT = "--rewards."
 
 
 def command(config: TrainConfig) -> str:
@@ -28,10 +136,8 @@ def command(config: TrainConfig) -> str:
     if config.robot != usual.robot:  # whose defaults are other ones
         options.append(f"--robot {shlex.quote(config.robot)}")
         usual = for_robot(usual, Hardware(robot=config.robot))
-    changed = differences(usual, config)
-    weights = [each.option.removeprefix(WEIGHT) + f"={each.new}" for each in changed if each.option.startswith(WEIGHT)]
-    others = [each for each in changed if not each.option.startswith(("--seed", WEIGHT))]
-    options += [f"{each.option} {words(each.new)}" for each in others] + ["--rewards", *weights] * bool(weights)
+    changed = [each for each in differences(usual, config) if each.option != "--seed"]
+    options += [f"{each.option} {words(each.new)}" for each in changed]
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
 
 

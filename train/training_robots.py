@@ -20,9 +20,8 @@ from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.seeding import episode_seeds
 from quad_env.task.rewards import REWARD
 from train.config import PUSHES, TIMESTEP, TrainConfig
-from train.curriculum import Intervals, eased
+from train.curriculum import Intervals, eased, practice
 from train.residual_env import BoolArray, FloatArray, Infos, Step
-from train.scenarios import practice
 
 PUSH = 500.0
 """N that count as a push of unit size."""

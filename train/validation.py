@@ -9,7 +9,7 @@ from evaluate.rollouts.rollout import run
 from policies.base import Policy
 from quad_env.seeding import episode_seeds
 from train.config import ValidationConfig
-from train.scenarios import practice
+from train.curriculum import practice
 
 Results = Mapping[str, Mapping[str, float]]
 """Mean metrics of each scenario, scenario -> name -> value."""

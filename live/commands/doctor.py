@@ -14,9 +14,9 @@ CHECKS = (
 )
 """They follow those of `quad_env.doctor`; the second is for runs with a policy."""
 OF_DESCRIPTION = (
-    Check("description", "live.described:description", ("stands",)),
-    Check("standing", "live.described:standing", ("description",)),
-    Check("walking", "live.described:walking", ("standing",)),
+    Check("description", "live.walking:description", ("stands",)),
+    Check("standing", "live.walking:standing", ("description",)),
+    Check("walking", "live.walking:walking", ("standing",)),
 )
 """Between them, for a policy from another project."""
 

@@ -1,17 +1,18 @@
-"""Messages of control steps: standard ones of ROS 2."""
+"""Messages of control steps, standard ones of ROS 2, and MCAP files, which Foxglove opens and `ros2 bag` plays."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
 from rosbags.typesys import Stores, get_typestore
 
 from live.imu import Imu
-from live.recording.rows import Floats, Source
-from live.recording.skeleton import IMU_LINK, TRUNK, Link, rotations
+from live.recording.skeleton import IMU_LINK, TRUNK, Floats, Link, Source, rotations
 from quad_env.config import FALL_REASONS
-from quad_env.task.rewards import REWARD
 
 STANDARD = {
     "/robot_description": "std_msgs/msg/String",
@@ -23,9 +24,10 @@ STANDARD = {
     "/cmd_vel": "geometry_msgs/msg/Twist",
     "/position_controller/command": "std_msgs/msg/Float64MultiArray",
     "/correction": "std_msgs/msg/Float64MultiArray",
+    "/reward": "std_msgs/msg/Float64",
     "/events": "rcl_interfaces/msg/Log",
 }
-"""Type of each topic that every robot has; `topics` has those that are named after its legs and rewards too."""
+"""Type of each topic that every robot has; `topics` has those that are named after its legs too."""
 LATCHED = ("/robot_description", "/tf_static")
 """Topics of one message, at the beginning, which ROS keeps for those who listen later."""
 TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -62,13 +64,11 @@ class Messages:
         self._imu = Imu(source.dt)
         self._command, self._latest = _NO_COMMAND, _OVER
         self._contacts = [topic_name("contacts", name) for name in (*source.legs, "legs", "trunk")]
-        self._rewards = {name: topic_name("rewards", name.removeprefix(REWARD)) for name in source.rewards}
 
     @property
     def topics(self) -> dict[str, str]:
         """Type of each topic."""
-        rewards = dict.fromkeys(("/rewards/total", *self._rewards.values()), "std_msgs/msg/Float64")
-        return STANDARD | dict.fromkeys(self._contacts, "std_msgs/msg/Bool") | rewards
+        return STANDARD | dict.fromkeys(self._contacts, "std_msgs/msg/Bool")
 
     def of_beginning(self) -> Iterator[Message]:
         """Messages for late subscribers too."""
@@ -125,9 +125,7 @@ class Messages:
         touching = np.concatenate([readings[name] for name in ("foot_contact", "leg_contact", "trunk_contact")]) > 0.0
         for topic, touches in zip(self._contacts, touching.tolist(), strict=True):
             yield topic, _T["std_msgs/msg/Bool"](data=touches)
-        rewards = {topic: float(readings[name][0]) for name, topic in self._rewards.items()}
-        for topic, value in {"/rewards/total": sum(rewards.values()), **rewards}.items():
-            yield topic, _T["std_msgs/msg/Float64"](data=value)
+        yield "/reward", _T["std_msgs/msg/Float64"](data=float(readings["reward"][0]))
         if not np.isnan(readings["correction"][0]):
             yield "/correction", _numbers(readings["correction"])
 
@@ -198,3 +196,40 @@ def _transform(stamp: Any, parent: str, name: str, place: Floats, turned: Floats
         child_frame_id=name,
         transform=_T["geometry_msgs/msg/Transform"](translation=_vector(place), rotation=_quaternion(turned)),
     )
+
+
+_NEVER = "{sec: 9223372036, nsec: 854775807}"
+"""No deadline, no lifespan, no lease: how ROS 2 writes infinity."""
+_KEPT = (
+    "- {history: keep_last, depth: 1, reliability: reliable, durability: transient_local, "
+    f"deadline: {_NEVER}, lifespan: {_NEVER}, liveliness: automatic, liveliness_lease_duration: {_NEVER}, "
+    "avoid_ros_namespace_conventions: false}"
+)
+"""With which `ros2 bag play` keeps a message for those who listen later."""
+
+
+class McapFile:
+    """Messages of ROS 2 in one file; what is in its finished chunks is kept however the process that writes ends."""
+
+    def __init__(self, path: Path, topics: Mapping[str, str]) -> None:
+        self._file = path.open("xb")
+        self._writer = McapWriter(self._file, chunk_size=1 << 18, compression=CompressionType.LZ4)
+        self._writer.start(profile="ros2", library="simple-quad")
+        self._channels, schemas = {}, {}
+        for topic, name in topics.items():
+            if name not in schemas:
+                definition, _hash = TYPES.generate_msgdef(name, ros_version=2)
+                schemas[name] = self._writer.register_schema(name, "ros2msg", definition.encode())
+            quality = {"offered_qos_profiles": _KEPT if topic in LATCHED else ""}
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[name], quality)
+
+    def write(self, message: Message) -> None:
+        """Add a message. Raises OSError."""
+        self._writer.add_message(self._channels[message.topic], message.time, message.data, message.time)
+
+    def close(self) -> None:
+        """Write the index and close."""
+        try:
+            self._writer.finish()  # type: ignore[no-untyped-call]
+        finally:
+            self._file.close()

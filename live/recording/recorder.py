@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.rollouts.observers import Step
-from live.recording.rows import Source
-from live.recording.skeleton import links_of
+from live.recording.skeleton import Source, links_of
 from live.recording.writer import write
 from policies.base import Policy
 from quad_env.cli.child_process import without_ctrl_c
@@ -76,17 +75,17 @@ class Recorder:
         if first:
             self._begin(step)
         correction = getattr(self._policy, "correction", None)
-        readings = {name: step.infos[name][0] for name in self._names}
+        readings = {name: step.infos[name][0] for name in SIGNALS}
+        readings["reward"] = sum(step.infos[name][0] for name in step.infos if name.startswith(REWARD))
         readings["correction"] = np.full(step.action.shape[1], np.nan) if correction is None else correction[0]
         readings["start"] = step.number == 0 or first
         self._send(np.concatenate([np.ravel(reading) for reading in readings.values()], dtype=np.float64))
 
     def _begin(self, step: Step) -> None:
         env, robot = step.env, step.env.robot
-        self._names = (*SIGNALS, *(name for name in step.infos if name.startswith(REWARD)))
-        widths = {name: step.infos[name][0].size for name in self._names}
+        widths = {name: step.infos[name][0].size for name in SIGNALS}
         source = Source(
-            widths=widths | {"correction": robot.num_joints, "start": 1},
+            widths=widths | {"reward": 1, "correction": robot.num_joints, "start": 1},
             joints=robot.joint_names,
             legs=robot.leg_names,
             links=links_of(env.simulation.model, env.simulation.snapshot(0), robot),

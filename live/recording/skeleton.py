@@ -1,4 +1,6 @@
-"""Frames of a robot's links, each in that of its parent, as a URDF has them: at the joint that moves the link."""
+"""What the rows of a recording are of, and the frames of the robot's links, each in that of its parent, as a URDF has
+them: at the joint that moves the link.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -68,3 +70,25 @@ def rotations(links: Sequence[Link], angles: Floats) -> Floats:
     turns = [(angles[link.joint] - link.reference) * np.array(link.axis) for link in links]
     fixed = Rotation.from_quat([link.rotation for link in links], scalar_first=True)
     return np.asarray((fixed * Rotation.from_rotvec(turns)).as_quat(scalar_first=True))
+
+
+@dataclass(frozen=True)
+class Source:
+    """What the rows are of, a row a control step or start of an episode."""
+
+    widths: dict[str, int]
+    """Columns of each reading, in the order of a row; also `reward`, `correction`, NaN of a policy that has none, and
+    `start`, 1 where an episode or the recording begins."""
+    joints: tuple[str, ...]
+    legs: tuple[str, ...]
+    links: tuple[Link, ...]
+    description: str
+    """URDF of the robot; empty where there is none."""
+    dt: float
+    """Control period, s."""
+
+    @property
+    def slices(self) -> dict[str, slice]:
+        """Reading -> its columns."""
+        ends = np.cumsum(list(self.widths.values())).tolist()
+        return {name: slice(end - width, end) for end, (name, width) in zip(ends, self.widths.items(), strict=True)}

@@ -6,7 +6,7 @@ from contextlib import closing
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from live.recording.rows import Source
+from live.recording.skeleton import Source
 
 NICE = 5
 """How far the simulation, and whatever else runs, goes first where cores are few."""
@@ -28,8 +28,10 @@ def write(rows: Connection, answer: Connection, path: Path, source: Source) -> N
 
 
 def _write(rows: Connection, path: Path, source: Source) -> None:
-    from live.recording.files import McapFile  # here: the process that simulates needs none of it
-    from live.recording.messages import Messages
+    from live.recording.messages import (
+        McapFile,  # here: the process that simulates needs none of it
+        Messages,
+    )
 
     messages = Messages(source)
     with closing(McapFile(path, messages.topics)) as file, contextlib.suppress(EOFError):

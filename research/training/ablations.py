@@ -26,8 +26,8 @@ from research.pages.csv_text import csv_text
 from research.pages.evaluations import png
 from train.commands.run import parse
 from train.config import DEFAULTS, TrainConfig
-from train.config_file import differences, load_config
 from train.run_folder import METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, steps_done
+from train.run_record import differences, load_config
 
 DEFAULT = "default"
 VARIANTS: Mapping[str, str] = {
@@ -35,7 +35,7 @@ VARIANTS: Mapping[str, str] = {
     "base: trot": "--base trot",
     "base: trot_feedback": "--base trot_feedback --ppo.learning-rate 4e-4 --ppo.log-std-init -2.3",
     "no memory": "--inputs.lags --inputs.averages",
-    "no slope far from the command": "--rewards linear-velocity-error=0 yaw-rate-error=0",
+    "no slope far from the command": "--rewards.linear-velocity-error 0 --rewards.yaw-rate-error 0",
     "corrections at 100 Hz": "--ppo.hold 1 --ppo.gamma 0.99",
     "horizon of 0.4 s": "--ppo.gamma 0.95",
     "authority of 0.6 rad": "--joint-authority 0.6 --hip-authority 0.3",
@@ -44,7 +44,7 @@ VARIANTS: Mapping[str, str] = {
     "a rate that stays": "--ppo.learning-rate-schedule constant",
     "more, smaller updates": "--ppo.envs 256 --ppo.minibatch 1024 --ppo.epochs 4",
     "noise of 0.1": "--ppo.log-std-init -2.3",
-    "a fall costs 1": "--rewards fall=-1",
+    "a fall costs 1": "--rewards.fall -1",
     "no curriculum": "--curriculum 1",
 }
 """Name of each variant -> the options in which it differs from the default command."""

@@ -29,8 +29,8 @@ from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.scenarios.named import scaled_name
 from research.training.model_card import TrainedRun, model_card
-from train.config_file import differences, from_dict, load_config
 from train.run_folder import BEST, CHECKPOINTS
+from train.run_record import differences, from_dict, load_config
 
 CARD = "MODEL.md"
 SHIPPED_SEED = 0

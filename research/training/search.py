@@ -27,12 +27,21 @@ from policies.residual_bases import BASES
 from policies.trot import feedback_parameters, integral
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
-from train.scenarios import Purpose, practice
-from train.search.command import search
-from train.search.files import as_json, changes, method, results
-from train.search.panel import Panel
-from train.search.subject import SHORTEST, Effort, Ranges, Seeds, Subject
-from train.setting_ranges import check_scenarios
+from train.config import check_scenarios
+from train.curriculum import Purpose, practice
+from train.search.cmaes import (
+    SHORTEST,
+    Effort,
+    Panel,
+    Ranges,
+    Seeds,
+    Subject,
+    as_json,
+    changes,
+    method,
+    results,
+    search,
+)
 
 EXERCISES = (
     *("flat=1.5", "flat=3", "push=35", "push=65", "rough=0.12", "rough=0.24", "slope=15", "slope=25", "stairs=0.1"),

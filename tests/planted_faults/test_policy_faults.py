@@ -8,7 +8,7 @@ from policies.trot.feedback import TrotFeedback
 from policies.trot.feedback_parameters import FeedbackParameters, searched_parameters
 from quad_env import CommandRanges
 from quad_env.seeding import episode_seeds
-from train.scenarios import practice
+from train.curriculum import practice
 
 AHEAD = CommandRanges(forward=(0.5, 0.5), lateral=(0.0, 0.0), yaw_rate=(0.0, 0.0), zero_fraction=0.0)
 

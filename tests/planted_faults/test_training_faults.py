@@ -19,8 +19,7 @@ from train import training_robots, validation
 from train.config import PUSHES, PpoConfig, TrainConfig, ValidationConfig
 from train.run import make_env
 from train.search import trot
-from train.search.command import evolve
-from train.search.subject import Effort, Subject
+from train.search.cmaes import Effort, Subject, evolve
 
 JUDGED = ValidationConfig(episodes=1, scenarios=("flat", "push", "rough"))
 SMALL = TrainConfig(
@@ -146,7 +145,7 @@ FAULTS: Faults = {
         check_validation_and_training_have_the_hardware_profile,
     ),
     "searches on evaluation seeds": (
-        seeds_of_evaluation("train.search.subject"),
+        seeds_of_evaluation("train.search.cmaes"),
         check_searches_are_on_their_own_episodes_and_ground,
     ),
     "search of the trot on evaluation ground": (

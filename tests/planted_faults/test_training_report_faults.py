@@ -10,9 +10,8 @@ import pytest
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
 from tests.train.curves.test_run import folder_of_run
 from train.config import PpoConfig, TrainConfig
-from train.curves.figure import draw
-from train.curves.run import SeedBand, by_seed, read_curve
-from train.sb3.pace import Pace
+from train.learning_curves import SeedBand, by_seed, draw, read_curve
+from train.sb3.progress import Pace
 
 
 def check_a_curve_is_that_of_its_run_and_its_band_goes_from_seed_to_seed() -> None:
@@ -51,7 +50,7 @@ def over_one_run(self: SeedBand) -> Any:
 
 FAULTS: Faults = {
     "a curve from another run's file": (
-        lambda patch: patch.setattr("train.curves.run.VALIDATIONS_FILE", "../a/validations.json"),
+        lambda patch: patch.setattr("train.learning_curves.VALIDATIONS_FILE", "../a/validations.json"),
         check_a_curve_is_that_of_its_run_and_its_band_goes_from_seed_to_seed,
     ),
     "a band over one run's validations": (
@@ -63,7 +62,7 @@ FAULTS: Faults = {
         check_the_time_left_has_the_validations_in_it,
     ),
     "speed with the time of validations": (
-        lambda patch: patch.setattr("train.sb3.pace.sum", lambda _: 0.0, raising=False),
+        lambda patch: patch.setattr("train.sb3.progress.sum", lambda _: 0.0, raising=False),
         check_the_time_left_has_the_validations_in_it,
     ),
 }

@@ -18,8 +18,7 @@ from research.training.publish import choose
 from train.__main__ import main as train
 from train.commands.run import parse
 from train.config import DEFAULTS
-from train.config_file import to_dict
-from train.run_record import command
+from train.run_record import command, to_dict
 
 OPTIONS = (
     "--threads 1 --mixture flat 1.0 --validation.episodes 1 --validation.scenarios flat --steps 64 "

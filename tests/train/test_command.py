@@ -22,10 +22,9 @@ from quad_env.files.writing import sole_use
 from quad_env.physics import simulation
 from train.__main__ import main
 from train.commands.run import COMMANDS, parse
-from train.config_file import load_config, to_dict
-from train.curves.figure import write_picture
-from train.curves.run import by_seed, read_curve
+from train.learning_curves import by_seed, read_curve, write_picture
 from train.run_folder import CONFIG_FILE, CURVE_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
+from train.run_record import load_config, to_dict
 from train.sb3 import checkpoint
 
 ROOT = Path(__file__).resolve().parents[2]

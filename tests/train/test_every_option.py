@@ -27,11 +27,11 @@ from train import validation
 from train.__main__ import main
 from train.commands.run import parse
 from train.config import TrainConfig
+from train.curriculum import TERRAIN_SEEDS
 from train.run import make_env
 from train.run_folder import VALIDATIONS_FILE, steps_done
 from train.sb3.callbacks import BetweenRollouts, CallbackState
 from train.sb3.ppo import build
-from train.scenarios import TERRAIN_SEEDS
 from train.training_robots import training_seeds
 
 WORDS = (
@@ -202,8 +202,8 @@ def test_the_weight_of_a_reward_term_is_what_robots_earn_by() -> None:
     terms = tuple(field.name for field in dataclasses.fields(RewardWeights))
     found = []
     for weights in (np.ones(len(terms)), 2.0 ** np.arange(len(terms))):
-        words = [f"{name}={weight}" for name, weight in zip(terms, weights, strict=True)]
-        robots: Any = make_env(parse([*SMALL.split(), "--mixture", "flat", "1", "--rewards", *words])).env.unwrapped
+        words = [f"--rewards.{name}={weight}" for name, weight in zip(terms, weights, strict=True)]
+        robots: Any = make_env(parse([*SMALL.split(), "--mixture", "flat", "1", *words])).env.unwrapped
         robots.reset(seed=episode_seeds("training", 0, robots.num_envs).tolist())
         sums = np.zeros(len(terms))
         for step in range(100):

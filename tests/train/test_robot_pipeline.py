@@ -17,7 +17,7 @@ from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
 from train.__main__ import main
 from train.commands import robot as robot_pipeline
-from train.config_file import load_config
+from train.run_record import load_config
 from train.search import trot
 
 BRIEF = replace(robot_pipeline.SEARCH, generations=1, candidates=4, episodes=8, steps=101, check_episodes=4)

@@ -12,8 +12,7 @@ import tyro
 
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import number
-from train.curves.figure import DATES, write_picture
-from train.curves.run import by_seed, read_curve
+from train.learning_curves import DATES, by_seed, read_curve, write_picture
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,9 @@ from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError, as_spelled
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP, Command, Program
-from train.config import DEFAULTS, TrainConfig, for_robot
-from train.config_file import differences, load_config
-from train.reward_weights import weight_words
+from train.config import DEFAULTS, TrainConfig, check, for_robot
 from train.run_folder import has_checkpoint, steps_done
-from train.setting_ranges import check
+from train.run_record import differences, load_config
 
 NAME = "python -m train"
 COMMANDS = {
@@ -29,7 +27,6 @@ COMMANDS = {
 MOVED = {name: f"now `python -m research {name.split()[0]}`" for name in ("ablations", "publish", "search feedback")}
 MOVED |= {name: f"gone: revision 59ce5e8 has it as `python -m research {name}`" for name in ("sweep", "trials")}
 """Where commands of older versions are."""
-REWARDS = "--rewards"
 
 
 def run(words: list[str]) -> int:
@@ -56,7 +53,6 @@ def parse(words: Sequence[str]) -> TrainConfig:
     """
     words = as_spelled(TrainConfig, list(words))
     defaults, description = _defaults(words), f"{__doc__}{PROGRAM.listing()}"
-    words = _with_all_weights(words, defaults)
     config = parse_options(TrainConfig, words, program=NAME, description=description, default=defaults)
     check(defaults)
     check(config)
@@ -64,15 +60,6 @@ def parse(words: Sequence[str]) -> TrainConfig:
         said = f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}"
         raise UsageError(f"{said}; only a larger --steps may be given, to extend it")
     return config
-
-
-def _with_all_weights(words: list[str], defaults: TrainConfig) -> list[str]:
-    """The words with the default weights first in --rewards, so that those that are not given stay as they are."""
-    split = [part for word in words for part in (word.split("=", 1) if word.startswith(f"{REWARDS}=") else [word])]
-    if REWARDS in split:
-        place = split.index(REWARDS) + 1
-        split[place:place] = weight_words(defaults.rewards)
-    return split
 
 
 def _defaults(words: list[str]) -> TrainConfig:

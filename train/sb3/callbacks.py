@@ -22,16 +22,14 @@ from policies.bundle import save as save_bundle
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig
-from train.config_file import decode, to_dict
 from train.curriculum import next_shares
-from train.curves.figure import write_picture
-from train.curves.run import by_seed, read_curve
+from train.learning_curves import by_seed, read_curve, write_picture
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, CURVE_FILE, LAST
-from train.run_record import write_validations
+from train.run_record import decode, to_dict, write_validations
 from train.sb3 import checkpoint
-from train.sb3.display import Display
 from train.sb3.ppo import AdaptiveRate, actor_network
+from train.sb3.progress import Display
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import TrainingRobots, make_batch, segment_steps, training_seeds
 from train.validation import cost_of_transport, rank, score, success, validate

@@ -22,11 +22,8 @@ from policies.shipped import folder_of
 from policies.trot.open_loop import FILE, SEARCH_RANGES, Trot, TrotParameters, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
-from train.scenarios import practice
-from train.search.command import search
-from train.search.files import as_json, changes, method, results
-from train.search.panel import Panel
-from train.search.subject import Effort, Seeds, Subject, rounded
+from train.curriculum import practice
+from train.search.cmaes import Effort, Panel, Seeds, Subject, as_json, changes, method, results, rounded, search
 
 SCENARIO_WEIGHTS = {"flat": 0.5, "push": 0.25, "rough": 0.25}
 ERROR_SCALES = {"velocity_error": 0.2, "mean_velocity_error": 0.12, "yaw_rate_error": 0.35, "overspeed": 0.02}

@@ -21,7 +21,7 @@ from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from tests.policies.readings import reading
-from train.scenarios import practice
+from train.curriculum import practice
 
 
 def walked(policy: Mpc, scenario: str = "flat", steps: int = 300) -> Measures:

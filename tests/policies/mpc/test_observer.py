@@ -15,7 +15,7 @@ from policies.mpc.reading_noise import GROUPS, QUIET, SENSED, ReadingNoise
 from quad_env import OBSERVATION
 from quad_env.seeding import episode_seeds
 from tests.policies.readings import reading
-from train.scenarios import practice
+from train.curriculum import practice
 
 SEEDS, STEPS = episode_seeds("search", 0, 2), 150
 NOISE = {"noise=0.2": (0.05, 0.2, 0.1, 0.01, 1.5), "noise=0.8": (0.2, 0.8, 0.4, 0.04, 6.0)}

@@ -23,7 +23,7 @@ from quad_env import OBSERVATION_SIZE, HeightScan
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.height_scan import UNSEEN
-from train.scenarios import practice
+from train.curriculum import practice
 
 TWO = Ground(np.array([-0.3, -0.4]), np.array([0.1, 0.0]), np.array([0.0, -0.2]))
 """Planes under two robots."""

@@ -7,7 +7,7 @@ from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
-from train.scenarios import practice
+from train.curriculum import practice
 
 
 def walk(axis, severity, count, policy, steps=400):

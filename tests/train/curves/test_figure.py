@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from evaluate.report.plots.drawing import COLOURS
-from train.curves.figure import draw, write_picture
-from train.curves.run import RunCurve, SeedBand
+from train.learning_curves import RunCurve, SeedBand, draw, write_picture
 
 STEPS = np.array([1e6, 2e6])
 

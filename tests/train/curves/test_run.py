@@ -9,9 +9,9 @@ import pytest
 
 from quad_env.cli.command_line import UsageError
 from train.config import TrainConfig
-from train.config_file import to_dict
-from train.curves.run import by_seed, read_curve
+from train.learning_curves import by_seed, read_curve
 from train.run_folder import CONFIG_FILE, VALIDATIONS_FILE
+from train.run_record import to_dict
 
 Points = list[tuple[int, float, float | None]]
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from train.sb3.display import summary
+from train.sb3.progress import summary
 
 
 def counted(episodes=0, falls=0.0, returned=0.0):

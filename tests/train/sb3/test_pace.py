@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from train.config import PpoConfig, TrainConfig, ValidationConfig
-from train.sb3.pace import Pace
+from train.sb3.progress import Pace
 
 PPO = PpoConfig(envs=10, rollout_steps=10, hold=2)
 CONFIG = TrainConfig(steps=1000, mixture=(("flat", 1.0), ("push", 1.0)), ppo=PPO, validation=ValidationConfig(300))

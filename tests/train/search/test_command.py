@@ -12,7 +12,7 @@ from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike
 from train.__main__ import main
-from train.search import command, trot
+from train.search import cmaes, trot
 from train.search.trot import Options
 
 FULL = 1000
@@ -99,7 +99,7 @@ class Kept:
                     raise each
                 yield each, []
 
-        patch.setattr(command, "evolve", evolve)
+        patch.setattr(cmaes, "evolve", evolve)
         patch.setattr(trot, "mapped", lambda found, *_: found)
         patch.setattr(trot, "results", lambda _: [])
         self.code = main(["search", "trot", "--out", str(folder / "found.json")])
@@ -131,7 +131,7 @@ def test_an_outcome_that_cannot_be_written_is_printed(
         if path.name == "found.json":
             raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("train.search.files.write_atomically", full)
+    monkeypatch.setattr("train.search.cmaes.write_atomically", full)
     assert Kept(tmp_path, monkeypatch, FOUND).code == 2
     printed = capsys.readouterr()
     assert "No space left" in printed.err

@@ -10,8 +10,7 @@ from evaluate.measures.metrics import Measures
 from policies.trot.open_loop import SEARCH_RANGES, Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds
-from train.search.panel import Panel
-from train.search.subject import decode, encode
+from train.search.cmaes import Panel, decode, encode
 from train.search.trot import (
     ERROR_SCALES,
     WEAKNESS_WEIGHT,

@@ -1,9 +1,9 @@
-"""How fast a run is, and how long it will take: rollouts and validations."""
+"""Progress of a run: its speed, its main figures and the time that is left, a line every few seconds."""
 
 import contextlib
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 from evaluate.rollouts.rollout import STEPS
 from train.config import TrainConfig
@@ -57,3 +57,39 @@ class Pace:
         ppo, scenarios = self._config.ppo, len(self._config.complete_validation.scenarios)
         control_steps = rate * ppo.hold / ppo.envs * len(robots_per_scenario(self._config))
         return scenarios * STEPS / control_steps
+
+
+LINE_PERIOD = 5.0
+"""Between two lines, s."""
+
+
+def summary(figures: Mapping[str, float]) -> str:
+    """The main figures of a rollout, in words."""
+    ended, count = "no episode ended", int(figures["episodes"])
+    if count:
+        ended = f"return {figures['return']:7.2f}  {round(figures['falls'] * count)} of {count} episodes fell"
+    errors = f"velocity error {figures['velocity_error']:.3f} m/s  yaw-rate error {figures['yaw_rate_error']:.3f} rad/s"
+    validated = f"{figures['success']:.0%} succeeded in validation  " if "success" in figures else ""
+    return f"{validated}{ended}  {errors}"
+
+
+class Display:
+    """Progress on standard output towards `total` steps, with the time left by `pace`."""
+
+    def __init__(self, total: int, pace: Pace) -> None:
+        self.pace = pace
+        self._total, self._printed = total, float("-inf")
+
+    def update(self, steps: int, figures: Mapping[str, float]) -> None:
+        """Print that `steps` have been taken, and the latest figures by name, unless there was a line just now."""
+        now = time.monotonic()
+        if now - self._printed < LINE_PERIOD and steps < self._total:
+            return
+        minutes, seconds = divmod(round(self.pace.left(steps)), 60)
+        pace = f"{self.pace.rate(steps):6,.0f}/s  {minutes:3}:{seconds:02} left"
+        self._printed = now
+        self.note(f"{steps:>10,}/{self._total:,} steps  {pace}  {summary(figures)}")
+
+    def note(self, text: str) -> None:
+        """Print a line."""
+        print(text, flush=True)

@@ -1,1 +1,0 @@
-"""Learning curves of training runs: success and effort of their validations over steps."""
