@@ -102,9 +102,6 @@ MEASURES = (
     Measure("flight", "flight", "", "", f"[no foot on the ground]; {FOOTFALL}", "Alexander & Jayes 1983"),
     Measure("trunk_height", "trunk height", "", "world, vertical",
             "<height of the trunk's centre above the terrain> / that of the home pose"),
-    Measure("against_base", "against its base", "", "joints",
-            f"[correction opposes the base's motion] of joints and time with the base's target faster than "
-            f"{effort.SLOW:g} rad/s and |correction| >= {effort.SLIGHT:g} authority; 0.5 if unrelated"),
     Measure("duty_factor", "duty factor", "", "", f"[foot on the ground], of each foot; {FOOTFALL}",
             "Alexander & Jayes 1983"),
     Measure("commands", "commands", "m/s, m/s, rad/s", "heading", "of each command interval"),

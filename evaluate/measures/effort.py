@@ -15,12 +15,8 @@ SHORTEST_DISTANCE = 1.0
 """Below this distance an episode has no cost of transport, m: it would be a quotient by nearly nothing."""
 LIMIT_MARGIN = 0.01
 """rad from a joint limit at which the joint counts as at it."""
-SLIGHT = 0.05
-"""Share of the authority below which a correction has no direction worth the name."""
 SUMS = "positive_work", "regeneration", "joule_heat"
 """Sums over time and joints."""
-SLOW = 0.1
-"""rad/s of the base's joint target below which the base does not move the joint."""
 
 
 def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
@@ -72,15 +68,3 @@ def cost_of_all(energy: Floats, distance: Floats, weight: float) -> float:
     """
     (whole,) = cost_of_transport(energy.mean(keepdims=True), distance.mean(keepdims=True), weight)
     return float(whole)
-
-
-def residual_use(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
-    """How often a residual works against its base; NaN of other policies."""
-    if episodes.correction is None or episodes.base_action is None:
-        return {"against_base": np.full(episodes.count, np.nan)}
-    correction, counted = episodes.correction[episodes.settling :], upright[episodes.settling :]
-    motion = np.diff(episodes.base_action[episodes.settling - 1 :].astype(np.float64), axis=0)
-    directed = (np.abs(motion) >= SLOW * episodes.dt) & (np.abs(correction) >= SLIGHT)
-    directed &= counted[..., None]
-    against = directed & (motion * correction < 0)
-    return {"against_base": quotient(count(against).sum(axis=-1), count(directed).sum(axis=-1))}

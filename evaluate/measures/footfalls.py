@@ -19,10 +19,8 @@ class Footfalls:
 
     stance: Bools
     """On the ground, rattling counted as stance, (steps, n, 4)."""
-    swing_start: Ints
-    """First step of each swing, (swings,); only swings that were begun and ended upright are listed."""
     touch_down: Ints
-    """First step of the stance after it, (swings,)."""
+    """First step of the stance after each swing, (swings,); of swings begun and ended upright alone."""
     episode: Ints
     """Which episode it belongs to, (swings,)."""
     foot: Ints
@@ -42,7 +40,7 @@ def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
     owner = np.append(lifted_row, -1)[latest]  # -1 without a lift-off
     whole = owner == landed_row
     row = landed_row[whole]
-    return Footfalls(stance, lifted[latest[whole]] + 1, landed[whole] + 1, row // feet, row % feet)
+    return Footfalls(stance, landed[whole] + 1, row // feet, row % feet)
 
 
 def without_rattling(contact: Bools, shortest: int) -> Bools:

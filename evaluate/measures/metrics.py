@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from evaluate.measures import tracking
 from evaluate.measures.at_rest import controlled_stops, motion_of
 from evaluate.measures.averages import Bools, Floats, upright_steps
-from evaluate.measures.effort import cost_of_all, effort, residual_use
+from evaluate.measures.effort import cost_of_all, effort
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.gait_quality import gait
 from evaluate.measures.outcomes import RULES, STALLED, SUCCEEDED, SUCCESS_RULE, SuccessRule, outcomes
@@ -53,7 +53,6 @@ class Measures:
     touchdown_impulse: Floats
     flight: Floats
     trunk_height: Floats
-    against_base: Floats
     duty_factor: Floats
     """(n, 4)"""
     commands: Floats
@@ -96,7 +95,6 @@ def measure(episodes: Episodes) -> Measures:
         **following,
         **effort(episodes, upright, distance),
         **gait(episodes, upright),
-        **residual_use(episodes, upright),
         **pushes(episodes),
         cause=unknown,
         cause_time=np.full(episodes.count, np.nan),

@@ -112,16 +112,3 @@ def test_action_rate() -> None:
     first = joints("action", (slice(SETTLING, None), 0, 0.3))
     assert measured("action_rate", **first) == pytest.approx(3 / np.sqrt(JUDGED * 12)), "from the step before"
     assert measured("action_rate", **joints("action", (slice(FALL, None), 0, 0.3)), **FELL) == 0
-
-
-def corrected(*places: tuple[slice | int, slice | int, float], base: tuple = ()) -> dict[str, np.ndarray]:
-    return joints("correction", *places) | joints("base_action", *base)
-
-
-def test_against_base() -> None:
-    """Two joints that the base lowers by 0.05 rad a step, in ten steps: one is held back, in four of them, one helped;
-    a third is held back, but hardly, and a fourth at rest."""
-    ramp = [(slice(20 + k, STEPS), which, -0.05 * (k + 1)) for which in (0, 1, 2) for k in range(10)]
-    base = [(ALL, slice(0, 3), 1.0), *((steps, which, 1.0 + value) for steps, which, value in ramp)]
-    use = corrected((slice(20, 24), 0, 0.5), (slice(20, 30), 1, -0.5), (ALL, 2, 0.04), (ALL, 3, 1.0), base=base)
-    assert measured("against_base", **use) == pytest.approx(4 / 14)
