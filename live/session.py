@@ -1,9 +1,9 @@
-"""Session: robots of one episode, a policy each, that a person steers and pushes while they walk."""
+"""Session: a robot of an episode that a person steers and pushes while it walks."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.observers import Observer, Step
@@ -17,25 +17,24 @@ CHANGE = 0.4
 
 
 class Session:
-    """n robots with the same start, ground, pushes and commands, without a time limit.
+    """A robot with the start, ground, pushes and commands of an episode, without a time limit.
 
     A fallen robot goes on. Commands and pushes are the scenario's until `steer` and `push`. Observers get the start of
     every episode, as step 0, and every control step after it; listeners get a few words about every intervention:
-    `reset, seed 4`, `trot chosen`.
+    `reset, seed 4`, `trot chosen`. Sessions of the same scenario and seed have the same episode, whatever their
+    policies are.
 
     Args:
-        policies: one for each robot; no two share an object.
-        seed: of the first episode, for every robot.
+        seed: of the first episode.
         command: held from the first step on, as by `steer`.
 
     Raises:
-        ValueError: no policy, or one that was made for another robot or another control period.
-        PolicyError: policies with different observations.
+        ValueError: a policy that was made for another robot or another control period.
     """
 
     def __init__(
         self,
-        policies: Sequence[Policy],
+        policy: Policy,
         scenario: str | Scenario = "flat",
         *,
         seed: int = 0,
@@ -43,30 +42,18 @@ class Session:
         hardware: Hardware = IDEAL,
         observers: Sequence[Observer] = (),
     ) -> None:
-        if not policies:
-            raise ValueError("a session needs a policy for each robot, and at least one")
-        self.env = batch_of(
-            policies[0],
-            scenario,
-            len(policies),
-            steps=None,
-            nthread=1,
-            terminate_on_fall=False,
-            hardware=hardware,
-        )
-        self.policies = list(policies)
-        """Policy of each robot."""
+        self.env = batch_of(policy, scenario, 1, steps=None, nthread=1, terminate_on_fall=False, hardware=hardware)
+        self.policy = policy
         self.observers = list(observers)
         self.listeners: list[Callable[[str], None]] = []
         self.command = None if command is None else np.asarray(command, np.float64)
         """Command that is held, (3,); None where the scenario draws them."""
         self.seed = seed
         """Of the present episode."""
-        self._chosen_at: dict[int, int] = {}
-        self._offset: dict[int, Actions] = {}
+        self._chosen_at: int | None = None
+        self._offset: Actions | None = None
         try:
-            for policy in policies:
-                self._check(policy)
+            self._check(policy)
             self._begin()
         except BaseException:
             self.close()
@@ -79,33 +66,32 @@ class Session:
         return self._begin()
 
     def step(self) -> Step:
-        """Move all robots on by a control step."""
-        observation = self.latest.observation
-        action = np.concatenate([self._action(robot, observation[[robot]]) for robot in range(len(self.policies))])
-        return self._show(advance(self.latest, action)[0])
+        """Move the robot on by a control step."""
+        return self._show(advance(self.latest, self._action())[0])
 
     def steer(self, command: ArrayLike | None) -> None:
-        """Have all robots follow this command, (3,): forward and left m/s, heading frame, yaw rate rad/s.
+        """Have the robot follow this command, (3,): forward and left m/s, heading frame, yaw rate rad/s.
 
         None gives the commands back to the scenario, from the next episode on. ValueError for what is no command.
         """
         if command is not None:
             self.env.steer(command)
+            self.touched = True
         self.command = None if command is None else np.asarray(command, np.float64)
 
     def push(self, force: ArrayLike, duration: float) -> None:
-        """Push all trunks, with (2,) N, world frame, for a duration, s. ValueError for what is no push."""
+        """Push the trunk, with (2,) N, world frame, for a duration, s. ValueError for what is no push."""
         self.env.push(force, duration)
         forward, left = np.asarray(force, np.float64)
+        self.touched = True
         self.tell(f"pushed by hand, {np.hypot(forward, left) * duration:.3g} N·s")
 
-    def choose(self, robot: int, policy: Policy) -> None:
-        """Replace the policy of that robot; joint targets change over within `CHANGE`. Raises as the constructor, and
-        nothing has changed then."""
+    def choose(self, policy: Policy) -> None:
+        """Replace the policy; joint targets change over within `CHANGE`. Raises ValueError as the constructor, and
+        PolicyError where it needs other observations than the first; nothing has changed then."""
         self._check(policy)
         policy.reset(num_envs=1, seed=0)
-        self.policies[robot], self._chosen_at[robot] = policy, self.latest.number
-        self._offset.pop(robot, None)
+        self.policy, self._chosen_at, self._offset, self.touched = policy, self.latest.number, None, True
         self.tell(f"{policy.name} chosen")
 
     def tell(self, event: str) -> None:
@@ -119,15 +105,15 @@ class Session:
 
     def _check(self, policy: Policy) -> None:
         policy.check_fits(self.env.robot, self.env.dt)
-        if policy.height_scan != self.policies[0].height_scan:
-            raise PolicyError(f"{policy.name} needs other ground heights than {self.policies[0].name}")
+        if policy.height_scan != self.policy.height_scan:
+            raise PolicyError(f"{policy.name} needs other ground heights than {self.policy.name}")
 
     def _begin(self) -> Step:
-        self._chosen_at.clear()
-        self._offset.clear()
-        for policy in self.policies:
-            policy.reset(num_envs=1, seed=0)
-        return self._show(begin(self.env, np.full(len(self.policies), self.seed), self.command))
+        self._chosen_at = self._offset = None
+        self.touched = False
+        """Whether somebody has steered or pushed the robot or changed its policy in the present episode."""
+        self.policy.reset(num_envs=1, seed=0)
+        return self._show(begin(self.env, np.array([self.seed]), self.command))
 
     def _show(self, step: Step) -> Step:
         self.latest = step
@@ -135,13 +121,14 @@ class Session:
             observer(step)
         return step
 
-    def _action(self, robot: int, observation: NDArray[np.float32]) -> Actions:
-        action = self.policies[robot].act(observation)
-        if robot not in self._chosen_at:
+    def _action(self) -> Actions:
+        action = self.policy.act(self.latest.observation)
+        if self._chosen_at is None:
             return action
-        passed = (self.latest.number - self._chosen_at[robot]) * self.env.dt / CHANGE
+        passed = (self.latest.number - self._chosen_at) * self.env.dt / CHANGE
         if passed >= 1.0:
-            del self._chosen_at[robot]
+            self._chosen_at = None
             return action
-        offset = self._offset.setdefault(robot, self.latest.action[[robot]] - action)
-        return action + np.float32(1.0 - smoothstep(np.array(passed))) * offset
+        if self._offset is None:
+            self._offset = self.latest.action - action
+        return action + np.float32(1.0 - smoothstep(np.array(passed))) * self._offset

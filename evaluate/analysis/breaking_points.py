@@ -11,18 +11,14 @@ import numpy as np
 from evaluate.analysis.severity_levels import amount, severity_axes
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.breaking_point import LEAST_LEVELS, Found, breaking_point
-from evaluate.statistics.intervals import Bools, Interval
+from evaluate.statistics.intervals import Interval
 from quad_env.cli.format import NO_BREAK
 
 Of = Literal["falls", "success"]
 OF: tuple[Of, ...] = ("falls", "success")
 """What breaks: half of the episodes fall; half of them no longer succeed."""
-CAVEAT = (
-    "An interval of a breaking point reaches from the last level shown to fail less than half the time to the first "
-    "shown to fail more; between levels nothing is assumed but that more is not easier, so levels near it narrow it."
-)
 HALF: dict[Of, str] = {"success": "half of the episodes no longer succeed at", "falls": "half of the episodes fall at"}
-"""Heads of tables, by what breaks, in their order."""
+"""In words, by what breaks."""
 
 
 @dataclass(frozen=True)
@@ -59,18 +55,14 @@ def breaking_points(cells: Sequence[Cell]) -> list[AxisBreakingPoint]:
     return found
 
 
-def _failed(cell: Cell, of: Of) -> Bools:
-    """Which episodes count, (n,)."""
-    return cell.measures.fell if of == "falls" else ~cell.measures.succeeded
-
-
 def _on_axis(axis: str, levels: Sequence[Cell], of: Of) -> AxisBreakingPoint:
     """Breaking point of one policy on that axis, from its cell at each severity, the mildest first."""
     first, mildest, hardest = levels[0], levels[0].scenario, levels[-1].scenario
     if any(not np.array_equal(cell.seeds, first.seeds) for cell in levels):
         raise ValueError(f"{first.policy} ran different episodes on the levels of {axis}: not paired")
     severities = np.array([cell.scenario.severity for cell in levels])
-    point = breaking_point(severities, np.array([_failed(cell, of) for cell in levels]))
+    failed = [cell.measures.fell if of == "falls" else ~cell.measures.succeeded for cell in levels]
+    point = breaking_point(severities, np.array(failed))
     return AxisBreakingPoint(
         axis=axis,
         policy=first.policy,
@@ -84,27 +76,16 @@ def _on_axis(axis: str, levels: Sequence[Cell], of: Of) -> AxisBreakingPoint:
 
 
 def breaking_point_text(point: AxisBreakingPoint) -> str:
-    """`48 N·s [45, 51]`; `none up to 100 N·s` where less than half ever fall; `already at 20 N·s`, the mildest."""
-    figure, ends = figure_and_interval(point)
-    unit = amount(0.0, point.unit).removeprefix("0")
-    return f"{figure}{unit} [{ends}]" if ends else f"{figure}{unit}"
-
-
-def figure_and_interval(point: AxisBreakingPoint) -> tuple[str, str]:
-    """The same without unit, the figure apart from its interval, `45, 51`, which is empty where there is none."""
+    """`48 N·s [45, 51]`; `none up to 100 N·s` where less than half ever fail; `already at 20 N·s`, the mildest."""
+    rising = point.hardest == point.highest
     if point.found == "never":
-        to = "up to" if point.hardest == point.highest else "down to"
-        return f"none {to} {amount(point.hardest)}", ""
+        return f"none {'up' if rising else 'down'} to {amount(point.hardest, point.unit)}"
     if point.found == "always":
-        return f"already at {amount(point.lowest if point.hardest == point.highest else point.highest)}", ""
-    return f"{_digits(point.severity50):g}", _ends(point)
-
-
-def _ends(point: AxisBreakingPoint) -> str:
+        return f"already at {amount(point.lowest if rising else point.highest, point.unit)}"
     low, high = point.ci
     lower = f"{_digits(low):g}" if math.isfinite(low) else f"<{NO_BREAK}{amount(point.lowest)}"
     upper = f"{_digits(high):g}" if math.isfinite(high) else f">{NO_BREAK}{amount(point.highest)}"
-    return f"{lower},{NO_BREAK}{upper}"
+    return f"{amount(_digits(point.severity50), point.unit)} [{lower},{NO_BREAK}{upper}]"
 
 
 def _digits(value: float) -> float:

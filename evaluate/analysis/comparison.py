@@ -1,8 +1,8 @@
 """Comparisons of policies, and of two runs of one, episode by episode."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -45,43 +45,34 @@ class Comparison:
     """Corrected for its family (see `compare`)."""
 
 
-def compare(cells: Sequence[Cell], against: str | None = None) -> list[Comparison]:
-    """All pairs of policies on every scenario in every metric; the baseline `against` is b wherever it takes part.
+def compare(
+    cells: Sequence[Cell], against: str | None = None, neighbours: Container[frozenset[str]] = ()
+) -> list[Comparison]:
+    """Every policy with the baseline `against`, which is b, and neighbours in a ranking, on every scenario in every
+    metric.
 
-    p-values are corrected by Holm's method over families. A family is what is claimed of one metric: the comparisons of
-    every policy with that one on every scenario of the run. The comparisons of the other policies with each other are,
-    metric by metric, families of their own.
+    p-values are corrected by Holm's method over families: the comparisons with the baseline in one metric on every
+    scenario of the run, and those of neighbours without it.
     """
     against = against or usual_baseline([cell.policy for cell in cells])
-    scenarios = dict.fromkeys(cell.scenario.name for cell in cells)
-    comparisons = [
-        comparison
-        for scenario in scenarios
-        for a, b in pairs([cell for cell in cells if cell.scenario.name == scenario], against)
-        for comparison in compare_pair(a, b)
-    ]
-    return _corrected(comparisons, against)
+    found = list[Comparison]()
+    for scenario in dict.fromkeys(cell.scenario.name for cell in cells):
+        ran = sorted(
+            (each for each in cells if each.scenario.name == scenario), key=lambda each: each.policy != against
+        )
+        for b, a in combinations(ran, 2):
+            if b.policy == against or {a.policy, b.policy} in neighbours:
+                found += compare_pair(a, b)
+    for family in product(METRICS, (True, False)):
+        members = [index for index, each in enumerate(found) if (each.metric, each.b == against) == family]
+        for index, p_value in zip(members, holm([found[k].p_value for k in members]), strict=True):
+            found[index] = replace(found[index], p_value_holm=p_value)
+    return found
 
 
 def usual_baseline(policies: Sequence[str]) -> str:
     """The usual baseline: the trot, or without it the policy named first."""
     return BASELINE if BASELINE in policies or not policies else policies[0]
-
-
-def _corrected(comparisons: list[Comparison], against: str) -> list[Comparison]:
-    families: dict[tuple[str, bool], list[int]] = {}
-    for index, comparison in enumerate(comparisons):
-        families.setdefault((comparison.metric, comparison.b == against), []).append(index)
-    for members in families.values():
-        for index, p_value in zip(members, holm([comparisons[i].p_value for i in members]), strict=True):
-            comparisons[index] = replace(comparisons[index], p_value_holm=p_value)
-    return comparisons
-
-
-def pairs(cells: Sequence[Cell], against: str) -> list[tuple[Cell, Cell]]:
-    """Every two cells once, as (a, b); b is that of the policy `against`, else the one that was named first."""
-    ordered = sorted(cells, key=lambda cell: cell.policy != against)
-    return [(later, earlier) for earlier, later in combinations(ordered, 2)]
 
 
 def compare_pair(a: Cell, b: Cell, metrics: Sequence[str] = METRICS) -> Iterator[Comparison]:

@@ -54,7 +54,11 @@ def _match(scenario: str, pair: tuple[str, str], a: Stored, b: Stored) -> Match 
         return None
     order = places[0].argsort()  # that of A's
     first, second = (each.take(of_it[order]) for each, of_it in zip(rows, places, strict=True))
-    values = (_values(each, _weight(run, scenario)) for each, (run, _) in zip((first, second), (a, b), strict=True))
+    weights = (
+        weight(run.hardware.quadruped, next(each for each in run.scenarios if each.name == scenario))
+        for run, _ in (a, b)
+    )
+    values = map(_values, (first, second), weights)
     return Match(
         a=pair[0],
         b=pair[1],
@@ -64,11 +68,6 @@ def _match(scenario: str, pair: tuple[str, str], a: Stored, b: Stored) -> Match 
         identical=_identical(first, second),
         contrasts=tuple(differences_of(*values)),
     )
-
-
-def _weight(manifest: Manifest, scenario: str) -> float:
-    """Of the robot and what it carries, N."""
-    return weight(manifest.hardware.quadruped, next(each for each in manifest.scenarios if each.name == scenario))
 
 
 def _values(rows: pa.Table, weighs: float) -> dict[str, Floats]:

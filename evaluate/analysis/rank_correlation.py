@@ -39,7 +39,8 @@ class RankCorrelation:
 
 def rank_correlation(policies: Sequence[str], a: Floats, b: Floats) -> RankCorrelation:
     """Of k policies by their scores in n common episodes of A and B, (k, n) each."""
-    resampled = kendall(_resampled(a), _resampled(b))
+    drawn = [counts / counts.shape[1] for counts in resamples(a.shape[1], RESAMPLES, 0)]
+    resampled = kendall(*(np.concatenate([of @ each.T for of in drawn]) for each in (a, b)))
     known, means = resampled[~np.isnan(resampled)], (a.mean(axis=-1), b.mean(axis=-1))
     return RankCorrelation(
         policies=tuple(policies),
@@ -54,9 +55,3 @@ def kendall(a: Floats, b: Floats) -> Floats:
     first, second = np.triu_indices(a.shape[-1], 1)
     in_a, in_b = (np.sign(np.round(each[..., first] - each[..., second], 9)) for each in (a, b))
     return quotient((in_a * in_b).sum(-1), np.sqrt((in_a**2).sum(-1) * (in_b**2).sum(-1)))
-
-
-def _resampled(scores: Floats) -> Floats:
-    """Mean scores, (m, k), of resamples of the episodes of (k, n), the same for runs of as many."""
-    episodes = scores.shape[1]
-    return np.concatenate([counts @ scores.T / episodes for counts in resamples(episodes, RESAMPLES, 0)])

@@ -82,22 +82,19 @@ def _neighbours(better: str, worse: str, a: Floats, b: Floats) -> Neighbours:
     return Neighbours(better, worse, float(differences.mean()), deviation, ci, sign_flip_test(differences))
 
 
-def claims(
-    ranked: Ranking, comparisons: Sequence[Comparison], baseline: str | None = None, limit: int = 0
-) -> tuple[Ranking, list[Comparison]]:
+def claims(ranked: Ranking, comparisons: Sequence[Comparison], limit: int = 0) -> tuple[Ranking, list[Comparison]]:
     """The same with one correction for all that a report claims: Holm's method with weights.
 
-    The claims are the differences of neighbours, with RANKING_WEIGHT together, and those of success on single scenarios
-    of neighbours and from the baseline, or, without one, all that are given, with the rest. The chance of any false one
-    is at most SIGNIFICANT. That the same data say who are neighbours costs nothing: a gap between neighbours among m
-    policies that are equally good is a gap of at least m − 1 of their m (m − 1) / 2 pairs, so that it is at most m / 2
-    times as likely as that of one pair, and it is corrected for m − 1. In a run until settled, with at most `limit`
-    episodes, it is corrected for all looks too. Success of other pairs is no claim and has NaN; other metrics stay.
+    The claims are the differences of neighbours, with RANKING_WEIGHT together, and the given ones of success on single
+    scenarios, with the rest. The chance of any false one is at most SIGNIFICANT. That the same data say who are
+    neighbours costs nothing: a gap between neighbours among m policies that are equally good is a gap of at least m − 1
+    of their m (m − 1) / 2 pairs, so that it is at most m / 2 times as likely as that of one pair, and it is corrected
+    for m − 1. In a run until settled, with at most `limit` episodes, it is corrected for all looks too. Comparisons of
+    other metrics stay.
     """
     pairs = {frozenset((each.better, each.worse)): each for each in ranked.neighbours}
     place = ranked.scenarios[0] if len(ranked.scenarios) == 1 else ""
-    success = {(c.scenario, frozenset((c.a, c.b))): c for c in comparisons if c.metric == SUCCESS_RATE}
-    single = {key: c.p_value for key, c in success.items() if key[1] in pairs or baseline in (None, c.b)}
+    single = {(c.scenario, frozenset((c.a, c.b))): c.p_value for c in comparisons if c.metric == SUCCESS_RATE}
     looked = correction(ranked.episodes, limit, len(ranked.places)) if limit and pairs else 1.0
     together = {(place, pair): each.p_value * looked for pair, each in pairs.items()}
     weights = dict.fromkeys(single, (1.0 - RANKING_WEIGHT) / max(1, len(single)))
@@ -106,9 +103,7 @@ def claims(
     corrected = dict(zip(p_values, holm([*p_values.values()], [weights[key] for key in p_values]), strict=True))
     left = sum(weights[key] for key, p in corrected.items() if p >= SIGNIFICANT)
     found = [
-        replace(c, p_value_holm=corrected.get((c.scenario, frozenset((c.a, c.b))), np.nan))
-        if c.metric == SUCCESS_RATE
-        else c
+        replace(c, p_value_holm=corrected[c.scenario, frozenset((c.a, c.b))]) if c.metric == SUCCESS_RATE else c
         for c in comparisons
     ]
     shown = [c for c in found if c.metric == SUCCESS_RATE and c.p_value_holm < SIGNIFICANT]

@@ -126,7 +126,8 @@ def analyse(
     ]
     profile = not ideal
     ranked = ranking(counted(cells, hardware=profile), fronts[profile].points, hardware=profile)
-    ranked, comparisons = claims(ranked, compare(cells, against), against, made_with.get("limit", 0))
+    pairs = {frozenset((each.better, each.worse)) for each in ranked.neighbours}
+    ranked, comparisons = claims(ranked, compare(cells, against, pairs), made_with.get("limit", 0))
     return Results(
         seed=seed,
         episodes=episodes,
@@ -155,24 +156,15 @@ def as_json(results: Results) -> dict[str, Any]:
     policies: dict[str, Any] = {policy: {"scenarios": {}} for policy in results.policies}
     for (scenario, policy), summary in results.summaries.items():
         policies[policy]["scenarios"][scenario] = asdict(summary)
-    contents = {
-        "schema": SCHEMA,
-        "seed": results.seed,
-        "episodes": results.episodes,
-        "complete": results.complete,
-        "ranking": asdict(results.ranking),
-        "versions": dict(results.versions),
-        "provenance": {name: value for name, value in results.provenance.items() if name not in ("seed", "episodes")},
-        "baseline": results.baseline,
-        "policy_errors": [asdict(each) for each in results.policy_errors],
-        "scores": [asdict(each) for each in results.scores],
-        "hardware_scores": [asdict(each) for each in results.hardware_scores],
-        "pareto": asdict(results.pareto),
-        "hardware_pareto": asdict(results.hardware_pareto),
-        "policies": policies,
-        "comparisons": [asdict(comparison) for comparison in results.comparisons],
-        "breaking_points": [asdict(point) for point in results.breaking_points],
-    }
+    plain = {name: getattr(results, name) for name in ("seed", "episodes", "complete", "baseline")}
+    contents = {"schema": SCHEMA, **plain, "versions": dict(results.versions)}
+    contents["provenance"] = {name: value for name, value in results.provenance.items() if name not in plain}
+    for name in ("ranking", "policy_errors", "scores", "hardware_scores", "pareto", "hardware_pareto"):
+        found = getattr(results, name)
+        contents[name] = [asdict(each) for each in found] if isinstance(found, list | tuple) else asdict(found)
+    contents["policies"] = policies
+    for name in ("comparisons", "breaking_points"):
+        contents[name] = [asdict(each) for each in getattr(results, name)]
     return dict(without_nan(contents))
 
 

@@ -18,7 +18,6 @@ from quad_env.cli.format import counted
 class Strength:
     """One policy on one axis, all severities together, or in a run of one axis at one severity."""
 
-    axis: str
     name: str
     """Of the axis, or of its severity."""
     success: float
@@ -32,13 +31,13 @@ def strengths(
 ) -> list[Strength]:
     """All that the policy ran and a score counts, the most successful first."""
     axes = severity_axes([cell for cell in cells if cell.policy == policy and counts(cell.scenario, hardware)])
-    parts = [(axis.name, axis.name, axis.levels) for axis in axes]
+    parts = [(axis.name, axis.levels) for axis in axes]
     if len(axes) == 1:
-        parts = [(axes[0].name, place(level), (level,)) for level in axes[0].levels]
+        parts = [(place(level), (level,)) for level in axes[0].levels]
     found = []
-    for axis, name, levels in parts:
+    for name, levels in parts:
         of = [summaries[level.name, policy] for level in levels]
-        found.append(Strength(axis, name, float(np.mean([each.success_rate for each in of])), _reason(of)))
+        found.append(Strength(name, float(np.mean([each.success_rate for each in of])), _reason(of)))
     return sorted(found, key=lambda each: -each.success)
 
 

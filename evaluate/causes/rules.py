@@ -22,7 +22,6 @@ CAUSES = (TRIP, SLIP, PUSH, MOTOR, REACH, ESTIMATE, SIGNAL, GAIT, SLOW, STALLED,
 """Every cause; a failed episode has exactly one."""
 CAUSE_RULE = "causes/1"
 """Name of these rules, written into every manifest."""
-LEGS = {"fl": "front left", "fr": "front right", "hl": "hind left", "hr": "hind right"}
 SWING, LASTING = 3, 5
 """Control steps over which the speed of a leg before a blow, and a torque at its limit, are means."""
 
@@ -182,8 +181,9 @@ def _rises(record: Record) -> bool:
 
 
 def _leg(record: Record, leg: int) -> str:
-    name = record.episodes.robot.leg_names[leg]
-    return LEGS.get(name, name)
+    robot = record.episodes.robot
+    end, side = "front" if robot.hip_positions[leg, 0] > 0.0 else "hind", "left" if robot.side[leg] > 0.0 else "right"
+    return f"{end} {side}"
 
 
 def _joint(record: Record, joint: int) -> str:

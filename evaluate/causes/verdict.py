@@ -75,11 +75,9 @@ def _of_controller(record: Record, nearest: float) -> Verdict:
     if nearest >= record.at("nearly") or record.episodes.diverged[record.number]:
         return Verdict(Event(rules.UNCLEAR, record.onset, 1.0, "no rule decides"), False)
     fastest = CommandRanges().forward[1] * ratio(record.episodes.robot, "m/s")
-    labels = {
-        name: getattr(record.scenario, name)
-        for name in ("name", "commands", "start", "axis", "severity", "severity_unit")
-    }
-    undisturbed = record.scenario == Scenario(**labels) and planar(record.of("command")).max() <= fastest
+    kept = "name", "commands", "start", "axis", "severity", "severity_unit"
+    ordinary = Scenario(**{name: getattr(record.scenario, name) for name in kept})
+    undisturbed = record.scenario == ordinary and planar(record.of("command")).max() <= fastest
     certain = undisturbed and nearest < record.at("far")
     return Verdict(Event(rules.GAIT, record.onset, 1.0, "it leaves its ordinary gait by itself"), bool(certain))
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 from rich.console import Console
@@ -63,17 +63,12 @@ def main(options: Options) -> int:
         raise UsageError(f"{options.a} and {options.b} have {what}")
     console, found = Console(), both.matches
     print_ranking(both.ranking, console)
-    if found:
-        console.print(_table(options, found, NARROW_DIFFERENCES))
-    if any(each.metric in FEW for match in found for each in match.contrasts):
-        console.print(_table(options, found, FEW))
-    for line in (
-        *_survives(both.correlation, found),
-        *_notes(a, b, found, rules),
-        *_left_out(a, b),
-        f"A and B differ in: {'; '.join(changed) or 'nothing that is known'}",
-    ):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    for heads in (NARROW_DIFFERENCES, FEW):
+        if any(each.metric in heads for match in found for each in match.contrasts):
+            console.print(_table(options, found, heads))
+    said = [*_survives(both.correlation, found), *_notes(a, b, found, rules), *_left_out(a, b)]
+    said.append(f"A and B differ in: {'; '.join(changed) or 'nothing that is known'}")
+    console.print("\n".join(said), highlight=False, markup=False, soft_wrap=True)
     if options.json is not None:
         _write(options, both, changed, options.json)
         console.print(str(options.json), highlight=False, markup=False, soft_wrap=True)
@@ -174,10 +169,9 @@ def _left_out(a: Stored, b: Stored) -> Iterator[str]:
 
 
 def _write(options: Options, both: Joint, changed: list[str], path: Path) -> None:
-    contents: dict[str, Any] = {"schema": 1, "a": str(options.a), "b": str(options.b), "differences": changed}
-    contents["ranking"] = asdict(both.ranking)
-    contents["comparisons"] = [asdict(match) for match in both.matches]
-    contents["rank_correlation"] = asdict(both.correlation) if both.correlation else None
+    contents = {"schema": 1, "a": str(options.a), "b": str(options.b), "differences": changed}
+    contents |= {"ranking": asdict(both.ranking), "comparisons": [asdict(match) for match in both.matches]}
+    contents |= {"rank_correlation": asdict(both.correlation) if both.correlation else None}
     try:
         write_atomically(path, (json.dumps(without_nan(contents), indent=2, allow_nan=False) + "\n").encode())
     except OSError as error:

@@ -10,7 +10,7 @@ from pathlib import Path
 import quad_env.envs.vector_env  # noqa: F401
 from evaluate.commands.looks import look
 from evaluate.commands.options import PROGRAM
-from evaluate.commands.outputs import Ending, Show, conclude
+from evaluate.commands.outputs import Show, conclude
 from evaluate.commands.plan import Plan
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
@@ -39,22 +39,24 @@ def execute(plan: Plan, show: Show = print_results) -> int:
 
 def _execute(plan: Plan, show: Show) -> int:
     out, manifest = plan.options.out, plan.manifest
-    ending = Ending(show, plan.gates, plan.options.baseline)
+    ending = plan.gates, plan.options.baseline, show
     if plan.options.resume and (run := read_run(out)).complete:
         print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
-        code = conclude(run, out, ending)
+        code = conclude(run, out, *ending)
         remove_chunks(out)
         return code
-    if not plan.options.resume and is_unfinished(out):
-        print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
     if not plan.options.resume:  # else it was done as the run began
-        _check_descriptions(plan)
+        if is_unfinished(out):
+            print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
+        for each in plan.policies:
+            if words := diagnosis.warning(each.policy, manifest.hardware.robot):
+                print(f"warning: {each.label}: {words}", file=sys.stderr)
     if (slower := SLOWNESS[manifest.hardware.simulator]) > 1:
         print(f"{manifest.hardware.simulator} takes about {slower:g} times as long as {MUJOCO}", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
     run, interrupted = _simulate(plan, store)
     try:
-        code = conclude(run, out, ending) if run.cells else 0
+        code = conclude(run, out, *ending) if run.cells else 0
     except Exception as error:
         if not launcher.is_out_of_memory(error):
             raise
@@ -66,13 +68,6 @@ def _execute(plan: Plan, show: Show) -> int:
     parts += f", of {run.manifest.episodes} episodes each," * run.manifest.open
     kept = f"wrote the {parts}" if run.cells else "kept what was done"
     raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
-
-
-def _check_descriptions(plan: Plan) -> None:
-    """Print, on stderr, a line for each policy that does not stand or walk as its description says."""
-    for each in plan.policies:
-        if words := diagnosis.warning(each.policy, plan.manifest.hardware.robot):
-            print(f"warning: {each.label}: {words}", file=sys.stderr)
 
 
 def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
@@ -110,7 +105,9 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Cell
 
         threads, seeds = plan.options.threads, evaluation_seeds(made_with.seed, made_with.episodes)
         pool = process_pool(threads, interrupt.check)
-        settings = Settings(threads, report, _chunk_size(plan), store, made_with.steps, pool, made_with.hardware)
+        # Chunks as large as allowed, but something for every worker.
+        size = min(plan.options.at_once, -(-plan.manifest.episodes * len(plan.manifest.cells) // threads))
+        settings = Settings(threads, report, size, store, made_with.steps, pool, made_with.hardware)
         yield from run_cells(plan.policies, plan.scenarios, seeds, settings)
 
 
@@ -139,12 +136,6 @@ def _why(error: Exception, store: ChunkStore) -> str | None:
     if isinstance(error, WorkerLost | OSError):
         return f"{words_of(error)}; {_then(store)}"
     return None
-
-
-def _chunk_size(plan: Plan) -> int:
-    """Most episodes of a chunk: as many as allowed, but something for every worker."""
-    total = plan.manifest.episodes * len(plan.manifest.cells)
-    return min(plan.options.at_once, -(-total // plan.options.threads))
 
 
 def _then(store: ChunkStore) -> str:

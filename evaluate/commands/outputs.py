@@ -1,7 +1,6 @@
 """The end of a comparison: the table on the terminal, then the files."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -11,8 +10,7 @@ import matplotlib.figure  # noqa: F401
 import scipy.stats  # noqa: F401
 from rich.console import Console
 
-from evaluate.analysis import gates
-from evaluate.analysis.gates import Gate, GateResult
+from evaluate.analysis.gates import Gate, evaluate
 from evaluate.analysis.results import Results, analyse, write_json
 from evaluate.commands.options import command
 from evaluate.records.episode_table import write_parquet
@@ -39,61 +37,41 @@ class Terminal(Console):
 
 def analysed(run: Run, baseline: str | None = None) -> Results:
     """What the finished cells of a run show, measured against the baseline, by default the usual one."""
-    made_with = run.manifest
-    return analyse(
-        run.cells,
-        seed=made_with.seed,
-        episodes=made_with.episodes,
-        complete=run.complete,
-        provenance=made_with.provenance(),
-        baseline=baseline,
-    )
+    numbers, provenance = {"seed": run.manifest.seed, "episodes": run.manifest.episodes}, run.manifest.provenance()
+    return analyse(run.cells, **numbers, complete=run.complete, provenance=provenance, baseline=baseline)
 
 
-@dataclass(frozen=True)
-class Ending:
-    """What is made of a run."""
-
-    show: Show = print_results
-    gates: tuple[Gate, ...] = ()
-    """Evaluated if the run is complete."""
-    baseline: str | None = None
-    """Policy that the others are measured against; None is the usual one."""
-
-
-def conclude(run: Run, folder: Path, ending: Ending) -> int:
-    """Print the table and write the files, the slowest last; the exit code: 0, or 1 if a gate does not hold.
+def conclude(
+    run: Run, folder: Path, gates: Sequence[Gate] = (), baseline: str | None = None, show: Show = print_results
+) -> int:
+    """Print the table and write the files, the slowest last; the exit code: 0, or 1 if a gate does not hold. Gates are
+    evaluated if the run is complete.
 
     The table comes first and no failure keeps the rest from being tried: simulating took long. Raises UsageError, which
     names what could not be written.
     """
-    results = analysed(run, ending.baseline)
-    gate_results = [gates.evaluate(gate, results) for gate in ending.gates] if run.complete else []
-    console = Terminal()
-    failures = _tried("the table", partial(_print, results, gate_results, ending, console))
-    if failures:
+    results, console = analysed(run, baseline), Terminal()
+    found = [evaluate(gate, results) for gate in gates] if run.complete else []
+    say = partial(console.print, highlight=False, markup=False, soft_wrap=True)
+
+    def table() -> None:
+        show(results, console)
+        for line in (*warnings(results), *(f"gate {each.line}" for each in found)):
+            say(line)
+
+    if failures := _tried("the table", table):
         console.on_broken_pipe()
     made_by, fingerprint = (command(run.manifest.options), run.manifest.date), run.manifest.fingerprint
     for name, write in (
         ("results.json", partial(write_json, results)),
         *([] if run.stored else [("episodes.parquet", partial(write_parquet, run.cells, run=fingerprint))]),
-        ("report.html", partial(write_report, results, gates=gate_results, made_by=made_by)),
+        ("report.html", partial(write_report, results, gates=found, made_by=made_by)),
     ):
         path = folder / name
-        failures += _tried(str(path), partial(write, path)) or _tried("its name", partial(_print_path, console, path))
+        failures += _tried(str(path), partial(write, path)) or _tried("its name", partial(say, str(path)))
     if failures:
         raise UsageError(f"cannot write {'; '.join(failures)}; once it can be: python -m evaluate report {folder}")
-    return 0 if all(each.passed for each in gate_results) else GATE_FAILED
-
-
-def _print(results: Results, gate_results: Sequence[GateResult], ending: Ending, console: Console) -> None:
-    ending.show(results, console)
-    for line in (*warnings(results), *(f"gate {each.line}" for each in gate_results)):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
-
-
-def _print_path(console: Console, path: Path) -> None:
-    console.print(str(path), highlight=False, soft_wrap=True)
+    return 0 if all(each.passed for each in found) else GATE_FAILED
 
 
 def _tried(what: str, write: Callable[[], object]) -> list[str]:

@@ -129,8 +129,7 @@ def find(run: Run, options: Options) -> Found:
             raise UsageError(f"--{option}: no {wanted} among the finished ones: {', '.join(dict.fromkeys(names))}")
     policy, scenario = options.policy, options.scenario
     chosen = [cell for cell in run.cells if policy in (None, cell.policy) and scenario in (None, cell.scenario.name)]
-    named = policy is not None or scenario is not None
-    if named and len(chosen) != 1:
+    if (named := (policy, scenario) != (None, None)) and len(chosen) != 1:
         missing = "--policy" if policy is None else "--scenario"
         raise UsageError(f"episode {options.episode} is in {len(chosen)} cells: name its {missing} too")
     episodes = [Found(cell, number) for cell in chosen for number in range(cell.episodes)]

@@ -3,15 +3,12 @@
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import tyro
 
 from evaluate.commands.options import Flag
 from quad_env.cli.command_line import UsageError
-
-if TYPE_CHECKING:
-    from evaluate.records.store import Run
 
 
 @dataclass(frozen=True)
@@ -35,10 +32,12 @@ class Options:
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    from evaluate.commands.outputs import Ending, Terminal, analysed, conclude
+    from evaluate.commands.outputs import Terminal, analysed, conclude
     from evaluate.commands.plan import check_baseline, check_gates
+    from evaluate.measures.outcomes import RULES
     from evaluate.records.store import read_run, remove_chunks
     from evaluate.report.table import print_results
+    from evaluate.rollouts.experiment import rescored
     from quad_env.files.writing import FolderInUse, sole_use
 
     run = read_run(options.folder)
@@ -53,12 +52,16 @@ def main(options: Options) -> int:
 
         make_pages(run, options.folder, options.trust)
     if options.success is not None:
-        _print_by(options.success, run, options)
+        if options.gate:
+            raise UsageError("--gate is by the run's own rule of success: leave out --success or --gate")
+        rule = RULES[options.success]
+        scored = replace(run, cells=tuple(rescored(cell, rule) for cell in run.cells))
+        print_results(analysed(scored, options.baseline), Terminal())
+        print(f"success by {rule.name}: {rule.words}; the files stay by {run.manifest.success_rule}")
         return 0
-    ending = Ending(gates=gates, baseline=options.baseline)
     try:
         with sole_use(options.folder):
-            code = conclude(run, options.folder, ending)
+            code = conclude(run, options.folder, gates, options.baseline)
             if run.complete:
                 remove_chunks(options.folder)
             return code
@@ -66,17 +69,3 @@ def main(options: Options) -> int:
         print_results(analysed(run, options.baseline), Terminal())
         print(f"{options.folder} belongs to a run that is going on, which writes the files itself", file=sys.stderr)
         return 0
-
-
-def _print_by(name: str, run: "Run", options: Options) -> None:
-    """Print the table by that rule of success. Raises UsageError."""
-    from evaluate.commands.outputs import Terminal, analysed
-    from evaluate.measures.outcomes import RULES
-    from evaluate.report.table import print_results
-    from evaluate.rollouts.experiment import rescored
-
-    if options.gate:
-        raise UsageError("--gate is by the run's own rule of success: leave out --success or --gate")
-    rule, cells = RULES[name], tuple(rescored(cell, RULES[name]) for cell in run.cells)
-    print_results(analysed(replace(run, cells=cells), options.baseline), Terminal())
-    print(f"success by {rule.name}: {rule.words}; the files stay by {run.manifest.success_rule}")

@@ -1,1 +1,1 @@
-"""What an episode measured: tracking, effort, gait, pushes, standing still, a residual's use of its authority."""
+"""What an episode measured: tracking, effort, gait, pushes."""

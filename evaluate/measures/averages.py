@@ -39,11 +39,6 @@ def upright_share(truth: Bools, upright: Bools) -> Floats:
     return quotient(found.reshape(len(found), -1).sum(axis=1), count(upright) * entries)
 
 
-def upright_rms(values: Floats, upright: Bools) -> Floats:
-    """Root of the mean square of (steps, n) over the upright steps, (n,); NaN where there is none."""
-    return np.sqrt(upright_mean(values * values, upright))
-
-
 def quotient(sums: Numbers, counts: Numbers) -> Floats:
     """sums / counts; NaN where the count is 0."""
     return np.where(counts > 0, sums / np.where(counts > 0, counts, 1), np.nan)

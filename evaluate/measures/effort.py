@@ -15,10 +15,6 @@ SHORTEST_DISTANCE = 1.0
 """Below this distance an episode has no cost of transport, m: it would be a quotient by nearly nothing."""
 LIMIT_MARGIN = 0.01
 """rad from a joint limit at which the joint counts as at it."""
-SATURATED = 0.999
-"""Share of the torque limit from which a torque counts as saturated."""
-EXHAUSTED = 0.99
-"""Share of a residual's authority from which a correction counts as saturated."""
 SLIGHT = 0.05
 """Share of the authority below which a correction has no direction worth the name."""
 SUMS = "positive_work", "regeneration", "joule_heat"
@@ -30,13 +26,10 @@ SLOW = 0.1
 def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
     """Every measure of what the motors do over a distance, (n,) m."""
     robot, dt, settled = episodes.robot, episodes.dt, slice(episodes.settling, None)
-    torque, speed, angle = episodes.joint_torque[settled], episodes.joint_velocity[settled], episodes.joint_position
-    counted = upright[settled]
+    speed, counted = episodes.joint_velocity[settled], upright[settled]
     sums = {name: _sum(getattr(episodes, name)[settled], counted) for name in SUMS}
     energy = sums["positive_work"] + sums["regeneration"]
     peak, fastest = (_peaks(signal[settled], counted) for signal in (episodes.peak_torque, episodes.peak_speed))
-    low, high = robot.joint_lower + LIMIT_MARGIN, robot.joint_upper - LIMIT_MARGIN
-    at_limit = (angle[settled] <= low.astype(np.float32)) | (angle[settled] >= high.astype(np.float32))
     rate = np.diff(episodes.action[episodes.settling - 1 :].astype(np.float64), axis=0) / dt
     mean_torque, change = (
         signal[settled].astype(np.float64).mean(axis=-1) for signal in (episodes.mean_torque, episodes.torque_change)
@@ -48,11 +41,9 @@ def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Fl
         "mechanical_power": quotient(energy, count(counted) * dt),
         "peak_torque": peak.max(axis=-1),
         "mean_torque": upright_mean(mean_torque, counted),
-        "torque_saturation": upright_share(np.abs(torque) >= SATURATED * np.asarray(episodes.torque_limit), counted),
         "torque_share": (peak / np.asarray(episodes.torque_limit)).max(axis=-1),
         "speed_share": (fastest / np.asarray(episodes.speed_limit)).max(axis=-1),
         "torque_rate": upright_mean(change, counted) / dt,
-        "joint_limit": upright_share(at_limit, counted),
         "overspeed": upright_share(np.abs(speed) > robot.rated_speed, counted),
         "action_rate": np.sqrt(upright_mean((rate * rate).mean(axis=-1), counted)),
     }
@@ -84,16 +75,12 @@ def cost_of_all(energy: Floats, distance: Floats, weight: float) -> float:
 
 
 def residual_use(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
-    """Every measure of a residual's correction; NaN of other policies."""
+    """How often a residual works against its base; NaN of other policies."""
     if episodes.correction is None or episodes.base_action is None:
-        return dict.fromkeys(("authority_used", "authority_saturated", "against_base"), np.full(episodes.count, np.nan))
+        return {"against_base": np.full(episodes.count, np.nan)}
     correction, counted = episodes.correction[episodes.settling :], upright[episodes.settling :]
     motion = np.diff(episodes.base_action[episodes.settling - 1 :].astype(np.float64), axis=0)
     directed = (np.abs(motion) >= SLOW * episodes.dt) & (np.abs(correction) >= SLIGHT)
     directed &= counted[..., None]
     against = directed & (motion * correction < 0)
-    return {
-        "authority_used": upright_mean(np.abs(correction.astype(np.float64)).mean(axis=-1), counted),
-        "authority_saturated": upright_share(np.abs(correction) >= EXHAUSTED, counted),
-        "against_base": quotient(count(against).sum(axis=-1), count(directed).sum(axis=-1)),
-    }
+    return {"against_base": quotient(count(against).sum(axis=-1), count(directed).sum(axis=-1))}

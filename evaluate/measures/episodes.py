@@ -12,7 +12,7 @@ from quad_env.physics.energy import OF_JOINTS
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
-OF_POLICY = ("phase", "correction", "base_action", "stopped")
+OF_POLICY = ("correction", "base_action", "stopped")
 """Signals that only some policies have; all others are in the environment's infos."""
 GIVEN = "observed"
 """Signal of policies that are not shown the truth: the terms OBSERVED of the observation after a step."""
@@ -44,7 +44,6 @@ def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
         "leg_contact": (),
         **dict.fromkeys(OF_JOINTS, (joints,)),
         "foot_impulse": (feet,),
-        "phase": (),
         "correction": (joints,),
         "base_action": (joints,),
         "stopped": (),
@@ -84,8 +83,6 @@ class Episodes:
     peak_speed: Recorded
     torque_change: Recorded
     foot_impulse: Recorded
-    phase: Recorded | None
-    """Phase of the policy's clock at the step's action, rad; None without a clock."""
     correction: Recorded | None
     """Correction of a residual, in shares of its authority, -1 … 1, (steps, n, 12); None of other policies."""
     base_action: Recorded | None

@@ -1,6 +1,6 @@
 """Footfalls: stance, swing and touch-downs of every foot, found in the recorded contacts."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,6 @@ Ints = NDArray[np.intp]
 
 SHORTEST_SWING = 0.04
 """s; a foot off the ground for less has not stepped: it rattles."""
-LONGEST_STRIDE = 1.0
-"""s; touch-downs of a foot that are further apart are no stride."""
 
 
 @dataclass(frozen=True)
@@ -29,17 +27,6 @@ class Footfalls:
     """Which episode it belongs to, (swings,)."""
     foot: Ints
     """Which foot, 0 … 3, (swings,); swings are ordered by episode, then foot, then time."""
-
-    def after(self, step: int) -> "Footfalls":
-        """Without the swings that began before that step."""
-        late = self.swing_start >= step
-        listed = ("swing_start", "touch_down", "episode", "foot")
-        return replace(self, **{name: getattr(self, name)[late] for name in listed})
-
-    def of(self, foot: int) -> tuple[Ints, Ints]:
-        """Episodes and steps of one foot's touch-downs."""
-        its = self.foot == foot
-        return self.episode[its], self.touch_down[its]
 
 
 def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:

@@ -1,4 +1,4 @@
-"""How the robot steps, stands still and carries its trunk; formulas stand in `evaluate.measures.catalogue`.
+"""How the robot steps; formulas stand in `evaluate.measures.catalogue`.
 
 Upright steps alone, NaN without one.
 """
@@ -6,70 +6,29 @@ Upright steps alone, NaN without one.
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.averages import (
-    Bools,
-    Floats,
-    Recorded,
-    count,
-    planar,
-    quotient,
-    total,
-    upright_mean,
-    upright_rms,
-    upright_share,
-)
+from evaluate.measures.averages import Bools, Floats, Recorded, count, quotient, total, upright_mean, upright_share
 from evaluate.measures.episodes import Episodes
-from evaluate.measures.footfalls import LONGEST_STRIDE, Footfalls, footfalls
-from quad_env.config import GRAVITY
+from evaluate.measures.footfalls import Footfalls, footfalls
 
 LANDING = 0.02
 """s; how long a touch-down lasts, in whole control steps, of which the first is that in which the foot lands."""
-Places = tuple[NDArray[np.intp], NDArray[np.intp]]
-"""Episodes and their steps."""
 
 
-def gait(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
-    """Every measure of the gait, of standing still and of the trunk's motion over a distance, (n,) m."""
+def gait(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
+    """Every measure of the gait."""
     settling, dt = episodes.settling, episodes.dt
-    settled, with_the_step_before = slice(settling, None), slice(settling - 1, None)
-    counted = upright[settled]
+    settled, before, counted = slice(settling, None), slice(settling - 1, None), upright[settling:]
     falls = footfalls(episodes.foot_contact, upright, dt)
     standing = count(falls.stance[settled] & counted[..., None])
-    feet, contact = episodes.foot_position[with_the_step_before], episodes.foot_contact[with_the_step_before]
-    rate = episodes.angular_velocity[settled].astype(np.float64)
-    climbing = np.diff(episodes.position[with_the_step_before, :, 2].astype(np.float64), axis=0) / dt
-    speed = quotient(distance, count(counted) * dt)
     return {
-        **standing_still(episodes, upright, falls),
         "duty_factor": quotient(standing, count(counted)[:, None]),
         "step_rate": step_rate(falls, settling, count(counted), dt),
         "flight": upright_share(np.asarray(~falls.stance[settled].any(axis=-1)), counted),
         "trunk_height": upright_mean(episodes.height[settled].astype(np.float64), counted) / episodes.robot.home_height,
         "touchdown_impulse": touchdown_impulse(episodes.foot_impulse, falls, settling, episodes.fall_step, dt)
         / episodes.weight,
-        "foot_slip": foot_slip(feet, contact, upright[with_the_step_before], dt),
-        "foot_clearance": foot_clearance(episodes.foot_height, falls.after(settling)),
-        "phase_error": phase_error(falls, episodes.robot.diagonals, settling, dt),
-        "roll_rate": upright_rms(rate[..., 0], counted),
-        "pitch_rate": upright_rms(rate[..., 1], counted),
-        "vertical_speed": upright_rms(climbing, counted),
-        "froude_number": speed * speed / (GRAVITY * episodes.robot.leg_length),
+        "foot_slip": foot_slip(episodes.foot_position[before], episodes.foot_contact[before], upright[before], dt),
     }
-
-
-def standing_still(episodes: Episodes, upright: Bools, falls: Footfalls) -> dict[str, Floats]:
-    """Drift, and touch-downs of all feet, over the intervals commanded to stand that were ended upright."""
-    position = episodes.position.astype(np.float64)
-    moved, drifting, landed, time = np.zeros((4, episodes.count))
-    for window in episodes.intervals.settled:
-        last = window.stop - 1
-        counts = ~episodes.command[window.start].any(axis=-1) & upright[last]
-        moved += np.where(counts, planar(position[last] - position[window.start]), 0.0)
-        drifting += counts * ((last - window.start) * episodes.dt)
-        inside = (falls.touch_down >= window.start) & (falls.touch_down < window.stop)
-        landed += counts * np.bincount(falls.episode[inside], minlength=episodes.count)
-        time += counts * ((window.stop - window.start) * episodes.dt)
-    return {"drift": quotient(moved, drifting), "needless_steps": quotient(landed, time)}
 
 
 def step_rate(falls: Footfalls, first: int, upright: NDArray[np.int64], dt: float) -> Floats:
@@ -88,19 +47,6 @@ def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDAr
     return _mean_by_episode(np.asarray(received), episode, len(end))
 
 
-def foot_clearance(height: Recorded, falls: Footfalls) -> Floats:
-    """Peak height above the terrain of each swing, averaged over the swings of all feet, (n,) m."""
-    steps, episodes, feet = height.shape
-    if not len(falls.episode):
-        return np.full(episodes, np.nan)
-    start = (falls.episode * feet + falls.foot) * steps
-    # The stretch from a touch-down to the next swing is cut out by taking every other peak.
-    cuts = np.stack((start + falls.swing_start, start + falls.touch_down), axis=1).ravel()
-    rows = np.ascontiguousarray(np.moveaxis(height, 0, -1)).ravel()
-    peaks = np.maximum.reduceat(rows, cuts)[::2].astype(np.float64)
-    return _mean_by_episode(peaks, falls.episode, episodes)
-
-
 def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> Floats:
     """Mean horizontal speed of the feet on the ground, (n,) m/s.
 
@@ -111,36 +57,6 @@ def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> 
     x, y = (np.diff(position[..., axis].astype(np.float64), axis=0) for axis in (0, 1))
     travel = np.where(held, np.sqrt(x * x + y * y), 0.0)
     return quotient(total(travel).sum(axis=-1), count(held).sum(axis=-1) * dt)
-
-
-def phase_error(falls: Footfalls, diagonals: tuple[tuple[int, int], ...], first: int, dt: float) -> Floats:
-    """How far the diagonal pairs are out of step, in cycles, 0 … 0.5, mean over the strides of both pairs, (n,).
-
-    For each stride of the front foot: the time from its first touch-down to the nearest one of the hind foot, over the
-    stride's length; 0.5 where the hind foot comes no nearer. Strides count if both swings began at `first` or later.
-    `diagonals` are the front and the hind foot of each pair.
-    """
-    steps, episodes, _ = falls.stance.shape
-    errors, owners = [], []
-    late = falls.after(first)
-    for front, hind in diagonals:
-        episode, step = late.of(front)
-        length = np.diff(step)
-        stride = (np.diff(episode) == 0) & (length * dt <= LONGEST_STRIDE)
-        begin, length, episode = step[:-1][stride], length[stride], episode[:-1][stride]
-        errors.append(np.minimum(_nearest(falls.of(hind), (episode, begin), steps) / length, 0.5))
-        owners.append(episode)
-    return _mean_by_episode(np.concatenate(errors), np.concatenate(owners), episodes)
-
-
-def _nearest(falls: Places, wanted: Places, steps: int) -> Floats:
-    """Steps from each of the wanted (episode, step) to the nearest of `falls` in its episode; inf without one."""
-    apart = 2 * steps  # episodes further apart on the common axis than any two steps within one
-    axis = np.concatenate(([-np.inf], falls[0] * apart + falls[1], [np.inf]))
-    place = wanted[0] * apart + wanted[1]
-    after = np.searchsorted(axis, place)
-    nearest = np.minimum(axis[after] - place, place - axis[after - 1])
-    return np.where(nearest < steps, nearest, np.inf)
 
 
 def _mean_by_episode(values: Floats, episode: NDArray[np.intp], episodes: int) -> Floats:

@@ -33,11 +33,7 @@ class Measures:
     yaw_rate_error: Floats
     mean_velocity_error: Floats
     velocity_error_upright: Floats
-    drift: Floats
-    needless_steps: Floats
     fall_after_push: Floats
-    not_recovered: Floats
-    recovery_time: Floats
     energy: Floats
     positive_work: Floats
     regeneration: Floats
@@ -47,26 +43,16 @@ class Measures:
     mechanical_power: Floats
     peak_torque: Floats
     mean_torque: Floats
-    torque_saturation: Floats
     torque_share: Floats
     speed_share: Floats
     torque_rate: Floats
-    joint_limit: Floats
     overspeed: Floats
     action_rate: Floats
     foot_slip: Floats
-    foot_clearance: Floats
     step_rate: Floats
     touchdown_impulse: Floats
     flight: Floats
     trunk_height: Floats
-    phase_error: Floats
-    roll_rate: Floats
-    pitch_rate: Floats
-    vertical_speed: Floats
-    froude_number: Floats
-    authority_used: Floats
-    authority_saturated: Floats
     against_base: Floats
     duty_factor: Floats
     """(n, 4)"""
@@ -75,12 +61,10 @@ class Measures:
     mean_velocities: Floats
     """(n, k, 3); NaN where the robot was not upright to its end."""
     push_time: Floats
-    """(n, k), k pushes, as are the next four."""
+    """(n, k), k pushes, as are the next two."""
     push_impulse: Floats
     """(n, k, 2)"""
-    push_phase: Floats
     push_fell: Floats
-    push_recovery: Floats
     cause: NDArray[np.object_]
     """Why each episode failed, one of `evaluate.causes.rules.CAUSES`; None of a success, and where it is not known."""
     cause_time: Floats
@@ -111,7 +95,7 @@ def measure(episodes: Episodes) -> Measures:
         distance=distance,
         **following,
         **effort(episodes, upright, distance),
-        **gait(episodes, upright, distance),
+        **gait(episodes, upright),
         **residual_use(episodes, upright),
         **pushes(episodes),
         cause=unknown,

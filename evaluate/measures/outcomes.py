@@ -67,10 +67,7 @@ class SuccessRule:
         (n, k) for (n, k, 3) each, see `Measures`; NaN where the robot was not upright to the interval's end.
         """
         off = planar(velocities - commands), np.abs(velocities[..., 2] - commands[..., 2])
-        allowed = (
-            self.linear + self.share * planar(commands),
-            self.angular + self.share * np.abs(commands[..., 2]),
-        )
+        allowed = (self.linear + self.share * planar(commands), self.angular + self.share * np.abs(commands[..., 2]))
         return np.maximum(off[0] / allowed[0], off[1] / allowed[1])
 
     def stalled(self, commands: Floats, velocities: Floats) -> Bools:

@@ -7,11 +7,8 @@ makes an error smaller.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient, total, upright_mean
-
-Steps = NDArray[np.int64]
 
 SETTLING_TIME = 1.0
 """Start of an episode, and of each command interval, that is not evaluated, s."""
@@ -29,11 +26,6 @@ class CommandIntervals:
     """After the first second of each; an interval that is not longer is left out."""
     travelled: tuple[slice, ...]
     """After the first second of the episode."""
-
-    def hold(self, first: Steps, end: Steps) -> Bools:
-        """Whether one command is in force, and settled, from step `first` up to `end`, any shape."""
-        held = [(first >= window.start) & (end <= window.stop) for window in self.settled]
-        return np.asarray(np.any(held, axis=0))
 
 
 def command_intervals(steps: int, command_steps: int, settling: int) -> CommandIntervals:

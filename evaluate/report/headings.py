@@ -2,15 +2,13 @@
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, RATES, SUCCESS_RATE
 from evaluate.analysis.pareto import COST_ON
-from evaluate.analysis.summary import Summary
 from evaluate.measures.catalogue import BY_NAME, EFFORT
-from quad_env.cli.format import ABSENT, NO_BREAK, interval, number
+from quad_env.cli.format import ABSENT, interval, number
 
 FIRST = ""
 """Name of the column that says what a row is of, in tables whose other columns are named by the user."""
 TITLES = {SUCCESS_RATE: "success", FALL_RATE: "falls"} | {name: BY_NAME[name].title for name in ERRORS}
 UNITS = dict.fromkeys(RATES, "") | {name: BY_NAME[name].unit for name in ERRORS}
-DIFFERENCE_UNITS = UNITS | dict.fromkeys(RATES, "% points")
 """Titles and units by the METRICS."""
 NARROW = TITLES | {
     "velocity_error": "velocity\nerror m/s",
@@ -48,8 +46,3 @@ def _scale(name: str) -> tuple[float, int]:
     """Factor of its unit, and decimals."""
     percent = EFFORT_TITLES[name][1] == "%"
     return (100.0, 1) if percent else (1.0, _DIGITS.get(name, 2))
-
-
-def shares(summary: Summary) -> str:
-    """Successes, and in brackets falls, in per cent."""
-    return f"{number(100.0 * summary.success_rate, 0)}{NO_BREAK}({number(100.0 * summary.fall_rate, 0)})"

@@ -5,9 +5,6 @@ import re
 from collections.abc import Iterable, Mapping
 from html import escape
 
-BEST = "!"
-"""A cell that starts with it is shaded."""
-
 
 def section(title: str, *parts: str, anchor: str = "") -> str:
     """A section of the page, which `contents` finds by its anchor or its title's words; empty without parts."""
@@ -37,7 +34,7 @@ def note(text: str) -> str:
 def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]], kind: str = "") -> str:
     """A table that scrolls within itself where a phone is too narrow: headings, and cells of each row, by column."""
     head = "".join(f"<th>{text}</th>" for text in heads.values())
-    body = "".join(f"<tr>{''.join(_cell(row[column]) for column in heads)}</tr>" for row in rows)
+    body = "".join(f"<tr>{''.join(f'<td>{row[column]}</td>' for column in heads)}</tr>" for row in rows)
     named = f' class="{kind}"' if kind else ""
     return wide(f"<table{named}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
 
@@ -70,7 +67,3 @@ def image(svg: bytes, description: str) -> str:
 def grid(images: Iterable[str]) -> str:
     """Images, or other parts, in two columns; on a phone one below the other."""
     return f'<div class="plots">{"".join(images)}</div>'
-
-
-def _cell(text: str) -> str:
-    return f'<td class="best">{text[1:]}</td>' if text.startswith(BEST) else f"<td>{text}</td>"

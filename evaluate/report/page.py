@@ -18,7 +18,7 @@ from evaluate.report.sections.failures import failures
 from evaluate.report.sections.figures import definitions, policy_label
 from evaluate.report.sections.overview import overview
 from evaluate.report.sections.ranking import best_and_worst, ranking
-from evaluate.report.verdict import CLAIMS, verdict
+from evaluate.report.verdict import verdict
 from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
 from quad_env.cli.format import counted, listed
@@ -32,9 +32,13 @@ NOTES = (
     "over the quotient's linearised values, Woodruff 1971), Tango's score interval for differences of successes "
     "and falls, bootstrap over pairs (percentiles, widened to Student's t) for those of means. Where all episodes "
     "agree, others may have the share that Wilson's interval has for none of so many, and any value up to the cap.",
-    CLAIMS,
+    "Claimed is which of two neighbours in the ranking has the better score, and on which scenarios alone neighbours, "
+    "or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip permutation "
+    "of scores, exact McNemar of success. One correction holds for all of these claims (Holm's method, nine tenths of "
+    "the weight for the ranking): the chance that any of them is false is at most 5 %. Intervals are each by itself. "
+    "Episodes that would be needed find a difference as large as the one seen with a chance of 80 %.",
     "A breaking point is where a monotone regression, straight over the logarithm of severity between the levels, "
-    "crosses one half. No shape is assumed. What fewer and more are is shown by exact binomial tests.",
+    "crosses one half. What fewer and more are is shown by exact binomial tests.",
     "The intervals speak of episodes, not of training: another training seed gives another policy.",
 )
 Origin = tuple[str, str]
@@ -106,7 +110,6 @@ def _notes(results: Results) -> str:
         fold("Every measure: unit, frame, formula, source", definitions(results.success_rule), printed=True),
         note(f"Made with {made_with}."),
         note("In the same folder: results.json (these figures), episodes.parquet (a row an episode)."),
-        note("python -m evaluate replay runs one of these episodes again, bit for bit on the same class of machine."),
     )
 
 

@@ -4,22 +4,13 @@ from collections.abc import Iterator, Sequence
 
 from evaluate.analysis.ranking import Neighbours, Ranking
 from evaluate.analysis.results import Results
-from evaluate.analysis.strengths import Strength, strengths
+from evaluate.analysis.strengths import strengths
 from quad_env.cli.format import brackets, counted, listed, p_value, percent, points, share
 
 MOST_NEEDED = 10_000
 """Episodes beyond which no number is given."""
 NAMED = 3
 """Scenarios or axes that are named in a line."""
-CLAIMS = (
-    "Claimed is which of two neighbours in the ranking has the better score, and on which scenarios alone neighbours, "
-    "or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip permutation "
-    "of scores, exact McNemar of success. One correction holds for all of these claims (Holm's method, nine tenths of "
-    "the weight for the ranking): the chance that any of them is false is at most 5 %. Intervals are each by itself. "
-    "The episodes that would be needed find a difference as large as the one seen with a chance of 80 %. Falls and "
-    "errors have intervals and no tests."
-)
-"""How claims are made, for readers."""
 
 
 def verdict(ranked: Ranking) -> str:
@@ -47,23 +38,18 @@ def lines(ranked: Ranking) -> Iterator[str]:
         yield f"{_together(each, ranked.episodes)}{_alone(each, ranked)}"
 
 
-def strengths_in_words(results: Results) -> dict[str, str]:
-    """Ranked policy -> where it is best, and where it is worst with the most common cause there."""
-    found = {}
+def best_and_worst(results: Results) -> dict[str, tuple[str, str]]:
+    """Ranked policy -> where it is best, everywhere with the same success, and where it is worst, that first, with the
+    most common cause of failure there; empty where there is nothing to say."""
+    words = {}
     for policy in [each.policy for each in results.ranking.places] or results.policies:
-        best, worst = ends_of(results, policy)
-        words = [f"best on {', '.join(each.name for each in best)} ({percent(best[0].success)})"] if best else []
-        weak = (f"{each.name} {percent(each.success)} ({each.reason})" for each in worst)
-        found[policy] = "; ".join([*words, *([f"worst on {', '.join(weak)}"] if worst else [])])
-    return {policy: words for policy, words in found.items() if words}
-
-
-def ends_of(results: Results, policy: str) -> tuple[list[Strength], list[Strength]]:
-    """Where a policy is best, everywhere with the same success, and where it is worst, that one first."""
-    found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
-    top, bottom = (found[0].success, found[-1].success) if found else (0.0, 0.0)
-    best = [each for each in found if each.success == top and (top > bottom or (len(found) > 1 and top == 1.0))]
-    return best[:NAMED], [each for each in found[::-1] if each not in best and each.reason][:NAMED]
+        found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
+        top, bottom = (found[0].success, found[-1].success) if found else (0.0, 0.0)
+        best = [each for each in found if each.success == top and (top > bottom or (len(found) > 1 and top == 1.0))]
+        worst = [each for each in found[::-1] if each not in best and each.reason][:NAMED]
+        strong = f"{', '.join(each.name for each in best[:NAMED])} ({percent(top)})" if best else ""
+        words[policy] = strong, ", ".join(f"{each.name} {percent(each.success)} ({each.reason})" for each in worst)
+    return words
 
 
 def _size(of: Neighbours) -> str:

@@ -53,7 +53,7 @@ def main(options: Options) -> int:
     raise_on_interrupt()
     recording = nullcontext(None) if options.record is None else recorder_for(options.record, policy)
     with (
-        closing(Session([policy], scenario, seed=options.seed, hardware=hardware)) as session,
+        closing(Session(policy, scenario, seed=options.seed, hardware=hardware)) as session,
         recording as recorder,
         closing(Link(command, environment)) as link,
     ):

@@ -2,20 +2,16 @@
 
 import threading
 import webbrowser
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 
 from live.commands.episode import Command, EpisodeOptions
 from live.view.driver import Driver
 from live.view.loop import LiveView
 from live.view.requests import LARGEST_SEED, MOST_ROBOTS
-from live.view.server import Receive, Server
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.physics.rendering import shows_windows
-
-PORT = 8080
 
 
 @dataclass(frozen=True)
@@ -28,8 +24,6 @@ class Options(EpisodeOptions):
     """Command at first: forward m/s, left m/s, yaw rate rad/s; None leaves commands to the scenario."""
     port: int | None = None
     """Port to listen on, 0 for any that is free; by default 8080, or another where that is taken."""
-    record: Path | None = None
-    """Recording from the start on, an .mcap as `python -m quad_env record` makes."""
     browser: bool = True
     """Open the page in a browser, where there is a display."""
 
@@ -43,23 +37,13 @@ def main(options: Options) -> int:
         raise UsageError(f"--port must be from 0 to 65535, not {options.port}")
     hardware, _ = options.resolve()
     raise_on_interrupt()
-    with ExitStack() as stack:
-        try:
-            driver = Driver(
-                options.policy,
-                options.scenario,
-                hardware,
-                seed=options.seed,
-                command=options.command,
-                trust=options.trust,
-            )
-        except ValueError as error:
-            raise UsageError(f"--policy: {error}") from error
-        stack.enter_context(closing(driver))
-        if options.record is not None:
-            driver.record(options.record)
-        view = LiveView(driver, lambda receive: _server(options.port, receive))
-        stack.enter_context(closing(view))
+    try:
+        driver = Driver(
+            options.policy, options.scenario, hardware, seed=options.seed, command=options.command, trust=options.trust
+        )
+    except ValueError as error:
+        raise UsageError(f"--policy: {error}") from error
+    with closing(driver), closing(LiveView(driver, options.port)) as view:
         print(f"open {view.server.url} (Ctrl-C ends it)", flush=True)
         if options.browser and shows_windows():
             threading.Thread(target=webbrowser.open, args=(view.server.url,), daemon=True).start()
@@ -68,13 +52,3 @@ def main(options: Options) -> int:
         except KeyboardInterrupt:
             raise KeyboardInterrupt("the view has ended") from None
     return 0
-
-
-def _server(port: int | None, receive: Receive) -> Server:
-    """At that port, else the usual one, else a free one."""
-    if port is not None:
-        return Server(port, receive)
-    try:
-        return Server(PORT, receive)
-    except UsageError:
-        return Server(0, receive)

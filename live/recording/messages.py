@@ -80,22 +80,22 @@ class Messages:
     def of_row(self, row: Floats) -> Iterator[Message]:
         """The command and targets at the beginning of its step, then the state at its end, and what is new of it."""
         readings = {name: row[columns] for name, columns in self._slices.items()}
-        starts, command, event = readings["start"][0] > 0.0, readings["command"], _event(readings)
+        starts, command, event = readings["start"][0] > 0.0, readings["command"], _event_of(readings)
         if not starts:
             if not np.array_equal(command, self._command):
                 forward, left, turning = command
-                yield self.of_event(f"command {forward:.2f} m/s forward, {left:.2f} m/s left, {turning:.2f} rad/s")
+                yield self._event(f"command {forward:.2f} m/s forward, {left:.2f} m/s left, {turning:.2f} rad/s")
             yield Message("/cmd_vel", self._time, _twist(command))
             yield Message("/position_controller/command", self._time, _numbers(readings["action"]))
         self._time += self._period
         if starts and self._time > 0:
-            yield self.of_event("reset")
+            yield self._event("reset")
         elif not starts and event != self._latest:
-            yield self.of_event(event)
+            yield self._event(event)
         self._command, self._latest = (_NO_COMMAND, _OVER) if starts else (command, event)
         yield from (Message(topic, self._time, content) for topic, content in self._state(readings))
 
-    def of_event(self, text: str) -> Message:
+    def _event(self, text: str) -> Message:
         """An event that happened just now, as a line of a log; falls are errors."""
         kind = _T["rcl_interfaces/msg/Log"]
         level = kind.ERROR if text.startswith(("fell", "diverged")) else kind.INFO
@@ -130,7 +130,7 @@ class Messages:
             yield "/correction", _numbers(readings["correction"])
 
 
-def _event(readings: dict[str, Floats]) -> str:
+def _event_of(readings: dict[str, Floats]) -> str:
     """What happens to the robot."""
     if readings["diverged"][0]:
         return "diverged"

@@ -65,34 +65,21 @@ class Recorder:
     """Records the first robot of the steps that it is called with; `recorder_for` makes one and closes it."""
 
     def __init__(self, path: Path, policy: Policy) -> None:
-        self.policy = policy
-        """Whose correction is recorded, where it has one; may be another one from any step on."""
-        self._path = path
+        self._path, self._policy = path, policy
         self._process: BaseProcess | None = None
         self._rows: Connection | None = None
-        self._events: list[str] = []
 
     def __call__(self, step: Step) -> None:
         """Record a control step, or the start of an episode. Raises OSError where it cannot be written."""
         first = self._rows is None
         if first:
             self._begin(step)
-        correction = getattr(self.policy, "correction", None)
+        correction = getattr(self._policy, "correction", None)
         readings = {name: step.infos[name][0] for name in SIGNALS}
         readings["reward"] = sum(step.infos[name][0] for name in step.infos if name.startswith(REWARD))
         readings["correction"] = np.full(step.action.shape[1], np.nan) if correction is None else correction[0]
         readings["start"] = step.number == 0 or first
         self._send(np.concatenate([np.ravel(reading) for reading in readings.values()], dtype=np.float64))
-        for event in self._events:
-            self._send(event)
-        self._events.clear()
-
-    def event(self, text: str) -> None:
-        """Record that something happened just now, after the last step. Raises OSError where it cannot be written."""
-        if self._rows is None:
-            self._events.append(text)
-        else:
-            self._send(text)
 
     def _begin(self, step: Step) -> None:
         env, robot = step.env, step.env.robot
@@ -116,12 +103,12 @@ class Recorder:
         with closing(theirs), closing(answer), without_ctrl_c():  # also where Ctrl-C comes, else `close` waits for ever
             self._process.start()
 
-    def _send(self, news: NDArray[np.float64] | str) -> None:
-        """A row, or what happened then; it waits where the writer does not keep up."""
+    def _send(self, row: NDArray[np.float64]) -> None:
+        """A row; it waits where the writer does not keep up."""
         assert self._rows is not None
         try:
             if not self._rows.closed:
-                self._rows.send(news)
+                self._rows.send(row)
         except OSError:  # the writer has ended, and sent its reason
             self.close()
 

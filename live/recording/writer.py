@@ -13,7 +13,7 @@ NICE = 5
 
 
 def write(rows: Connection, answer: Connection, path: Path, source: Source) -> None:
-    """Write the rows and events that come until the other end is closed; answer with None, or with the OSError that
+    """Write the rows that come until the other end is closed; answer with None, or with the OSError that
     ended it. The simulation may be interrupted or killed: what it has sent is written. It is started with SIGINT
     blocked."""
     if hasattr(os, "nice"):
@@ -38,6 +38,5 @@ def _write(rows: Connection, path: Path, source: Source) -> None:
         for message in messages.of_beginning():
             file.write(message)
         while True:
-            news = rows.recv()
-            for message in (messages.of_event(news),) if isinstance(news, str) else messages.of_row(news):
+            for message in messages.of_row(rows.recv()):
                 file.write(message)

@@ -57,19 +57,18 @@ class Driven(Policy):
 
 
 class Bridge:
-    """One robot of a session, driven by messages: by joint targets if `Driven` moves it, else by velocities.
+    """The robot of a session, driven by messages: by joint targets if `Driven` moves it, else by velocities.
 
     The simulation goes on in any case: invalid messages are refused, and without valid ones the robot stands.
 
     Args:
-        session: of one robot; its commands are the bridge's from now on.
+        session: its commands are the bridge's from now on.
         say: called with lines for the terminal.
     """
 
     def __init__(self, session: Session, say: Callable[[str], None]) -> None:
         self._session, self._say = session, say
-        (policy,) = session.policies
-        self._driven = policy if isinstance(policy, Driven) else None
+        self._driven = session.policy if isinstance(session.policy, Driven) else None
         self._topic, self._timeout = (VELOCITY, 0.5) if self._driven is None else (JOINT_TARGETS, 0.2)
         self._received: int | None = None
         """Number of the control step before which the latest valid message came; None before the first, and after a

@@ -1,10 +1,9 @@
-"""The driver of the live view: a session, and what can be done with it while it goes on."""
+"""The driver of the live view: sessions side by side, and what can be done with them while they go on."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +13,11 @@ import policies
 from evaluate.film.scene import heading
 from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import IDEAL, Hardware
-from live.recording.recorder import Recorder, recorder_for
 from live.session import Session
-from live.view.camera import Orbit, ViewCamera
+from live.view.picture import Orbit, Shot
 from live.view.requests import Request
-from live.view.telemetry import COLUMNS, Telemetry, rounded
-from policies.base import Policy, PolicyError
+from live.view.telemetry import Telemetry, rounded
+from policies.base import PolicyError
 from quad_env.cli.pace import Pace
 from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.scenario import Scenario
@@ -28,21 +26,19 @@ PUSH_TIME = 0.1
 """How long a push by hand lasts, s."""
 KEPT_EVENTS = 40
 """The latest events, for a new page."""
-COMPANION = "trot"
-"""Policy of the second robot, until it is given another."""
 
 
 class Driver:
     """Moves robots on in real time, and does what pages ask for.
 
     Args:
-        names: names or paths of policies, one a robot.
+        names: names or paths of policies, one a robot; all robots have the same episode.
         scenario: name of the first.
         command: held by hand, forward and left m/s, yaw rate rad/s; None leaves commands to the scenario.
         trust: as `Hardware.policy` takes it.
 
     Raises:
-        ValueError: there is no such scenario or policy, or policies that do not walk together.
+        ValueError: there is no such scenario or policy.
     """
 
     def __init__(
@@ -58,29 +54,27 @@ class Driver:
         self._hardware, self._trust, self._first_scenario = hardware, trust, scenario
         self.paused = self._once = False
         self._events: deque[str] = deque(maxlen=KEPT_EVENTS)
-        self._recording = ExitStack()
-        self._recorder: Recorder | None = None
-        self.camera, self._telemetry = ViewCamera(), Telemetry(hardware.quadruped.rated_torque)
-        self._scenario = self._found(scenario)
         self._offered = tuple(dict.fromkeys((*names, *policies.names())))
-        self._companion, self._names = names[1] if len(names) > 1 else COMPANION, list(names)
-        self.session = self._begun(self._scenario, [self._policy(name) for name in names], seed, command)
-        self._pace = Pace(self.session.env.dt)
+        self.sessions: list[Session] = []
+        """One a robot."""
+        self.orbit = Orbit()
+        self._begin(self._found(scenario), names, seed, command)
+        self._pace = Pace(self.sessions[0].env.dt)
         self._does: dict[str, Callable[..., object]] = {
-            "steer": lambda forward, left, turn: self.session.steer((forward, left, turn)),
-            "let_go": lambda: self.session.steer(None),
+            "steer": lambda forward, left, turn: self._each(lambda robot: robot.steer((forward, left, turn))),
+            "let_go": self._let_go,
             "push": self._push,
             "policy": self._choose,
-            "compare": self._compare,
-            "scenario": lambda name: self._go_to(self._found(name)),
-            "reset": lambda seed: self.session.reset(seed),
-            "next": lambda: self.session.reset(),
+            "alone": lambda: self._begin_again(self._scenario, self._names[:1]),
+            "scenario": lambda name: self._begin_again(self._found(name), self._names),
+            "reset": self._reset,
+            "next": self._reset,
             "pause": self._pause,
             "step": self._step_once,
             "speed": lambda factor: setattr(self._pace, "speed", factor),
-            "drag": lambda right, down: self._look(self.camera.orbit.dragged(right, down)),
-            "zoom": lambda wheel: self._look(self.camera.orbit.zoomed(wheel)),
-            "follow": lambda on: self._look(replace(self.camera.orbit, follow=on)),
+            "drag": lambda right, down: self._look(self.orbit.dragged(right, down)),
+            "zoom": lambda wheel: self._look(self.orbit.zoomed(wheel)),
+            "follow": lambda on: self._look(replace(self.orbit, follow=on)),
         }
 
     def do(self, request: Request) -> None:
@@ -89,125 +83,113 @@ class Driver:
         self._does[request.do](**request.values)
 
     def move(self) -> bool:
-        """Move the robots on by a control step, once it is due; False while paused. OSError where the path of
-        `record` cannot be written."""
+        """Move the robots on by a control step, once it is due; False while paused."""
         if self.paused and not self._once:
             return False
         if not self._once:
             self._pace.wait()
         self._once = False
-        self.session.step()
-        self._telemetry.note(self.session)
+        self._each(Session.step)
         return True
 
     def offer(self) -> dict[str, Any]:
-        """Choices of a page: names of policies and axes of scenarios; the robot, and the columns of rows."""
+        """Choices of a page: names of policies and axes of scenarios; the robot."""
+        robot = self.sessions[0].env.robot
         return {
-            "robot": self.session.env.robot.name,
+            "robot": robot.name,
             "policies": self._offered,
             "axes": [
                 {"name": axis.name, "unit": axis.unit, "levels": list(axis.levels), "nominal": axis.nominal}
-                for axis in axes_of(self.session.env.robot).values()
+                for axis in axes_of(robot).values()
             ],
-            "columns": COLUMNS,
         }
 
     def state(self) -> dict[str, Any]:
         """Present state, with rows and events since the last call."""
-        session, camera, events = self.session, self.camera, list(self._events)
+        first, events = self.sessions[0], list(self._events)
         self._events.clear()
         return {
-            "time": round(session.latest.number * session.env.dt, 3),
+            "time": round(first.latest.number * first.env.dt, 3),
             "scenario": self._scenario.name,
-            "seed": session.seed,
+            "seed": first.seed,
             "paused": self.paused,
             "speed": self._pace.speed,
             "measured": round(self._pace.measured, 3),
-            "by_hand": session.command is not None,
-            "command": rounded(session.latest.infos["command"][0] if session.command is None else session.command),
-            "follow": camera.orbit.follow,
-            "robots": self._telemetry.robots(session),
-            "rows": self._telemetry.rows(),
+            "by_hand": first.command is not None,
+            "command": rounded(first.latest.infos["command"][0] if first.command is None else first.command),
+            "follow": self.orbit.follow,
+            "robots": [telemetry.state() for telemetry in self._telemetry],
             "events": events,
         }
 
-    def record(self, path: Path) -> None:
-        """Record into that path from now on. Raises as `recorder_for`."""
-        self._recorder = self._recording.enter_context(recorder_for(path, self.session.policies[0]))
-        self.session.observers.append(self._recorder)
+    def picture(self) -> list[Shot]:
+        """Every robot now, side by side."""
+        self.orbit = self.orbit.at(self.sessions[0].latest.infos["position"][0])
+        return [telemetry.shot(self.orbit, len(self.sessions)) for telemetry in self._telemetry]
 
     def close(self) -> None:
-        """Finish the recording and free the simulation. OSError where the recording cannot be finished."""
-        try:
-            self._recording.close()
-        finally:
-            self.session.close()
+        """Free the simulations."""
+        self._each(Session.close)
 
-    def _begun(self, scenario: Scenario, walkers: Sequence[Policy], seed: int, command: ArrayLike | None) -> Session:
-        """A session with its observers."""
-        hardware = self._hardware
-        session = Session(walkers, scenario, seed=seed, command=command, hardware=hardware, observers=[self.camera])
-        session.listeners.append(self._note)
-        return session
+    def _each(self, do: Callable[[Session], object]) -> None:
+        for session in self.sessions:
+            do(session)
 
-    def _begin_with(self, scenario: Scenario, walkers: Sequence[Policy]) -> None:
+    def _begin(self, scenario: Scenario, names: Sequence[str], seed: int, command: ArrayLike | None) -> None:
+        """An episode with these policies; nothing has changed where one of them cannot be had."""
+        with ExitStack() as stack:
+            sessions = []
+            for name in names:
+                policy = self._hardware.policy(name, self._trust, real=scenario.hardware)
+                session = Session(policy, scenario, seed=seed, command=command, hardware=self._hardware)
+                stack.callback(session.close)
+                sessions.append(session)
+            stack.pop_all()
+        self.close()
+        self.sessions, self._scenario, self._names = sessions, scenario, list(names)
+        self._telemetry = [Telemetry(session) for session in sessions]
+        sessions[0].listeners.append(self._events.append)
+        self._look_at_start()
+
+    def _begin_again(self, scenario: Scenario, names: Sequence[str]) -> None:
         """The same seed and command on another scenario, or with other robots."""
-        before = self.session
-        session = self._begun(scenario, walkers, before.seed, before.command)
-        self.session, self._scenario = session, scenario
-        before.close()
-        session.tell(f"{scenario.name}, {' and '.join(policy.name for policy in walkers)}")
-        if self._recorder is not None:
-            session.observers.append(self._recorder)
-            self._recorder(session.latest)
+        self._begin(scenario, names, self.sessions[0].seed, self.sessions[0].command)
+        self._events.append(f"{scenario.name}, {' and '.join(session.policy.name for session in self.sessions)}")
 
-    def _note(self, event: str) -> None:
-        """Report an intervention to the page and the recording, such as another first policy."""
-        self._events.append(event)
-        if self._recorder is not None:
-            self._recorder.policy = self.session.policies[0]
-            self._recorder.event(event)
+    def _reset(self, seed: int | None = None) -> None:
+        self._each(lambda session: session.reset(seed))
+        self._look_at_start()
+
+    def _let_go(self) -> None:
+        """The episode again, with the commands of its scenario."""
+        self._each(lambda session: session.steer(None))
+        self._reset(self.sessions[0].seed)
 
     def _found(self, name: str) -> Scenario:
         if battery.of_file(name) and name != self._first_scenario:
             raise ValueError(f"{name}: a scenario in a file is named when the view is started, with --scenario")
         return battery.one(name, self._hardware.quadruped)
 
-    def _policy(self, name: str) -> Policy:
-        return self._hardware.policy(name, self._trust, real=self._scenario.hardware)
-
-    def _go_to(self, scenario: Scenario) -> None:
-        """On to another scenario; with the hardware profile, or without, policies are made for it."""
-        walkers = self.session.policies
-        if scenario.hardware != self._scenario.hardware:
-            walkers = [self._hardware.policy(name, self._trust, real=scenario.hardware) for name in self._names]
-        self._begin_with(scenario, walkers)
-
     def _choose(self, robot: int, name: str) -> None:
-        if robot >= len(self.session.policies):
-            raise ValueError(f"there is no robot {robot + 1}")
+        """A robot alone changes its policy under way where that can be; else, also for a further robot, all begin their
+        episode again, so that each has the same."""
+        if robot > len(self.sessions):
+            raise ValueError(f"there is no robot {robot}")
         if name not in self._offered:
             raise PolicyError(f"no policy {name!r} is offered: there are {', '.join(self._offered)}")
-        policy = self._policy(name)
-        if len(self.session.policies) == 1 and policy.height_scan != self.session.policies[0].height_scan:
-            self._begin_with(self._scenario, [policy])  # only a session from its start shows it the ground
-        else:
-            self.session.choose(robot, policy)
-        self._names[robot] = name
-
-    def _compare(self, on: bool) -> None:
-        first = self.session.policies[0]
-        if on != (len(self.session.policies) > 1):
-            self._begin_with(self._scenario, [first, self._policy(self._companion)] if on else [first])
-            self._names[1:] = [self._companion] if on else []
+        names = [*self._names[:robot], name, *self._names[robot + 1 :]]
+        if len(names) == 1:
+            with suppress(ValueError):  # other ground heights or servos: only a session from its start has them
+                self.sessions[0].choose(self._hardware.policy(name, self._trust, real=self._scenario.hardware))
+                self._names = names
+                return
+        self._begin_again(self._scenario, names)
 
     def _push(self, direction: float, impulse: float) -> None:
         """Directions are degrees from straight ahead of the first robot to its left."""
-        towards = heading(self.session.latest) + np.radians(direction)
-        self.session.push(impulse / PUSH_TIME * np.array([np.cos(towards), np.sin(towards)]), PUSH_TIME)
-
-    def _look(self, orbit: Orbit) -> None:
-        self.camera.orbit = orbit
+        towards = heading(self.sessions[0].latest) + np.radians(direction)
+        force = impulse / PUSH_TIME * np.array([np.cos(towards), np.sin(towards)])
+        self._each(lambda session: session.push(force, PUSH_TIME))
 
     def _pause(self, on: bool) -> None:
         self.paused = on
@@ -215,3 +197,9 @@ class Driver:
 
     def _step_once(self) -> None:
         self.paused = self._once = True
+
+    def _look(self, orbit: Orbit) -> None:
+        self.orbit = orbit
+
+    def _look_at_start(self) -> None:
+        self.orbit = replace(self.orbit, target=tuple(self.sessions[0].latest.infos["position"][0].tolist()))

@@ -3,14 +3,11 @@
 import json
 import queue
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
-from typing import Any
 
 from live.view.driver import Driver
 from live.view.painter import Painter
 from live.view.requests import Request, RequestError, parse
-from live.view.server import Receive, Server
+from live.view.server import Server
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 
@@ -24,24 +21,17 @@ IDLE = 0.01
 
 _NOT_TO_BE_DONE = (ValueError, UsageError, OSError, ImportError)
 """What comes of a request for a scenario or policy that is not there, or of a full disk."""
-Serve = Callable[[Receive], Server]
-"""Makes a server whose texts that function receives."""
 
 
 class LiveView:
-    """Robots that walk where pages steer them, until Ctrl-C."""
+    """Robots that walk where pages steer them, until Ctrl-C; see `Server` for the port and its error."""
 
-    def __init__(self, driver: Driver, serve: Serve) -> None:
+    def __init__(self, driver: Driver, port: int | None) -> None:
         self._driver, self._offer = driver, json.dumps({"kind": "offer", **driver.offer()})
         self._todo: queue.Queue[Request] = queue.Queue(WAITING)
         self._frame_due = self._telling_due = 0.0
-        self._rate, self._drawn, self._counted = 0.0, 0, time.perf_counter()
-        with ExitStack() as stack:
-            self.server = serve(self.receive)
-            stack.callback(self.server.close)
-            self._painter = Painter(self.server.show)
-            stack.callback(self._painter.close)
-            self._stack = stack.pop_all()
+        self.server = Server(port, self.receive)
+        self._painter = Painter(self.server.show)
 
     def receive(self, text: str) -> str | None:
         """What a page is to be answered to a text; what it asks for is done before the next control step."""
@@ -56,7 +46,7 @@ class LiveView:
         return None
 
     def run(self, seconds: float = float("inf")) -> None:
-        """Go on for so many s of wall time. OSError without room for a recording; KeyboardInterrupt after Ctrl-C."""
+        """Go on for so many s of wall time. KeyboardInterrupt after Ctrl-C."""
         end = time.perf_counter() + seconds
         with Interrupt() as interrupt:
             while time.perf_counter() < end:
@@ -69,15 +59,17 @@ class LiveView:
     def _show(self, now: float) -> None:
         """Draw and report what is due."""
         if self.server.wanted.is_set() and self._painter.idle and now >= self._frame_due:
-            self._painter.hand(self._driver.camera.picture(self._driver.session))
+            self._painter.hand(self._driver.picture())
             self._frame_due = max(now, self._frame_due + 1.0 / FRAMES_A_SECOND)
         if now >= self._telling_due and self.server.watched:
-            self.server.tell(json.dumps(self._state(now)))
+            state = {"kind": "state", **self._driver.state(), "drawing": self._painter.failure or ""}
+            self.server.tell(json.dumps(state))
             self._telling_due = now + 1.0 / TELLINGS_A_SECOND
 
     def close(self) -> None:
         """Take leave of the pages, and of the thread that draws."""
-        self._stack.close()
+        self._painter.close()
+        self.server.close()
 
     def _obey(self) -> None:
         for _ in range(self._todo.qsize()):  # not those that come meanwhile: the robots walk on however many do
@@ -85,13 +77,6 @@ class LiveView:
                 self._driver.do(self._todo.get_nowait())
             except _NOT_TO_BE_DONE as error:
                 self.server.tell(_error(str(error)))
-
-    def _state(self, now: float) -> dict[str, Any]:
-        if now - self._counted >= 1.0:
-            self._rate = (self._painter.drawn - self._drawn) / (now - self._counted)
-            self._drawn, self._counted = self._painter.drawn, now
-        drawing = {"frames": round(self._rate, 1), "drawing": self._painter.failure or ""}
-        return {"kind": "state", **self._driver.state(), **drawing}
 
 
 def _error(text: str) -> str:

@@ -79,7 +79,7 @@ REQUESTS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
     "let_go": {},
     "push": {"direction": _number(-360.0, 360.0), "impulse": _number(0.0, LARGEST_IMPULSE)},
     "policy": {"robot": _number(0, MOST_ROBOTS - 1, int), "name": _name},
-    "compare": {"on": _flag},
+    "alone": {},
     "scenario": {"name": _name},
     "reset": {"seed": _number(0, LARGEST_SEED, int)},
     "next": {},

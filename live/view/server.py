@@ -29,7 +29,7 @@ DRAWN = "drawn"
 _FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in KINDS} | {"/": PAGE / "index.html"}
 Receive = Callable[[str], str | None]
 """Told every text that a page sends, in the server's thread; what it returns is sent back to that page."""
-HOST = "127.0.0.1"
+HOST, PORT = "127.0.0.1", 8080
 _FOREIGN = "this page answers to itself alone: type its address, or paste it, where addresses are typed"
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -47,21 +47,16 @@ class Server:
     It listens on `HOST`; only requests that name this machine as their host and come from its own page are answered.
 
     Args:
-        port: 0 takes a free one.
+        port: 0 takes a free one; None takes `PORT`, or a free one where that is taken.
         receive: called with the texts of pages.
 
     Raises:
         UsageError: nothing can listen there.
     """
 
-    def __init__(self, port: int, receive: Receive) -> None:
+    def __init__(self, port: int | None, receive: Receive) -> None:
         self._receive = receive
-        try:
-            self._socket = socket.create_server((HOST, port))
-        except OSError as error:
-            raise UsageError(
-                f"cannot listen on {HOST} port {port} ({error}): try --port 0, which takes a free one"
-            ) from None
+        self._socket = _listening(port)
         self.port: int = self._socket.getsockname()[1]
         self._pages: dict[ServerConnection, bool] = {}
         """Whether each page waits for a frame."""
@@ -158,6 +153,15 @@ class Server:
     def _waits(self, page: ServerConnection) -> None:
         self._pages[page] = True
         self.wanted.set()
+
+
+def _listening(port: int | None) -> socket.socket:
+    try:
+        return socket.create_server((HOST, PORT if port is None else port))
+    except OSError as error:
+        if port is None:
+            return _listening(0)
+        raise UsageError(f"cannot listen on {HOST} port {port} ({error}): --port 0 takes a free one") from None
 
 
 def _refusal(request: Request) -> str | None:

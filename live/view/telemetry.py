@@ -1,82 +1,81 @@
-"""Telemetry for pages: rows for curves, a row a control step, and the present state of each robot."""
+"""Telemetry of a robot for pages: rows for its curves, a row a control step, its present state, and its picture."""
 
 from collections import deque
 from typing import Any
 
 import numpy as np
 
-from evaluate.film.scene import headings
+from evaluate.film.scene import Scene, heading
+from evaluate.rollouts.observers import Step
 from live.session import Session
+from live.view.outcome import Outcome
+from live.view.picture import Orbit, Shot
 from policies.base import Policy
-from quad_env.config import FALL_REASONS
 from quad_env.task.rewards import REWARD
-
-COLUMNS = ("time", "command", "velocity", "contacts", "torque", "reward", "correction")
-"""Of a row of the first robot: s; forward m/s, left m/s, turning rad/s, as commanded and as they were; feet on the
-ground; largest torque and correction as shares of what there is, and the step's reward."""
 
 KEPT_ROWS = 600
 """The latest rows, as many as the curves of a page show."""
 
 
 class Telemetry:
-    """Keeps the rows of the first robot until they are sent."""
+    """Observer of a session, from its start on."""
 
-    def __init__(self, torque_limit: float) -> None:
-        self._torque_limit = torque_limit
+    def __init__(self, session: Session) -> None:
+        self._session = session
         self._rows: deque[list[Any]] = deque(maxlen=KEPT_ROWS)
+        session.observers.append(self)
+        self(session.latest)
 
-    def note(self, session: Session) -> None:
-        """Keep the row of the control step just taken; only those of one episode are kept."""
-        step, infos = session.latest, session.latest.infos
-        if step.number == 1:
+    def __call__(self, step: Step) -> None:
+        """Take note of a control step, or of the start of an episode: only rows of one are kept."""
+        if step.number == 0:
             self._rows.clear()
-        row = [
+            self._outcome, self._scene = Outcome(self._session), Scene(step)
+            return
+        self._outcome.note()
+        self._scene.advance(step)
+        self._rows.append(self._row(step))
+
+    def shot(self, orbit: Orbit, count: int) -> Shot:
+        """What is to be drawn of it now, as one of so many robots."""
+        simulation, place = self._session.env.simulation, self._session.latest.infos["position"][0]
+        name, viewpoint = self._session.policy.name, orbit.beside(place, count)
+        return Shot(simulation.model, simulation.snapshot(0), name, viewpoint, self._scene.arrows())
+
+    def state(self) -> dict[str, Any]:
+        """Present state, with the rows since the last call."""
+        infos, policy, rows = self._session.latest.infos, self._session.policy, list(self._rows)
+        self._rows.clear()
+        return {
+            "policy": policy.name,
+            "outcome": self._outcome.words,
+            "failed": self._outcome.failed,
+            "story": self._outcome.story[:-1],
+            "position": rounded(infos["position"][0]),
+            "heading": round(float(np.degrees(heading(self._session.latest))), 1),
+            "height": round(float(infos["height"][0]), 3),
+            "tilt": round(float(np.degrees(infos["tilt"][0])), 1),
+            "velocity": rounded(infos["heading_velocity"][0]),
+            "torque": self._torque(infos),
+            "correction": _correction(policy),
+            "rows": rows,
+        }
+
+    def _row(self, step: Step) -> list[Any]:
+        """Time, s; command and velocity: forward m/s, left m/s, turning rad/s; feet on the ground; largest torque as a
+        share of what there is; reward of the step."""
+        infos = step.infos
+        return [
             round(step.number * step.env.dt, 4),
             rounded(infos["command"][0]),
             rounded(infos["heading_velocity"][0]),
             [int(contact) for contact in infos["foot_contact"][0]],
-            round(float(np.abs(infos["joint_torque"][0]).max()) / self._torque_limit, 3),
+            self._torque(infos),
             round(sum(float(values[0]) for name, values in infos.items() if name.startswith(REWARD)), 4),
-            _correction(session.policies[0]),
-        ]
-        self._rows.append(row)
-
-    def rows(self) -> list[list[Any]]:
-        """Those since the last call."""
-        rows = list(self._rows)
-        self._rows.clear()
-        return rows
-
-    def robots(self, session: Session) -> list[dict[str, Any]]:
-        """Present state of each robot."""
-        infos, heading = session.latest.infos, np.degrees(headings(session.latest))
-        return [
-            {
-                "policy": policy.name,
-                "state": _state(infos["fall"][number], infos["diverged"][number]),
-                "position": rounded(infos["position"][number]),
-                "heading": round(float(heading[number]), 1),
-                "height": round(float(infos["height"][number]), 3),
-                "tilt": round(float(np.degrees(infos["tilt"][number])), 1),
-                "velocity": rounded(infos["heading_velocity"][number]),
-                "torque": round(float(np.abs(infos["joint_torque"][number]).max()) / self._torque_limit, 3),
-                "correction": _correction(policy),
-                "failure": (getattr(policy, "failure", None) or [None])[0] or "",
-                "rewards": {
-                    name.removeprefix(REWARD): round(float(values[number]), 4)
-                    for name, values in infos.items()
-                    if name.startswith(REWARD)
-                },
-            }
-            for number, policy in enumerate(session.policies)
         ]
 
-
-def _state(fall: int, diverged: bool) -> str:
-    if diverged:
-        return "diverged"
-    return f"fell: {FALL_REASONS[fall]}" if fall else "upright"
+    def _torque(self, infos: dict[str, Any]) -> float:
+        return round(float(np.abs(infos["joint_torque"][0]).max()) / self._session.env.robot.rated_torque, 3)
 
 
 def rounded(values: Any) -> list[float]:

@@ -58,7 +58,12 @@ def _whole_numbers(asked: Any) -> Any:
     import tyro
 
     def number(word: str) -> int:
-        return int(float(word)) if re.fullmatch(r"[0-9.]+e[0-9]", word) and float(word).is_integer() else int(word)
+        if re.fullmatch(r"[0-9.]+e[0-9]", word) and float(word).is_integer():
+            return int(float(word))
+        try:
+            return int(word)
+        except ValueError:
+            raise ValueError(f"{word!r} is no whole number") from None
 
     if asked.type is not int:
         return None

@@ -112,13 +112,6 @@ class Figures:
         before, left = (np.sign(self.hip_positions[:, axis]) for axis in (0, 1))
         return tuple(corners[2 * int(b < 0) + int(side < 0)] for b, side in zip(before, left, strict=True))
 
-    @cached_property
-    def diagonals(self) -> tuple[tuple[int, int], ...]:
-        """Places of the front and the hind leg of each diagonal pair."""
-        before, left = (np.sign(self.hip_positions[:, axis]) for axis in (0, 1))
-        pairs = [np.flatnonzero((before == -1) & (left == -side)) for side in left[before == 1]]
-        return tuple((int(front), int(hind)) for front, (hind,) in zip(np.flatnonzero(before == 1), pairs, strict=True))
-
     @property
     def leg_length(self) -> float:
         """From the thigh joint to the centre of the foot with the knee straight, m."""

@@ -45,8 +45,6 @@ class Options:
     """Folder of the run whose failures are filmed."""
     count: int = 30
     """Strips (count)."""
-    seed: int = 0
-    """Which failures are drawn."""
     reading: Path | None = None
     """CSV file of what a person read, columns `film` and `cause`; with `--key` its table is written into the page."""
     key: Path = Path("key.csv")
@@ -55,7 +53,7 @@ class Options:
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    check_numbers(options, {"count": (1, 999), "seed": (0, 2**31)})
+    check_numbers(options, {"count": (1, 999)})
     if options.films is not None:
         return film(options, options.films)
     if options.reading is not None:
@@ -64,9 +62,9 @@ def main(options: Options) -> int:
     write_atomically(options.table, csv_text(rows))
     heads = {name: name.replace("_", " ") for name in ("made_for", "episodes", "right", "certain", "certain_and_wrong")}
     put(options.page, [table(heads, [{name: str(row[name]) for name in heads} for row in rows])], "agreement")
-    columns = ("threshold", "value", "unit", "reason")
+    columns = {name: name for name in ("threshold", "value", "unit", "reason")}
     lines = (dict(zip(columns, map(str, (name, *of)), strict=True)) for name, of in THRESHOLDS.items())
-    put(options.page, [table({name: name for name in columns}, lines)], "thresholds")
+    put(options.page, [table(columns, lines)], "thresholds")
     return 0
 
 
@@ -75,10 +73,10 @@ def figures() -> Iterator[dict[str, Any]]:
     for cause in CAUSES:
         runs = (case.run() for case in CASES if case.cause == cause)
         given = Counter((each.event.cause, each.certain) for episodes in runs for _, each in found(episodes))
-        by_cause = {each: given[each, True] + given[each, False] for each in CAUSES}
-        sure = {each: given[each, True] for each in CAUSES}
-        counts = {"episodes": given.total(), "right": by_cause[cause], "certain": sum(sure.values())}
-        yield {"made_for": cause, **counts, "certain_and_wrong": sum(sure.values()) - sure[cause], **by_cause}
+        by_cause, sure = {each: given[each, True] + given[each, False] for each in CAUSES}, given[cause, True]
+        certain = sum(given[each, True] for each in CAUSES)
+        counts = {"episodes": given.total(), "right": by_cause[cause], "certain": certain}
+        yield {"made_for": cause, **counts, "certain_and_wrong": certain - sure, **by_cause}
 
 
 def found(episodes: Episodes) -> Iterator[tuple[Record, Verdict]]:
@@ -94,7 +92,7 @@ def film(options: Options, folder: Path) -> int:
     """Draw strips of failures of a run, of each policy and scenario one at most, two falls for one without; the exit
     code. Raises UsageError."""
     make_writable_folder(folder)
-    draw, key = np.random.default_rng(options.seed), list[dict[str, Any]]()
+    draw, key = np.random.default_rng(0), list[dict[str, Any]]()
     cells = [cell for cell in read_run(options.run).cells if cell.scenario.axis]
     for cell in map(cells.__getitem__, draw.permutation(len(cells))):
         fell = cell.measures.fell
@@ -115,13 +113,12 @@ def film(options: Options, folder: Path) -> int:
 def read(options: Options, reading: Path) -> int:
     """Write the confusion table of the rules and a person's reading; the exit code. Raises UsageError."""
     try:
-        key, seen = (csv.DictReader(path.read_text("utf-8").splitlines()) for path in (options.key, reading))
+        key, seen = (csv.DictReader(path.read_text(encoding="utf-8").splitlines()) for path in (options.key, reading))
         person = {row["film"]: row for row in seen}
         films = [{**row, "read": person[row["film"]]["cause"]} for row in key]
     except (OSError, KeyError) as error:
-        raise UsageError(
-            f"{options.key} and {reading} need columns film and cause, of the same films: {error}"
-        ) from None
+        words = f"{options.key} and {reading} need columns film and cause, of the same films"
+        raise UsageError(f"{words}: {error}") from None
     if unknown := {row["read"] for row in films} - set(CAUSES):
         raise UsageError(f"unknown causes {', '.join(sorted(unknown))}; valid: {', '.join(CAUSES)}")
     pairs = Counter((row["cause"], row["read"]) for row in films)
@@ -130,9 +127,8 @@ def read(options: Options, reading: Path) -> int:
     said = f"They agree on {same} of {len(films)} films, on {sum(sure)} of the {len(sure)} where the rules are certain."
     heads = [cause for cause in CAUSES if any(cause == other for _, other in pairs)]
     body = [{cause: str(pairs[rule, cause] or "") for cause in heads} | {"by the rules": rule} for rule in CAUSES]
-    filled = [row for row in body if any(row[cause] for cause in heads)]
-    names = {name: name for name in ("by the rules", *heads)}
+    filled, names = [row for row in body if any(map(row.get, heads))], {name: name for name in ("by the rules", *heads)}
     put(options.page, [f"{said} Rows: the rules; columns: the person.", "", table(names, filled)], "reading")
-    remarks = [{**row, "remark": person[row["film"]].get("remark", "")} for row in films]
-    write_atomically(options.table.with_name("causes_films.csv"), csv_text(remarks))
+    films = [{**row, "remark": person[row["film"]].get("remark", "")} for row in films]
+    write_atomically(options.table.with_name("causes_films.csv"), csv_text(films))
     return 0

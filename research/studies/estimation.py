@@ -105,7 +105,7 @@ def table(options: Options) -> Iterator[str]:
     for name, scenario in walks(options.ground).items():
         for estimator in ESTIMATORS:
             found = errors(options, scenario, estimator)
-            roll, pitch = np.degrees(rms(found.tilt[..., 0])), np.degrees(rms(found.tilt[..., 1]))
+            roll, pitch = np.degrees(norm(found.tilt[..., :1])), np.degrees(norm(found.tilt[..., 1:]))
             velocity, shown, level = map(norm, (found.velocity, found.shown, found.shown[..., :2]))
             cells = [name, estimator, *(f"{each:.3f}" for each in (velocity, shown, level)), f"{roll:.2f}, {pitch:.2f}"]
             yield f"| {' | '.join([*cells, *consistency(found.nees)])} |"
@@ -117,16 +117,13 @@ def table(options: Options) -> Iterator[str]:
 
 def walks(ground: int) -> dict[str, Scenario]:
     """Scenarios by name; the rough ground is the field of that number."""
-    flat, rough = (_forward(SCENARIOS[name]) for name in ("flat", "rough"))
+    ranges: dict[str, Any] = {"forward": FORWARD, "lateral": (0.0, 0.0), "yaw_rate": YAW_RATE, "zero_fraction": 0.0}
+    named = map(SCENARIOS.__getitem__, ("flat", "rough"))
+    flat, rough = (replace(each, commands=replace(each.commands, **ranges)) for each in named)
     assert isinstance(rough.terrain, SmoothRandom)
     rough = replace(rough, terrain=replace(rough.terrain, seed=ground))
     straight = replace(flat, commands=replace(flat.commands, yaw_rate=(0.0, 0.0)))
     return {"flat": flat, "rough, 0.12 m": rough, "flat, straight on": straight}
-
-
-def _forward(scenario: Scenario) -> Scenario:
-    commands = replace(scenario.commands, forward=FORWARD, lateral=(0.0, 0.0), yaw_rate=YAW_RATE, zero_fraction=0.0)
-    return replace(scenario, commands=commands)
 
 
 def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
@@ -140,11 +137,6 @@ def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
     falls, watch = Falls(len(seeds), STEPS), _Watch(late)
     roll_out(policy, scenario, seeds, falls, watch, steps=STEPS, nthread=options.threads, hardware=hardware)
     return watch.errors(falls.step)
-
-
-def rms(values: Floats) -> float:
-    """Root of the mean square of all that are numbers."""
-    return float(np.sqrt(np.nanmean(values**2)))
 
 
 def norm(vectors: Floats) -> float:

@@ -135,7 +135,8 @@ def slide(model: Any, speed: float, seconds: float, exact: bool) -> tuple[float,
         speeds.append(data.subtree_linvel[0, 0])
     slow = np.flatnonzero(np.array(speeds) < 0.05 * speed)
     ends = round(BRIEF / timestep), slow[0] + 1 if slow.size else len(speeds)
-    braking = [(speed - speeds[end - 1]) / (end * timestep * _friction(model) * GRAVITY) for end in ends]
+    decelerated = model.geom("ground").friction[0] * GRAVITY * timestep
+    braking = [float((speed - speeds[end - 1]) / (end * decelerated)) for end in ends]
     return 1e3 * max(heights), braking[0], braking[1]
 
 
@@ -170,10 +171,6 @@ def walks(setting: Setting, options: Options) -> dict[str, float]:
 
 def _law(geom: Any) -> dict[str, Any]:
     return {"condim": 3, "friction": geom.friction, "solref": geom.solref}
-
-
-def _friction(model: Any) -> float:
-    return float(model.geom("ground").friction[0])
 
 
 def _step(model: Any, data: Any, exact: bool, seconds: float | None = None) -> Any:

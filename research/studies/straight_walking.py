@@ -8,6 +8,7 @@ distance, of the episodes without a fall.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -83,12 +84,10 @@ def main(options: Options) -> int:
 def scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
     """Walks straight ahead on every ground at every speed, m/s of SimpleQuad, each with a name of its own."""
     found = []
-    for name in GROUNDS:
-        ground = scenario(name, robot)
-        for speed in speeds:
-            ahead = scaled(robot, speed, "m/s")
-            straight = CommandRanges.straight(ahead)
-            found.append(replace(ground, name=f"{name} at {ahead:.2f} m/s", axis="", commands=straight))
+    for ground, speed in product((scenario(name, robot) for name in GROUNDS), speeds):
+        ahead = scaled(robot, speed, "m/s")
+        name, straight = f"{ground.name} at {ahead:.2f} m/s", CommandRanges.straight(ahead)
+        found.append(replace(ground, name=name, axis="", commands=straight))
     return found
 
 
@@ -102,12 +101,8 @@ def rows(
     cells = list(track(run_cells(compared, walks, seeds, settings), description="walking", total=total))
     of = {(cell.scenario.name, cell.policy): _figures(cell.measures) for cell in cells}
     return [
-        {
-            "ground": GROUNDS[walk.name.split()[0]],
-            "speed": walk.commands.forward[0],
-            "policy": policy.label,
-            **of[walk.name, policy.label],
-        }
+        {"ground": GROUNDS[walk.name.split()[0]], "speed": walk.commands.forward[0], "policy": policy.label}
+        | of[walk.name, policy.label]
         for walk in walks
         for policy in compared
     ]
@@ -118,8 +113,7 @@ def lines(options: Options, robot: Robot, table: Sequence[Mapping[str, Any]]) ->
     push, rough = scenario("push", robot).severity, scenario("rough", robot).severity
     by_walk: dict[str, dict[str, str]] = {}
     for row in table:
-        words = f"{row['ground']}, {row['speed']:.2f} m/s"
-        cost = number(row["cost_of_transport"], 2)
+        words, cost = f"{row['ground']}, {row['speed']:.2f} m/s", number(row["cost_of_transport"], 2)
         by_walk.setdefault(words, {FIRST: words})[row["policy"]] = f"{percent(row['success_rate'])}, {cost}"
     return [
         f"{robot.name}, {robot.mass:.1f} kg; {options.episodes} episodes of 10 s each, the same for all policies; "

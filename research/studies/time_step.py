@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 import policies
+from evaluate.commands.options import WALKING_POLICIES
 from evaluate.measures.catalogue import EFFORT
 from evaluate.measures.effort import cost_of_all
 from evaluate.measures.metrics import measure
@@ -30,9 +31,7 @@ MEANS = (*(name for name in EFFORT if name != "cost_of_transport"), "mechanical_
 class Options:
     """Write the effort of policies at each physics step as a CSV file."""
 
-    policies: tuple[str, ...] = (
-        *("document_repaired", "trot", "trot_feedback", "trot_integral", "residual", "robust", "mpc_wbc"),
-    )
+    policies: tuple[str, ...] = ("document_repaired", *WALKING_POLICIES, "mpc_wbc")
     """Names or folders of policies."""
     scenarios: tuple[str, ...] = ("steady", "flat")
     """Scenarios."""

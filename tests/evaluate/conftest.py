@@ -100,7 +100,7 @@ def fallen(policy: str, scenario: str, falls: int, error: Sequence[float]) -> Ce
         mean_velocities=np.full((count, 1, 3), np.nan),
         duty_factor=np.full((count, 4), np.nan),
         push_impulse=np.empty((count, 0, 2)),
-        **dict.fromkeys(("push_time", "push_phase", "push_fell", "push_recovery"), np.empty((count, 0))),
+        **dict.fromkeys(("push_time", "push_fell"), np.empty((count, 0))),
     )
     return dataclasses.replace(cell, fall_reason=np.where(fell, "tilt", None), measures=measures)
 

@@ -123,7 +123,7 @@ def test_a_policy_for_something_else_is_found(tmp_path: Path) -> None:
     for number, (changes, seen, remedy) in enumerate(
         (
             ({"robot": "mine"}, "it is for a robot 'mine'", "train it again"),
-            ({"joints": [NAMES[1], NAMES[0], *NAMES[2:]]}, "in another order", "train it again"),
+            ({"joints": [NAMES[1], NAMES[0], *NAMES[2:]]}, "joints", "train it again"),
             ({"control_period": 0.02}, "a control period of 0.02 s", "take another policy, or name its robot"),
         )
     ):

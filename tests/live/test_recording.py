@@ -151,21 +151,17 @@ def test_an_episode_after_a_reset_goes_on_in_time_and_a_slow_writer_loses_nothin
     """Fewer rows fit into the pipe than are sent before the writer has started."""
     monkeypatch.setattr(recorder, "WAITING", 4096)
     path, steps = tmp_path / "walk.mcap", []
-    trot, residual = policies.make("trot"), policies.resolve("residual")
-    with recorder_for(path, trot) as observer:
-        observer.event("before the start")
-        roll_out(trot, "flat", np.array([3]), observer, steps.append, steps=30)
-        observer.event("residual chosen")
-        observer.policy = residual
+    residual = policies.resolve("residual")
+    with recorder_for(path, residual) as observer:
+        roll_out(residual, "flat", np.array([3]), observer, steps.append, steps=30)
         roll_out(residual, "flat", np.array([4]), observer, steps.append, steps=20)
     decoded = read_mcap(path)
     assert [stamp for stamp, _ in decoded["/joint_states"]] == [10_000_000 * number for number in range(31 + 21)]
     positions = [list(state.position) for _, state in decoded["/joint_states"]]
     assert positions == [step.infos["joint_position"][0].tolist() for step in steps]
     assert [stamp // 10_000_000 for stamp, _ in decoded["/cmd_vel"]] == [*range(30), *range(31, 51)]
-    assert [stamp // 10_000_000 for stamp, _ in decoded["/correction"]] == [*range(31, 52)]
     lines = [(at, line) for at, line in events_of(decoded) if not line.startswith("command")]
-    assert lines == [(0, "before the start"), (30, "residual chosen"), (31, "reset")]
+    assert lines == [(31, "reset")]
     assert decoded["/imu"][31][1].linear_acceleration.z == pytest.approx(9.81, abs=0.5)  # no jump from one to the other
 
 

@@ -1,4 +1,4 @@
-"""A session's robots are those of an episode, until somebody steers, pushes or changes who moves them."""
+"""A session's robot is that of an episode, until it is steered or pushed or its policy changes."""
 
 import numpy as np
 import pytest
@@ -12,8 +12,8 @@ from policies.base import PolicyError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
-def session(*names: str, scenario: str = "flat", seed: int = 3) -> Session:
-    return Session([policies.make(name) for name in names], scenario, seed=seed)
+def session(name: str, scenario: str = "flat", seed: int = 3) -> Session:
+    return Session(policies.make(name), scenario, seed=seed)
 
 
 def test_left_alone_it_is_the_episode_of_the_rollout_to_the_bit() -> None:
@@ -21,7 +21,7 @@ def test_left_alone_it_is_the_episode_of_the_rollout_to_the_bit() -> None:
     told: list[Step] = []
     roll_out(policies.make("trot"), scenario, np.array([3]), told.append, steps=80, terminate_on_fall=False)
     steps: list[Step] = []
-    live = Session([policies.make("trot")], scenario, seed=3, observers=[steps.append])
+    live = Session(policies.make("trot"), scenario, seed=3, observers=[steps.append])
     for _ in range(80):
         live.step()
     live.close()
@@ -29,17 +29,6 @@ def test_left_alone_it_is_the_episode_of_the_rollout_to_the_bit() -> None:
     for ours, theirs in zip(steps, told, strict=True):
         assert np.array_equal(ours.observation, theirs.observation)
         assert np.array_equal(ours.action, theirs.action)
-
-
-def test_robots_side_by_side_have_the_same_episode() -> None:
-    live = session("trot", "trot", "stand", scenario="push")
-    for _ in range(60):
-        live.step()
-    position = live.latest.infos["position"]
-    assert np.array_equal(position[0], position[1])
-    assert np.array_equal(live.env.pushes.force[0], live.env.pushes.force[2])
-    assert not np.allclose(position[0], position[2])
-    live.close()
 
 
 def test_it_goes_beyond_every_time_limit() -> None:
@@ -68,22 +57,22 @@ def test_a_command_by_hand_outlives_a_reset_until_it_is_given_back() -> None:
 
 
 def test_a_policy_chosen_under_way_takes_over_without_a_jump() -> None:
-    live = session("trot", "trot")
+    live = session("trot")
     live.steer((0.6, 0.0, 0.0))
     for _ in range(67):
         live.step()
-    live.choose(1, policies.make("residual"))
+    live.choose(policies.make("residual"))
     actions = [live.latest.action, *(live.step().action for _ in range(12))]
-    live.choose(1, policies.make("trot_integral"))  # before the first has taken over
+    live.choose(policies.make("trot_integral"))  # before the first has taken over
     actions += [live.step().action for _ in range(round(CHANGE / live.env.dt) + 5)]
-    change = np.abs(np.diff(actions, axis=0))[:, 1].max(axis=1)
+    change = np.abs(np.diff(actions, axis=0))[:, 0].max(axis=1)
     assert change[[0, 12]] == pytest.approx(0.0, abs=1e-6)  # rad, of the first targets of each
     assert change.max() < 0.25  # walking changes targets by up to 0.18 rad a step
-    assert live.policies[1].name == "trot_integral"
-    live.choose(1, policies.make("stand"))
+    assert live.policy.name == "trot_integral"
+    live.choose(policies.make("stand"))
     for _ in range(round(CHANGE / live.env.dt) + 1):
         live.step()
-    assert np.array_equal(live.latest.action[1], np.float32(SIMPLE_QUAD.home_pose))  # its own, once it has taken over
+    assert np.array_equal(live.latest.action[0], np.float32(SIMPLE_QUAD.home_pose))  # its own, once it has taken over
     assert not live.latest.infos["fall"].any()
     live.close()
 
@@ -91,12 +80,10 @@ def test_a_policy_chosen_under_way_takes_over_without_a_jump() -> None:
 def test_a_policy_of_another_robot_is_refused_and_nothing_has_changed() -> None:
     live = session("trot")
     with pytest.raises(ValueError, match="was made for"):
-        live.choose(0, policies.make("trot", control_period=0.02))
-    assert live.policies[0].name == "trot"
-    live.close()
-    with pytest.raises(ValueError, match="at least one"):
-        Session([])
+        live.choose(policies.make("trot", control_period=0.02))
+    assert live.policy.name == "trot"
     sighted = policies.make("stand")
     sighted.height_scan = quad_env.HeightScan()
     with pytest.raises(PolicyError, match="other ground heights"):
-        Session([policies.make("trot"), sighted])
+        live.choose(sighted)
+    live.close()

@@ -28,16 +28,16 @@ def test_a_view_makes_its_policies_for_the_world_that_it_goes_on_to() -> None:
 
         def gains(name: str) -> tuple[str, set[str]]:
             driver.do(Request("scenario", {"name": name}))
-            return driver.session.env.robot.servo, {policy.robot.servo for policy in driver.session.policies}
+            return driver.sessions[0].env.robot.servo, {session.policy.robot.servo for session in driver.sessions}
 
         driver.do(Request("policy", {"robot": 1, "name": "crouch"}))
         assert gains("push+hardware") == (MAKERS, {MAKERS})
-        assert [policy.name for policy in driver.session.policies] == ["trot", "crouch"]
+        assert [session.policy.name for session in driver.sessions] == ["trot", "crouch"]
         driver.do(Request("policy", {"robot": 0, "name": "trot_feedback"}))
-        assert driver.session.policies[0].robot.servo == MAKERS
-        driver.do(Request("compare", {"on": False}))
+        assert driver.sessions[0].policy.robot.servo == MAKERS
+        driver.do(Request("alone", {}))
         assert gains("flat") == (SIMPLE_QUAD.servo, {SIMPLE_QUAD.servo})
-        assert [policy.name for policy in driver.session.policies] == ["trot_feedback"]
+        assert [session.policy.name for session in driver.sessions] == ["trot_feedback"]
 
 
 def test_a_recording_is_of_the_profile_and_the_makers_gains(tmp_path: Path) -> None:

@@ -1,22 +1,19 @@
-"""Tables of figures: what each policy did, its paired differences, and every measure."""
+"""Tables of figures: success, paired differences of it, and every measure."""
 
 from collections.abc import Iterable
 from html import escape
 
-from evaluate.analysis.comparison import ERRORS, FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
+from evaluate.analysis.comparison import RATES, Comparison
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import SeverityAxis, amount, place
+from evaluate.analysis.severity_levels import SeverityAxis, amount
 from evaluate.analysis.summary import Summary
 from evaluate.measures import catalogue
 from evaluate.measures.catalogue import BY_NAME, FIGURES, KEY, MEASURES
 from evaluate.measures.outcomes import RULES
-from evaluate.report.headings import DIFFERENCE_UNITS, FIRST, TITLES, UNITS, shares
-from evaluate.report.html import BEST, breakable, heading, mark, note, table
+from evaluate.report.headings import FIRST, TITLES
+from evaluate.report.html import breakable, heading, mark, note, table
 from evaluate.report.plots.drawing import MARKS, style
-from quad_env.cli.format import ABSENT, interval, number, p_value, percent_interval, points, points_interval
-
-HEADINGS = {metric: heading(TITLES[metric], UNITS[metric]) for metric in METRICS}
-"""Metric -> its heading."""
+from quad_env.cli.format import ABSENT, number, p_value, points, points_interval, share
 
 
 def policy_label(results: Results, policy: str) -> str:
@@ -25,80 +22,62 @@ def policy_label(results: Results, policy: str) -> str:
     return f"{mark(colour, MARKS[shape])}{breakable(policy)}"
 
 
-def summary_table(results: Results, scenario: str) -> str:
-    """A row for each policy on one scenario."""
-    rows = {policy: s for (name, policy), s in results.summaries.items() if name == scenario}
-    best = {metric: min(getattr(summary, metric) for summary in rows.values()) for metric in ERRORS}
-    heads = {FIRST: "policy", **HEADINGS, "cost_of_transport": "cost of transport", "diverged": "diverged"}
-    body = ({FIRST: policy_label(results, policy), **_summary_cells(summary, best)} for policy, summary in rows.items())
-    return table(heads, body)
-
-
 def level_table(results: Results, axis: SeverityAxis) -> str:
     """Successes and falls in per cent: a policy a row, a level a column."""
     heads = {FIRST: heading("success (falls), %", f"at {escape(axis.unit or axis.name)}")}
     heads |= {level.name: amount(level.severity) for level in axis.levels}
-    found = {
-        policy: {level.name: results.summaries.get((level.name, policy)) for level in axis.levels}
-        for policy in results.policies
-    }
-    rows = (
-        {FIRST: policy_label(results, policy), **{name: shares(s) if s else ABSENT for name, s in levels.items()}}
-        for policy, levels in found.items()
-        if any(levels.values())
-    )
+    rows = []
+    for policy in results.policies:
+        ran = {level.name: results.summaries.get((level.name, policy)) for level in axis.levels}
+        cells = {
+            name: f"{number(100 * of.success_rate, 0)} ({number(100 * of.fall_rate, 0)})" if of else ABSENT
+            for name, of in ran.items()
+        }
+        if any(ran.values()):
+            rows.append({FIRST: policy_label(results, policy), **cells})
     return table(heads, rows, "levels")
 
 
-def comparison_table(results: Results, comparisons: Iterable[Comparison]) -> str:
-    """A row for each pair of policies on each scenario."""
-    scenarios = {cell.scenario.name: cell.scenario for cell in results.cells}
-    rows: dict[tuple[str, str, str], dict[str, str]] = {}
-    for c in comparisons:
-        rows.setdefault((c.scenario, c.a, c.b), {})[c.metric] = _difference(c)
-    body = (
-        {FIRST: f"{breakable(a)} − {breakable(b)}<small>{escape(place(scenarios[name]))}</small>", **cells}
-        for (name, a, b), cells in rows.items()
+def comparison_table(comparisons: Iterable[Comparison]) -> str:
+    """Differences of success: a row for each pair of policies on each scenario."""
+    heads = {FIRST: "difference", "success": heading("success", "% points"), "p": "p"}
+    rows = (
+        {
+            FIRST: f"{breakable(c.a)} − {breakable(c.b)}<small>{escape(c.scenario)}</small>",
+            "success": f"{points(c.difference)}<small>{points_interval(c.ci)}</small>",
+            "p": p_value(c.p_value_holm),
+        }
+        for c in comparisons
     )
-    return table({FIRST: "difference", **{m: heading(TITLES[m], DIFFERENCE_UNITS[m]) for m in METRICS}}, body)
-
-
-def _summary_cells(summary: Summary, best: dict[str, float]) -> dict[str, str]:
-    """Column -> cell."""
-    cells = {"cost_of_transport": number(summary.cost_of_transport, 2), "diverged": str(summary.diverged)}
-    for rate, count in ((SUCCESS_RATE, summary.successes), (FALL_RATE, summary.falls)):
-        ci = percent_interval(getattr(summary, f"{rate}_ci"))
-        cells[rate] = f"{count}&nbsp;of&nbsp;{summary.episodes}<small>{ci}</small>"
-    for metric in ERRORS:
-        value, ci = getattr(summary, metric), getattr(summary, f"{metric}_ci")
-        text = f"{number(value)}<small>{interval(ci)}</small>"
-        cells[metric] = f"{BEST}{text}" if value == best[metric] else text
-    return cells
-
-
-def _difference(comparison: Comparison) -> str:
-    rate = comparison.metric in RATES
-    value = points(comparison.difference) if rate else number(comparison.difference)
-    ci = points_interval(comparison.ci) if rate else interval(comparison.ci)
-    claim = f"<small>{p_value(comparison.p_value_holm)}</small>" if comparison.metric == SUCCESS_RATE else ""
-    return f"{value}<small>{ci}</small>{claim}"
+    return table(heads, rows)
 
 
 def figures_table(results: Results, scenario: str) -> str:
     """Every measure of the catalogue: a measure a row, a policy a column."""
     found = {policy: summary for (name, policy), summary in results.summaries.items() if name == scenario}
     rows = [
-        {FIRST: heading(escape(BY_NAME[name].title), escape(BY_NAME[name].unit))}
-        | {policy: _four_digits(summary.figures[name]) for policy, summary in found.items()}
-        for name in FIGURES
-        if any(summary.figures[name] == summary.figures[name] for summary in found.values())
+        {FIRST: TITLES[rate]}
+        | {policy: share(getattr(of, rate), getattr(of, f"{rate}_ci")) for policy, of in found.items()}
+        for rate in RATES
     ]
     rows += [
-        {FIRST: f"duty factor, {leg}"}
-        | {policy: _four_digits(summary.duty_factor[foot]) for policy, summary in found.items()}
+        {FIRST: heading(escape(BY_NAME[name].title), escape(BY_NAME[name].unit))}
+        | {policy: _figure(of, name) for policy, of in found.items()}
+        for name in FIGURES
+        if any(of.figures[name] == of.figures[name] for of in found.values())
+    ]
+    rows += [
+        {FIRST: f"duty factor, {leg}"} | {policy: _four_digits(of.duty_factor[foot]) for policy, of in found.items()}
         for foot, leg in enumerate(results.hardware.quadruped.leg_names)
     ]
     return table({FIRST: "measure", **{policy: policy_label(results, policy) for policy in found}}, rows)
+
+
+def _figure(of: Summary, name: str) -> str:
+    """With its interval, where it has one."""
+    ends = getattr(of, f"{name}_ci", of.effort_intervals.get(name, (float("nan"),) * 2))
+    low, high = map(_four_digits, ends)
+    return _four_digits(of.figures[name]) + (f"<small>{low} … {high}</small>" if ABSENT not in (low, high) else "")
 
 
 def definitions(success_rule: str) -> str:

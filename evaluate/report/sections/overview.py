@@ -1,9 +1,8 @@
 """All axes together: success on each as a heat map, and breaking points."""
 
-from collections.abc import Mapping
 from html import escape
 
-from evaluate.analysis.breaking_points import CAVEAT, HALF, AxisBreakingPoint, Of, figure_and_interval
+from evaluate.analysis.breaking_points import breaking_point_text
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.headings import FIRST
@@ -12,7 +11,7 @@ from evaluate.report.plots import success
 from evaluate.report.plots.drawing import svg
 from evaluate.report.sections.axis_section import anchor
 from evaluate.report.sections.figures import policy_label
-from quad_env.cli.format import ABSENT, NO_BREAK
+from quad_env.cli.format import ABSENT
 
 SUCCESS_LEAD = (
     "Episodes that succeed, in %: in each block the severities of an axis in this run, the mildest to the left. An "
@@ -20,18 +19,15 @@ SUCCESS_LEAD = (
     "on the right: with the robot's hardware profile."
 )
 BREAKING_LEAD = (
-    "Severities at which half of the episodes no longer succeed, and fall, with their 95 % intervals. "
-    f"{CAVEAT} “None up to” is the hardest level tried; “already at” the mildest."
+    "Severities at which half of the episodes no longer succeed, with their 95 % intervals: from the last level shown "
+    "to fail less than half the time to the first shown to fail more; levels near it narrow it. “None up to” is the "
+    "hardest level tried; “already at” the mildest."
 )
 
 
 def overview(results: Results) -> str:
     """The heat map and the breaking points, of what the run has of them."""
-    found = {point.axis for point in results.breaking_points}
-    axes = {axis.name: axis.quantity for axis in severity_axes(results.cells) if axis.name in found}
-    tables = (_breaking_points(results, axes, of) for of in HALF)
-    breaking = section("Breaking points", note(BREAKING_LEAD), *tables) if axes else ""
-    return f"{_heat_map(results)}{breaking}"
+    return f"{_heat_map(results)}{_breaking_points(results)}"
 
 
 def _heat_map(results: Results) -> str:
@@ -43,18 +39,16 @@ def _heat_map(results: Results) -> str:
     return section("Success on every axis", note(SUCCESS_LEAD), wide(drawn))
 
 
-def _breaking_points(results: Results, axes: Mapping[str, str], of: Of) -> str:
-    """A table, headed by what breaks, of the policies that have a breaking point."""
-    cells = {(point.axis, point.policy): _breaking_cell(point) for point in results.breaking_points if point.of == of}
+def _breaking_points(results: Results) -> str:
+    """Of success; empty of a run without any."""
+    found = [point for point in results.breaking_points if point.of == "success"]
+    cells = {(point.axis, point.policy): escape(breaking_point_text(point)) for point in found}
     policies = {name: policy_label(results, name) for name in results.policies if any(name == one for _, one in cells)}
     rows = [
-        {FIRST: f'<a href="#{anchor(axis)}">{escape(axis)}</a><small>{escape(words)}</small>'}
-        | {policy: cells.get((axis, policy), ABSENT) for policy in policies}
-        for axis, words in axes.items()
+        {FIRST: f'<a href="#{anchor(axis.name)}">{escape(axis.name)}</a><small>{escape(axis.quantity)}</small>'}
+        | {policy: cells.get((axis.name, policy), ABSENT) for policy in policies}
+        for axis in severity_axes(results.cells)
+        if any(axis.name == name for name, _ in cells)
     ]
-    return f"<h3>{HALF[of].capitalize()}</h3>{table({FIRST: 'axis', **policies}, rows, 'text')}" if cells else ""
-
-
-def _breaking_cell(point: AxisBreakingPoint) -> str:
-    figure, ends = figure_and_interval(point)
-    return f"{escape(figure)}<small>{escape(ends.replace(NO_BREAK, ' '))}</small>" if ends else escape(figure)
+    shown = table({FIRST: "axis", **policies}, rows, "text")
+    return section("Breaking points", note(BREAKING_LEAD), shown) if rows else ""

@@ -4,15 +4,14 @@ from html import escape
 
 from evaluate.analysis.results import Results
 from evaluate.analysis.score import SCORES
-from evaluate.analysis.strengths import Strength
+from evaluate.report import verdict
 from evaluate.report.headings import FIRST
 from evaluate.report.html import breakable, grid, heading, image, note, section, table
 from evaluate.report.plots import pareto as plots
 from evaluate.report.plots.drawing import svg
-from evaluate.report.sections.axis_section import anchor
 from evaluate.report.sections.figures import policy_label
-from evaluate.report.verdict import NAMED, ends_of, lines, unranked
-from quad_env.cli.format import interval, listed, number, percent, points_interval
+from evaluate.report.verdict import lines, unranked
+from quad_env.cli.format import interval, listed, number, points_interval
 
 
 def ranking(results: Results) -> str:
@@ -59,19 +58,9 @@ def _table(results: Results) -> str:
 
 def best_and_worst(results: Results) -> str:
     """A policy a row: where it is best, and where it is worst with the most common cause of failure there."""
-    worst_heads = {str(k): heading("then on" if k else "worst on", "success; most common cause") for k in range(NAMED)}
-    heads, rows = {FIRST: "policy", "best": heading("best on", "success"), **worst_heads}, []
-    for policy in [each.policy for each in results.ranking.places] or results.policies:
-        best, worst = ends_of(results, policy)
-        row = dict.fromkeys(heads, "") | {FIRST: policy_label(results, policy)}
-        row["best"] = f"{', '.join(map(_axis, best))}<small>{percent(best[0].success)}</small>" if best else ""
-        rows.append(row | {str(k): _weakness(each) for k, each in enumerate(worst)})
+    heads = {FIRST: "policy", "best": "best on", "worst": "worst on"}
+    rows = (
+        {FIRST: policy_label(results, policy), "best": escape(best), "worst": escape(worst)}
+        for policy, (best, worst) in verdict.best_and_worst(results).items()
+    )
     return section("Best and worst", table(heads, rows, "text"))
-
-
-def _axis(of: Strength) -> str:
-    return f'<a href="#{anchor(of.axis)}">{escape(of.name)}</a>'
-
-
-def _weakness(of: Strength) -> str:
-    return f"{_axis(of)} {percent(of.success)}<small>{escape(of.reason)}</small>"

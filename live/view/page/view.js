@@ -14,6 +14,7 @@ let socket = null;
 let axes = [];
 let latest = null; // the latest state
 let decoding = 0; // frames that came and are not shown yet
+let shown = []; // when those of the latest second were shown, ms
 let set = 0; // when something was set here, ms
 
 function send(what, values = {}) {
@@ -51,6 +52,7 @@ async function show(file) {
   }
   canvas.getContext("2d").drawImage(picture, 0, 0);
   picture.close();
+  shown = [...shown.filter((time) => time > performance.now() - 1000), performance.now()];
   canvas.dataset.frames = Number(canvas.dataset.frames ?? 0) + 1;
   decoding -= 1;
   if (!first) taken();
@@ -66,6 +68,7 @@ function offered({ robot, policies, axes: offeredAxes }) {
   document.title = `SimpleQuad: ${robot}`;
   axes = offeredAxes;
   for (const select of [at("policy-0"), at("policy-1")]) select.replaceChildren(...policies.map((name) => new Option(name)));
+  at("policy-1").prepend(new Option("none", ""));
   at("scenario").replaceChildren(new Option("flat"), ...axes.map(({ name }) => new Option(name)).filter((o) => o.value !== "flat"));
   severity();
   if (latest) show_scenario(latest.scenario);
@@ -113,82 +116,64 @@ function stated(state) {
     [command.forward, command.left, command.turn] = state.command;
     sliders();
     at("follow").checked = state.follow;
-    at("compare").checked = state.robots.length > 1;
     at("speed").value = Math.round(Math.log2(state.speed));
-    state.robots.forEach(({ policy }, number) => name_policy(at(`policy-${number}`), policy));
+    for (const number of [0, 1]) name_policy(at(`policy-${number}`), state.robots[number]?.policy ?? "");
   }
-  at("second").hidden = state.robots.length < 2;
   at("pause").textContent = state.paused ? "go on" : "pause";
   at("speed-value").textContent = `${state.speed} ×`;
-  at("clock").textContent = `${state.time.toFixed(2)} s, ${state.scenario}, seed ${state.seed}${state.paused ? ", paused" : ""}`;
-  at("rate").textContent = `${state.measured.toFixed(2)} × real time, ${state.frames} frames/s`;
+  at("clock").textContent = `${state.time.toFixed(2)} s, ${state.scenario}, seed ${state.seed}, commands ${state.by_hand ? "by hand" : "of the scenario"}${state.paused ? ", paused" : ""}`;
+  at("rate").textContent = `${state.measured.toFixed(2)} × real time, ${shown.filter((time) => time > performance.now() - 1000).length} frames/s`;
   if (state.drawing) notice(state.drawing);
+  outcomes(state);
   table(state);
-  curves.add(state.rows);
+  curves.add(state.robots);
   for (const event of state.events) happened(event);
 }
 
 function name_policy(select, name) {
-  if (!select || document.activeElement === select) return;
+  if (document.activeElement === select) return;
   if (![...select.options].some(({ value }) => value === name)) select.add(new Option(name));
   select.value = name;
 }
 
-const HEADS = ["robot", "state", "forward", "left", "turning", "x, m", "y, m", "heading", "height", "tilt", "torque", "correction"];
-
-function table({ robots }) {
-  const rows = robots.map((robot, number) => {
-    const share = (value) => (value === null ? "–" : `${Math.round(100 * value)} %`);
-    const cells = [
-      robot.policy,
-      robot.failure ? `${robot.state}; the policy has failed: ${robot.failure}` : robot.state,
-      ...robot.velocity.map((value) => value.toFixed(2)),
-      robot.position[0].toFixed(2),
-      robot.position[1].toFixed(2),
-      `${robot.heading.toFixed(0)}°`,
-      robot.height.toFixed(2),
-      `${robot.tilt.toFixed(0)}°`,
-      share(robot.torque),
-      share(robot.correction),
-    ];
-    const row = document.createElement("tr");
-    row.id = `robot-${number}`;
-    row.append(
-      ...cells.map((text, column) => {
-        const cell = document.createElement("td");
-        cell.textContent = text;
-        cell.dataset.name = HEADS[column];
-        if (column === 1 && (robot.failure || robot.state !== "upright")) cell.className = "bad";
-        return cell;
-      }),
-    );
-    return row;
-  });
-  const head = document.createElement("tr");
-  head.append(
-    ...HEADS.map((text) => {
-      const cell = document.createElement("th");
-      cell.textContent = text;
-      return cell;
-    }),
-  );
-  const whole = document.createElement("table");
-  whole.append(head, ...rows);
-  at("robots").replaceChildren(whole, rewards(robots[0]));
+function element(tag, text, kind = "") {
+  const made = document.createElement(tag);
+  made.textContent = text;
+  made.className = kind;
+  return made;
 }
 
-function rewards({ rewards: terms }) {
-  const line = document.createElement("p");
-  line.className = "strip";
-  line.textContent = "reward: " + Object.entries(terms).map(([name, value]) => `${name} ${value.toFixed(3)}`).join(", ");
-  return line;
+// What became of each robot, with the moments that led to it; it stays until the next episode.
+function outcomes({ robots }) {
+  const parts = robots.map(({ policy, outcome, failed, story }, number) => {
+    const part = element("p", `${policy}: `, `robot-${number}`);
+    part.append(element("span", outcome, failed ? "bad" : "known"), ...story.map((line) => element("small", line)));
+    return part;
+  });
+  if (parts.map((part) => part.textContent).join() !== at("outcomes").dataset.shown) at("outcomes").replaceChildren(...parts);
+  at("outcomes").dataset.shown = parts.map((part) => part.textContent).join();
+  at("legend").replaceChildren(at("legend").firstChild, at("legend").firstElementChild, ...robots.map(({ policy }, number) => element("b", `, ${policy}`, `robot-${number}`)));
+}
+
+const HEADS = ["robot", "forward, m/s", "left, m/s", "turning, rad/s", "x, m", "y, m", "heading, °", "height, m", "tilt, °", "torque, % of the limit", "correction, % of the authority"];
+
+function table({ robots }) {
+  const percent = (value) => (value === null ? "–" : Math.round(100 * value));
+  const rows = robots.map(({ policy, velocity, position, heading, height, tilt, torque, correction }, number) => {
+    const figures = [...velocity, position[0], position[1]].map((value) => value.toFixed(2));
+    const cells = [policy, ...figures, heading.toFixed(0), height.toFixed(2), tilt.toFixed(0), percent(torque), percent(correction)];
+    const row = element("tr", "", `robot-${number}`);
+    row.append(...cells.map((text) => element("td", text)));
+    [...row.cells].forEach((cell, column) => (cell.dataset.name = HEADS[column]));
+    return row;
+  });
+  const head = element("tr", "");
+  head.append(...HEADS.map((text) => element("th", text)));
+  at("robots").replaceChildren(head, ...rows);
 }
 
 function happened(text, kind = "") {
-  const item = document.createElement("li");
-  item.textContent = text;
-  item.className = kind;
-  at("events").prepend(item);
+  at("events").prepend(element("li", text, kind));
   while (at("events").childElementCount > KEPT_EVENTS) at("events").lastElementChild.remove();
 }
 
@@ -222,6 +207,8 @@ const follow = () => send("follow", { on: !latest?.follow });
 const KEYS = {
   ArrowUp: () => steer({ forward: command.forward + STEPS.forward }),
   ArrowDown: () => steer({ forward: command.forward - STEPS.forward }),
+  w: () => steer({ forward: command.forward + STEPS.forward }),
+  s: () => steer({ forward: command.forward - STEPS.forward }),
   ArrowLeft: () => steer({ turn: command.turn + STEPS.turn }),
   ArrowRight: () => steer({ turn: command.turn - STEPS.turn }),
   a: () => steer({ left: command.left + STEPS.left }),
@@ -236,8 +223,9 @@ const KEYS = {
 };
 
 addEventListener("keydown", (event) => {
-  const writing = ["INPUT", "SELECT", "TEXTAREA"].includes(event.target.tagName) && event.target.type !== "checkbox";
-  if (writing || event.ctrlKey || event.altKey || event.metaKey) return;
+  const { tagName, type } = event.target;
+  const own = type === "text" || tagName === "SELECT" || (type === "range" && event.key.startsWith("Arrow"));
+  if (own || event.ctrlKey || event.altKey || event.metaKey) return;
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
   if (!(key in KEYS)) return;
   event.preventDefault();
@@ -250,13 +238,16 @@ for (const [id, unit] of [["direction", "°"], ["impulse", " N·s"]]) {
   at(id).oninput = tell;
   tell();
 }
-for (const number of [0, 1]) at(`policy-${number}`).onchange = ({ target }) => send("policy", { robot: number, name: target.value });
-for (const id of ["follow", "compare"]) {
-  at(id).onchange = ({ target }) => {
-    set = performance.now();
-    send(id, { on: target.checked });
-  };
+for (const number of [0, 1]) {
+  at(`policy-${number}`).onchange = ({ target: { value } }) => (value ? send("policy", { robot: number, name: value }) : send("alone"));
 }
+at("follow").onchange = ({ target }) => {
+  set = performance.now();
+  send("follow", { on: target.checked });
+};
+// Keys steer again once a control has been used with the mouse.
+addEventListener("change", ({ target }) => target.matches("select") && target.blur());
+addEventListener("pointerup", ({ target }) => target.matches("input[type=range]") && target.blur());
 at("scenario").onchange = () => {
   severity();
   choose_scenario();

@@ -27,7 +27,7 @@ def cell_of(made_up_cell):
             fall_time=np.array([failed.get(number, (None, None))[0] or np.nan for number in numbers]),
             cause=np.array([failed.get(number, (None, None))[1] for number in numbers], dtype=object),
             cause_time=np.where(np.isin(numbers, list(failed)), 6.0, np.nan),
-            **dict.fromkeys(("push_time", "push_phase", "push_fell", "push_recovery"), np.empty((episodes, 0))),
+            **dict.fromkeys(("push_time", "push_fell"), np.empty((episodes, 0))),
             push_impulse=np.empty((episodes, 0, 2)),
             duty_factor=np.full((episodes, 4), np.nan),
         )

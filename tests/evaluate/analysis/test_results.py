@@ -60,7 +60,7 @@ def test_results_json_has_the_contracts_shape(run) -> None:
                 assert low <= cell[name.removesuffix("_ci")] <= high
 
 
-def test_every_pair_is_compared_in_every_metric_with_the_baseline_second(run) -> None:
+def test_neighbours_and_pairs_with_the_baseline_are_compared_in_every_metric(run) -> None:
     comparisons = run.results["comparisons"]
     keys = {(c["scenario"], c["a"], c["b"], c["metric"]) for c in comparisons}
     assert len(keys) == len(comparisons) == 2 * 3 * 5

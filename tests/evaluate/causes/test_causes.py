@@ -23,6 +23,7 @@ OF_EACH = 3
 TRIP, OTHER_TRIP = [number for number, case in enumerate(CASES) if case.cause == rules.TRIP]
 PUSH, FORCE = [number for number, case in enumerate(CASES) if case.cause == rules.PUSH]
 NOISE, TURNED_IMU = [number for number, case in enumerate(CASES) if case.cause == rules.ESTIMATE]
+LEGS = ["front left", "front right", "hind left", "hind right"]
 DELAY = next(number for number, case in enumerate(CASES) if case.scenario.latency == LATE)
 
 
@@ -102,7 +103,7 @@ def check_legs_and_rises_are_those_that_were_hit() -> None:
     feet = [(each, event) for each, event in hits if " foot hits the edge of a step (0.15 m) at " in event.words]
     assert feet
     for each, event in feet:
-        leg = [rules.LEGS[name] for name in each.episodes.robot.leg_names].index(" ".join(event.words.split()[:2]))
+        leg = LEGS.index(" ".join(event.words.split()[:2]))
         x = each.episodes.foot_position[:, each.number, leg, 0]
         riser = 0.75 + 0.3 * np.round((x[event.step] - 0.75) / 0.3)
         assert each.episodes.foot_contact[event.step, each.number, leg]

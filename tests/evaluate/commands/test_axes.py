@@ -10,6 +10,7 @@ from rich.console import Console
 
 from evaluate.__main__ import main
 from evaluate.analysis.severity_levels import severity_axes
+from evaluate.commands.options import Options
 from evaluate.commands.outputs import analysed
 from evaluate.records.episode_table import read_table, write_table
 from evaluate.records.manifest import read
@@ -42,9 +43,26 @@ def test_the_table_fits_into_80_columns_and_shows_severities_and_rates(folder) -
     print_levels(results, console)
     lines = console.file.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
-    (heads,) = (line for line in lines if line.split()[:2] == ["policy", "20"])
-    assert heads.split()[1 : 1 + len(AXES["push"].levels)] == [f"{level:g}" for level in AXES["push"].levels]
-    assert next(line for line in lines if line.split()[:1] == ["falls"]).count("100") == len(AXES["push"].levels)
+    severities = " ".join(f"{level:g}" for level in AXES["push"].levels)
+    assert any(line.split() == f"{severities} N·s".split() for line in lines)
+    (shares,) = (line for line in lines if line.split()[:1] == ["push"])
+    assert shares.split()[1:] == ["/".join(["0"] * len(AXES["push"].levels))] * 2
+    said = " ".join(" ".join(lines).replace("\u00a0", " ").split())
+    assert "push: half of the episodes fall at: document already at 20 N·s; stand none up to 200 N·s" in said
+
+
+def test_every_other_option_is_that_of_a_comparison(monkeypatch) -> None:
+    """What `axes` asks for is what `--scenarios NAME:all` and the same words ask for."""
+    asked = []
+    monkeypatch.setattr("evaluate.commands.plan.check", lambda options: asked.append(options) or None)
+    monkeypatch.setattr("evaluate.commands.execution.execute", lambda *_, **__: 0)
+    words = (
+        "--policies stand --episodes 5 --servo 40/1.5 --actuator motor --sensors typical --estimator kalman --at-once 2"
+    )
+    words += " --gate x --baseline trot --until settled --simulator drake --quick --out out"
+    assert main(["axes", "push", *words.split(), "--scenarios", "flat"]) == 0
+    assert main([*words.split(), "--scenarios", "push:all", "flat"]) == 0
+    assert asked[0] == asked[1] != Options()
 
 
 @pytest.mark.usefixtures("no_simulation", "no_page")

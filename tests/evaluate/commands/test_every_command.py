@@ -144,6 +144,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
 }
 
 
+PASSED_ON = test_axes.test_every_other_option_is_that_of_a_comparison
 ELSEWHERE = {
     "": {
         "resume": test_resume.test_a_killed_run_goes_on_to_the_same_files,
@@ -161,6 +162,9 @@ ELSEWHERE = {
     },
     "axes": {
         "resume": test_axes.test_it_goes_on_with_what_was_done,
+        **dict.fromkeys(
+            {field.name for field in fields(default.Options)} - EFFECTS["axes"].keys() - {"resume"}, PASSED_ON
+        ),
     },
 }
 """Options with a test of their own."""

@@ -100,24 +100,6 @@ def test_torque_rate() -> None:
     assert measured("torque_rate", **joints("torque_change", (ALL, 0, 12.0))) == pytest.approx(10.0)
 
 
-def test_torque_saturation() -> None:
-    weak = joints("joint_torque", (slice(20, 30), 2, -40.0), (slice(20, 30), 3, 39.0))
-    assert measured("torque_saturation", **weak, torque_limit=40.0) == pytest.approx(10 / (JUDGED * 12))
-    assert measured("torque_saturation", **weak, torque_limit=40.0, **FELL) == pytest.approx(10 / (20 * 12))
-
-
-def test_joint_limit() -> None:
-    middle = (SIMPLE_QUAD.joint_lower + SIMPLE_QUAD.joint_upper) / 2
-
-    def change(record: np.ndarray) -> None:
-        record[:] = middle
-        record[20:24, 0] = SIMPLE_QUAD.joint_lower[0] + 0.009
-        record[20:28, 1] = SIMPLE_QUAD.joint_upper[1] + 0.1
-        record[20:28, 2] = SIMPLE_QUAD.joint_upper[2] - 0.02
-
-    assert measured("joint_limit", joint_position=signal("joint_position", change)) == pytest.approx(12 / (JUDGED * 12))
-
-
 def test_overspeed() -> None:
     fast = joints("joint_velocity", (slice(20, 26), 0, -10.5), (slice(20, 26), 1, 9.5))
     assert measured("overspeed", **fast) == pytest.approx(6 / (JUDGED * 12))
@@ -134,16 +116,6 @@ def test_action_rate() -> None:
 
 def corrected(*places: tuple[slice | int, slice | int, float], base: tuple = ()) -> dict[str, np.ndarray]:
     return joints("correction", *places) | joints("base_action", *base)
-
-
-def test_authority_used() -> None:
-    assert measured("authority_used", **corrected((ALL, 0, -0.6), (ALL, 1, 0.6))) == pytest.approx(0.1)
-    assert np.isnan(measured("authority_used"))
-
-
-def test_authority_saturated() -> None:
-    high = corrected((slice(20, 30), 0, -1.0), (slice(20, 30), 1, 0.98))
-    assert measured("authority_saturated", **high) == pytest.approx(10 / (JUDGED * 12))
 
 
 def test_against_base() -> None:

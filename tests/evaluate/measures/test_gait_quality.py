@@ -90,17 +90,6 @@ def test_touchdown_impulse() -> None:
     assert np.isnan(measured("touchdown_impulse", foot_impulse=impulse))
 
 
-def test_foot_clearance() -> None:
-    """Swings peak at 0.08 m, though the foot is reported higher while it stands, before the first second, and after a
-    fall."""
-    contact, height = trotting(), blank(SIMPLE_QUAD, "foot_height", STEPS, 1)
-    height[contact], height[~contact] = 0.5, 0.05
-    height[8::STRIDE, 0, FL], height[28::STRIDE, 0, FR] = 0.08, 0.08
-    height[8::STRIDE, 0, HR], height[28::STRIDE, 0, HL] = 0.08, 0.08
-    height[:SETTLING][~contact[:SETTLING]], height[FALL:] = 0.3, 0.4
-    assert measured("foot_clearance", foot_contact=contact, foot_height=height, **FELL) == pytest.approx(0.08)
-
-
 def test_foot_slip() -> None:
     """One foot slides 1 mm a step along a diagonal of the ground; another swings, and lifts while it stands."""
     contact, position = blank(SIMPLE_QUAD, "foot_contact", STEPS, 1), blank(SIMPLE_QUAD, "foot_position", STEPS, 1)
@@ -110,63 +99,6 @@ def test_foot_slip() -> None:
     position[:, 0, FR, 0], position[:, 0, HL, 2] = 0.01 * time, 0.01 * time
     assert measured("foot_slip", foot_contact=contact, foot_position=position) == pytest.approx(0.05, rel=1e-3)
     assert np.isnan(measured("foot_slip", foot_position=position))
-
-
-def test_phase_error() -> None:
-    assert measured("phase_error", foot_contact=trotting()) == pytest.approx(0.0)
-    assert measured("phase_error", foot_contact=trotting(delay=4)) == pytest.approx(0.1)
-    assert measured("phase_error", foot_contact=trotting(delay=STRIDE - 4)) == pytest.approx(0.1)
-    pacing = trotting()[..., [FL, FR, FL, FR]]
-    assert measured("phase_error", foot_contact=pacing) == pytest.approx(0.5)
-    assert np.isnan(measured("phase_error", foot_contact=np.ones_like(pacing)))
-
-
-def test_needless_steps() -> None:
-    """Ten touch-downs a second, of four feet at 2.5 Hz, while told to stand; none of those while told to walk."""
-    contact = trotting()
-    assert measured("needless_steps", foot_contact=contact, command=commanded(0, 0)) == pytest.approx(10.0)
-    contact[500:] = True
-    assert measured("needless_steps", foot_contact=contact, command=commanded(1, 0)) == 0
-    assert np.isnan(measured("needless_steps", foot_contact=contact, command=commanded(1, 1)))
-    assert np.isnan(measured("needless_steps", foot_contact=contact, command=commanded(1, 0), **FELL))
-
-
-def test_drift() -> None:
-    """0.03 m/s along a diagonal while told to stand, swaying about that line; far faster while told to walk."""
-    time, position = np.arange(STEPS) * DT, blank(SIMPLE_QUAD, "position", STEPS, 1)
-    position[:, 0, 0] = np.where(time < 5, 0.018 * time, 5 * time)
-    position[:, 0, 1] = 0.024 * time
-    position[150:450, 0, 1] += 0.01 * np.sin(20 * time[150:450])
-    assert measured("drift", position=position, command=commanded(0, 1)) == pytest.approx(0.03, rel=1e-3)
-    assert np.isnan(measured("drift", position=position, command=commanded(1, 1)))
-
-
-def rates(axis: int) -> np.ndarray:
-    """The trunk turns at ±2 rad/s about one axis, at 0.5 rad/s about the others."""
-    rate = blank(SIMPLE_QUAD, "angular_velocity", STEPS, 1) + np.float32(0.5)
-    rate[::2, 0, axis], rate[1::2, 0, axis] = 2.0, -2.0
-    rate[:SETTLING] = 9.0
-    return rate
-
-
-def test_roll_and_pitch_rate() -> None:
-    for axis, name in enumerate(("roll_rate", "pitch_rate")):
-        assert measured(name, angular_velocity=rates(axis)) == pytest.approx(2.0)
-
-
-def test_vertical_speed() -> None:
-    """4 mm up and 4 mm down, step by step, while walking at 1 m/s."""
-    position = blank(SIMPLE_QUAD, "position", STEPS, 1)
-    position[:, 0, 0], position[::2, 0, 2] = np.arange(STEPS) * DT, 0.004
-    assert measured("vertical_speed", position=position) == pytest.approx(0.4, rel=1e-4)
-
-
-def test_froude_number() -> None:
-    velocity = blank(SIMPLE_QUAD, "heading_velocity", STEPS, 1)
-    velocity[..., 0], velocity[..., 1] = 0.9, 1.2
-    expected = pytest.approx(1.5**2 / (9.81 * 0.6))
-    assert measured("froude_number", heading_velocity=velocity) == expected
-    assert measured("froude_number", heading_velocity=velocity, **FELL) == expected
 
 
 def test_gaps_shorter_than_a_swing_are_filled_and_others_kept() -> None:

@@ -144,8 +144,11 @@ def asked(forward):
 class Stopped(Safe):
     """The trot under a safety layer that is told to stop it after 2 s."""
 
+    steps = 0
+
     def _act(self, observation):
-        if self._step == 200:
+        self.steps += 1
+        if self.steps == 200:
             self.emergency_stop()
         return super()._act(observation)
 

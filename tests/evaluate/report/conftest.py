@@ -48,7 +48,7 @@ def measured(generator: np.random.Generator, successes: int, falls: int) -> Meas
     """Episodes of which no two figures are alike."""
     names = [each.name for each in dataclasses.fields(Measures) if each.name not in OF_CAUSES]
     drawn = {name: generator.uniform(0.1, 1.9, EPISODES) for name in names}
-    drawn |= dict.fromkeys(OF_CAUSES, np.full(EPISODES, None, dtype=object))
+    drawn |= dict.fromkeys(OF_CAUSES, np.full(EPISODES, None, dtype=object)) | {"cause_time": np.full(EPISODES, np.nan)}
     drawn["distance"] = drawn["distance"] + 2.0  # far enough for a cost of transport
     order = generator.permutation(EPISODES)
     fell, succeeded = order < falls, order >= EPISODES - successes

@@ -13,12 +13,6 @@ from evaluate.measures.catalogue import BY_NAME, EFFORT
 from tests.evaluate.report.conftest import Files
 
 LEGS = ("fl", "fr", "hl", "hr")
-ERRORS = {
-    "velocity error, m/s": "velocity_error",
-    "yaw-rate error, rad/s": "yaw_rate_error",
-    "mean velocity error, m/s": "mean_velocity_error",
-}
-"""Heading -> key of results.json."""
 SHARES = {"success": "success_rate", "falls": "fall_rate"}
 Row = dict[str, tuple[str, ...]]
 """Heading -> texts of the cell: its figure and the lines below it."""
@@ -104,47 +98,44 @@ class Report:
         if table.section == "effort":
             return self.effort(name, row[first][1], head)
         if table.section == "breaking-points":
-            return self.breaking(name, head, "falls" if table.heading.endswith("fall at") else "success")
+            return self.breaking(name, head)
         if first == "difference":
-            (a, b), (place, _, severity) = name.split(" − "), row[first][1].partition(" at ")
-            scenario = self.scenario(place, float(severity.split()[0])) if severity else place
-            metric = (SHARES | ERRORS)[head.removesuffix(", % points")]
-            assert head.endswith("% points") == (metric in SHARES.values())
-            found = self.one("comparisons", a=a, b=b, scenario=scenario, metric=metric)
-            p_value = [shown_p(found["p_value_holm"])] if metric == "success_rate" else []
-            return [*scaled(head, found["difference"], *found["ci"]), *p_value]
+            a, b = name.split(" − ")
+            found = self.one("comparisons", a=a, b=b, scenario=row[first][1], metric="success_rate")
+            if head == "p":
+                return [shown_p(found["p_value_holm"])]
+            assert head == "success, % points"
+            return [100 * each for each in (found["difference"], *found["ci"])]
         if first == "measure":
             of = self.of(head, table.heading or self.scenario(axis))
             if name.startswith("duty factor, "):
                 return known(of["duty_factor"][LEGS.index(name.removeprefix("duty factor, "))])
+            if name in SHARES:
+                return [100 * each for each in (of[SHARES[name]], *of[f"{SHARES[name]}_ci"])]
             (key,) = (k for k, each in BY_NAME.items() if (each.title, each.unit) == (name, "".join(row[first][1:])))
-            return known(of["figures"][key])
+            ends = of.get(f"{key}_ci", of["effort_intervals"].get(key, []))
+            return known(of["figures"][key], *(each for each in ends if abs(each) < np.inf))
         if first.startswith("success (falls), %"):
             of = self.of(name, self.scenario(axis, float(head)))
             return [100 * of["success_rate"], 100 * of["fall_rate"]]
-        of = self.of(name, table.heading or self.scenario(axis))
-        if head in SHARES:
-            count = of["successes" if head == "success" else "falls"]
-            return [count, of["episodes"], *(100 * end for end in of[f"{SHARES[head]}_ci"])]
-        if head in ERRORS:
-            return [of[ERRORS[head]], *of[f"{ERRORS[head]}_ci"]]
-        return known(of[{"cost of transport": "cost_of_transport", "diverged": "diverged"}[head]])
+        raise KeyError(head)
 
     def strength(self, policy: str, shown: str, head: str) -> Said:
-        """Success on the first axis that a cell names, and how many of its failures have the most common outcome."""
-        axis = re.match(r"\w+", shown)
+        """Success on the first axis of the best; on each of the worst, and its failures by the most common outcome."""
         (score,) = (each["axes"] for each in self.found["scores"] if each["policy"] == policy)
         rates = {name: float(np.mean(of)) for name, of in score.items()}
-        if axis is None:
-            return ""
-        extreme = {"best on": max, "worst on": min}.get(head.split(",")[0])
-        assert extreme is None or rates[axis[0]] == extreme(rates.values())
-        if head.startswith("best"):
-            return [100 * rates[axis[0]]]
-        of = [each for name, each in self.found["policies"][policy]["scenarios"].items() if name.startswith(axis[0])]
-        failures = sum(each["episodes"] - each["successes"] for each in of)
-        outcomes = [sum(each["outcomes"][name] for each in of) for name in ("fell", "off_command")]
-        return [100 * rates[axis[0]], max(outcomes), failures]
+        named = re.findall(r"\w+" if head == "best on" else r"(\w+) [\d.]+ % \(", shown)
+        assert not named or rates[named[0]] == {"best on": max, "worst on": min}[head](rates.values())
+        if head == "best on" and named:
+            return [100 * rates[named[0]]]
+        said = list[float]()
+        for axis in named:
+            ran = self.found["policies"][policy]["scenarios"]
+            of = [each for name, each in ran.items() if name.startswith(axis)]
+            failures = sum(each["episodes"] - each["successes"] for each in of)
+            outcomes = [sum(each["outcomes"][name] for each in of) for name in ("fell", "off_command")]
+            said += [100 * rates[axis], max(outcomes), failures]
+        return said or ""
 
     def effort(self, policy: str, scenario: str, head: str) -> Said:
         of = self.of(policy, scenario)
@@ -152,8 +143,8 @@ class Report:
         said = [of["effort"][key], *of["effort_intervals"][key]]
         return [(100 if head.endswith("%") else 1) * each for each in said] if said[0] == said[0] else "–"
 
-    def breaking(self, axis: str, policy: str, of: str) -> Said:
-        point = self.one("breaking_points", axis=axis, policy=policy, of=of)
+    def breaking(self, axis: str, policy: str) -> Said:
+        point = self.one("breaking_points", axis=axis, policy=policy, of="success")
         if point["found"] != "crossed":
             return [point["highest" if point["found"] == "never" else "lowest"]]
         low, high = point["ci"]
@@ -161,17 +152,12 @@ class Report:
         return [point["severity50"], *ends]
 
 
-def scaled(head: str, *values: float) -> list[float]:
-    """Shares in per cent."""
-    return list(values) if head in ERRORS else [100 * value for value in values]
-
-
 def shown_p(value: float) -> float:
     return max(value, 0.001)
 
 
-def known(value: float) -> Said:
-    return [value] if value == value else "–"
+def known(value: float, *ends: float) -> Said:
+    return [value, *ends] if value == value else "–"
 
 
 def shows(cell: tuple[str, ...], said: Said) -> bool:

@@ -20,7 +20,7 @@ class Scene:
     """A robot behind the interface, and what was said at its terminal."""
 
     def __init__(self, policy: Policy, scenario: str = "flat") -> None:
-        self.session = Session([policy], scenario)
+        self.session = Session(policy, scenario)
         self.said: list[str] = []
         self.bridge = Bridge(self.session, self.said.append)
 

@@ -65,11 +65,11 @@ def page(address: str) -> Iterator[Page]:
 
 def told(page: Page, name: str, robot: int = 0) -> str:
     """What the page's table says of a robot."""
-    return page.locator(f'#robot-{robot} td[data-name="{name}"]').inner_text()
+    return page.locator(f'tr.robot-{robot} td[data-name="{name}"]').inner_text()
 
 
 def number(page: Page, name: str) -> float:
-    return float(told(page, name).rstrip("°%"))
+    return float(told(page, name))
 
 
 def until(page: Page, shown: Callable[[], bool]) -> None:
@@ -98,7 +98,7 @@ def frames(page: Page) -> int:
 
 def test_the_arrow_up_has_the_robot_walk_ahead_and_the_arrow_left_turn_left(page: Page) -> None:
     page.locator("#frame[data-frames]").wait_for()
-    before = number(page, "x, m"), number(page, "y, m"), number(page, "heading")
+    before = number(page, "x, m"), number(page, "y, m"), number(page, "heading, °")
     for _ in range(5):
         page.keyboard.press("ArrowUp")
     assert page.locator("#forward-value").inner_text() == "0.50"
@@ -109,12 +109,12 @@ def test_the_arrow_up_has_the_robot_walk_ahead_and_the_arrow_left_turn_left(page
     assert 0.3 < gone < 3.0
     page.keyboard.press("Space")
     assert page.locator("#forward-value").inner_text() == "0.00"
-    before_turn = number(page, "heading")
+    before_turn = number(page, "heading, °")
     for _ in range(4):
         page.keyboard.press("ArrowLeft")
     walk(page, 1.5)
     page.keyboard.press("Space")
-    assert 15.0 < (number(page, "heading") - before_turn) % 360.0 < 180.0
+    assert 15.0 < (number(page, "heading, °") - before_turn) % 360.0 < 180.0
 
 
 def test_a_gamepads_stick_walks_and_its_release_stands(page: Page) -> None:
@@ -129,12 +129,15 @@ def test_a_gamepads_stick_walks_and_its_release_stands(page: Page) -> None:
 
 def test_policies_are_changed_under_way_and_two_walk_side_by_side(page: Page) -> None:
     page.select_option("#policy-0", "residual")
-    page.locator('#robot-0 td[data-name="robot"]', has_text="residual").wait_for()
-    assert told(page, "correction").endswith("%")
-    page.check("#compare")
-    page.locator('#robot-1 td[data-name="robot"]', has_text="trot").wait_for()
-    page.uncheck("#compare")
-    page.locator("#robot-1").wait_for(state="detached")
+    page.locator("tr.robot-0", has_text="residual").wait_for()
+    assert number(page, "correction, % of the authority") >= 0.0
+    page.select_option("#policy-1", "trot")
+    page.locator("tr.robot-1", has_text="trot").wait_for()
+    assert page.locator("#legend").inner_text() == "Latest 6 s of command, residual, trot"
+    for policy in ("residual", "trot"):
+        page.locator("#outcomes p", has_text=f"{policy}: undecided until 10 s").wait_for()
+    page.select_option("#policy-1", "")
+    page.locator("tr.robot-1").wait_for(state="detached")
 
 
 def test_scenario_and_push_from_the_page(page: Page) -> None:
@@ -150,6 +153,39 @@ def test_scenario_and_push_from_the_page(page: Page) -> None:
     page.locator("#events .bad", has_text="unknown scenario").wait_for()
     page.click("#push")
     page.locator("#events li", has_text="pushed by hand").wait_for()
+
+
+def test_the_cause_of_a_fall_is_shown_and_stays_until_the_next_episode(page: Page) -> None:
+    page.keyboard.press("r")
+    page.locator("#impulse").fill("100")
+    assert page.locator("#impulse-value").inner_text() == "100 N·s"
+    fallen = page.locator("#outcomes .robot-0 .bad", has_text="; cause: pushed over")
+    for _ in range(20):
+        page.keyboard.press("x")
+        walk(page, 0.5)
+        if fallen.count():
+            break
+    before = page.locator("#outcomes").inner_text()
+    assert "a push of" in before
+    walk(page, 0.5)
+    assert page.locator("#outcomes").inner_text() == before
+    page.keyboard.press("r")
+    fallen.wait_for(state="detached")
+
+
+@pytest.mark.parametrize(("width", "height"), [(1366, 768), (1024, 640), (400, 800), (800, 400)])
+def test_no_control_scrolls_the_robot_out_of_sight(page: Page, width: int, height: int) -> None:
+    page.set_viewport_size({"width": width, "height": height})
+    for control in ("#follow", "#reward", "#forward-slider"):
+        page.locator(control).scroll_into_view_if_needed()
+        shown, moved = page.locator("#frame").bounding_box(), page.locator(control).bounding_box()
+        assert shown is not None
+        assert moved is not None
+        assert shown["height"] >= 140.0
+        assert 0.0 <= shown["y"] <= height - shown["height"]
+        below = moved["y"] >= shown["y"] + shown["height"]
+        assert below or moved["x"] >= shown["x"] + shown["width"], "it covers the robot"
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
 def test_paused_time_stands_a_step_is_a_hundredth_of_a_second_and_the_picture_is_dragged_round(page: Page) -> None:

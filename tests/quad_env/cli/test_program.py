@@ -57,7 +57,7 @@ def test_a_command_is_called_by_its_word_and_gets_the_rest(capsys) -> None:
     [
         ("publsh", "no policy publsh; did you mean the command publish?"),
         ("galloping", "no policy galloping"),
-        ("publish --count ten", "--count: no number: 'ten'; see `python -m thing publish --help`"),
+        ("publish --count ten", "--count: 'ten' is no whole number; see `python -m thing publish --help`"),
         ("publish --share 2,5", "--share: no number: '2,5'"),
         ("publish --out=", "empty"),
         ("publish --cuont", "--cuont; see `python -m thing publish --help`"),

@@ -46,13 +46,6 @@ def test_home_stands_with_the_feet_just_touching_the_ground(model: mujoco.MjMode
         )
 
 
-def test_diagonal_legs_lie_across_whatever_their_order() -> None:
-    names = [[SIMPLE_QUAD.leg_names[leg] for leg in pair] for pair in SIMPLE_QUAD.diagonals]
-    assert names == [["fl", "hr"], ["fr", "hl"]]
-    turned = replace(SIMPLE_QUAD, hip_positions=SIMPLE_QUAD.hip_positions[[3, 0, 2, 1]])
-    assert turned.diagonals == ((1, 0), (3, 2))
-
-
 def test_nothing_of_a_robot_can_be_written() -> None:
     with pytest.raises(AttributeError):
         SIMPLE_QUAD.hip_offset = 0.2  # type: ignore[misc]

@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import policies
-from live.session import Session
-from live.view.camera import DISTANCES, STEEPEST, Orbit, ViewCamera
+from live.view.driver import Driver
 from live.view.painter import HEIGHT, WIDTH, Painter
+from live.view.picture import DISTANCES, STEEPEST, Orbit
 from quad_env.cli.pace import Pace
 
 
-@pytest.fixture
-def camera() -> ViewCamera:
-    return ViewCamera()
+def walking(*names: str, scenario: str = "flat") -> Driver:
+    return Driver(names, scenario, command=(0.5, 0.0, 0.0))
 
 
-def walking(camera: ViewCamera, *names: str, scenario: str = "flat") -> Session:
-    return Session([policies.make(name) for name in names], scenario, observers=[camera], command=(0.5, 0.0, 0.0))
+def walk(driver: Driver, steps: int) -> None:
+    for session in driver.sessions:
+        for _ in range(steps):
+            session.step()
 
 
 def test_dragging_right_turns_the_scene_right_and_dragging_down_lifts_the_camera() -> None:
@@ -39,17 +39,17 @@ def test_dragging_right_turns_the_scene_right_and_dragging_down_lifts_the_camera
     assert 0.5 < Orbit(target=(3.0, -2.0, 0.5)).at(shaken).target[2] < 0.52
 
 
-def test_each_picture_looks_at_its_own_robot_while_it_follows(camera: ViewCamera) -> None:
-    with closing(walking(camera, "trot", "stand")) as session:
-        for _ in range(70):
-            session.step()
-        places = np.array(camera.picture(session).places)
-        np.testing.assert_allclose(places[:, :2], session.latest.infos["position"][:, :2])
+def test_each_picture_looks_at_its_own_robot_while_it_follows() -> None:
+    with closing(walking("trot", "stand")) as driver:
+        walk(driver, 70)
+        places = np.array([shot.viewpoint.target for shot in driver.picture()])
+        there = [session.latest.infos["position"][0, :2] for session in driver.sessions]
+        np.testing.assert_allclose(places[:, :2], there)
         assert places[0, 0] > places[1, 0] + 0.1
-        camera.orbit = replace(camera.orbit, follow=False)
-        stays = camera.picture(session).orbit.target
-        session.step()
-        assert camera.picture(session).orbit.target == stays
+        driver.orbit = replace(driver.orbit, follow=False)
+        stays = driver.picture()[1].viewpoint.target
+        walk(driver, 1)
+        assert driver.picture()[1].viewpoint.target == stays
 
 
 @pytest.fixture
@@ -60,24 +60,21 @@ def drawn() -> Iterator[tuple[Painter, "queue.Queue[bytes]"]]:
 
 
 @pytest.mark.rendering
-def test_pictures_are_of_the_robots_and_the_ground_of_now(
-    camera: ViewCamera, drawn: "tuple[Painter, queue.Queue[bytes]]"
-) -> None:
+def test_pictures_are_of_the_robots_and_the_ground_of_now(drawn: "tuple[Painter, queue.Queue[bytes]]") -> None:
     painter, files = drawn
 
-    def picture_of(session: Session, by: Painter = painter) -> np.ndarray:
-        by.hand(camera.picture(session))
+    def picture_of(driver: Driver, by: Painter = painter) -> np.ndarray:
+        by.hand(driver.picture())
         return np.asarray(Image.open(io.BytesIO(files.get(timeout=60))), float)
 
-    with closing(walking(camera, "trot")) as flat, closing(walking(ViewCamera(), "trot", "stand")) as two:
+    with closing(walking("trot")) as flat, closing(walking("trot", "stand")) as two:
         alone = picture_of(flat)
         assert alone.shape == (HEIGHT, WIDTH, 3)
         assert np.abs(picture_of(flat) - alone).mean() < 1.0
-        for _ in range(60):
-            flat.step()
+        walk(flat, 60)
         assert np.abs(picture_of(flat) - alone).mean() > 1.0
         assert np.abs(picture_of(two) - alone).mean() > 1.0  # a picture each, side by side
-    with closing(walking(camera, "trot", scenario="stairs=0.3")) as stairs:
+    with closing(walking("trot", scenario="stairs=0.3")) as stairs:
         climbed = picture_of(stairs)  # of another model: nothing of the last one is drawn
         with closing(Painter(files.put)) as fresh:
             assert np.abs(picture_of(stairs, fresh) - climbed).mean() < 1.0
