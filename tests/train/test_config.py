@@ -66,7 +66,7 @@ def test_what_is_no_configuration_is_refused(settings):
     ("arguments", "complaint"),
     [
         ("--steps 0", "--steps must be from 1"),
-        ("--steps 1.5", "no number: '1.5'"),
+        ("--steps 1.5", "'1.5' is no whole number"),
         ("--seed 4294967296", "--seed must be from 0 to 4294967295"),
         ("--hip-authority nan", "--hip-authority must be from 0"),
         ("--ppo.envs 65536 --ppo.rollout-steps 65536", "must be at most"),
