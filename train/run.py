@@ -53,7 +53,7 @@ def _run(config: TrainConfig, interrupt: Interrupt, found: checkpoint.Checkpoint
             notices += [f"the result may differ from an uninterrupted run; {change}" for change in changed]
             notices += [f"continuing at {done:,} steps"] if found else []
             display = Display(config.steps, Pace(config, done, state.validated))
-            with run_logger(config.folder, done) as logger:
+            with run_logger(config.folder, done) as logger, contextlib.closing(display):
                 for notice in notices:
                     display.note(notice)
                 model.set_logger(logger)

@@ -4,12 +4,9 @@ An episode ends in a controlled stop if in its last second the trunk leant less 
 0.3 m/s, and at its end it was low and either at rest or on the ground. A fall that ends like that is no fall.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.averages import Floats
 from evaluate.measures.episodes import Episodes
 
 LOOK_BACK = 1.0
@@ -25,41 +22,15 @@ REST = 0.2
 """Time at rest with which an episode ends, s."""
 
 
-@dataclass(frozen=True)
-class Motion:
-    """Motion of n robots, step by step, (steps, n); entries after a fall repeat the last."""
-
-    height: Floats
-    """Height of the trunk's centre above the ground, m."""
-    upright: Floats
-    """Cosine of the tilt."""
-    vertical_velocity: Floats
-    """m/s."""
-    joint_speed: Floats
-    """Largest of a robot's joints, rad/s."""
-
-
-def motion_of(episodes: Episodes) -> Motion:
-    """Motion of recorded episodes."""
-    height = episodes.position[..., 2].astype(np.float64)
-    return Motion(
-        height=episodes.height.astype(np.float64),
-        upright=np.cos(episodes.tilt.astype(np.float64)),
-        vertical_velocity=np.diff(height, axis=0, prepend=height[:1]) / episodes.dt,
-        joint_speed=np.abs(episodes.joint_velocity).max(axis=-1).astype(np.float64),
-    )
-
-
-def controlled_stops(motion: Motion, fall_step: NDArray[np.int64], dt: float) -> NDArray[np.bool_]:
-    """Which episodes of control steps of `dt`, s, ended in a controlled stop, (n,); `fall_step` is the number of steps
-    where there was no fall."""
-    steps, count = motion.height.shape
-    fell = fall_step < steps
-    end = np.minimum(fall_step, steps - 1)
-    time = np.arange(steps)[:, None]
+def controlled_stops(episodes: Episodes) -> NDArray[np.bool_]:
+    """Which episodes ended in a controlled stop, (n,)."""
+    position, steps, dt = episodes.position[..., 2].astype(np.float64), episodes.steps, episodes.dt
+    sinking = -np.diff(position, axis=0, prepend=position[:1]) / dt
+    end, time = np.minimum(episodes.fall_step, steps - 1), np.arange(steps)[:, None]
     ending = (time <= end) & (time > end - round(LOOK_BACK / dt))
-    quiet = (motion.upright > np.cos(LARGEST_TILT)) & (motion.vertical_velocity > -FASTEST_SINKING)
+    quiet = (np.cos(episodes.tilt.astype(np.float64)) > np.cos(LARGEST_TILT)) & (sinking < FASTEST_SINKING)
+    still = np.abs(episodes.joint_velocity).max(axis=-1) < AT_REST
     gentle = (~ending | quiet).all(axis=0)
-    resting = (~(ending & (time > end - round(REST / dt))) | (motion.joint_speed < AT_REST)).all(axis=0)
-    low = motion.height[end, np.arange(count)] < LOW
-    return np.asarray(gentle & low & (fell | resting))
+    resting = (~(ending & (time > end - round(REST / dt))) | still).all(axis=0)
+    low = episodes.height[end, np.arange(episodes.count)].astype(np.float64) < LOW
+    return np.asarray(gentle & low & ((episodes.fall_step < steps) | resting))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures import tracking
-from evaluate.measures.at_rest import controlled_stops, motion_of
+from evaluate.measures.at_rest import controlled_stops
 from evaluate.measures.averages import Bools, Floats, upright_steps
 from evaluate.measures.effort import cost_of_all, effort
 from evaluate.measures.episodes import Episodes
@@ -111,7 +111,7 @@ def outcome(
     following = following or _tracking(episodes, upright)[0]
     fell, stopped = episodes.fall_step < episodes.steps, np.zeros(episodes.count, np.bool_)
     if episodes.stopped is not None:
-        controlled = controlled_stops(motion_of(episodes), episodes.fall_step, episodes.dt)
+        controlled = controlled_stops(episodes)
         stopped = (episodes.stopped & upright).any(axis=0) & (~fell | controlled)
     return outcomes(
         fell=fell,

@@ -1,9 +1,13 @@
-"""Progress of a run: its speed, its main figures and the time that is left, a line every few seconds."""
+"""Progress of a run, with the time that is left: a bar on a terminal, a line every few seconds anywhere else."""
 
 import contextlib
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+from rich.text import Text
 
 from evaluate.rollouts.rollout import STEPS
 from train.config import TrainConfig
@@ -60,7 +64,7 @@ class Pace:
 
 
 LINE_PERIOD = 5.0
-"""Between two lines, s."""
+"""Between two lines where there is no terminal, s."""
 
 
 def summary(figures: Mapping[str, float]) -> str:
@@ -78,18 +82,28 @@ class Display:
 
     def __init__(self, total: int, pace: Pace) -> None:
         self.pace = pace
+        self._console = Console()
+        columns = BarColumn(bar_width=24), TextColumn("{task.description}", markup=False)
+        self._bar = Progress(*columns, console=self._console, disable=not self._console.is_terminal)
+        self._task = self._bar.add_task("", total=total)
         self._total, self._printed = total, float("-inf")
+        self._bar.start()
 
     def update(self, steps: int, figures: Mapping[str, float]) -> None:
-        """Print that `steps` have been taken, and the latest figures by name, unless there was a line just now."""
-        now = time.monotonic()
-        if now - self._printed < LINE_PERIOD and steps < self._total:
-            return
+        """Show that `steps` have been taken, and the latest figures by name."""
         minutes, seconds = divmod(round(self.pace.left(steps)), 60)
         pace = f"{self.pace.rate(steps):6,.0f}/s  {minutes:3}:{seconds:02} left"
-        self._printed = now
-        self.note(f"{steps:>10,}/{self._total:,} steps  {pace}  {summary(figures)}")
+        line = f"{steps:>10,}/{self._total:,} steps  {pace}  {summary(figures)}"
+        self._bar.update(self._task, completed=steps, description=line)
+        now = time.monotonic()
+        if not self._console.is_terminal and (now - self._printed >= LINE_PERIOD or steps >= self._total):
+            self._printed = now
+            self.note(line)
 
     def note(self, text: str) -> None:
         """Print a line."""
-        print(text, flush=True)
+        self._console.print(Text(text), soft_wrap=True)
+
+    def close(self) -> None:
+        """Remove the bar."""
+        self._bar.stop()

@@ -1,34 +1,49 @@
 """Controlled stops, told from what was recorded of an episode."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from evaluate.measures.at_rest import Motion, controlled_stops
+from evaluate.measures.at_rest import controlled_stops
+from evaluate.measures.episodes import Episodes
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 
 
-def traced(height, upright=1.0, vertical=0.0, speed=0.0, steps=200):
-    ones = np.ones((steps, 1))
-    return Motion(height * ones, upright * ones, vertical * ones, speed * ones)
+def traced(height: float, tilt: float = 0.0, vertical: float = 0.0, speed: float = 0.0, fall: int = 200) -> Episodes:
+    """One episode of 200 steps with that height, m, tilt, rad, vertical velocity, m/s, and joint speed, rad/s."""
+    nothing, down = uneventful(SIMPLE_QUAD, 200), np.zeros((200, 1, 3), np.float32)
+    down[:, 0, 2] = vertical * 0.01 * np.arange(200)
+    return replace(
+        nothing,
+        height=np.full_like(nothing.height, height),
+        tilt=np.full_like(nothing.tilt, tilt),
+        position=down,
+        joint_velocity=np.full_like(nothing.joint_velocity, speed),
+        fall_step=np.array([fall]),
+    )
 
 
 @pytest.mark.parametrize(
-    ("trace", "fall_step", "expected"),
+    ("episodes", "expected"),
     [
-        (traced(0.22), 200, True),
-        (traced(0.55), 200, False),  # stands
-        (traced(0.22, speed=3.0), 200, False),  # walks low
-        (traced(0.22, upright=0.5), 200, False),  # leans
-        (traced(0.22, vertical=-0.5), 200, False),  # drops
-        (traced(0.1, vertical=-0.2, speed=2.0), 150, True),  # touches down slowly
-        (traced(0.1, vertical=-0.4, speed=2.0), 150, False),  # comes down too fast
+        (traced(0.22), True),
+        (traced(0.55), False),  # stands
+        (traced(0.22, speed=3.0), False),  # walks low
+        (traced(0.22, tilt=1.0), False),  # leans
+        (traced(0.22, vertical=-0.5), False),  # drops
+        (traced(0.1, vertical=-0.2, speed=2.0, fall=150), True),  # touches down slowly
+        (traced(0.1, vertical=-0.4, speed=2.0, fall=150), False),  # comes down too fast
     ],
 )
-def test_controlled_stop_is_low_upright_and_slow(trace, fall_step, expected):
-    assert controlled_stops(trace, np.array([fall_step]), 0.01).tolist() == [expected]
+def test_controlled_stop_is_low_upright_and_slow(episodes: Episodes, expected: bool) -> None:
+    assert controlled_stops(episodes).tolist() == [expected]
 
 
-def test_what_happened_long_before_or_after_the_end_does_not_count():
-    trace = traced(0.22)
-    trace.vertical_velocity[:50] = -1.0
-    trace.upright[180:] = 0.0
-    assert controlled_stops(trace, np.array([170]), 0.01).tolist() == [True]
+def test_what_happened_long_before_or_after_the_end_does_not_count() -> None:
+    episodes = traced(0.22, fall=170)
+    episodes.position[:50, 0, 2] = -0.01 * np.arange(50)
+    episodes.position[50:, 0, 2] = -0.49
+    episodes.tilt[180:] = 1.5
+    assert controlled_stops(episodes).tolist() == [True]
