@@ -102,4 +102,4 @@ def test_what_the_script_leaves_is_loaded_as_any_residual_and_walks_as_it_was_tr
         walked.append(infos["heading_velocity"])
     recorded = run(policy, "flat", seeds, nthread=1, steps=20)
     np.testing.assert_array_equal(recorded.heading_velocity, np.array(walked, np.float32))
-    assert np.abs(recorded.correction).max() > 0.0
+    assert np.abs(policy.correction).max() > 0.0

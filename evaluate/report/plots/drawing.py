@@ -50,7 +50,7 @@ class Margins:
     """Room around a pair of axes, in; fixed, since a search for it draws every plot twice."""
 
     left: float = 0.62
-    right: float = 0.12
+    right: float = 0.18
     bottom: float = 0.48
     top: float = 0.12
 

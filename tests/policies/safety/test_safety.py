@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 import policies
 from evaluate.commands.options import Options
 from evaluate.commands.plan import check
-from evaluate.measures.at_rest import Motion, controlled_stops
+from evaluate.measures.at_rest import controlled_stops
 from policies.base import CONTROL_PERIOD
 from policies.safety import Mode, Safe, SafetyLimits
 from quad_env import OBSERVATION
@@ -14,6 +14,7 @@ from quad_env.actuation.models import Actuator, TorqueSpeed
 from quad_env.columns import of_robots
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 from tests.policies.readings import reading
 
 BROKEN, STEPS = 60, 300
@@ -57,11 +58,13 @@ def drive(policy, steps=STEPS, count=3, before_step=None):
         observation, *_ = env.step(policy.act(observation))
         state = env.simulation.state(of_robots(np.zeros((count, 3))))
         torque = max(torque, np.abs(state.joint_torque).max())
-        speed = np.abs(observation[:, OBSERVATION["joint_velocity"]]).max(axis=1)
-        up = -observation[:, OBSERVATION["projected_gravity"]][:, 2]
-        rows.append((np.asarray(state.height), up, np.asarray(state.vertical_velocity), speed))
+        tilt = np.arccos(np.clip(-observation[:, OBSERVATION["projected_gravity"]][:, 2], -1.0, 1.0))
+        rows.append((np.asarray(state.height), tilt, observation[:, OBSERVATION["joint_velocity"]]))
     env.close()
-    return Motion(*np.moveaxis(np.array(rows, dtype=np.float64), 1, 0)), torque
+    height, tilt, speed = map(np.array, zip(*rows, strict=True))
+    position = np.repeat(height[..., None], 3, axis=-1)  # on flat ground
+    changes = {"height": height, "tilt": tilt, "joint_velocity": speed, "position": position}
+    return uneventful(SIMPLE_QUAD, steps, count, **changes), torque
 
 
 @pytest.mark.parametrize(
@@ -74,8 +77,8 @@ def drive(policy, steps=STEPS, count=3, before_step=None):
 )
 def test_failing_policy_ends_in_a_controlled_stop_of_its_robots_with_its_reason_in_the_log(broken, reason, robots):
     policy = Safe(Breaking(broken))
-    trace, torque = drive(policy)
-    assert controlled_stops(trace, np.full(3, STEPS), 0.01)[robots].all()
+    episodes, torque = drive(policy)
+    assert controlled_stops(episodes)[robots].all()
     assert torque <= SIMPLE_QUAD.rated_torque
     assert np.flatnonzero(policy.mode == Mode.STOP).tolist() == robots
     assert policy.reason.tolist() == [reason if robot in robots else "" for robot in range(3)]
@@ -88,8 +91,8 @@ def test_emergency_stop_of_a_walking_robot_is_a_controlled_stop_until_a_reset_or
         if step == BROKEN:
             policy.emergency_stop()
 
-    trace, _ = drive(policy, before_step=stop)
-    assert controlled_stops(trace, np.full(3, STEPS), 0.01).all()
+    episodes, _ = drive(policy, before_step=stop)
+    assert controlled_stops(episodes).all()
     assert policy.reason.tolist() == ["emergency stop requested"] * 3
     policy.reset_where(np.array([True, False, False]))
     assert policy.mode.tolist() == [Mode.FOLLOW, Mode.STOP, Mode.STOP]
