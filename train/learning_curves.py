@@ -18,6 +18,10 @@ from quad_env.files.writing import write_atomically
 from train.run_folder import VALIDATIONS_FILE
 from train.run_record import flat, load_settings, words
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 LONGEST = 48
 """Characters of a label."""
 
@@ -85,10 +89,6 @@ def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
     seeds = f"{len(runs)} seeds" if len(runs) > 1 else f"seed {runs[0].seed}"
     return f"{said if len(said) <= LONGEST else runs[0].folder} ({seeds})"
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 DATES = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"}
 """Formats, each with the name of its date, which is left out: the same runs give the same file."""

@@ -20,7 +20,9 @@ RATES = (SUCCESS_RATE, FALL_RATE)
 CAPS = {"velocity_error": VELOCITY_CAP, "yaw_rate_error": YAW_RATE_CAP, "mean_velocity_error": VELOCITY_CAP}
 """Largest value of each error."""
 ERRORS = tuple(CAPS)
-_LARGEST = CAPS | LIMITS
+SCORE = "score"
+"""Mean success over the axes of a run, of each episode a share."""
+_LARGEST = CAPS | LIMITS | {SCORE: 1.0}
 METRICS = (*RATES, *ERRORS)
 """What is compared, in the order in which it is shown."""
 SIGNIFICANT = 0.05

@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from evaluate.analysis.comparison import SIGNIFICANT, SUCCESS_RATE, Comparison, paired_difference
+from evaluate.analysis.comparison import SCORE, SIGNIFICANT, SUCCESS_RATE, Comparison, paired_difference
 from evaluate.analysis.pareto import ParetoPoint
 from evaluate.analysis.score import Counted
-from evaluate.statistics.intervals import Floats, Interval, difference_interval
+from evaluate.statistics.intervals import Floats, Interval
 from evaluate.statistics.sequential import correction
-from evaluate.statistics.significance import holm, sign_flip_test
+from evaluate.statistics.significance import holm
 
 RANKING_WEIGHT = 0.9
 """Weight of the differences of neighbours, together, among all claims; those on single scenarios have the rest."""
@@ -75,11 +75,9 @@ def _neighbours(better: str, worse: str, a: Floats, b: Floats) -> Neighbours:
     """From the score of each episode, (n,) each, in the same order of seeds."""
     differences = a - b
     deviation = float(differences.std(ddof=1)) if len(differences) > 1 else np.nan
-    if np.isin([a, b], (0.0, 1.0)).all():
-        difference, ci, p_value, _ = paired_difference(SUCCESS_RATE, a, b)
-        return Neighbours(better, worse, difference, deviation, ci, p_value)
-    ci = difference_interval(differences, (-1.0, 1.0))
-    return Neighbours(better, worse, float(differences.mean()), deviation, ci, sign_flip_test(differences))
+    single = np.isin([a, b], (0.0, 1.0)).all()
+    difference, ci, p_value, _ = paired_difference(SUCCESS_RATE if single else SCORE, a, b)
+    return Neighbours(better, worse, difference, deviation, ci, p_value)
 
 
 def claims(ranked: Ranking, comparisons: Sequence[Comparison], limit: int = 0) -> tuple[Ranking, list[Comparison]]:

@@ -90,11 +90,6 @@ def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> l
     return sorted((_score(policy, found, baseline, base) for policy in found.ran), key=lambda each: -each.score)
 
 
-def ranked(*kinds: Sequence[Score]) -> list[str]:
-    """Policies by their scores of the first kind, then those that have others alone."""
-    return list(dict.fromkeys(score.policy for kind in kinds for score in kind))
-
-
 def _score(policy: str, of: Counted, baseline: str, base: Floats | None) -> Score:
     values, compared, ran = of.by_episode(policy), base is not None and policy != baseline, of.ran[policy]
     difference = values - (base if base is not None and compared else np.nan)

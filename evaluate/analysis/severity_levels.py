@@ -13,7 +13,7 @@ from quad_env.scenarios.scenario import HARDWARE, Scenario
 class SeverityAxis:
     """Scenarios of one axis, from the mildest to the hardest; a scenario without an axis stands alone.
 
-    With the hardware profile and without it they are two axes, told apart by their names.
+    With the hardware profile and without it they are two axes, with different names.
     """
 
     name: str

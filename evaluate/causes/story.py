@@ -1,4 +1,6 @@
-"""The story of an episode in at most five lines, in the order of time, from the events that decide its cause."""
+"""The story of an episode in at most five moments, in the order of time, from the events that decide its cause."""
+
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -11,18 +13,18 @@ from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import SUCCEEDED
 
 
-def story(episodes: Episodes, measures: Measures, number: int = 0) -> list[str]:
-    """`2.41 s  front left foot hits the edge of a step (0.15 m) at 0.9 m/s` and so on, the outcome last: the event that
-    decided, the strongest of two other causes, and when the robot left its gait."""
+def story(episodes: Episodes, measures: Measures, number: int = 0) -> list[tuple[float, str]]:
+    """Times, s, and words, such as `front left foot hits the edge of a step (0.15 m) at 0.9 m/s`, the outcome last: the
+    event that decided, the strongest of two other causes, and when the robot left its gait."""
     ended = str(measures.outcome[number]).replace("_", " ")
     if ended == SUCCEEDED or episodes.scenario is None:
-        return [f"{episodes.steps * episodes.dt:.2f} s  {ended}"]
+        return [(episodes.steps * episodes.dt, ended)]
     record = Record(episodes, episodes.scenario, number)
     found = verdict(record, measures)
-    told = {found.event.cause: found.event}
+    shown = {found.event.cause: found.event}
     for event in sorted(found.seen, key=lambda event: -event.strength):
-        told.setdefault(event.cause, event)
-    moments = [(event.step, event.words) for event in list(told.values())[:3]]
+        shown.setdefault(event.cause, event)
+    moments = [(event.step, event.words) for event in list(shown.values())[:3]]
     if record.fell and record.end:
         if found.event.cause in (GAIT, UNCLEAR) and found.event.step == record.onset:
             moments = []  # nothing more is known than what follows
@@ -35,4 +37,9 @@ def story(episodes: Episodes, measures: Measures, number: int = 0) -> list[str]:
     if found.event.cause != UNCLEAR:
         cause += f" ({'certain' if found.certain else 'likely'})"
     moments = [*sorted(moments), (record.end + record.fell, f"{ended}; cause: {cause}")]
-    return [f"{step * episodes.dt:.2f} s  {words}" for step, words in moments]
+    return [(step * episodes.dt, words) for step, words in moments]
+
+
+def in_lines(moments: Iterable[tuple[float, str]]) -> list[str]:
+    """`2.41 s  front left foot hits the edge of a step (0.15 m) at 0.9 m/s` for each moment."""
+    return [f"{time:.2f} s  {words}" for time, words in moments]

@@ -117,5 +117,5 @@ def _off_command(record: Record, measures: Measures, interval: int) -> tuple[str
         return rules.STALLED, words, not disturbed
     if asked > outcomes.MOVING and 0.0 <= along < record.at("slow") * asked:
         return rules.SLOW, words, bool(along < record.at("too slow") * asked)
-    is_, should = (f"{v[0]:.2f} m/s forward, {v[1]:.2f} m/s left, {v[2]:.2f} rad/s" for v in (velocity, command))
-    return rules.UNCLEAR if disturbed else rules.GAIT, f"moves at {is_}; commanded {should}", False
+    actual, asked_for = (f"{v[0]:.2f} m/s forward, {v[1]:.2f} m/s left, {v[2]:.2f} rad/s" for v in (velocity, command))
+    return rules.UNCLEAR if disturbed else rules.GAIT, f"moves at {actual}; commanded {asked_for}", False

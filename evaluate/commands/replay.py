@@ -9,7 +9,7 @@ import numpy as np
 import tyro
 
 import policies
-from evaluate.causes.story import story
+from evaluate.causes.story import in_lines, story
 from evaluate.commands.options import Flag
 from evaluate.film import files
 from evaluate.film.page import write_page
@@ -92,7 +92,7 @@ def main(options: Options) -> int:
     else:
         print(f"{found.title}, is not as stored:", *differing, sep="\n  ")
         print(f"because {'; '.join(causes) or 'of something that leaves no trace'}")
-    print(*story(episodes, again.measures), sep="\n")
+    print(*in_lines(story(episodes, again.measures)), sep="\n")
     for option, path, write in outputs:
         with bar("filming") as progress:
             try:

@@ -58,14 +58,13 @@ def _shown(policy: LabelledPolicy, take: Take, progress: Progress) -> dict[str, 
                 progress(step.number / take.steps)
         end, record = panel.step.number, panel.recorder.episodes()
     measures = measured(policy.label, take.scenario, record).measures
-    lines = [line.partition(" s  ") for line in story(record, measures)]
     return {
         "label": policy.label,
         "verdict": measures.outcome[0].replace("_", " "),
         "failed": not measures.succeeded[0],
         "dt": record.dt,
         "end": end * record.dt,
-        "story": [{"time": float(time), "words": words} for time, _, words in lines],
+        "story": [{"time": round(time, 2), "words": words} for time, words in story(record, measures)],
         "events": sorted(events(record, measures, end), key=itemgetter("time")),
         "curves": curves(record, end),
         "legs": [name.upper() for name in record.robot.leg_names],

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.causes.story import story
+from evaluate.causes.story import in_lines, story
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
 from evaluate.measures.outcomes import SUCCEEDED
@@ -47,7 +47,7 @@ class Outcome:
     def words(self) -> str:
         """What is known by now."""
         if self.story:
-            return self.story[-1].replace("  ", ": ", 1).replace("_", " ")
+            return self.story[-1].replace("  ", ": ", 1)
         if self._session.touched:
             return "no outcome: steered, pushed or changed by hand"
         return f"undecided until {STEPS * self._session.env.dt:g} s"
@@ -61,8 +61,8 @@ class Outcome:
 def _story(kept: Sequence[_Kept], session: Session) -> list[str]:
     """Lines of `evaluate.causes.story` of the kept steps, with the times of the episode."""
     episodes = _record(kept, session)
-    lines = (line.split(" s  ", 1) for line in story(episodes, measure(episodes)))
-    return [f"{float(time) + kept[0][0].number * episodes.dt:.2f} s  {words}" for time, words in lines]
+    begun = kept[0][0].number * episodes.dt
+    return in_lines((begun + time, words) for time, words in story(episodes, measure(episodes)))
 
 
 def _record(kept: Sequence[_Kept], session: Session) -> Episodes:

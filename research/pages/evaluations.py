@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from evaluate.analysis.pareto import Pareto, ParetoPoint, place_of_cost
 from evaluate.analysis.results import with_nan
-from evaluate.analysis.score import FLAT, SCORES, WORDS, Score, ranked
+from evaluate.analysis.score import FLAT, SCORES, WORDS, Score
 from evaluate.commands.options import command
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
 from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FEW, FIRST, figure_of_effort
@@ -141,7 +141,7 @@ def score_table(
     """Each policy's score and its difference from the baseline's, in Markdown, with the hardware profile on the right;
     `called` has names to show instead."""
     found = {name: kind for name, kind in zip(SCORES, (of, real), strict=True) if kind}
-    heads, rows = {"policy": "policy"}, {policy: dict[str, str]() for policy in ranked(*found.values())}
+    heads, rows = {"policy": "policy"}, {each.policy: dict[str, str]() for kind in found.values() for each in kind}
     for name, kind in found.items():
         heads |= {name: f"{name}, %", f"{name} difference": f"minus `{baseline}`, % points"}
         for each in kind:

@@ -13,7 +13,7 @@ from quad_env.scenarios.scenario import HARDWARE
 
 LEAD = (
     "Failed episodes by the first event that decides, by the rules of docs/causes.md, in % of an axis's episodes. "
-    "python -m evaluate replay FOLDER EPISODE tells the story of one."
+    "python -m evaluate replay FOLDER EPISODE prints the story of one."
 )
 TITLES = {False: "The policy is shown the true state", True: "Hardware profile"}
 

@@ -10,7 +10,7 @@ from evaluate.causes import record as records
 from evaluate.causes import rules
 from evaluate.causes.record import Record
 from evaluate.causes.rules import Event
-from evaluate.causes.story import story
+from evaluate.causes.story import in_lines, story
 from evaluate.causes.verdict import Verdict, verdict, with_causes
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
@@ -206,11 +206,11 @@ def test_a_story_has_at_most_five_lines_in_the_order_of_time_and_ends_with_the_o
     for number in range(0, len(CASES), 2):
         episodes, measures = made(number)
         for each in range(episodes.count):
-            lines = story(episodes, measures, each)
+            lines = in_lines(story(episodes, measures, each))
             times = [float(line.split(" s  ")[0]) for line in lines]
             assert 1 <= len(lines) <= 5
             assert times == sorted(times), lines
             assert lines[-1].split(" s  ")[1].startswith(str(measures.outcome[each]).replace("_", " "))
-    told = "\n".join(story(*made(OTHER_TRIP)))
-    assert "front right foot hits the edge of a step (0.15 m) at 0.9 m/s" in told
-    assert "cause: trip" in told
+    shown = "\n".join(in_lines(story(*made(OTHER_TRIP))))
+    assert "front right foot hits the edge of a step (0.15 m) at 0.9 m/s" in shown
+    assert "cause: trip" in shown
