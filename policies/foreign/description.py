@@ -5,15 +5,15 @@ this package bring them to the robot's. A target is `offset + scale * clip(actio
 """
 
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from reprlib import repr as shortened
-from typing import Literal
+from typing import Annotated, Literal
 
 from policies.base import PolicyError
+from quad_env.config import Amount, Bounds, Finite, Positive, check_settings
 
-Numbers = tuple[float, ...]
-Range = tuple[float, float]
+Numbers = tuple[Finite, ...]
+Range = tuple[Finite, Finite]
 
 TERMS: dict[str, int | None] = {
     "projected_gravity": 3,  # unit vector of gravity, (0, 0, -1) upright
@@ -35,21 +35,23 @@ TERMS: dict[str, int | None] = {
 OF_JOINTS = "default_position", "action_scale", "stiffness", "damping", "action_offset", "target_clip"
 """Fields of a description with a value for each of its `joints`, in their order."""
 
-LONGEST_HISTORY, MOST_POINTS = 1000, 10_000
-"""Control steps that a term may show, and points of a height scan."""
+MOST_POINTS = 10_000
+"""Points of a height scan."""
 _OWNERS = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
-_POSITIVE = "control_rate", "stiffness", "damping", "clock", "observation_clip"
-_CHOICES = {
-    "frame": ("body", "heading", "world"),
-    "history_layout": ("term", "time"),
-    "history_newest": ("first", "last"),
-    "history_start": ("first", "zero"),
-    "previous_action": ("raw", "scaled"),
-}
+
+
+class _Checked:
+    """Dataclasses that are checked by their annotations when they are made; PolicyError for what does not fit."""
+
+    def __post_init__(self) -> None:
+        try:
+            check_settings(self)
+        except ValueError as error:
+            raise PolicyError(str(error)) from None
 
 
 @dataclass(frozen=True)
-class HeightGrid:
+class HeightGrid(_Checked):
     """Points of a height scan about the trunk, heading frame, and what a point's number is."""
 
     x: Numbers
@@ -58,17 +60,17 @@ class HeightGrid:
     """To the left, m, in the order of the observation."""
     x_first: bool = True
     """Whether x is what changes fastest from point to point; false: y does."""
-    offset: float = 0.0
+    offset: Finite = 0.0
     """A point's number is the trunk's height minus that of the ground minus this, m."""
 
     def __post_init__(self) -> None:
-        _check(self, x=(), y=(), offset=(1,))
-        if len(self.x) * len(self.y) > MOST_POINTS:
-            raise PolicyError(f"a height scan has at most {MOST_POINTS} points, not {len(self.x)} x {len(self.y)}")
+        super().__post_init__()
+        if not 1 <= len(self.x) * len(self.y) <= MOST_POINTS:
+            raise PolicyError(f"a height scan has 1 to {MOST_POINTS} points, not {len(self.x)} x {len(self.y)}")
 
 
 @dataclass(frozen=True)
-class Term:
+class Term(_Checked):
     """An observation term: clipped, then scaled."""
 
     name: str
@@ -77,31 +79,27 @@ class Term:
     """A factor for all of its numbers, or one for each."""
     clip: Range | None = None
     """Least and largest value before scaling."""
-    history: int = 1
+    history: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 1
     """How many control steps of it are shown, the present one included."""
     frame: Literal["body", "heading", "world"] = "body"
     """Of velocities and gravity; the world frame's x axis is the heading at the start of the episode."""
     values: Numbers = ()
     """Of a `constant`."""
-    clock: float = 0.0
+    clock: Amount = 0.0
     """Cycles a second of a `gait_clock`, Hz."""
     grid: HeightGrid | None = None
     """Of a `height_scan`."""
 
     def __post_init__(self) -> None:
-        if self.name not in (*TERMS,):
+        super().__post_init__()
+        if self.name not in TERMS:
             raise PolicyError(f"{shortened(self.name)} is no observation term", f"the terms are {', '.join(TERMS)}")
         for setting, owner in _OWNERS.items():
             if bool(getattr(self, setting)) != (owner == self.name):
                 raise PolicyError(f"`{setting}` belongs to the term {owner} and to no other, not to {self.name}")
-        if type(self.history) is not int or not 1 <= self.history <= LONGEST_HISTORY:
-            raise PolicyError(f"`history` must be a whole number from 1 to {LONGEST_HISTORY}, not {self.history!r:.80}")
-        if self.values:
-            _check(self, values=())
-        if self.clock:
-            _check(self, clock=(1,))
-        _check(self, scale=(1, self.width))
-        _check_range("clip", self.clip)
+        if len(self.scale) not in (1, self.width):
+            raise PolicyError(f"`scale` must be 1 or {self.width} numbers, not {len(self.scale)}")
+        _check_ranges("clip", self.clip)
 
     @property
     def width(self) -> int:
@@ -112,12 +110,12 @@ class Term:
 
 
 @dataclass(frozen=True)
-class PolicyDescription:
+class PolicyDescription(_Checked):
     """All that a policy's files say of what it reads and commands."""
 
     network: Path
     """The .onnx or TorchScript .pt file."""
-    control_rate: float
+    control_rate: Positive
     """Hz."""
     joints: tuple[str, ...]
     """Names of the twelve joints, in the order of the actions."""
@@ -125,9 +123,9 @@ class PolicyDescription:
     """Joint angles that `joint_position` is measured from, rad, in the order of `joints`."""
     action_scale: Numbers
     """rad for an action of one, in the order of `joints`."""
-    stiffness: Numbers
+    stiffness: tuple[Positive, ...]
     """Of the servos, N·m/rad, in the order of `joints`."""
-    damping: Numbers
+    damping: tuple[Amount, ...]
     """Of the servos, N·m·s/rad, in the order of `joints`."""
     terms: tuple[Term, ...]
     """In the order of the observation."""
@@ -140,7 +138,7 @@ class PolicyDescription:
     observed_joints: tuple[str, ...] | None = None
     """Names of the joints in the order of the observed angles, velocities, torques; None: that of `joints`. Previous
     actions keep the order of `joints`."""
-    observation_clip: float | None = None
+    observation_clip: Positive | None = None
     """Largest magnitude of an observed number, after scaling."""
     history_layout: Literal["term", "time"] = "term"
     """Whether the history of a term lies together, or all terms of a control step do."""
@@ -152,20 +150,17 @@ class PolicyDescription:
     """Whether the previous action is what the network gave, clipped, or the target minus its offset, rad."""
 
     def __post_init__(self) -> None:
-        if not _are_names(self.joints):
+        super().__post_init__()
+        if not len(self.joints) == len({*self.joints}) == 12:
             raise PolicyError(f"`joints` must be the names of 12 different joints, not {shortened(self.joints)}")
-        observed = self.joints if self.observed_joints is None else self.observed_joints
-        if not _are_names(observed) or {*observed} != {*self.joints}:
+        if self.observed_joints is not None and sorted(self.observed_joints) != sorted(self.joints):
             raise PolicyError("`observed_joints` must be the names of `joints`, in another order")
-        _check(self, control_rate=(1,), default_position=(12,), action_scale=(12,), stiffness=(12,), damping=(12,))
-        _check(self, action_offset=(12,), observation_clip=(1,))
-        _check_range("action_clip", self.action_clip)
-        if self.target_clip is not None and len(self.target_clip) != 12:
-            raise PolicyError(f"`target_clip` must be 12 ranges, not {len(self.target_clip)}")
-        for each in self.target_clip or ():
-            _check_range("target_clip", each)
-        terms = self.terms if isinstance(self.terms, tuple) else ()
-        if not terms or not all(isinstance(term, Term) for term in terms):
+        for name in OF_JOINTS:
+            if (values := getattr(self, name)) is not None and len(values) != 12:
+                raise PolicyError(f"`{name}` must be of 12 joints, not of {len(values)}")
+        _check_ranges("action_clip", self.action_clip)
+        _check_ranges("target_clip", *self.target_clip or ())
+        if not self.terms:
             raise PolicyError("`terms` must be one term or more", f"the terms are {', '.join(TERMS)}")
         if self.history_layout == "time" and len({term.history for term in self.terms}) > 1:
             raise PolicyError("with the history_layout `time`, all terms must have the same history")
@@ -176,35 +171,7 @@ class PolicyDescription:
         return sum(term.width * term.history for term in self.terms)
 
 
-def _check(described: object, **counts: tuple[int, ...]) -> None:
-    """Raise PolicyError unless fields are finite numbers, as many as one of their counts says, () for any."""
-    for name, allowed in counts.items():
-        if (value := getattr(described, name)) is None:
-            continue
-        values = (value,) if allowed == (1,) else value
-        many = isinstance(values, tuple) and len(values) in (allowed or (len(values) or 1,))
-        if not many or not all(map(is_number, values)):
-            count = " or ".join(map(str, dict.fromkeys(allowed))) or "some"
-            raise PolicyError(f"`{name}` must be {count} finite numbers, not {shortened(value)}")
-        if name in _POSITIVE and (min(values) < 0 or (0 in values and name != "damping")):
-            raise PolicyError(f"`{name}` must be positive, not {min(values)}")
-    for name, choices in _CHOICES.items():
-        if getattr(described, name, choices[0]) not in choices:
-            raise PolicyError(f"`{name}` must be {' or '.join(choices)}, not {getattr(described, name)!r:.80}")
-
-
-def _check_range(name: str, value: object) -> None:
-    two = isinstance(value, tuple) and len(value) == 2 and all(map(is_number, value))
-    if value is not None and not (two and value[0] < value[1]):  # type: ignore[index]
-        raise PolicyError(f"`{name}` must be a least and a largest value, not {shortened(value)}")
-
-
-def is_number(value: object) -> bool:
-    """Whether it is a finite number."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
-
-
-def _are_names(value: object) -> bool:
-    return (
-        isinstance(value, tuple) and all(isinstance(each, str) for each in value) and len(value) == len({*value}) == 12
-    )
+def _check_ranges(name: str, *ranges: Range | None) -> None:
+    for each in ranges:
+        if each is not None and not each[0] < each[1]:
+            raise PolicyError(f"`{name}` must be a least and a largest value, not {each}")

@@ -8,7 +8,6 @@ import copy
 import re
 import warnings
 from collections.abc import Callable
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from policies.base import Mask, PolicyError
 from policies.foreign.description import PolicyDescription
 from policies.foreign.onnx_file import acting, session_of
+from policies.foreign.packages import package
 from policies.foreign.python_file import Act
 from policies.memory import Memory
 from quad_env.columns import Rows
@@ -95,8 +95,7 @@ def _onnx(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
 
 def _torch(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
     """What makes the network of a TorchScript file, and whether it says that it has a memory."""
-    # By name: evaluating imports no learner, except for a learner's own file.
-    file, torch = description.network, import_module("torch")
+    file, torch = description.network, package("torch", "train")
     torch.set_num_threads(1)
     try:
         with warnings.catch_warnings():

@@ -7,7 +7,6 @@ within a second: so the residual of a file runs in NumPy, to the bit as its bund
 """
 
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 from policies import bundle
 from policies.base import Policy, PolicyError
 from policies.description import assembled, network_of, parsed
+from policies.foreign.packages import package
 from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
 from policies.network import Network, Weights
@@ -42,14 +42,6 @@ def load(reference: Reference, robot: Robot) -> Policy | Maker:
     make, _ = acting(session, reference.file)
     description = session.get_modelmeta().custom_metadata_map.get(DESCRIPTION)
     return make if description is None else _residual(reference.file, description, make(), robot)
-
-
-def package(name: str) -> Any:
-    """The package of that name; PolicyError where it is missing."""
-    try:
-        return import_module(name)
-    except ModuleNotFoundError:
-        raise PolicyError(f'ONNX files need {name}, which is not here: pip install -e ".[onnx]"') from None
 
 
 def session_of(file: Path) -> Any:

@@ -1,7 +1,6 @@
 """What names a policy from outside: `my_file.py:MyPolicy`, a network's file, or one that describes how it is run."""
 
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 
 from policies.base import PolicyError
@@ -18,12 +17,6 @@ BESIDE = ".toml", ".yaml", ".json"
 """Of files that describe the .pt of their name."""
 UNSUPPORTED = ".pth", ".jit", ".ckpt", ".h5", ".pkl"
 """Files of networks that are not read."""
-_NEEDS = {
-    ".onnx": (("onnxruntime", "onnx"), "onnx"),
-    ".pt": (("torch",), "train"),
-    ".zip": (("stable_baselines3", "torch"), "train"),
-}
-"""Packages that read a file, and the extra that installs them."""
 
 
 @dataclass(frozen=True)
@@ -96,16 +89,13 @@ def checked(text: str | Path, trust: bool) -> Reference:
 
 
 def _check_file(file: Path) -> None:
-    """Raise PolicyError unless it is there, can be read, and the packages are there that read it."""
+    """Raise PolicyError unless it is there and can be read."""
     if not file.is_file():
         raise PolicyError(f"there is no file {file}")
     try:
         check_file(file)
     except OSError as error:
         raise PolicyError(f"cannot read {file} ({error.strerror})") from None
-    packages, extra = _NEEDS.get(file.suffix.lower(), ((), ""))
-    if missing := [package for package in packages if find_spec(package) is None]:
-        raise PolicyError(f'{file} needs {missing[0]}, which is not here: pip install -e ".[{extra}]"')
 
 
 def _description(file: Path) -> PolicyDescription | None:

@@ -2,12 +2,12 @@
 
 import pickle
 from collections.abc import Callable
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from policies.base import PolicyError
+from policies.foreign.packages import package
 from policies.foreign.python_file import Maker
 from policies.foreign.reference import Reference
 from quad_env.files.text import described
@@ -19,9 +19,7 @@ def load(reference: Reference, robot: Robot) -> Maker:
 
     Raises PolicyError, one line, for what is no model, and for actions whose meaning the file does not give.
     """
-    # By name: evaluating imports no learner, except for a learner's own file.
-    torch: Any = import_module("torch")
-    files: Any = import_module("stable_baselines3.common.save_util")
+    torch, files = package("torch", "train"), package("stable_baselines3.common.save_util", "train")
     torch.set_num_threads(1)
     try:
         data, parameters, _ = files.load_from_zip_file(reference.file, device="cpu")

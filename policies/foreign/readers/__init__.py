@@ -20,7 +20,7 @@ def read(path: Path) -> PolicyDescription | None:
             case ".onnx":
                 return mjlab_onnx.describe(path)
             case ".toml":
-                return _whole(toml_file.describe(path), corrected=True)
+                return _whole(toml_file.describe(load(path)), corrected=True)
             case ".yaml" | ".yml" | ".json":
                 return _whole(_settings(load(path)))
     except PolicyError as error:

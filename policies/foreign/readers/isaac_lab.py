@@ -25,7 +25,7 @@ def describe(settings: Settings) -> PolicyDescription:
     group = settings.inside("observations", "policy")
     terms = {name: _term(settings, group, each) for name, each in group.groups()}
     observed = observed_joints(terms, lambda name: _chosen(group.inside(name).perhaps("params", "asset_cfg"), asset))
-    at_default = action.find("use_default_offset") is True
+    at_default, clip = action.find("use_default_offset") is True, action.perhaps("clip")
     return PolicyDescription(
         network=settings.network(),
         control_rate=1 / (settings.number("decimation") * settings.inside("sim").number("dt")),
@@ -34,7 +34,7 @@ def describe(settings: Settings) -> PolicyDescription:
         action_scale=action.by_pattern("scale", joints, 1.0),
         action_offset=None if at_default else action.by_pattern("offset", joints, 0.0),
         action_clip=_action_clip(settings),
-        target_clip=_target_clip(action, joints),
+        target_clip=tuple(clip.range(clip.pattern(joint)) for joint in joints) if clip.values else None,
         stiffness=tuple(_gain(robot, joint, "stiffness") for joint in joints),
         damping=tuple(_gain(robot, joint, "damping") for joint in joints),
         terms=tuple(terms.values()),
@@ -116,13 +116,6 @@ def _gain(robot: Settings, joint: str, kind: str) -> float:
         if any(matches(each, joint) for each in actuator.texts(_NAMES)):
             return actuator.by_pattern(kind, (joint,))[0]
     raise PolicyError(f"no actuator in {robot.file.name} has the joint {joint}")
-
-
-def _target_clip(action: Settings, joints: Joints) -> tuple[Range, ...] | None:
-    if action.find("clip") is None:
-        return None
-    found = [(clip := action.inside("clip")).range(clip.pattern(joint)) for joint in joints]
-    return tuple(each for each in found if each is not None)
 
 
 def _action_clip(settings: Settings) -> Range | None:

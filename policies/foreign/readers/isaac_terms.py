@@ -7,7 +7,6 @@ begin with the first observation (`CircularBuffer`).
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 from policies.base import PolicyError
 from policies.foreign.description import TERMS, HeightGrid, Term
@@ -42,10 +41,9 @@ def term(function: str, settings: Settings, grid: HeightGrid | None = None) -> T
         raise unknown(function)
     if settings.find("modifiers"):
         raise unknown(f"{function} with modifiers")
-    more: dict[str, Any] = {"grid": grid} if name == "height_scan" else {}
-    if name == "gait_clock":
-        more["clock"] = 1 / settings.inside("params").number(_PERIODS[function])
-    return scaled(Term(name, clip=settings.range("clip"), history=history_of(settings), **more), settings)
+    clip = None if settings.find("clip") is None else settings.range("clip")
+    clock = 1 / settings.inside("params").number(_PERIODS[function]) if name == "gait_clock" else 0.0
+    return scaled(Term(name, clip=clip, history=history_of(settings), clock=clock, grid=grid), settings)
 
 
 def scaled(term: Term, settings: Settings, key: str = "scale") -> Term:

@@ -6,13 +6,13 @@ velocity tasks it is 50 Hz (`velocity_env_cfg.py`, decimation 4 at 0.005 s).
 """
 
 import json
-from importlib import import_module
 from math import inf
 from pathlib import Path
 from typing import Any
 
 from policies.base import PolicyError
 from policies.foreign.description import PolicyDescription, Term
+from policies.foreign.packages import package
 from policies.foreign.readers.isaac_terms import term
 from policies.foreign.readers.settings import BY_HAND, Settings, named
 from quad_env.files.reading import LARGEST, read_bytes
@@ -76,10 +76,9 @@ def _values(text: str) -> Any:
 
 def metadata_of(file: Path) -> dict[str, str]:
     """Metadata of a file that holds all of its network. Raises PolicyError where weights lie in another file."""
+    onnx = package("onnx")
     try:
-        model = import_module("onnx").load_model_from_string(read_bytes(file, LARGEST))
-    except ModuleNotFoundError:
-        raise PolicyError('ONNX files need onnx, which is not here: pip install -e ".[onnx]"') from None
+        model = onnx.load_model_from_string(read_bytes(file, LARGEST))
     except Exception as error:
         raise PolicyError(f"{file.name} cannot be read as ONNX: {described(error)}") from None
     if _outside(model):

@@ -2,9 +2,9 @@
 
 import os
 import re
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib import import_module
 from math import isfinite
 from pathlib import Path
 from reprlib import repr as shortened
@@ -12,6 +12,7 @@ from typing import Any
 
 from policies.base import PolicyError
 from policies.foreign.description import Numbers, Range
+from policies.foreign.packages import package
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.text import described
 
@@ -19,6 +20,8 @@ LARGEST, LINES = 2**20, 20_000
 """Most bytes and lines of a file; deployment files have a few thousand lines at most."""
 BY_HAND = "write a TOML (docs/deployment-files.md)"
 """What to do about what a file does not say."""
+_PARSERS: dict[str, Callable[[str], Any]] = {".json": parse_json, ".toml": tomllib.loads}
+"""Of files of other kinds than YAML, by the end of their names."""
 _TAG = "tag:yaml.org,2002:python/"
 NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/policy_lstm_1.pt", "policy_1.pt")
 """Of Isaac Lab, mjlab and Unitree (`exported/policy.*`) and of legged_gym (`exported/policies/policy_1.pt`)."""
@@ -83,10 +86,8 @@ class Settings:
             raise self.wrong(key, f"{count or 'some'} numbers")
         return tuple(each for each in found if each is not None)
 
-    def range(self, key: str) -> Range | None:
-        """The least and the largest value; None without them."""
-        if self.find(key) is None:
-            return None
+    def range(self, key: str) -> Range:
+        """The least and the largest value."""
         least, largest = self.numbers(key, 2)
         return least, largest
 
@@ -172,7 +173,7 @@ def load(file: Path) -> Settings:
         content = read_bytes(file, LARGEST)
         if (lines := content.count(b"\n")) > LINES:
             raise PolicyError(f"{file.name} has {lines} lines: no deployment file has over {LINES}")
-        found = parse_json(content) if file.suffix.lower() == ".json" else _yaml(content.decode())
+        found = _PARSERS.get(file.suffix.lower(), _yaml)(content.decode())
     except OSError as error:
         raise PolicyError(f"cannot read {file.name} ({error.strerror})") from None
     except (ValueError, RecursionError) as error:
@@ -183,10 +184,7 @@ def load(file: Path) -> Settings:
 
 
 def _yaml(text: str) -> Any:
-    try:
-        yaml = import_module("yaml")
-    except ModuleNotFoundError:
-        raise PolicyError('YAML files need pyyaml, which is not here: pip install -e ".[onnx]"') from None
+    yaml = package("yaml")
     loader: Any = type("Loader", (getattr(yaml, "CSafeLoader", yaml.SafeLoader),), {})
     loader.add_multi_constructor(_TAG, _python)
     try:

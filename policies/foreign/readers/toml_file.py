@@ -2,31 +2,24 @@
 
 import json
 import os
-import tomllib
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
-from reprlib import repr as shortened
-from typing import Any, TextIO, TypeVar
+from typing import Any, TypeVar
 
 from policies.base import PolicyError
-from policies.foreign.description import OF_JOINTS, HeightGrid, PolicyDescription, Term, is_number
+from policies.foreign.description import OF_JOINTS, HeightGrid, PolicyDescription, Term
 from policies.foreign.readers.joint_orders import by_leg
-from policies.foreign.readers.settings import LARGEST, named
-from quad_env.files.reading import read_bytes
+from policies.foreign.readers.settings import Settings, named
+from policies.parameters import is_number
 
 Made = TypeVar("Made", PolicyDescription, Term, HeightGrid)
 
 
-def describe(file: Path) -> PolicyDescription:
+def describe(settings: Settings) -> PolicyDescription:
     """The policy of a TOML. Raises PolicyError."""
-    try:
-        found = tomllib.loads(read_bytes(file, LARGEST).decode())
-    except OSError as error:
-        raise PolicyError(f"it cannot be read ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise PolicyError(f"it is no TOML: {error}") from None
+    found = settings.values
     if "network" in found:
-        found["network"] = named(file.parent, str(found["network"]))
+        found["network"] = named(settings.file.parent, str(found["network"]))
     for name in ("joints", "observed_joints"):
         if isinstance(legs := found.get(name), list) and len(legs) == 4:
             found[name] = by_leg(" ".join(map(str, legs)))
@@ -36,15 +29,11 @@ def describe(file: Path) -> PolicyDescription:
     return _made(PolicyDescription, found)
 
 
-def write_toml(description: PolicyDescription, target: Path | TextIO) -> None:
-    """Write a TOML of which `describe` gives the same value; in a file, the network is relative to its folder."""
-    folder = target.absolute().parent if isinstance(target, Path) else None
-    lines = [f"{name} = {value}\n" for name, value in _fields(description, folder)]
+def write_toml(description: PolicyDescription, file: Path) -> None:
+    """Write a TOML of which `describe` gives the same value, the network relative to its folder."""
+    lines = [f"{name} = {value}\n" for name, value in _fields(description, file.absolute().parent)]
     text = "".join(["# What a policy reads and commands: docs/deployment-files.md\n", *lines])
-    if isinstance(target, Path):
-        target.write_text(text, encoding="utf-8")
-    else:
-        target.write(text)
+    file.write_text(text, encoding="utf-8")
 
 
 def _of_joints(name: str, value: Any, joints: Any) -> Any:
@@ -63,24 +52,20 @@ def _term(given: Any) -> Term:
     if not isinstance(given, dict):
         return _made(Term, {"name": given})
     made: dict[str, Any] = {}
-    if "grid" in given:
+    if isinstance(given.get("grid"), dict):
         made["grid"] = _made(HeightGrid, given["grid"])
     if is_number(given.get("scale")):
         made["scale"] = (given["scale"],)
     return _made(Term, given | made)
 
 
-def _made(kind: type[Made], given: Any) -> Made:
+def _made(kind: type[Made], given: dict[str, Any]) -> Made:
     """A dataclass of given fields. Raises PolicyError for unknown and missing ones, and for what they cannot be."""
-    names = {each.name: each.default for each in fields(kind)}
-    if not isinstance(given, dict) or not given.keys() <= names.keys():
-        wrong = next((name for name in given if name not in names), "") if isinstance(given, dict) else shortened(given)
-        raise PolicyError(f"`{wrong}` is not known", f"the names are {', '.join(names)}")
-    for name, default in names.items():
-        if default is MISSING and name not in given:
-            raise PolicyError(f"`{name}` is missing")
-        if isinstance(default, bool) and not isinstance(given.get(name, default), bool):
-            raise PolicyError(f"`{name}` must be true or false, not {shortened(given[name])}")
+    needed = {each.name: each.default is MISSING for each in fields(kind)}
+    if unknown := [name for name in given if name not in needed]:
+        raise PolicyError(f"`{unknown[0]}` is not known", f"the names are {', '.join(needed)}")
+    if missing := [name for name, is_needed in needed.items() if is_needed and name not in given]:
+        raise PolicyError(f"`{missing[0]}` is missing")
     return kind(**{name: _tuples(value) for name, value in given.items()})
 
 
@@ -88,16 +73,16 @@ def _tuples(value: Any) -> Any:
     return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
 
 
-def _fields(value: Any, folder: Path | None = None) -> list[tuple[str, str]]:
+def _fields(value: Any, folder: Path = Path()) -> list[tuple[str, str]]:
     """Fields other than their defaults, as TOML."""
     given = [(each.name, getattr(value, each.name), each.default) for each in fields(value)]
     return [(name, _text(_brief(name, each, folder))) for name, each, default in given if each != default]
 
 
-def _brief(name: str, value: Any, folder: Path | None) -> Any:
+def _brief(name: str, value: Any, folder: Path) -> Any:
     """What stands for a value: one number for all, a term's name, a path relative to a folder."""
     if isinstance(value, Path):
-        return value.as_posix() if folder is None else Path(os.path.relpath(value, folder)).as_posix()
+        return Path(os.path.relpath(value, folder)).as_posix()
     if (name in OF_JOINTS and len(set(value)) == 1) or (name == "scale" and len(value) == 1):
         return value[0]
     return tuple(each.name if len(_fields(each)) == 1 else each for each in value) if name == "terms" else value

@@ -76,4 +76,4 @@ def _clip(action: Settings) -> tuple[Range, ...] | None:
     if not isinstance(clip, list):
         raise action.wrong("clip", "12 ranges")
     ranges = Settings(dict(enumerate(clip)), action.file, f"{action.above}clip.")
-    return tuple(each for each in (ranges.range(index) for index in ranges.values) if each is not None)
+    return tuple(map(ranges.range, ranges.values))

@@ -19,8 +19,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 import policies
 from live.commands.doctor import check_exists
 from policies.base import CONTROL_PERIOD, PolicyError
-from policies.foreign import Foreign, is_reference
-from policies.foreign import reference as references
+from policies.foreign import Foreign, is_reference, sb3_file
 from policies.foreign.reference import Reference, checked
 from policies.foreign.served import Served, serve
 from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD, HomePoseActions, VectorHomePoseActions
@@ -239,10 +238,12 @@ def test_what_runs_hidden_code_wants_trust_and_what_is_missing_is_named(
         checked(tmp_path / "own.py", trust=True)
     with pytest.raises(PolicyError, match="there is no file"):
         checked("gone.onnx", trust=True)
-    monkeypatch.setattr(references, "find_spec", lambda _: None)
-    for name, extra in (("model.zip", "train"), ("net.onnx", "onnx")):
-        with pytest.raises(PolicyError, match=rf"\.\[{extra}\]"):
-            checked(tmp_path / name, trust=True)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    with pytest.raises(PolicyError, match=r"needs torch, .*\.\[train\]"):
+        sb3_file.load(checked(tmp_path / "model.zip", trust=True), SIMPLE_QUAD)
+    with pytest.raises(PolicyError, match=r"needs onnx, .*\.\[onnx\]"):
+        checked(tmp_path / "net.onnx", trust=True)
 
 
 def test_in_its_process_a_policy_that_ends_it_loses_its_robots_until_a_reset(file: Path) -> None:

@@ -55,7 +55,7 @@ DEPLOY = [
     (path("actions/JointVelocityAction", {}), "`actions` in deploy.yaml must be JointPositionAction alone"),
     (path("observations/height_scan", {"params": {}}), "the observation term height_scan is not known; write a TOML"),
     (path("observations/gait_phase", {"params": {}}), "has no `observations.gait_phase.params.period`"),
-    (path("observations/base_ang_vel/scale", [1.0] * 4), "`scale` must be 1 or 3 finite numbers"),
+    (path("observations/base_ang_vel/scale", [1.0] * 4), "`scale` must be 1 or 3 numbers"),
     (path("observations/joint_pos_rel/params", {"asset_cfg": {"joint_ids": files.permuted(3)}}), "several orders"),
 ]
 ENV = [
@@ -227,7 +227,7 @@ def test_json_and_folders(tmp_path: Path) -> None:
     (tmp_path / "folder.yaml").mkdir()
     assert "cannot read folder.yaml" in refusal(tmp_path / "folder.yaml")
     assert "cannot read none.yaml" in refusal(tmp_path / "none.yaml")
-    assert "it cannot be read" in refusal(tmp_path / "none.toml")
+    assert "cannot read none.toml" in refusal(tmp_path / "none.toml")
 
 
 def places(settings: dict[str, Any], above: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
