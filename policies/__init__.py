@@ -103,15 +103,8 @@ def make(
 
     Raises PolicyError for a name that does not exist or a model that is not there or was trained for others.
     """
-    robot = robot_of(robot)
-    if name.startswith(SAFE):
-        policy = make(name.removeprefix(SAFE), robot=robot, control_period=control_period, sensors=sensors)
-        return Safe(policy, SafetyLimits.of(robot, actuator))
-    _known(name)
-    made = partial(_MAKERS[name], robot=robot, control_period=control_period)
-    if name not in _PREDICTING or (suite := sensor_suite(sensors)) is None:
-        return made()
-    return made(late=steps_late(suite.encoders.delay, 1.0 / control_period))
+    _known(name.rpartition(SAFE)[2])
+    return resolve(name, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors)
 
 
 def resolve(
@@ -134,7 +127,10 @@ def resolve(
     if is_reference(text):
         return Foreign(text, robot=robot, control_period=control_period, trust=trust)
     if text in _MAKERS:
-        return make(text, robot=robot, control_period=control_period, sensors=sensors)
+        made = partial(_MAKERS[text], robot=robot, control_period=control_period)
+        if text not in _PREDICTING or (suite := sensor_suite(sensors)) is None:
+            return made()
+        return made(late=steps_late(suite.encoders.delay, 1.0 / control_period))
     if Path(text).is_dir():
         return _loaded(text, robot, control_period)
     if (remedy := unsupported(text)) is not None:

@@ -6,16 +6,16 @@ behind where its swing ended.
 """
 
 from dataclasses import dataclass
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
+from policies.base import Actions, GaitedPolicy, MadeFor, flat_joints, to_actions
 from policies.gait_cycle import TROT_OFFSETS, Floats, leg_phases
 from policies.legs.kinematics import joint_angles, shortest_leg
 from policies.parameters import Parameters, number
 from quad_env.robots.robot import Robot
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
@@ -67,15 +67,9 @@ class Document(GaitedPolicy):
 
     name = "document"
 
-    def __init__(
-        self,
-        parameters: PrintedGait | None = None,
-        *,
-        robot: str | Robot = SIMPLE_QUAD,
-        control_period: float = CONTROL_PERIOD,
-    ) -> None:
-        super().__init__(robot=robot, control_period=control_period)
-        self.parameters = parameters if parameters is not None else PrintedGait()
+    def __init__(self, parameters: PrintedGait | None = None, **made_for: Unpack[MadeFor]) -> None:
+        super().__init__(**made_for)
+        self.parameters = parameters or PrintedGait()
         self.frequency = self.parameters.frequency
         self.leg_offsets = self.robot.in_leg_order(TROT_OFFSETS)
 

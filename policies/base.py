@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from typing import ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +30,13 @@ class PolicyError(UserError, ValueError):
     def __init__(self, fault: str, remedy: str = "") -> None:
         super().__init__(f"{fault}; {remedy}" if remedy else fault)
         self.fault, self.remedy = fault, remedy
+
+
+class MadeFor(TypedDict, total=False):
+    """Arguments that all policies share; see `Policy`."""
+
+    robot: str | Robot
+    control_period: float
 
 
 class Policy(ABC):

@@ -1,9 +1,11 @@
 """The behaviours as a policy: the machine says what each robot does, a motion or a gait does it."""
 
+from typing import Unpack
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, to_actions
+from policies.base import Actions, Floats, MadeFor, Mask, Policy, to_actions
 from policies.behaviour.machine import BehaviourMachine
 from policies.behaviour.motion import Damp, Motion, hold, jump
 from policies.behaviour.recovery import Recovery
@@ -11,8 +13,6 @@ from policies.behaviour.transitions import State
 from policies.memory import per_robot
 from policies.trot.open_loop import Trot
 from quad_env import OBSERVATION
-from quad_env.robots.robot import Robot
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 WALKING_SPEED = 0.6
 """Fastest that a walking robot is asked for, m/s; a running one is asked for the command."""
@@ -39,16 +39,9 @@ class Behaviour(Policy):
     _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
     _was_moving: Mask = per_robot(False)
 
-    def __init__(
-        self,
-        start: State = State.STAND,
-        follow: bool = True,
-        *,
-        robot: str | Robot = SIMPLE_QUAD,
-        control_period: float = CONTROL_PERIOD,
-    ) -> None:
-        super().__init__(robot=robot, control_period=control_period)
-        robot = self.robot
+    def __init__(self, start: State = State.STAND, follow: bool = True, **made_for: Unpack[MadeFor]) -> None:
+        super().__init__(**made_for)
+        robot, control_period = self.robot, self.control_period
         self._gait = Trot(robot=robot, control_period=control_period)
         self._follow = follow
         self.machine = BehaviourMachine(start, robot, control_period)

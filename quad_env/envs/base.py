@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypedDict
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -14,10 +14,12 @@ from quad_env.actuation.models import actuator as find_actuator
 from quad_env.actuation.runtime import action_delay_of
 from quad_env.columns import Column, Rows, Vector
 from quad_env.config import TaskConfig
+from quad_env.physics.batch import MUJOCO
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot, servo_gains
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import Episode, at_reset
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
@@ -27,6 +29,19 @@ from quad_env.sensing.observation import SensedObservation, shown_by
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
 from quad_env.task.rewards import step_weights
+
+
+class Parts(TypedDict, total=False):
+    """Arguments that the single environment and the batch share; `SimpleQuadEnv` says what they are."""
+
+    config: TaskConfig | None
+    actuator: str | Actuator
+    sensors: str | SensorSuite | None
+    robot: str | Robot
+    estimator: str
+    height_scan: HeightScan | None
+    servo: Any
+    simulator: str
 
 
 class QuadEnvBase:
@@ -56,15 +71,16 @@ class QuadEnvBase:
         num_envs: int,
         nthread: int,
         scenario: str | Scenario,
-        config: TaskConfig | None,
-        actuator: str | Actuator,
-        sensors: str | SensorSuite | None,
-        estimator: str,
-        robot: str | Robot,
-        height_scan: HeightScan | None,
-        servo: Any,
-        simulator: str,
         readings: bool = False,
+        *,
+        config: TaskConfig | None = None,
+        actuator: str | Actuator = "ideal",
+        sensors: str | SensorSuite | None = None,
+        robot: str | Robot = SIMPLE_QUAD,
+        estimator: str = COMPLEMENTARY,
+        height_scan: HeightScan | None = None,
+        servo: Any = None,
+        simulator: str = MUJOCO,
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
         """Make the parts of n robots; the spaces of observations and of actions of one.
 

@@ -1,6 +1,6 @@
 """The single environment: one robot, its readings, rewards and falls worked out on floats."""
 
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium as gym
 import mujoco
@@ -9,21 +9,14 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from quad_env import columns
-from quad_env.actuation.models import Actuator
-from quad_env.config import TaskConfig
 from quad_env.envs.arguments import check_frame, held_commands, joint_targets, reset_options, warn_of_no_render_mode
-from quad_env.envs.base import QuadEnvBase
+from quad_env.envs.base import Parts, QuadEnvBase
 from quad_env.envs.vector_env import Observation
 from quad_env.physics.state import QuadState
-from quad_env.robots.robot import Robot
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import fresh_seeds, seeds_of
-from quad_env.sensing.estimators import COMPLEMENTARY
-from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.observation import SensedObservation
-from quad_env.sensing.suite import SensorSuite
 from quad_env.task.rewards import reward_terms
 from quad_env.task.terminations import fall_code
 
@@ -72,22 +65,12 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         width: int = 640,
         height: int = 480,
         camera: str = "track",
-        config: TaskConfig | None = None,
-        actuator: str | Actuator = "ideal",
-        sensors: str | SensorSuite | None = None,
-        robot: str | Robot = SIMPLE_QUAD,
-        estimator: str = COMPLEMENTARY,
-        height_scan: HeightScan | None = None,
-        servo: Any = None,
-        simulator: str = "mujoco",
+        **parts: Unpack[Parts],
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         check_frame(width, height)
-        spaces = self._assemble(
-            *(1, 1, scenario, config, actuator, sensors, estimator, robot, height_scan, servo, simulator)
-        )
-        self.observation_space, self.action_space = spaces
+        self.observation_space, self.action_space = self._assemble(1, 1, scenario, **parts)
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode

@@ -1,7 +1,7 @@
 """The native batch: n robots as one `gymnasium.vector.VectorEnv`."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.error import ResetNeeded
@@ -10,22 +10,15 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from quad_env import columns
-from quad_env.actuation.models import Actuator
 from quad_env.columns import Array, Ids, Mask
-from quad_env.config import TaskConfig
 from quad_env.envs import arguments
-from quad_env.envs.base import QuadEnvBase
+from quad_env.envs.base import Parts, QuadEnvBase
 from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
-from quad_env.robots.robot import Robot
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import PushPlan
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.schedule import Schedule
-from quad_env.sensing.estimators import COMPLEMENTARY
-from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.observation import SensedObservation
-from quad_env.sensing.suite import SensorSuite
 from quad_env.task.readings import readings as readings_of
 from quad_env.task.rewards import reward_terms
 from quad_env.task.terminations import fall_code
@@ -66,15 +59,8 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         max_episode_steps: int | None = 1000,
         terminate_on_fall: bool = True,
         render_mode: str | None = None,
-        config: TaskConfig | None = None,
         readings: bool = False,
-        actuator: str | Actuator = "ideal",
-        sensors: str | SensorSuite | None = None,
-        robot: str | Robot = SIMPLE_QUAD,
-        estimator: str = COMPLEMENTARY,
-        height_scan: HeightScan | None = None,
-        servo: Any = None,
-        simulator: str = "mujoco",
+        **parts: Unpack[Parts],
     ) -> None:
         if num_envs < 1 or nthread < 1:
             raise ValueError(f"num_envs and nthread must be at least 1, got {num_envs} and {nthread}")
@@ -86,10 +72,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = arguments.find_autoreset_mode(autoreset_mode)
-        spaces = self._assemble(
-            *(num_envs, nthread, scenario, config, actuator, sensors, estimator, robot, height_scan, servo, simulator),
-            readings=readings,
-        )
+        spaces = self._assemble(num_envs, nthread, scenario, readings, **parts)
         self.single_observation_space, self.single_action_space = spaces
         self.metadata = {
             "render_modes": list(RENDER_MODES),

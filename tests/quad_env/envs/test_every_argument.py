@@ -22,6 +22,7 @@ import pytest
 
 import quad_env
 from quad_env import OBSERVATION, OBSERVATION_SIZE, TaskConfig
+from quad_env.envs.base import Parts
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -479,7 +480,8 @@ AT_50_HZ = [
 def test_every_argument_has_an_effect_that_is_tested() -> None:
     for kind, own in ((SimpleQuadEnv, ALONE), (SimpleQuadVectorEnv, BATCHED)):
         of_test_drake = "simulator"
-        assert {*inspect.signature(kind).parameters, "max_episode_steps"} == {*ARGUMENTS, *own, of_test_drake}
+        given = {*inspect.signature(kind).parameters, *Parts.__annotations__, "max_episode_steps"} - {"parts"}
+        assert given == {*ARGUMENTS, *own, of_test_drake}
 
 
 @pytest.mark.parametrize("field", FIELDS)
