@@ -1,8 +1,9 @@
 """What the single environment and the batch have in common: their parts, how these start, and copies."""
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from functools import partial
-from typing import Any, ClassVar, Self, TypedDict
+from typing import Any, Self, TypedDict
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -23,6 +24,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import Episode, at_reset
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.schedule import Schedule
 from quad_env.sensing.estimators import COMPLEMENTARY, Estimator, check_estimator
 from quad_env.sensing.height_scan import HeightScan, scanner_of, table_with
 from quad_env.sensing.observation import SensedObservation, shown_by
@@ -51,8 +53,6 @@ class QuadEnvBase:
     simulation itself can be neither copied nor pickled.
     """
 
-    _KEPT: ClassVar[tuple[str, ...]] = ("spec",)
-    """Attributes that a copy takes over."""
     _view: Any = None  # so that what was made in part can be closed
     _arguments: tuple[tuple[Any, ...], dict[str, Any]]
 
@@ -63,8 +63,8 @@ class QuadEnvBase:
         return env
 
     def __reduce__(self) -> tuple[Any, ...]:
-        args, kwargs = self._arguments
-        return partial(type(self), *args, **kwargs), (), {name: getattr(self, name) for name in self._KEPT}
+        (args, kwargs), kept = self._arguments, ("spec", "_schedule")
+        return partial(type(self), *args, **kwargs), (), {name: deepcopy(getattr(self, name)) for name in kept}
 
     def _assemble(
         self,
@@ -118,6 +118,7 @@ class QuadEnvBase:
             servo=gains if differ else None,
             simulator=simulator,
         )
+        self._schedule = Schedule(robot, self.scenario, num_envs, self.dt)
         self._action_delay = action_delay_of(robot, self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, estimator, self.simulation, self.scenario, num_envs, rate)
         scan = _setting(height_scan)

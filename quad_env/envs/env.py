@@ -12,10 +12,9 @@ from quad_env import columns
 from quad_env.envs.arguments import check_frame, held_commands, joint_targets, reset_options, warn_of_no_render_mode
 from quad_env.envs.base import Parts, QuadEnvBase
 from quad_env.envs.vector_env import Observation
+from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
-from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
-from quad_env.seeding import fresh_seeds, seeds_of
 from quad_env.sensing.observation import SensedObservation
 from quad_env.task.rewards import reward_terms
 from quad_env.task.terminations import fall_code
@@ -54,7 +53,6 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     docs/environment.md says what has changed its figures since it was first registered.
     """
 
-    _KEPT = ("spec", "_seed", "_next_episode")
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012 -- typed so by Gymnasium
 
     def __init__(
@@ -74,14 +72,9 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
-        self._interval = self.scenario.commands.steps(self.dt)
-        (self._seed,), self._next_episode = fresh_seeds(1), 0
-        self._episode: Episode | None = None
-        self._clock, self._held = 0, False
-        self._command: columns.Vector[float] = (0.0, 0.0, 0.0)
-        self._followed: columns.Vector[float] = self._command
+        self._followed: columns.Vector[float] = (0.0, 0.0, 0.0)
         self._fall = 0
-        self._diverged = self._terminated = False
+        self._started = self._diverged = self._terminated = False
         self._frame = (width, height, camera)
 
     @property
@@ -103,14 +96,10 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         held = held_commands(asked, 1)
         if "reset_mask" in asked:
             raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
-        if seed is not None:
-            (self._seed,), self._next_episode = seeds_of(seed, 1), 0
-        self._episode = Episode(self.robot, self.scenario, self._seed, self._next_episode, self.dt)
-        self._next_episode += 1
-        self._clock, self._fall, self._diverged, self._terminated = 0, 0, False, False
-        self._held = held is not None
-        self._command = self._followed = columns.of_robot(self._episode.next_command()[None] if held is None else held)
-        self._start(_ROW, [self._episode])
+        self._schedule.reseed(seed, np.ones(1, bool))
+        self._start(_ROW, self._schedule.begin(_ROW, held))
+        self._fall, self._started, self._diverged, self._terminated = 0, True, False, False
+        self._followed = columns.of_robot(self._schedule.command)
         self.simulation.show_load(0)
         observation, info = self._still()
         if self.render_mode == "human":
@@ -124,19 +113,18 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             ValueError: a wrong shape or a non-finite target; the robot has not moved then.
         """
         targets = joint_targets(action, self._lower.shape, self._lower, self._upper)
-        if self._episode is None:
+        if not self._started:
             raise ResetNeeded("reset the environment before the first step")
         if self._terminated:
             observation, info = self._still()
             return observation, 0.0, True, False, info
-        action_delay = self._action_delay
-        received = None if action_delay is None else action_delay.received(targets[None], np.array([self._clock]), _ROW)
-        self.simulation.step(targets[None], self._episode.pushes.force_at([self._clock]), received=received)
-        self._clock += 1
+        schedule, action_delay = self._schedule, self._action_delay
+        received = None if action_delay is None else action_delay.received(targets[None], schedule.clock, _ROW)
+        self.simulation.step(targets[None], schedule.force(), received=received)
+        schedule.clock += 1
         state = self._judge()
         terms = reward_terms(state, self._terminated, self._diverged, self._weights)
-        if not self._held and self._clock % self._interval == 0:
-            self._command = columns.of_robot(self._episode.next_command()[None])
+        schedule.redraw(ALL)
         observation = self._observe(state)
         if self.render_mode == "human":
             self.render()
@@ -149,7 +137,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self._diverged = self.simulation.one_diverged()
         if self._diverged:
             self.simulation.park(_ROW)
-        self._followed = self._command
+        self._followed = columns.of_robot(self._schedule.command)
         state = self.simulation.state_of_one(self._followed)
         self._fall = 0 if self._diverged else fall_code(state, self.config.fall_rule, self._lowest)
         self._terminated = self._diverged or (self._fall > 0 and self.terminate_on_fall)
@@ -162,7 +150,8 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return self._observe(state), self._info(state, terms, 0.0, 0.0)
 
     def _observe(self, state: QuadState[float]) -> Observation:
-        return self._observation_of(state, self._command, np.array([self._clock]), _ROW)
+        command = columns.of_robot(self._schedule.command)
+        return self._observation_of(state, command, self._schedule.clock, _ROW)
 
     def _info(self, state: QuadState[float], terms: dict[str, float], power: float, overspeed: float) -> dict[str, Any]:
         info: dict[str, Any] = {

@@ -17,7 +17,6 @@ from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.episode import PushPlan
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.schedule import Schedule
 from quad_env.sensing.observation import SensedObservation
 from quad_env.task.readings import readings as readings_of
 from quad_env.task.rewards import reward_terms
@@ -47,8 +46,6 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         readings: True adds to the infos what happened in the step beyond what policies observe: see
             `quad_env.task.readings`.
     """
-
-    _KEPT = ("spec", "_schedule")
 
     def __init__(
         self,
@@ -84,7 +81,6 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self.max_episode_steps = max_episode_steps
         self.terminate_on_fall = terminate_on_fall
         self._readings = readings
-        self._schedule = Schedule(self.robot, self.scenario, num_envs, self.dt)
         self._rows = np.arange(num_envs)
         self._started = np.zeros(num_envs, bool)
         self._terminated, self._truncated = np.zeros(num_envs, bool), np.zeros(num_envs, bool)

@@ -55,9 +55,9 @@ class Schedule:
 
     def redraw(self, ids: Ids) -> None:
         """New commands for those robots that have followed one for its time."""
-        due = ~self._held[ids] & (self.clock[ids] % self._interval == 0)
-        if due.any():
-            for i in np.arange(len(self.clock))[ids][due]:
+        due = self.clock[ids] % self._interval == 0
+        if np.count_nonzero(due):
+            for i in np.arange(len(self.clock))[ids][due & ~self._held[ids]]:
                 self.command[i] = self._episodes[i].next_command()
 
     def steer(self, commands: Array) -> None:
