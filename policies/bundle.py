@@ -60,9 +60,9 @@ def load(path: str | Path, robot: str | Robot | None = None) -> ResidualPolicy:
     folder = folder_of(Path(path))
     description = parsed(folder, _read(folder / DESCRIPTION, TEXT))
     weights = _read(folder / WEIGHTS, LARGEST)
-    if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
+    if hashlib.sha256(weights).hexdigest() != description.weights_sha256:
         fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
-    network = network_of(folder, description["network"], _parse_weights(folder, weights))
+    network = network_of(folder, description.network, _parse_weights(folder, weights))
     return assembled(folder, description, network, None if robot is None else robot_of(robot))
 
 

@@ -5,10 +5,11 @@ look as if it worked.
 """
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import asdict
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +17,10 @@ from numpy.typing import NDArray
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.history import Inputs
 from policies.network import ACTIVATION, Network
-from policies.parameters import is_number
 from policies.residual import ResidualPolicy
 from policies.residual_bases import describe, described
 from quad_env import ENV_ID
+from quad_env.config import Bounds, Settings
 from quad_env.files.reading import parse_json
 from quad_env.robots.named import ROBOTS
 from quad_env.robots.robot import Robot
@@ -28,29 +29,6 @@ from quad_env.task.observations import observation_table
 
 SCHEMA_VERSION = 1
 DESCRIPTION, WEIGHTS = "policy.json", "policy.safetensors"
-_FIELDS = {
-    "schema_version",
-    "name",
-    "env_id",
-    "observation",
-    "observation_scale",
-    "network",
-    "base",
-    "authority",
-    "training",
-    "git_revision",
-    "weights_sha256",
-}
-_LATER_FIELDS: dict[str, Any] = {
-    "robot": SIMPLE_QUAD.name,
-    "joints": list(SIMPLE_QUAD.joint_names),
-    "model_sha256": None,
-    "control_period": CONTROL_PERIOD,
-    "inputs": {},
-    "hold": 1,
-    "servo": None,
-}
-"""Fields that older bundles lack, and what these were made for."""
 _REMOVED_FIELDS = {
     "command_authority": [0.0] * 3,
     "foothold_authority": [0.0] * 2,
@@ -62,29 +40,33 @@ _REMOVED_FIELDS = {
 _LARGEST_WEIGHT = 1e6
 
 
-def _numbers(values: Any, most: int, low: float = -math.inf, high: float = math.inf) -> bool:
-    """Whether a JSON value is a list of at most so many numbers between two."""
-    return isinstance(values, list) and len(values) <= most and all(is_number(v) and low <= v <= high for v in values)
+@dataclass(frozen=True)
+class Fields(Settings):
+    """Fields of a description, as JSON values; older bundles lack those with a default, and were made for that."""
 
+    schema_version: Literal[1]
+    name: str
+    env_id: str
+    observation: Any
+    observation_scale: Any
+    network: Any
+    base: Any
+    authority: list[Annotated[float, Bounds("from 0 to π", 0.0, math.pi)]]
+    training: dict[str, Any]
+    git_revision: str
+    weights_sha256: str
+    robot: str = SIMPLE_QUAD.name
+    joints: Any = field(default_factory=lambda: list(SIMPLE_QUAD.joint_names))
+    model_sha256: str | None = None
+    control_period: Annotated[float, Bounds("above 0 s, at most 1 s", sys.float_info.min, 1.0)] = CONTROL_PERIOD
+    inputs: Inputs = field(default_factory=Inputs)
+    hold: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 1
+    servo: Any = None
 
-_RULES: dict[str, tuple[Callable[[Any], bool], str]] = {
-    "name": (lambda value: isinstance(value, str) and value != "" and value.isprintable(), "printable characters"),
-    "training": (lambda value: isinstance(value, dict), "an object"),
-    "git_revision": (lambda value: isinstance(value, str), "a text"),
-    "control_period": (lambda value: is_number(value) and 0.0 < value <= 1.0, "a time above 0 s, at most 1 s"),
-    "authority": (lambda value: _numbers(value, 12, 0.0, math.pi) and len(value) == 12, "12 numbers from 0 to π"),
-    "hold": (lambda value: type(value) is int and 1 <= value <= 1000, "a whole number from 1 to 1000"),
-    "inputs": (
-        lambda value: (
-            isinstance(value, dict)
-            and value.keys() <= {"lags", "averages", "clock"}
-            and all(_numbers(value.get(name, []), 32) for name in ("lags", "averages"))
-            and is_number(value.get("clock", 0.0))
-        ),
-        "lags and averages, lists of at most 32 numbers, and a clock, a number",
-    ),
-}
-"""What fields must be that mean the same for every robot."""
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.authority) != 12 or not (self.name and self.name.isprintable()):
+            raise ValueError("authority must be 12 numbers, and the name printable characters")
 
 
 def description_of(
@@ -110,70 +92,62 @@ def description_of(
     }
 
 
-def parsed(place: Path, content: bytes) -> dict[str, Any]:
+def parsed(place: Path, content: bytes) -> Fields:
     """The description with exactly the fields of its schema, checked as far as every robot's can be; PolicyError."""
     try:
-        description = parse_json(content)
+        found = parse_json(content)
     except ValueError as error:
         fail(place, f"{DESCRIPTION} is not JSON ({error})")
-    if not isinstance(description, dict):
-        fail(place, f"{DESCRIPTION} must hold an object")
-    version = description.get("schema_version")
-    if type(version) is not int or version != SCHEMA_VERSION:
-        fail(place, f"schema_version must be {SCHEMA_VERSION}, not {version!r:.80}")
-    if missing := sorted(_FIELDS - set(description)):
-        fail(place, f"{DESCRIPTION} lacks {', '.join(missing)}")
-    for field, only in _REMOVED_FIELDS.items():
-        if (value := description.pop(field, only)) != only:
-            fail(place, f"its {field} is {value!r:.80}, which this version cannot do; an older one can")
-    if unknown := sorted(set(description) - _FIELDS - set(_LATER_FIELDS)):
-        fail(place, f"{DESCRIPTION} has unknown fields {', '.join(unknown)}")
-    found = _LATER_FIELDS | description
-    for field, (holds, what) in _RULES.items():
-        if not holds(found[field]):
-            fail(place, f"{field} must be {what}")
-    return found
+    if not isinstance(found, dict) or not isinstance(inputs := found.get("inputs", {}), dict):
+        fail(place, f"{DESCRIPTION} must hold an object, and so must its inputs")
+    for name, only in _REMOVED_FIELDS.items():
+        if (value := found.pop(name, only)) != only:
+            fail(place, f"its {name} is {value!r:.80}, which this version cannot do; an older one can")
+    inputs = {name: tuple(value) if isinstance(value, list) else value for name, value in inputs.items()}
+    try:
+        return Fields(**found | {"inputs": Inputs(**inputs)})
+    except (TypeError, ValueError) as error:
+        fail(place, f"{DESCRIPTION} is none of this version: {error}")
 
 
-def assembled(place: Path, description: dict[str, Any], network: Network, robot: Robot | None = None) -> ResidualPolicy:
+def assembled(place: Path, description: Fields, network: Network, robot: Robot | None = None) -> ResidualPolicy:
     """The policy of a description with its network; `robot` as in `load`. Raises PolicyError."""
     robot = _made_for(place, description, robot)
-    for field, here in _of_environment(robot).items():
-        if (there := description[field]) != here:
-            fail(place, f"{field} differs from that of this {ENV_ID} with {robot.name}: {there!r:.80}")
-    if description["model_sha256"] not in (None, robot.sha256):
+    for name, here in _of_environment(robot).items():
+        if (there := getattr(description, name)) != here:
+            fail(place, f"{name} differs from that of this {ENV_ID} with {robot.name}: {there!r:.80}")
+    if description.model_sha256 not in (None, robot.sha256):
         fail(place, f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)")
-    given, authority = description["inputs"], np.array(description["authority"], dtype=np.float32)
+    authority = np.array(description.authority, dtype=np.float32)
     try:
-        base = described(description["base"], robot, float(description["control_period"]))
-        inputs = Inputs(tuple(given.get("lags", ())), tuple(given.get("averages", ())), given.get("clock", 0.0))
-        return ResidualPolicy(base, network, authority, description["name"], inputs, description["hold"])
+        base = described(description.base, robot, float(description.control_period))
+        return ResidualPolicy(base, network, authority, description.name, description.inputs, description.hold)
     except ValueError as error:
         fail(place, str(error))
 
 
-def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) -> Robot:
+def _made_for(folder: Path, description: Fields, robot: Robot | None) -> Robot:
     """The robot, if it is the one that is given."""
-    name = description["robot"]
+    name = description.robot
     robot = robot and _commanded(folder, description, robot)
     if robot is None or (name != robot.name and not _is_of(description, robot)):
         robot = _commanded(folder, description, _named(folder, name))
     return robot
 
 
-def _commanded(folder: Path, description: dict[str, Any], robot: Robot) -> Robot:
+def _commanded(folder: Path, description: Fields, robot: Robot) -> Robot:
     """The robot with the servo gains that the policy was trained with; bundles of before 0.3 have stiff ones."""
     try:
-        stiffness, damping = robot.stiff_servo if description["servo"] is None else description["servo"]
+        stiffness, damping = robot.stiff_servo if description.servo is None else description.servo
         return robot.with_servo(stiffness, damping)
     except (TypeError, ValueError):
         fail(folder, f"servo must be stiffness and damping of {robot.num_joints} joints, above 0")
 
 
-def _is_of(description: dict[str, Any], robot: Robot) -> bool:
+def _is_of(description: Fields, robot: Robot) -> bool:
     """Whether it was trained on that robot's model, whose file may have another name now."""
-    trained_on = description["model_sha256"]
-    if trained_on is None and description["robot"] == SIMPLE_QUAD.name:
+    trained_on = description.model_sha256
+    if trained_on is None and description.robot == SIMPLE_QUAD.name:
         trained_on = SIMPLE_QUAD.sha256
     return bool(trained_on == robot.sha256)
 

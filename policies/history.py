@@ -1,36 +1,30 @@
 """What a network remembers of the observations before: frames of a while ago, and averages over longer times."""
 
 import math
+import sys
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from policies.memory import Memory, per_robot
+from quad_env.config import Bounds, Settings
 
 Frames = NDArray[np.float32]
-LONGEST = 10.0
-"""s that can be remembered."""
-FASTEST = 50.0
-"""Hz of a clock."""
+Age = Annotated[float, Bounds("above 0 s, at most 10 s", sys.float_info.min, 10.0)]
 
 
 @dataclass(frozen=True)
-class Inputs:
+class Inputs(Settings):
     """What a network sees besides the present observation and its base; nothing by default."""
 
-    lags: tuple[float, ...] = ()
+    lags: tuple[Age, ...] = ()
     """Ages of single earlier observations, s; whole control steps are taken."""
-    averages: tuple[float, ...] = ()
+    averages: tuple[Age, ...] = ()
     """Time constants of exponential averages of the observation, s."""
-    clock: float = 0.0
+    clock: Annotated[float, Bounds("from 0 Hz to 50 Hz", 0.0, 50.0)] = 0.0
     """Frequency of a clock, Hz, of which sine and cosine are seen; 0 for none."""
-
-    def __post_init__(self) -> None:
-        if not all(0.0 < each <= LONGEST for each in (*self.lags, *self.averages)):
-            raise ValueError(f"lags and averages must be times above 0 s, at most {LONGEST:g} s")
-        if not 0.0 <= self.clock <= FASTEST:
-            raise ValueError(f"the clock's frequency must lie between 0 Hz and {FASTEST:g} Hz, not {self.clock}")
 
     @property
     def frames(self) -> int:

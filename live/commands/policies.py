@@ -52,8 +52,8 @@ def _trained(folder: Path) -> Iterator[str]:
     """What a bundle corrects and how it was trained; what is wrong with it, if anything is."""
     try:
         description = parsed(folder, read_bytes(folder / bundle.DESCRIPTION))
-        base, training = description["base"]["name"], description["training"]
-        authority, scenarios = max(description["authority"]), counted(len(training["mixture"]), "scenario")
+        base, training = description.base["name"], description.training
+        authority, scenarios = max(description.authority), counted(len(training["mixture"]), "scenario")
         yield (
             f"base {base}, at most {authority:.2g} rad a joint; {training['steps']:,} steps of training, "
             f"seed {training['seed']}, on {scenarios}"

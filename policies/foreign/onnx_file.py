@@ -89,7 +89,7 @@ def _residual(file: Path, description: str, act: Act, robot: Robot) -> ResidualP
     onnx = package("onnx")
     tensors = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer}
     found = parsed(file, description.encode())
-    network = network_of(file, found["network"], tensors)
+    network = network_of(file, found.network, tensors)
     try:
         off = _difference(act, network, PROBES)
     except Exception as error:
