@@ -1,17 +1,17 @@
 """A policy from another project by its description: its network between its observation and its joint targets."""
 
+from typing import Unpack
+
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, Floats, Policy, PolicyError, to_actions
+from policies.base import Actions, Floats, MadeFor, Policy, PolicyError, to_actions
 from policies.foreign import networks
 from policies.foreign.description import PolicyDescription
 from policies.foreign.joints import joints_of
 from policies.foreign.terms import Terms
 from policies.memory import per_robot
-from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 TOLERANCE = 1e-6
 """Share of a control period by which a policy's may miss a whole number of the environment's."""
@@ -32,20 +32,14 @@ class DescribedPolicy(Policy):
     _ticks: NDArray[np.int64] = per_robot(0)
     _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
 
-    def __init__(
-        self,
-        description: PolicyDescription,
-        *,
-        robot: str | Robot = SIMPLE_QUAD,
-        control_period: float = CONTROL_PERIOD,
-    ) -> None:
-        super().__init__(robot=with_gains(robot_of(robot), description), control_period=control_period)
-        self.name = description.network.name
-        self._description, self._steps = description, steps_held(description, control_period)
+    def __init__(self, description: PolicyDescription, **made_for: Unpack[MadeFor]) -> None:
+        super().__init__(**made_for)
+        self.name, self.robot = description.network.name, with_gains(self.robot, description)
+        self._description, self._steps = description, steps_held(description, self.control_period)
         self._joints = joints_of(description.joints, self.robot)
         offset = description.action_offset or description.default_position
         self._offset, self._scale = np.array(offset), np.array(description.action_scale)
-        self._terms = Terms(description, self.robot, control_period)
+        self._terms = Terms(description, self.robot, self.control_period)
         self.height_scan = self._terms.height_scan
         self._networks = networks.load(description)
         self._allocate(1)

@@ -5,21 +5,18 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, Mask, Policy, PolicyError, within_limits
+from policies.base import Actions, MadeFor, Mask, Policy, PolicyError, within_limits
 from policies.foreign.described import with_gains
 from policies.foreign.description import PolicyDescription
 from policies.foreign.reference import checked
 from policies.foreign.served import PATIENCE_AT_FIRST, SIGNALS, Answer, Served, serve
 from policies.foreign.terms import scan_of
 from policies.foreign.watched import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
-from quad_env.robots.named import robot_of
-from quad_env.robots.robot import Robot
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 DEADLINE = 5.0
 """Longest time that one call may take, s; six times as long for the first."""
@@ -44,22 +41,15 @@ class Foreign(Policy):
     description: PolicyDescription | None = None
     """How its network is run; None of a policy that acts on our observation by itself."""
 
-    def __init__(
-        self,
-        reference: str | Path,
-        *,
-        robot: str | Robot = SIMPLE_QUAD,
-        control_period: float = CONTROL_PERIOD,
-        trust: bool = False,
-    ) -> None:
-        robot, found = robot_of(robot), checked(reference, trust)
+    def __init__(self, reference: str | Path, *, trust: bool = False, **made_for: Unpack[MadeFor]) -> None:
+        super().__init__(**made_for)
+        found = checked(reference, trust)
         if found.description is not None:
-            robot, self.description = with_gains(robot, found.description), found.description
+            self.robot, self.description = with_gains(self.robot, found.description), found.description
             self.height_scan = scan_of(found.description)
-        super().__init__(robot=robot, control_period=control_period)
         self.name = str(reference)
         self.sha256 = hashlib.sha256(found.content).hexdigest()
-        served = partial(serve, found, robot=robot, control_period=control_period, deadline=DEADLINE)
+        served = partial(serve, found, self.robot, self.control_period, DEADLINE)
         self._process, self._stepped = Watched(partial(_on_stderr, served)), False
         self._try_out()
         self._allocate(1)

@@ -1,36 +1,35 @@
 """Limits that every target passes: joint range, rate of change, joint speed and predicted servo torque."""
 
+import sys
 from dataclasses import dataclass
 from math import inf
+from typing import Annotated
 
 import numpy as np
 
 from policies.base import Floats
 from quad_env.actuation.models import Actuator, actuator
+from quad_env.config import Amount, Bounds, Positive, Settings
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 
+Limit = Annotated[float | Floats, Bounds("more than 0", sys.float_info.min, inf)]
+
 
 @dataclass(frozen=True)
-class SafetyLimits:
+class SafetyLimits(Settings):
     """Limits of all joints or, (12,), of each; `of` gives a robot's."""
 
-    torque: float | Floats
+    torque: Limit
     """Servo torque predicted for the moment that a command takes effect, N·m, of a joint at rest."""
-    target_rate: float = 60.0
+    target_rate: Positive = 60.0
     """Change of a target, rad/s; the trot's swing reaches 35."""
-    joint_speed: float = 30.0
+    joint_speed: Positive = 30.0
     """A joint that turns faster, rad/s, is braked: its target may not lie further along."""
-    no_load_speed: float | Floats = inf
+    no_load_speed: Limit = inf
     """Joint speed, rad/s, towards which the torque that drives a joint on falls to zero, linearly."""
-    delay: float = 0.0
+    delay: Amount = 0.0
     """From a command to its effect, s: the joint turns on for so long."""
-
-    def __post_init__(self) -> None:
-        if not min(np.min(self.torque), self.target_rate, self.joint_speed, np.min(self.no_load_speed)) > 0.0:
-            raise ValueError("torque, target_rate, joint_speed and no_load_speed must be positive")
-        if not 0.0 <= self.delay < inf:
-            raise ValueError(f"delay must be a time of at least 0 s, not {self.delay}")
 
     @classmethod
     def of(cls, robot: str | Robot, which: str | Actuator = "ideal") -> "SafetyLimits":

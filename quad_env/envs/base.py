@@ -13,7 +13,7 @@ from quad_env.actuation.hardware import hardware_profile
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.models import actuator as find_actuator
 from quad_env.actuation.runtime import action_delay_of
-from quad_env.columns import Column, Rows, Vector
+from quad_env.columns import Column, Rows, Truth, Vector, share_above
 from quad_env.config import TaskConfig
 from quad_env.physics.batch import MUJOCO
 from quad_env.physics.simulation import Simulation
@@ -30,7 +30,7 @@ from quad_env.sensing.height_scan import HeightScan, scanner_of, table_with
 from quad_env.sensing.observation import SensedObservation, shown_by
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
-from quad_env.task.rewards import step_weights
+from quad_env.task.rewards import reward_terms, step_weights
 
 
 class Parts(TypedDict, total=False):
@@ -158,7 +158,16 @@ class QuadEnvBase:
         scan = self._scanner.scan(state, clock, rows)
         return np.concatenate((observation, scan if observation.ndim == 2 else scan[0]), axis=-1)
 
-    def _close_view(self) -> None:
+    def _paid(self, state: QuadState[Column], ended: Truth, diverged: Truth) -> dict[str, Column]:
+        """What a step earned and cost: mechanical power, W, the share of joints above their rated speed, rewards."""
+        return {
+            "mechanical_power": state.mechanical_power,
+            "overspeed": share_above(state.joint_velocity, self.robot.rated_speed),
+            **reward_terms(state, ended, diverged, self._weights),
+        }
+
+    def close_extras(self, **_: Any) -> None:
+        """Close the window or the renderer; the simulation itself needs no closing."""
         if self._view is not None:
             self._view.close()
             self._view = None

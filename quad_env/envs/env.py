@@ -16,7 +16,6 @@ from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.scenario import Scenario
 from quad_env.sensing.observation import SensedObservation
-from quad_env.task.rewards import reward_terms
 from quad_env.task.terminations import fall_code
 
 RENDER_MODES = ("rgb_array", "human")
@@ -123,14 +122,13 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self.simulation.step(targets[None], schedule.force(), received=received)
         schedule.clock += 1
         state = self._judge()
-        terms = reward_terms(state, self._terminated, self._diverged, self._weights)
+        paid = self._paid(state, self._terminated, self._diverged)
         schedule.redraw(ALL)
         observation = self._observe(state)
         if self.render_mode == "human":
             self.render()
-        overspeed = columns.share_above(state.joint_velocity, self.robot.rated_speed)
-        info = self._info(state, terms, state.mechanical_power, overspeed)
-        return observation, columns.total(terms.values()), self._terminated, False, info
+        reward = columns.total(paid[key] for key in self._weights)
+        return observation, reward, self._terminated, False, self._info(state, paid)
 
     def _judge(self) -> QuadState[float]:
         """Readings of the robot that just moved; whether it fell, and whether that ends the episode."""
@@ -146,23 +144,21 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     def _still(self) -> tuple[Observation, dict[str, Any]]:
         """Observation and info of a robot that has not moved."""
         state = self.simulation.state_of_one(self._followed)
-        terms = dict.fromkeys(self._weights, 0.0)
-        return self._observe(state), self._info(state, terms, 0.0, 0.0)
+        paid = dict.fromkeys(("mechanical_power", "overspeed", *self._weights), 0.0)
+        return self._observe(state), self._info(state, paid)
 
     def _observe(self, state: QuadState[float]) -> Observation:
         command = columns.of_robot(self._schedule.command)
         return self._observation_of(state, command, self._schedule.clock, _ROW)
 
-    def _info(self, state: QuadState[float], terms: dict[str, float], power: float, overspeed: float) -> dict[str, Any]:
+    def _info(self, state: QuadState[float], paid: dict[str, float]) -> dict[str, Any]:
         info: dict[str, Any] = {
             "command": np.array(state.command),
             "heading_velocity": np.array(state.heading_velocity),
             "fall": np.int8(self._fall),
             "diverged": np.array(self._diverged),  # Gymnasium's batches would make an object of a `np.bool_`
-            "mechanical_power": np.float64(power),
-            "overspeed": np.float64(overspeed),
+            **{key: np.float64(value) for key, value in paid.items()},
         }
-        info.update(zip(terms, map(np.float64, terms.values()), strict=True))
         if isinstance(self._sensors, SensedObservation):
             info |= {key: values[0] for key, values in self._sensors.readings().items()}
         return info
@@ -180,5 +176,5 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return self._view.draw(self.data)  # type: ignore[no-any-return]
 
     def close(self) -> None:
-        """Close the window or the renderer; the simulation itself needs no closing."""
-        self._close_view()
+        """Close the window or the renderer."""
+        self.close_extras()

@@ -19,7 +19,6 @@ from quad_env.scenarios.episode import PushPlan
 from quad_env.scenarios.scenario import Scenario
 from quad_env.sensing.observation import SensedObservation
 from quad_env.task.readings import readings as readings_of
-from quad_env.task.rewards import reward_terms
 from quad_env.task.terminations import fall_code
 
 Observation = NDArray[np.float32]
@@ -174,10 +173,6 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
             self._view = Camera(self.simulation.model)
         return tuple(self._view.draw(self.simulation.snapshot(i)) for i in range(self.num_envs))
 
-    def close_extras(self, **_: Any) -> None:
-        """Close the renderer."""
-        self._close_view()
-
     @property
     def pushes(self) -> PushPlan:
         """The pushes of every env's present episode."""
@@ -221,11 +216,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
             self._truncated[ids] = self._schedule.clock[ids] >= self.max_episode_steps
         self._schedule.redraw(ids)
         self._look(state, ids)
-        paid = {
-            "mechanical_power": state.mechanical_power,
-            "overspeed": columns.share_above(state.joint_velocity, self.robot.rated_speed),
-            **reward_terms(state, ended, diverged, self._weights),
-        }
+        paid = self._paid(state, ended, diverged)
         return paid if ids is ALL else {key: self._spread(values, ids) for key, values in paid.items()}
 
     def _spread(self, values: Array, ids: Ids) -> Array:

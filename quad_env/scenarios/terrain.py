@@ -140,19 +140,14 @@ class SmoothRandom(Settings):
 
     @property
     def heights(self) -> Heights:
-        """The heights of the whole field."""
-        return Heights(self.unit_heights, 0.0, self.peak_to_valley)
-
-    @property
-    def unit_heights(self) -> Array:
-        """Grid of heights between 0 and 1, rows along y and columns along x, shape (points, points); one for surfaces
-        that differ in their amplitude alone."""
-        return _unit_surface(self.points, self.correlation_length / 2 / self.cell, self.seed)
+        """The heights of the whole field; one grid, (points, points), for surfaces that differ in amplitude alone."""
+        unit = _unit_surface(self.points, self.correlation_length / 2 / self.cell, self.seed)
+        return Heights(unit, 0.0, self.peak_to_valley)
 
     def height(self, x: Column, y: Column) -> Column:
         """Surface height at world points, m: linear on the two triangles of each cell, as MuJoCo collides with it."""
         column, row = (x + self.half_size) / self.cell, (y + self.half_size) / self.cell
-        surface = _between(self.unit_heights, self.peak_to_valley, column, row)
+        surface = _between(self.heights.unit, self.peak_to_valley, column, row)
         inside = (abs(x) <= self.half_size) & (abs(y) <= self.half_size)
         return cast("Column", where(inside, surface, 0.0))
 

@@ -172,7 +172,7 @@ def test_wrong_masks_and_settings_are_refused():
     policy.reset(2)
     with pytest.raises(ValueError, match="mask"):
         policy.emergency_stop(np.array([True]))
-    with pytest.raises(ValueError, match="positive"):
+    with pytest.raises(ValueError, match="more than 0"):
         SafetyLimits(torque=0.0)
     with pytest.raises(policies.PolicyError, match="gallop"):
         policies.make("safe:gallop")
