@@ -127,16 +127,13 @@ def assembled(place: Path, description: Fields, network: Network, robot: Robot |
 
 
 def _made_for(folder: Path, description: Fields, robot: Robot | None) -> Robot:
-    """The robot, if it is the one that is given."""
-    name = description.robot
-    robot = robot and _commanded(folder, description, robot)
-    if robot is None or (name != robot.name and not _is_of(description, robot)):
-        robot = _commanded(folder, description, _named(folder, name))
-    return robot
-
-
-def _commanded(folder: Path, description: Fields, robot: Robot) -> Robot:
-    """The robot with the servo gains that the policy was trained with; bundles of before 0.3 have stiff ones."""
+    """The robot that is given if the policy was trained on its model, whatever its file is called now, else the one of
+    that name; with the servo gains that the policy was trained with: bundles of before 0.3 have stiff ones."""
+    name, trained_on = description.robot, description.model_sha256
+    if trained_on is None and name == SIMPLE_QUAD.name:
+        trained_on = SIMPLE_QUAD.sha256
+    if robot is None or (name != robot.name and trained_on != robot.sha256):
+        robot = _named(folder, name)
     try:
         stiffness, damping = robot.stiff_servo if description.servo is None else description.servo
         return robot.with_servo(stiffness, damping)
@@ -144,16 +141,8 @@ def _commanded(folder: Path, description: Fields, robot: Robot) -> Robot:
         fail(folder, f"servo must be stiffness and damping of {robot.num_joints} joints, above 0")
 
 
-def _is_of(description: Fields, robot: Robot) -> bool:
-    """Whether it was trained on that robot's model, whose file may have another name now."""
-    trained_on = description.model_sha256
-    if trained_on is None and description.robot == SIMPLE_QUAD.name:
-        trained_on = SIMPLE_QUAD.sha256
-    return bool(trained_on == robot.sha256)
-
-
-def _named(folder: Path, name: Any) -> Robot:
-    if not isinstance(name, str) or name not in ROBOTS:
+def _named(folder: Path, name: str) -> Robot:
+    if name not in ROBOTS:
         fail(folder, f"it is for a robot {name!r}, which is none of {', '.join(ROBOTS)}: say which with --robot")
     try:
         return ROBOTS[name]

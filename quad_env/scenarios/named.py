@@ -4,7 +4,7 @@
 A scenario is never tuned to a policy. Write one with `dataclasses.replace` or the constructor and pass it to `make`.
 """
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -33,8 +33,8 @@ LARGEST = 1e6
 STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
 """Level ground, and 0.5 m/s straight ahead for every robot, where effort is compared. Of no axis."""
 _LABELS = ("name", "axis", "severity", "severity_unit")
-_IN_PARTS = {"commands": CommandRanges, "ground": Ground, "motors": Motors}
-"""Fields of a scenario of which axes may set different parts."""
+_IN_PARTS = Scenario, CommandRanges, Ground, Motors
+"""Of which axes may set different parts."""
 
 
 @lru_cache(maxsize=32)
@@ -151,31 +151,23 @@ def _parts(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
 
 def _together(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
     """What each of them sets, in one scenario."""
-    usual = _settings(scaled(Scenario("undisturbed"), robot))
-    found, setters = dict(usual), dict[str, Scenario]()
-    for part in parts:
-        axis, own = axes_of(robot)[part.axis], _settings(part)
-        # At any level of the axis: the severity may be that of no disturbance.
-        of_axis = [own, *(_settings(axis.at(level)) for level in axis.levels)]
-        for setting in [each for each in usual if any(values[each] != usual[each] for values in of_axis)]:
-            other = setters.setdefault(setting, part)
-            if _settings(other)[setting] != own[setting]:
-                what = setting.replace(".", " ").replace("_", " ")
-                raise ValueError(f"{name}: {other.axis} and {part.axis} set the {what} differently; leave one out")
-            found[setting] = own[setting]
-    whole = {field: found[field] for field in found if "." not in field}
-    made = {field: kind(**_under(field, found)) for field, kind in _IN_PARTS.items()}
-    return Scenario(name, **whole, **made)
+    axes = axes_of(robot)
+    # At any level of the axis: the severity may be that of no disturbance.
+    given = [(part.axis, [part, *map(axes[part.axis].at, axes[part.axis].levels)]) for part in parts]
+    whole: Scenario = _merged(scaled(Scenario(name), robot), given, name)
+    return whole
 
 
-def _settings(scenario: Scenario) -> dict[str, Any]:
-    """Its settings by name; of `_IN_PARTS` each part, such as `ground.friction`."""
-    found = {field.name: getattr(scenario, field.name) for field in fields(Scenario) if field.name not in _LABELS}
-    for name in _IN_PARTS:
-        found |= {f"{name}.{part}": value for part, value in vars(found.pop(name)).items()}
-    return found
-
-
-def _under(field: str, settings: dict[str, Any]) -> dict[str, Any]:
-    """The parts of that field."""
-    return {name.partition(".")[2]: value for name, value in settings.items() if name.startswith(f"{field}.")}
+def _merged(usual: Any, given: list[tuple[str, list[Any]]], name: str, what: str = "") -> Any:
+    """What axes set of a usual setting, by axis its own value and those at its levels; of what has parts, each part."""
+    if isinstance(usual, _IN_PARTS):
+        merged = {}
+        for part in (field.name for field in fields(usual) if field.name not in _LABELS):
+            values = [(axis, [getattr(value, part) for value in its]) for axis, its in given]
+            merged[part] = _merged(getattr(usual, part), values, name, f"{what} {part.replace('_', ' ')}")
+        return replace(usual, **merged)
+    setters = [(axis, its[0]) for axis, its in given if any(value != usual for value in its)]
+    for axis, own in setters:
+        if own != setters[0][1]:
+            raise ValueError(f"{name}: {setters[0][0]} and {axis} set the{what} differently; leave one out")
+    return setters[0][1] if setters else usual
