@@ -37,7 +37,7 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
     """
     folder = Path(path)
     folder.mkdir(parents=True, exist_ok=True)
-    weights = format_safetensors(_tensors(policy.network))
+    weights = format_safetensors(tensors(policy.network))
     sha256 = hashlib.sha256(weights).hexdigest()
     text = json.dumps(description_of(policy, training, git_revision, sha256), indent=2, allow_nan=False) + "\n"
     write_atomically(folder / WEIGHTS, weights)
@@ -94,6 +94,7 @@ def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
         fail(folder, f"{WEIGHTS} is not a safetensors file of plain numbers")
 
 
-def _tensors(network: Network) -> dict[str, NDArray[Any]]:
+def tensors(network: Network) -> dict[str, NDArray[Any]]:
+    """Weights and biases of the layers by name, such as `0.weight`."""
     weights = {f"{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
     return weights | {f"{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}

@@ -133,13 +133,11 @@ def export(folder: Path, file: Path, checked: int, robot: Robot | None = None) -
 
 def _graph(onnx: Any, network: Network) -> Any:
     """The network, a Gemm a layer and an activation between them."""
-    nodes, tensors, values = [], [], FEATURES
-    last = len(network.weights) - 1
-    for index, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
-        names = [f"{index}.weight", f"{index}.bias"]
-        tensors += [_tensor(onnx, *each) for each in zip(names, (weight, bias), strict=True)]
+    nodes, values, last = [], FEATURES, len(network.weights) - 1
+    tensors = [onnx.numpy_helper.from_array(each, name) for name, each in bundle.tensors(network).items()]
+    for index in range(last + 1):
         sums = CORRECTION if index == last else f"{index}.sums"
-        nodes.append(onnx.helper.make_node("Gemm", [values, *names], [sums]))
+        nodes.append(onnx.helper.make_node("Gemm", [values, f"{index}.weight", f"{index}.bias"], [sums]))
         if index < last:
             values = f"{index}.values"
             nodes.append(onnx.helper.make_node("Elu", [sums], [values]))
@@ -148,7 +146,3 @@ def _graph(onnx: Any, network: Network) -> Any:
         for name, width in zip((FEATURES, CORRECTION), (network.sizes[0], network.sizes[-1]), strict=True)
     ]
     return onnx.helper.make_graph(nodes, "residual", ends[:1], ends[1:], tensors)
-
-
-def _tensor(onnx: Any, name: str, values: Weights) -> Any:
-    return onnx.numpy_helper.from_array(np.ascontiguousarray(values), name)

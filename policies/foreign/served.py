@@ -65,7 +65,8 @@ class Served:
         self._loaded, self._robot = loaded, robot
         self._deadline = deadline
         self._reported = time.monotonic()
-        self._acts: list[Act] = []
+        self._acts: list[Any] = []
+        """Of a `Policy` its own alone, else one a robot; None where none could be made."""
         self._failed = np.zeros(0, np.bool_)
 
     def try_out(self, reference: Reference) -> None:
@@ -87,7 +88,7 @@ class Served:
             self._acts = [self._loaded.act]
             _, reason = self._tried(self._loaded.reset, num_envs, seed)
             return self._fail(range(num_envs), reason)
-        self._acts = [_nothing] * num_envs
+        self._acts = [None] * num_envs
         return self.reset_where(np.ones(num_envs, np.bool_))
 
     def reset_where(self, mask: Mask) -> dict[int, str]:
@@ -159,7 +160,3 @@ class Served:
             if (now := time.monotonic()) - self._reported > min(REPORT_PERIOD, 0.2 * self._deadline):
                 self._reported = now
                 still_at_work()
-
-
-def _nothing(_: Any) -> object:
-    raise RuntimeError("not made yet")

@@ -27,21 +27,16 @@ def warn_of_no_render_mode(modes: Sequence[str]) -> None:
     gym.logger.warn(f"render() without a render_mode gives None; make the environment with one of {', '.join(modes)}")
 
 
-def reset_options(options: Any) -> Mapping[str, Any]:
-    """What reset is asked for; nothing of None."""
+def reset_options(options: Any, num_envs: int) -> tuple[Mask, Array | None]:
+    """Which envs to reset, (num_envs,), and the commands that they are to hold, (num_envs, 3), None to draw them."""
     found = {} if options is None else options
     if not isinstance(found, Mapping):
         raise ValueError(f"options must be a dict with some of {', '.join(RESET_OPTIONS)}, got {options!r:.80}")
     if unknown := set(found) - set(RESET_OPTIONS):
         raise ValueError(f"unknown options {sorted(map(str, unknown))}; valid: {', '.join(RESET_OPTIONS)}")
-    return found
-
-
-def held_commands(options: Mapping[str, Any], num_envs: int) -> Array | None:
-    """Commands that reset's options hold, (num_envs, 3), given as one for all or one each; None to draw them."""
-    if (command := options.get("command")) is None:
-        return None
-    return commands(command, num_envs, "options['command']")
+    command = found.get("command")
+    held = None if command is None else commands(command, num_envs, "options['command']")
+    return _mask(found.get("reset_mask"), num_envs), held
 
 
 def commands(command: Any, num_envs: int, name: str) -> Array:
@@ -65,7 +60,7 @@ def rows(values: Any, shape: tuple[int, int], name: str) -> Array:
     return np.broadcast_to(array, shape).copy()
 
 
-def reset_mask(mask: Any, num_envs: int) -> Mask:
+def _mask(mask: Any, num_envs: int) -> Mask:
     """Which envs to reset, (num_envs,); all of them for None."""
     if mask is None:
         return np.ones(num_envs, bool)

@@ -9,7 +9,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from quad_env import columns
-from quad_env.envs.arguments import check_frame, held_commands, joint_targets, reset_options, warn_of_no_render_mode
+from quad_env.envs.arguments import check_frame, joint_targets, reset_options, warn_of_no_render_mode
 from quad_env.envs.base import Parts, QuadEnvBase
 from quad_env.envs.vector_env import Observation
 from quad_env.physics.simulation import ALL
@@ -91,11 +91,10 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode; `options["command"]`, (3,), is held for its whole length."""
         super().reset(seed=seed)
-        asked = reset_options(options)
-        held = held_commands(asked, 1)
-        if "reset_mask" in asked:
+        mask, held = reset_options(options, 1)
+        if "reset_mask" in (options or ()):
             raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
-        self._schedule.reseed(seed, np.ones(1, bool))
+        self._schedule.reseed(seed, mask)
         self._start(_ROW, self._schedule.begin(_ROW, held))
         self._fall, self._started, self._diverged, self._terminated = 0, True, False, False
         self._followed = columns.of_robot(self._schedule.command)

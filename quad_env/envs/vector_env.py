@@ -104,9 +104,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         Raises:
             ValueError: a seed, command or mask of the wrong shape or kind.
         """
-        asked = arguments.reset_options(options)
-        mask = arguments.reset_mask(asked.get("reset_mask"), self.num_envs)
-        held = arguments.held_commands(asked, self.num_envs)
+        mask, held = arguments.reset_options(options, self.num_envs)
         self._schedule.reseed(seed, mask)
         super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
         self._begin(np.flatnonzero(mask), held)
