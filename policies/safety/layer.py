@@ -54,7 +54,9 @@ class Safe(Policy):
     _entered: Mask = per_robot(False)
     _targets: Floats = per_robot(lambda layer: layer.robot.home_pose)
     _reference: Floats = per_robot(np.zeros(2))
+    """The planar velocity that a robot following its commands has about now, (n, 2), m/s: the command, lagged."""
     _recent: Floats = per_robot(np.zeros(2))
+    """The planar velocity of late, (n, 2), m/s."""
 
     def __init__(self, policy: Policy, limits: SafetyLimits | None = None) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
@@ -99,7 +101,7 @@ class Safe(Policy):
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         rows = observation.astype(np.float64)
         joints = rows[:, OBSERVATION["joint_position"]] + self.robot.home_pose
-        self._watch(observation, rows)
+        self._watch(rows)
         targets = self._policy_targets(observation)
         caught = np.flatnonzero(self._mode == Mode.CATCH)
         if len(caught):
@@ -107,8 +109,7 @@ class Safe(Policy):
         for mode, motion in self._motions.items():
             members = np.flatnonzero(self._mode == mode)
             if len(members):
-                starting = np.zeros(self.num_envs, np.bool_)
-                starting[members] = self._entered[members]
+                starting = self._entered & (self._mode == mode)
                 motion.start(starting, self._targets[starting])
                 targets[members] = motion.targets(members, rows[members], joints[members])
         self._entered[:] = False
@@ -150,11 +151,12 @@ class Safe(Policy):
         observation[catching, OBSERVATION["command"]] *= left[:, None]
         return observation
 
-    def _watch(self, observation: NDArray[np.float32], rows: Floats) -> None:
+    def _watch(self, rows: Floats) -> None:
         """Catch where a fall is predicted, follow again where it is at rest or past catching."""
-        self._reference = next_reference(self._reference, observation, self.control_period)
-        alarm = velocity_deviation(observation, self._reference, self._recent) > ALARM_ABOVE
-        self._recent = next_recent(self._recent, observation, self.control_period)
+        velocity, command = (rows[:, OBSERVATION[name]][:, :2] for name in ("linear_velocity", "command"))
+        self._reference = self._reference + (command - self._reference) * (self.control_period / RESPONSE_TIME)
+        alarm = velocity_deviation(velocity, self._reference, self._recent) > ALARM_ABOVE
+        self._recent = self._recent + (velocity - self._recent) * (self.control_period / RECENT_TIME)
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(TOO_FAR)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
         if predicted.any():
@@ -172,27 +174,11 @@ class Safe(Policy):
         self.reason[mask] = reason
 
 
-def next_reference(reference: Floats, observation: NDArray[np.float32], control_period: float) -> Floats:
-    """The planar velocity that a robot following its commands has about now, (n, 2), m/s: the command, lagged."""
-    command = observation[:, OBSERVATION["command"]][:, :2].astype(np.float64)
-    return reference + (command - reference) * (control_period / RESPONSE_TIME)
-
-
-def next_recent(recent: Floats, observation: NDArray[np.float32], control_period: float) -> Floats:
-    """The planar velocity of late, (n, 2), m/s, one control step later."""
-    return recent + (_planar_velocity(observation) - recent) * (control_period / RECENT_TIME)
-
-
-def velocity_deviation(observation: NDArray[np.float32], reference: Floats, recent: Floats) -> Floats:
-    """Planar speed off both the reference and the velocity of late, (n, 2) each: the lesser of the two, m/s, (n,).
+def velocity_deviation(velocity: Floats, reference: Floats, recent: Floats) -> Floats:
+    """Planar speed off both the reference and the velocity of late, m/s, (n, 2) each: the lesser of the two, (n,).
 
     The first alone would take a gait that does not reach its command for a push, the second alone a change of command.
     """
-    velocity = _planar_velocity(observation)
     off, jump = velocity - reference, velocity - recent
     squared = np.minimum(off[:, 0] ** 2 + off[:, 1] ** 2, jump[:, 0] ** 2 + jump[:, 1] ** 2)
     return np.sqrt(squared)
-
-
-def _planar_velocity(observation: NDArray[np.float32]) -> Floats:
-    return observation[:, OBSERVATION["linear_velocity"]][:, :2].astype(np.float64)

@@ -8,7 +8,7 @@ from policies.base import CONTROL_PERIOD, Policy
 from policies.behaviour.transitions import TOPPLING_TILT
 from policies.safety import Mode, Safe, SafetyLimits
 from policies.safety.brace import RELEASE_TIME, REST_TIME, braced
-from policies.safety.layer import RECENT_TIME, TOO_FAR, next_recent, next_reference, velocity_deviation
+from policies.safety.layer import RECENT_TIME, RESPONSE_TIME, TOO_FAR, velocity_deviation
 from quad_env import OBSERVATION
 from quad_env.config import FallRule
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -126,10 +126,10 @@ def test_pushed_robots_have_the_bits_of_a_batch_while_they_are_caught():
 
 
 def test_velocity_deviation_is_the_lesser_of_the_speeds_off_the_reference_and_off_the_velocity_of_late():
-    observation = moving((4.0, 5.0, 9.0))
+    velocity = np.array([[4.0, 5.0]])
     near, far = np.array([[1.0, 1.0]]), np.array([[-50.0, 0.0]])
-    np.testing.assert_allclose(velocity_deviation(observation, near, far), [5.0])
-    np.testing.assert_allclose(velocity_deviation(observation, far, near), [5.0])
+    np.testing.assert_allclose(velocity_deviation(velocity, near, far), [5.0])
+    np.testing.assert_allclose(velocity_deviation(velocity, far, near), [5.0])
 
 
 def test_slow_change_or_change_of_command_is_no_alarm():
@@ -143,14 +143,15 @@ def test_slow_change_or_change_of_command_is_no_alarm():
 
 
 def test_reference_lags_the_command_and_the_velocity_of_late_the_robots_by_their_times():
-    reference = np.zeros((1, 2))
-    for _ in range(25):
-        reference = next_reference(reference, reading(1, command=(1.0, -2.0, 0.0)), CONTROL_PERIOD)
-    np.testing.assert_allclose(reference, [[1 - np.exp(-1), -2 * (1 - np.exp(-1))]], rtol=0.03)
-    recent = np.zeros((1, 2))
-    for _ in range(round(RECENT_TIME / CONTROL_PERIOD)):
-        recent = next_recent(recent, moving((1.0, -2.0, 0.0)), CONTROL_PERIOD)
-    np.testing.assert_allclose(recent, [[1 - np.exp(-1), -2 * (1 - np.exp(-1))]], rtol=0.05)
+    policy = Safe(Noting())
+    for name, time, seen in (
+        ("_reference", RESPONSE_TIME, {"command": (1.0, -2.0, 0.0)}),
+        ("_recent", RECENT_TIME, {"velocity": (1.0, -2.0, 0.0)}),
+    ):
+        policy.reset(1)
+        for _ in range(round(time / CONTROL_PERIOD)):
+            policy.act(moving(**seen))
+        np.testing.assert_allclose(getattr(policy, name), [[1 - np.exp(-1), -2 * (1 - np.exp(-1))]], rtol=0.05)
 
 
 def test_behaviour_and_safety_layer_give_a_robot_up_before_the_fall_rule_calls_it_fallen():
