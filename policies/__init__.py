@@ -48,12 +48,8 @@ def _shipped(name: str, *, robot: Robot, control_period: float) -> Policy:
 def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:
     """The policy of a bundle, which was trained for one robot and one control period."""
     policy = load(folder, robot)
-    if not policy.fits(robot, control_period):
-        raise PolicyError(
-            f"the policy in {folder} was trained for {policy.robot.name} with a control period of "
-            f"{policy.control_period:g} s, not for {robot.name} with one of {control_period:g} s",
-            "take another policy",
-        )
+    if misfit := policy.misfit(robot, control_period):
+        raise PolicyError(f"the policy in {folder} was {misfit}", "take another policy")
     return policy
 
 

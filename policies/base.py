@@ -66,17 +66,19 @@ class Policy(ABC):
         self.control_period = control_period
         self.num_envs = 1
 
-    def fits(self, robot: Robot, control_period: float) -> bool:
-        """Whether it was made for that robot and that control period, s."""
-        return self.robot == robot and math.isclose(self.control_period, control_period)
+    def misfit(self, robot: Robot, control_period: float) -> str:
+        """What else than that robot and that control period, s, it was made for, in words; empty if for these."""
+        if self.robot == robot and math.isclose(self.control_period, control_period):
+            return ""
+        own = f"made for {self.robot.name} with a control period of {self.control_period:g} s"
+        return f"{own}, not for {robot.name} with one of {control_period:g} s"
 
     def check_fits(self, robot: Robot, control_period: float) -> None:
         """Raise ValueError, which names the remedy, unless it was made for that robot, its servo gains and that control
         period, s."""
-        if not self.fits(robot, control_period):
+        if misfit := self.misfit(robot, control_period):
             raise ValueError(
-                f"{self.name} was made for {self.robot.name} with a control period of {self.control_period:g} s, not "
-                f"for {robot.name} with one of {control_period:g} s: make it for its environment, "
+                f"{self.name} was {misfit}: make it for its environment, "
                 f'policies.make("{self.name}", robot=env.unwrapped.robot, control_period=env.unwrapped.dt)'
             )
         own, theirs = ((each.servo_stiffness, each.servo_damping) for each in (self.robot, robot))

@@ -48,11 +48,8 @@ def serve(reference: Reference, robot: Robot, control_period: float, deadline: f
         loaded = python_file.load(reference, robot, control_period)
     else:
         loaded = (sb3_file if reference.suffix == ".zip" else onnx_file).load(reference, robot)
-    if isinstance(loaded, Policy) and not loaded.fits(robot, control_period):
-        raise PolicyError(
-            f"{reference} is made for {loaded.robot.name} with a control period of {loaded.control_period:g} s, not "
-            f"for {robot.name} with one of {control_period:g} s"
-        )
+    if isinstance(loaded, Policy) and (misfit := loaded.misfit(robot, control_period)):
+        raise PolicyError(f"{reference} is {misfit}")
     served = Served(loaded, robot, deadline)
     served.try_out(reference)
     return served

@@ -281,7 +281,7 @@ def test_a_bundle_of_a_users_robot_is_for_that_model_alone(tmp_path):
     assert policies.resolve(tmp_path / "model", robot=renamed).robot == renamed
     with pytest.raises(policies.PolicyError, match="say which with --robot"):
         policies.resolve(tmp_path / "model")
-    with pytest.raises(policies.PolicyError, match="was trained for simple_quad"):
+    with pytest.raises(policies.PolicyError, match="was made for simple_quad"):
         policies.resolve(MODELS / "residual", robot=robot)
     heavier = alike(tmp_path, heavier=0.11)  # in the place of the other
     with pytest.raises(policies.PolicyError, match="trained on another model of"):

@@ -115,7 +115,7 @@ def test_a_trained_policy_knows_its_control_period_and_is_refused_at_another(tmp
     save(tmp_path, ResidualPolicy(base, network), {}, "unknown")
     found = policies.resolve(tmp_path, control_period=0.02)
     assert (found.robot, found.control_period, found.base.control_period) == (SIMPLE_QUAD, 0.02, 0.02)
-    with pytest.raises(policies.PolicyError, match=r"trained for simple_quad with a control period of 0.02 s"):
+    with pytest.raises(policies.PolicyError, match=r"made for simple_quad with a control period of 0.02 s"):
         policies.resolve(tmp_path)
-    with pytest.raises(policies.PolicyError, match=r"trained for simple_quad with a control period of 0.01 s"):
+    with pytest.raises(policies.PolicyError, match=r"made for simple_quad with a control period of 0.01 s"):
         policies.make("residual", control_period=0.02)
