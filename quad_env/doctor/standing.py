@@ -70,5 +70,5 @@ def states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
     found = []
     for _ in range(round(seconds / env.dt)):
         env.step(target.astype(np.float32))
-        found.append(env.simulation.state_of_one((0.0, 0.0, 0.0)))
+        found.append(env.simulation.state((0.0, 0.0, 0.0), None))
     return found

@@ -131,18 +131,18 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
 
     def _judge(self) -> QuadState[float]:
         """Readings of the robot that just moved; whether it fell, and whether that ends the episode."""
-        self._diverged = self.simulation.one_diverged()
+        self._diverged = bool(self.simulation.diverged(None))
         if self._diverged:
             self.simulation.park(_ROW)
         self._followed = columns.of_robot(self._schedule.command)
-        state = self.simulation.state_of_one(self._followed)
+        state = self.simulation.state(self._followed, None)
         self._fall = 0 if self._diverged else fall_code(state, self.config.fall_rule, self._lowest)
         self._terminated = self._diverged or (self._fall > 0 and self.terminate_on_fall)
         return state
 
     def _still(self) -> tuple[Observation, dict[str, Any]]:
         """Observation and info of a robot that has not moved."""
-        state = self.simulation.state_of_one(self._followed)
+        state = self.simulation.state(self._followed, None)
         paid = dict.fromkeys(("mechanical_power", "overspeed", *self._weights), 0.0)
         return self._observe(state), self._info(state, paid)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.runtime import actuator_models_of
-from quad_env.columns import Array, Column, Ids, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
+from quad_env.columns import Array, Column, Ids, Mask, Vector, not_finite, of_robot, of_robots, total
 from quad_env.physics.batch import MUJOCO, batch_of, check_simulator
 from quad_env.physics.energy import Meter, touch_sensors
 from quad_env.physics.footsteps import Columns, Footsteps, touching
@@ -224,17 +224,12 @@ class Simulation:
         except SimulationError as error:
             self._warnings[error.ids] += 1
 
-    def diverged(self, ids: Ids = ALL) -> Mask:
-        """Which of those robots' simulations MuJoCo warned about since their reset, or whose state is not finite."""
-        return cast("Mask", self._has_diverged(lambda rows: of_robots(rows[ids])))
-
-    def one_diverged(self) -> bool:
-        """`diverged` of the only robot of a batch of one."""
-        return bool(self._has_diverged(of_robot))
-
-    def _has_diverged(self, columns: Columns[Column]) -> Truth:
-        warned: Any = total(columns(self._warnings)) > 0
-        return warned | not_finite(columns(self.qpos)) | not_finite(columns(self.qvel))  # type: ignore[no-any-return]
+    def diverged(self, ids: Ids | None = ALL) -> Any:
+        """Which of those robots' simulations MuJoCo warned about since their reset, or whose state is not finite: a
+        column of truth values, of the only robot of a batch of one for None."""
+        columns = _columns_of(ids)
+        warned = total(columns(self._warnings)) > 0
+        return warned | not_finite(columns(self.qpos)) | not_finite(columns(self.qvel))
 
     def park(self, ids: NDArray[np.intp]) -> None:
         """Put diverged robots into the home pose at the origin, at rest, so that every reading is finite."""
@@ -243,15 +238,10 @@ class Simulation:
         self.batch.reset(ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
         self._begin_readings(ids)
 
-    def state(self, command: Vector[Array], ids: Ids = ALL) -> QuadState[Array]:
-        """Readings of those robots now; `command`, (3) is the one they were following."""
-        return self._readings(lambda rows: of_robots(rows[ids]), command)
-
-    def state_of_one(self, command: Vector[float]) -> QuadState[float]:
-        """The same of the only robot of a batch of one."""
-        return self._readings(of_robot, command)
-
-    def _readings(self, columns: Columns[Column], command: Vector[Column]) -> QuadState[Column]:
+    def state(self, command: Vector[Column], ids: Ids | None = ALL) -> QuadState[Column]:
+        """Readings of those robots now, as floats of the only robot of a batch of one for None; `command`, (3), is the
+        one they were following."""
+        columns: Columns[Column] = _columns_of(ids)
         qpos, qvel = columns(self.qpos), columns(self.qvel)
         rotation = rotation_matrix(qpos[3:7])
         x, y, z = qpos[:3]
@@ -312,3 +302,7 @@ class Simulation:
         data = self.batch.get_data(robot)
         mujoco.mj_forward(self.model, data)
         return data
+
+
+def _columns_of(ids: Ids | None) -> Columns[Any]:
+    return of_robot if ids is None else lambda rows: of_robots(rows[ids])

@@ -65,7 +65,7 @@ def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(name: str) -> 
         simulation.step(action[None], None)
         data.ctrl[:] = action
         mujoco.mj_step(simulation.model, data, nstep=simulation.substeps)
-        state = simulation.state_of_one((0.0, 0.0, 0.0))
+        state = simulation.state((0.0, 0.0, 0.0), None)
         assert (state.joint_position, state.joint_velocity) == (tuple(data.qpos[7:]), tuple(data.qvel[6:]))
         assert state.joint_torque == tuple(data.actuator_force)
         assert state.trunk_contact == (data.sensor("trunk_ground").data[0] > 0)

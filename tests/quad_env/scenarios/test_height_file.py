@@ -71,7 +71,7 @@ def test_a_robot_is_put_on_the_ground_wherever_that_is(tmp_path, level) -> None:
         np.testing.assert_allclose(robot.qpos[0, :2], (-1.0, 0.5))
         assert not any(env.step(SIMPLE_QUAD.home_pose.astype(np.float32))[2] for _ in range(50))
         assert robot.qpos[0, 2] == pytest.approx(level + SIMPLE_QUAD.home_height, abs=0.03)
-        assert robot.state_of_one((0.0, 0.0, 0.0)).height == pytest.approx(robot.qpos[0, 2] - level)
+        assert robot.state((0.0, 0.0, 0.0), None).height == pytest.approx(robot.qpos[0, 2] - level)
 
 
 def test_without_a_start_each_seed_draws_a_place_in_the_middle(tmp_path) -> None:

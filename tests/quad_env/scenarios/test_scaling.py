@@ -162,6 +162,6 @@ def test_a_fall_is_judged_by_the_robots_own_height(small: Robot) -> None:
     assert env.config.fall_rule.lowest(SIMPLE_QUAD.leg_length) == 0.12
     env.reset(seed=0)
     for height, code in ((0.9, 3), (1.1, 0)):
-        state = env.simulation.state_of_one((0.0, 0.0, 0.0))._replace(height=height * 0.2 * small.leg_length)
+        state = env.simulation.state((0.0, 0.0, 0.0), None)._replace(height=height * 0.2 * small.leg_length)
         assert fall_code(state, env.config.fall_rule, env._lowest) == code
     env.close()

@@ -20,7 +20,7 @@ def standing() -> QuadState[float]:
     simulation = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0)
     simulation.reset(np.arange(1), np.zeros((1, 35)))
     simulation.step(np.zeros((1, 12)), np.zeros((1, 2)))
-    return simulation.state_of_one((0.0, 0.0, 0.0))
+    return simulation.state((0.0, 0.0, 0.0), None)
 
 
 def tilted(state: QuadState[float], degrees: float, axis: int) -> QuadState[float]:
