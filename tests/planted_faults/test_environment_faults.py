@@ -166,12 +166,12 @@ def command_turned(index: int) -> Plant:
 
 def state_with(change: Callable[[QuadState], QuadState]) -> Plant:
     """Every reading of the simulation passes through `change`."""
-    true_readings = Simulation._readings
+    true_state = Simulation.state
 
     def faulty(self: Simulation, *args: Any) -> QuadState:
-        return change(true_readings(self, *args))
+        return change(true_state(self, *args))
 
-    return lambda patch: patch.setattr(Simulation, "_readings", faulty)
+    return lambda patch: patch.setattr(Simulation, "state", faulty)
 
 
 def world_for_heading_frame(patch: pytest.MonkeyPatch) -> None:
@@ -231,7 +231,7 @@ FAULTS: Faults = {
     "roll for pitch": (roll_for_pitch_in_gravity, check_readings_are_mujocos_of_this_step),
     "two joints swapped in the readings": (two_joints_swapped_in_readings, check_readings_are_mujocos_of_this_step),
     "two joints swapped in the targets": (two_joints_swapped_in_targets, check_joints_move_when_their_own_target_does),
-    "a one-step-old reading": (one_call_old(Simulation, "_readings"), check_readings_are_mujocos_of_this_step),
+    "a one-step-old reading": (one_call_old(Simulation, "state"), check_readings_are_mujocos_of_this_step),
     "time-out counted as fall": (time_out_counted_as_fall, check_standing_to_the_time_limit_is_no_fall),
     "evaluation on training seeds": (evaluation_draws_training_seeds, check_evaluation_seeds_are_never_drawn_elsewhere),
     "tracking reward negated": (tracking_negated, check_rewards_are_their_terms_of_this_step),
