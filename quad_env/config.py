@@ -41,7 +41,8 @@ def check_settings(settings: Any) -> None:
         except TypeCheckError:
             raise ValueError(f"{what} is of the type {getattr(kind, '__name__', kind)}, got {value!r:.80}") from None
         for bounds in () if value is None else limits:
-            if not all(bounds.lowest <= each <= bounds.highest for each in np.ravel(value).tolist()):
+            numbers = np.ravel(value).tolist()
+            if any(isinstance(each, bool) or not bounds.lowest <= each <= bounds.highest for each in numbers):
                 raise ValueError(f"{what} must be {bounds.words}, got {value}")
 
 

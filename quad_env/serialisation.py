@@ -4,15 +4,26 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-import quad_env
-from quad_env.config import Settings
+from quad_env.actuation.models import Actuator, Thermal, TorqueSpeed
+from quad_env.config import AnyPose, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.disturbances import Motors
+from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import Flat, HeightField, Slope, SmoothRandom, Stairs
+from quad_env.sensing.height_scan import HeightScan
+from quad_env.sensing.suite import Encoders, FootContact, Imu, JointTorque, SensorSuite
 
 TYPE = "type"
-_PUBLIC = {name: getattr(quad_env, name) for name in quad_env.__all__}
 _KINDS: dict[str, Any] = {
-    name: kind for name, kind in _PUBLIC.items() if isinstance(kind, type) and issubclass(kind, Settings)
+    kind.__name__: kind
+    for kind in (
+        *(Scenario, CommandRanges, StartNoise, AnyPose),
+        *(Flat, Slope, SmoothRandom, Stairs, HeightField),
+        *(Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce),
+        *(Actuator, Thermal, TorqueSpeed),
+        *(SensorSuite, Imu, Encoders, FootContact, JointTorque),
+        *(TaskConfig, FallRule, RewardWeights, HeightScan),
+    )
 }
 """Kinds of settings by bare name: results outlive the modules that these stand in today."""
 

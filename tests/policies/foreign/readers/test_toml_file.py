@@ -104,6 +104,7 @@ FAULTS = [
     ("control_rate = 50", "rate = 50", "`rate` is not known; the names are network, control_rate"),
     ("control_rate = 50", "control_rate = 0", "PolicyDescription.control_rate must be finite and more than 0, got 0"),
     ("control_rate = 50", "control_rate = inf", "PolicyDescription.control_rate must be finite"),
+    ("control_rate = 50", "control_rate = true", "PolicyDescription.control_rate must be finite"),
     ("net.onnx", "other.onnx", "there is no network"),
     ('network = "net.onnx"', "", "`network` is missing"),
     ('["FR", "FL", "RR", "RL"]', '["FR", "FR", "RR", "RL"]', "`joints` must be the names of 12 different joints"),
