@@ -182,6 +182,20 @@ def test_feet_that_swing_fast_do_not_pull_the_velocity() -> None:
     assert np.abs(filter_.velocity[0, :2]).max() < 0.05
 
 
+def test_a_wrong_velocity_is_doubted_once_resting_feet_have_contradicted_it_for_long() -> None:
+    """1 m/s, believed within 3 mm/s, of a robot that stands: feet at rest are taken for swinging at first."""
+    filter_, robot = after_one_sample(SensorSuite()), np.arange(1)
+    for _ in range(20):
+        filter_.move_on(read(), robot)
+    filter_.motion.velocity[:], filter_.standing[:], filter_._read[:] = (1.0, 0.0, 0.0), 0.0, 0.0
+    for _ in range(10):
+        filter_.move_on(read(), robot)
+    assert np.sqrt(filter_.covariance[0, 3, 3]) < 0.01  # a foot may slide for so long
+    for _ in range(30):
+        filter_.move_on(read(), robot)
+    assert np.abs(filter_.velocity).max() < 0.05
+
+
 def test_after_one_sample_feet_are_as_uncertain_as_the_encoders() -> None:
     """J Jᵀ σ²: what was known of their places before, to 1 cm, hardly counts."""
     suite = SensorSuite(encoders=Encoders(noise=0.001, bits=None))
