@@ -60,13 +60,13 @@ move forward on average and fast after a push, do not pull the velocity. Along t
 rises comes down again, which keeps the vertical velocity where the ground lifts the standing feet."""
 SLIDING = 4.0
 """Factor on what a standing foot's distance from where it was is beyond its covariance, as a variance."""
+BIAS_WALK = 0.014
+"""m/s² in √s that the accelerometer's bias may change, since what is left unsaid above looks like one that does."""
 DOUBT = 0.05
 """Share of the speed of a foot that moves, though its sensor has long said that it stands, by which the velocity is
 doubted at each sample: what slides may be the estimate."""
-LONG = 0.125
+LONG = 0.025
 """s of an uninterrupted reading that are long."""
-BIAS_WALK = 0.014
-"""m/s² in √s that the accelerometer's bias may change, since what is left unsaid above looks like one that does."""
 START_SPEED = 0.2
 """m/s, standard deviation of the velocity along each axis at the start."""
 TREND = 0.8

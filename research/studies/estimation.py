@@ -51,7 +51,7 @@ PUSHES = "pushes"
 """Place on the page of the errors after pushes."""
 ROBOTS = ("simple_quad", "go1", "go2")
 """Robots that are pushed."""
-WINDOWS = ((-50, 0), (0, 10), (10, 20), (20, 50), (50, 100), (100, 200))
+WINDOWS = ((-50, 0), (0, 10), (10, 20), (20, 30), (30, 50), (50, 100), (100, 200))
 """Control steps from the start of a push to the start and to the end of a time over which errors are averaged."""
 _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "threads": (1, 256)}
 

@@ -53,11 +53,11 @@ def test_errors_after_pushes_go_to_their_own_place(monkeypatch, brief, tmp_path:
 
 
 def test_an_error_counts_in_the_window_after_its_push() -> None:
-    """0.3 m/s from 0.2 to 0.5 s after the second push of the second robot, in one of four pushes."""
+    """0.3 m/s from 0.3 to 0.5 s after the second push of the second robot, in one of four pushes."""
     pushes = np.array([[150, 600], [300, 700]])
     errors = np.zeros((900, 2, 3))
-    errors[700 - estimation.SETTLING :, 1, 2][20:50] = 0.3
-    np.testing.assert_allclose(estimation.pushed(errors, pushes), [0.0, 0.0, 0.0, 0.15, 0.0, 0.0])
+    errors[700 - estimation.SETTLING :, 1, 2][30:50] = 0.3
+    np.testing.assert_allclose(estimation.pushed(errors, pushes), [0.0, 0.0, 0.0, 0.0, 0.15, 0.0, 0.0])
 
 
 def test_nees_of_an_error_of_one_deviation_is_one() -> None:
