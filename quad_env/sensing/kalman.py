@@ -5,9 +5,9 @@ noise follows from what is known of the sensors, their `SensorSuite`, but for th
 search episodes of `trot` and `trot_feedback`, flat, rough and straight on. Of errors that do not change within an
 episode only the biases of the IMU are states; its place, its mounting and the encoders' zeros are counted in the noise.
 
-A foot that probably does not stand is given a large noise of its own, one that has just touched down or is pressed
-otherwise than before a smaller one, and one that is farther from where it was than its covariance explains, as a foot
-that slides, as much as explains it.
+A foot that probably does not stand is given a large noise of its own, most of all along the ground, one that has just
+touched down or is pressed otherwise than before a smaller one, and one that is farther from where it was than its
+covariance explains, as a foot that slides, as much as explains it.
 """
 
 from typing import NamedTuple
@@ -54,6 +54,10 @@ to 1/e: soft ground gives way and comes back."""
 COMPLIANCE = 2e-4
 """s², what the ground gives along the vertical per change of the specific force on the trunk, and takes back when it
 goes: a foot that is pressed by several weights at once sinks and comes up again, and does so in every stance."""
+FREE_SPEED = 30.0
+"""m/s, standard deviation of the speed along the ground of a foot that does not stand; so large that swing feet, which
+move forward on average and fast after a push, do not pull the velocity. Along the vertical it is `SWING_SPEED`: what
+rises comes down again, which keeps the vertical velocity where the ground lifts the standing feet."""
 SLIDING = 4.0
 """Factor on what a standing foot's distance from where it was is beyond its covariance, as a variance."""
 BIAS_WALK = 0.014
@@ -217,7 +221,7 @@ class KalmanFilter:
         self._read[rows] = read.contact * (self._read[rows] + dt)
         doubted = np.where(self._read[rows] > LONG, 1.0 - standing, 0.0) * (innovation * innovation).sum(axis=-1)
         covariance[:, VELOCITY, VELOCITY] += (DOUBT / dt) ** 2 * doubted.sum(axis=-1)[:, None, None] * ONE
-        _add(covariance, moved + _loose(standing, innovation, expected, dt)[..., None, None] * ONE)
+        _add(covariance, moved + _loose(standing, innovation, expected, down, dt))
         seen = covariance[:, FEET, FEET].copy()
         _add(seen, noise, 0)
         gain = np.linalg.solve(seen, covariance[:, FEET])
@@ -238,11 +242,13 @@ class KalmanFilter:
             kept[rows] = values
 
 
-def _loose(standing: Array, innovation: Array, expected: Array, dt: float) -> Array:
-    """Variance along each axis of what a foot moves by beyond one that surely stands, m², (k, 4)."""
-    swing = (SLIP_SPEED * dt) ** 2 * ((SWING_SPEED / SLIP_SPEED) ** (2.0 * (1.0 - standing)) - 1.0)
+def _loose(standing: Array, innovation: Array, expected: Array, down: Array, dt: float) -> Array:
+    """Covariance of what a foot moves by beyond one that surely stands, m², (k, 4, 3, 3)."""
+    rest = (SLIP_SPEED * dt) ** 2
+    level, vertical = (rest * ((speed / SLIP_SPEED) ** (2 - 2 * standing) - 1) for speed in (FREE_SPEED, SWING_SPEED))
     beyond = (innovation * innovation).sum(axis=-1) - (expected * ONE).sum(axis=(-2, -1))
-    out: Array = swing + SLIDING / 3 * standing * np.maximum(beyond, 0.0)
+    sliding = level + SLIDING / 3 * standing * np.maximum(beyond, 0.0)
+    out: Array = sliding[..., None, None] * ONE + (vertical - level)[..., None, None] * down
     return out
 
 

@@ -2,7 +2,8 @@
 
 A trot walks on estimates at 0.5 to 1 m/s, in the same episodes with each estimator. One error is that of the estimate
 for the moment of the readings; the other is that of the observation, which is a control step later with sensors of that
-delay. Both are root mean squares over robots and control steps, after the first second and before a fall.
+delay. Both are root mean squares over robots and control steps, after the first second and before a fall. With
+`--table pushes` robots on the hardware profile are pushed twice an episode, and errors are those of the time after.
 
 NEES is the normalised estimation error squared eᵀ P⁻¹ e of tilt (two entries) and velocity (three), where P is the
 estimator's covariance: 5 on average if the covariance is right. 95 % of the means over n runs lie in the band of
@@ -19,14 +20,17 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.rollouts.hardware import Hardware, check
+from evaluate.rollouts.hardware import IDEAL, Hardware, check
 from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
 from policies.base import Floats
 from policies.legs.level_frame import level_frame
-from quad_env import SCENARIOS, SENSORS
+from quad_env import SCENARIOS
+from quad_env.actuation.hardware import hardware_profile
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.format import ABSENT
+from quad_env.robots.named import robot_of
+from quad_env.scenarios.named import scenario as named
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
@@ -34,6 +38,7 @@ from quad_env.sensing.channel import steps_late
 from quad_env.sensing.error_state import TILT, VELOCITY
 from quad_env.sensing.estimators import ESTIMATORS
 from quad_env.sensing.kalman import KalmanFilter
+from quad_env.sensing.suite import sensor_suite
 from research.pages.places import RESULTS, page_with, put
 
 SETTLING = 100
@@ -42,6 +47,12 @@ ENTRIES = 5
 """Of the error that NEES is of."""
 FORWARD, YAW_RATE = (0.5, 1.0), (-1.2, 1.2)
 """Commands, m/s and rad/s."""
+PUSHES = "pushes"
+"""Place on the page of the errors after pushes."""
+ROBOTS = ("simple_quad", "go1", "go2")
+"""Robots that are pushed."""
+WINDOWS = ((-50, 0), (0, 10), (10, 20), (20, 30), (30, 50), (50, 100), (100, 200))
+"""Control steps from the start of a push to the start and to the end of a time over which errors are averaged."""
 _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "threads": (1, 256)}
 
 
@@ -49,10 +60,12 @@ _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "thr
 class Options:
     """Measure the estimators."""
 
+    table: Literal["walks", "pushes"] = "walks"
+    """Errors on walks, or after pushes of 35 N·s, scaled to the robot."""
     policy: str = "trot"
     """Policy that walks: a name or a folder, as for python -m evaluate."""
     sensors: str = "typical"
-    """Sensors, one of quad_env.SENSORS: ideal or typical."""
+    """Sensors on walks, one of quad_env.SENSORS: ideal or typical."""
     episodes: int = 32
     """Episodes of 10 s in each row (count)."""
     seed: int = 0
@@ -64,7 +77,7 @@ class Options:
     threads: int = 1
     """Threads of the simulation."""
     page: Path | None = None
-    """File with the lines <!-- results --> and <!-- /results -->, between which the table goes."""
+    """File with the lines <!-- results --> and <!-- /results -->, or pushes, between which the table goes."""
 
 
 class Errors(NamedTuple):
@@ -87,13 +100,16 @@ def main(options: Options) -> int:
         check(Hardware(sensors=options.sensors, estimator=ESTIMATORS[-1]))
     except ValueError as error:
         raise UsageError(f"--sensors: {error}") from error
+    place = RESULTS if options.table == "walks" else PUSHES
     if options.page is not None:
-        page_with(options.page, RESULTS)
+        page_with(options.page, place)
     lines = []
-    for line in table(options):  # shown as they come: a row takes minutes
+    for line in (table if options.table == "walks" else after_pushes)(
+        options
+    ):  # shown as they come: a row takes minutes
         print(line, flush=True)
         lines.append(line)
-    put(options.page, lines)
+    put(options.page, lines, place)
     return 0
 
 
@@ -126,17 +142,57 @@ def walks(ground: int) -> dict[str, Scenario]:
     return {"flat": flat, "rough, 0.12 m": rough, "flat, straight on": straight}
 
 
+def after_pushes(options: Options) -> Iterator[str]:
+    """Lines of a Markdown table: a row a robot and estimator, velocity errors at the readings and as shown."""
+    first, *later = WINDOWS
+    times = [f"{-first[0] / 100:g} s before", *(f"{start / 100:g} to {end / 100:g} s" for start, end in later)]
+    columns = ("robot", "estimator", *times)
+    yield f"| {' | '.join(columns)} |"
+    yield "|---" * len(columns) + "|"
+    for robot in ROBOTS:
+        for estimator in ESTIMATORS:
+            profile = hardware_profile(robot_of(robot))._asdict() | {"estimator": estimator}
+            watch = _walked(options, named("push", robot), replace(Hardware(robot=robot), **profile))
+            found = watch.errors(watch.falls.step)
+            both = zip(*(pushed(each, watch.pushes) for each in (found.velocity, found.shown)), strict=True)
+            yield f"| {' | '.join((robot, estimator, *(f'{now:.3f}, {shown:.3f}' for now, shown in both)))} |"
+    yield ""
+    episodes = f"{options.episodes} episodes of each row, {options.seeds} seeds"
+    yield f"`{options.policy}` on the hardware profile, two pushes an episode, {episodes}."
+
+
+def pushed(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
+    """`norm` in each window after each push of errors from `SETTLING` on, (steps, n, 3), before a fall.
+
+    `pushes`: control steps at which they begin, (n, k).
+    """
+    out = []
+    for start, end in WINDOWS:
+        parts = [
+            vectors[max(push - SETTLING + start, 0) : push - SETTLING + end, row]
+            for (row, _), push in np.ndenumerate(pushes)
+        ]
+        out.append(norm(np.concatenate(parts)))
+    return out
+
+
 def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
     """Errors of that estimator in the walks of the options."""
-    suite = SENSORS[options.sensors]
-    hardware = Hardware(sensors=options.sensors, estimator=estimator)
-    policy = hardware.policy(options.policy)
+    watch = _walked(options, scenario, Hardware(sensors=options.sensors, estimator=estimator))
+    return watch.errors(watch.falls.step)
+
+
+def _walked(options: Options, scenario: Scenario, hardware: Hardware) -> "_Watch":
+    """The observer of the walks of the options."""
+    real = hardware.actuator != IDEAL.actuator
+    policy, suite = hardware.policy(options.policy, real=real), sensor_suite(hardware.sensors)
+    assert suite is not None
     parts = suite.imu, suite.encoders, suite.feet
     late = max(steps_late(part.delay, 1 / policy.control_period) for part in parts)
     seeds = episode_seeds(options.seeds, options.seed, options.episodes)
-    falls, watch = Falls(len(seeds), STEPS), _Watch(late)
-    roll_out(policy, scenario, seeds, falls, watch, steps=STEPS, nthread=options.threads, hardware=hardware)
-    return watch.errors(falls.step)
+    watch = _Watch(late, Falls(len(seeds), STEPS))
+    roll_out(policy, scenario, seeds, watch.falls, watch, steps=STEPS, nthread=options.threads, hardware=hardware)
+    return watch
 
 
 def norm(vectors: Floats) -> float:
@@ -163,7 +219,8 @@ def consistency(nees: Floats) -> tuple[str, str]:
 class _Watch:
     """Observer of the errors of estimates that are `late` control steps old, and of the observation."""
 
-    def __init__(self, late: int) -> None:
+    def __init__(self, late: int, falls: Falls) -> None:
+        self.falls = falls
         self._truths: deque[tuple[Floats, Floats]] = deque(maxlen=late + 1)
         self._rows: list[tuple[Floats, ...]] = []
 
@@ -171,6 +228,7 @@ class _Watch:
         count = len(step.observation)
         state, estimator = step.env.simulation.state((np.zeros(count),) * 3), step.env.estimator
         assert estimator is not None
+        self.pushes = step.env.pushes.first_step
         gravity, velocity = np.transpose(state.projected_gravity), np.transpose(state.linear_velocity)
         self._truths.append((gravity, velocity))
         if step.number <= SETTLING:

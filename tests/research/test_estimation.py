@@ -1,5 +1,6 @@
 """The tables of the estimators: their places on a page, their figures, and what cannot be measured."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,31 @@ def test_the_table_goes_to_its_place(brief, tmp_path: Path, capsys) -> None:
     assert "old" not in text
     assert text.index("| walk |") < text.index("<!-- /results -->")
     assert all(line in printed for line in text.splitlines() if line.startswith("|"))
+
+
+def test_errors_after_pushes_go_to_their_own_place(monkeypatch, brief, tmp_path: Path) -> None:
+    monkeypatch.setattr(estimation, "ROBOTS", ("go1",))
+    page = tmp_path / "page.md"
+    page.write_text(
+        "<!-- pushes -->\nold\n<!-- /pushes -->\n<!-- results -->\nkept\n<!-- /results -->\n", encoding="utf-8"
+    )
+    options = estimation.Options(table="pushes", policy="stand", episodes=2, seeds="search", page=page)
+    with begun() as batches, warnings.catch_warnings(action="ignore"):  # no push within so few steps
+        assert estimation.main(options) == 0
+    assert [batch.env.estimator.__class__.__name__ for batch in batches] == ["ComplementaryFilter", "KalmanFilter"]
+    assert {batch.env.robot.name for batch in batches} == {"go1"}
+    text = page.read_text(encoding="utf-8")
+    assert "old" not in text
+    assert "kept" in text
+    assert text.index("| go1 | kalman |") < text.index("<!-- /pushes -->")
+
+
+def test_an_error_counts_in_the_window_after_its_push() -> None:
+    """0.3 m/s from 0.3 to 0.5 s after the second push of the second robot, in one of four pushes."""
+    pushes = np.array([[150, 600], [300, 700]])
+    errors = np.zeros((900, 2, 3))
+    errors[700 - estimation.SETTLING :, 1, 2][30:50] = 0.3
+    np.testing.assert_allclose(estimation.pushed(errors, pushes), [0.0, 0.0, 0.0, 0.0, 0.15, 0.0, 0.0])
 
 
 def test_nees_of_an_error_of_one_deviation_is_one() -> None:

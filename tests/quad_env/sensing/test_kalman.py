@@ -171,6 +171,29 @@ def test_the_trunk_turns_on_as_it_does_over_the_delay_of_the_readings(axis: int,
     assert change == pytest.approx(np.linalg.norm(speed) * late * DT, rel=0.01)
 
 
+def test_feet_that_swing_fast_do_not_pull_the_velocity() -> None:
+    """Two legs swing back at 4 m/s for 0.1 s in free fall, as after a push; along the ground the trunk has no speed."""
+    filter_, robot = KalmanFilter(ROBOT, SensorSuite(), 1, DT, 0), np.arange(1)
+    filter_.begin(robot, read().accelerometer, read())
+    lifted = read()._replace(accelerometer=np.zeros((1, 3)), contact=np.zeros((1, 4), np.bool_))
+    for sample in range(10):
+        swung = np.outer((1, 0, 0, 1), (0.0, 0.1, 0.0)).ravel() * sample
+        filter_.move_on(lifted._replace(joints=lifted.joints + swung), robot)
+    assert np.abs(filter_.velocity[0, :2]).max() < 0.05
+
+
+def test_resting_feet_that_are_taken_for_swinging_correct_a_wrong_velocity() -> None:
+    """1 m/s, believed within 3 mm/s, of a robot that stands: the feet's sensors raise the doubt in 0.4 s."""
+    filter_, robot = after_one_sample(SensorSuite()), np.arange(1)
+    for _ in range(20):
+        filter_.move_on(read(), robot)
+    filter_.motion.velocity[:], filter_.standing[:], filter_._read[:] = (1.0, 0.0, 0.0), 0.0, 0.0
+    assert np.sqrt(filter_.covariance[0, 3, 3]) < 0.01
+    for _ in range(40):
+        filter_.move_on(read(), robot)
+    assert np.abs(filter_.velocity).max() < 0.05
+
+
 def test_after_one_sample_feet_are_as_uncertain_as_the_encoders() -> None:
     """J Jᵀ σ²: what was known of their places before, to 1 cm, hardly counts."""
     suite = SensorSuite(encoders=Encoders(noise=0.001, bits=None))
