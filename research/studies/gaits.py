@@ -110,7 +110,7 @@ def _walk(robot: str, name: str) -> Take:
     return Take((labelled(policy, hardware, [place]),), place, seed, STEPS, called, hardware)
 
 
-def draw(walk: Take, folder: Path) -> tuple[Mapping[str, str], list[Image.Image]]:
+def draw(walk: Take, folder: Path) -> tuple[dict[str, str], list[Image.Image]]:
     """Write NAME.webp and NAME_film.webp; figures of the whole walk, as text by column, and the film's larger images.
 
     A robot that has fallen is shown as it lies.
@@ -130,7 +130,7 @@ def draw(walk: Take, folder: Path) -> tuple[Mapping[str, str], list[Image.Image]
     write_atomically(folder / f"{walk.title}.webp", still.getvalue())
     found, larger = measure(episodes), [image.reduce(SAMPLES) for image in film]
     for image in larger:
-        Text(LETTERS, edge=1).write(image, f"{walk.hardware.robot}, {policy.label}", 0)
+        Text(LETTERS, edge=1).write(image, f"{walk.hardware.robot}, {policy.label}", -1)
     of = {name: figure_of_effort(name, float(getattr(found, name)[0].mean())) for name in FIGURES}
     return of | {"speed": number(float(found.mean_velocities[0, :, 0].mean()), 2)}, larger
 
@@ -156,8 +156,8 @@ def diagram(contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[st
     marks = (SHOWN.start + SHOWN.step * np.array(chosen) + 0.5) * CONTROL_PERIOD
     with drawing.settings():
         drawn, axes = drawing.figure(1.5, width / 100, drawing.Margins(left=0.4, right=0.25))
-        place = {"extent": (*times, below, -0.5), "aspect": "auto", "interpolation": "nearest"}
-        axes.imshow(contact.T, "Blues", vmin=0.0, vmax=1.4, **place)
+        place = float(times[0]), float(times[1]), below, -0.5
+        axes.imshow(contact.T, "Blues", aspect="auto", interpolation="nearest", vmin=0.0, vmax=1.4, extent=place)
         axes.hlines(np.arange(1, len(legs)) - 0.5, *times, color="white", linewidth=3)
         axes.plot(marks, np.full(len(marks), below), "k^", clip_on=False)
         axes.set_yticks(range(len(legs)), [name.upper() for name in legs])
@@ -166,9 +166,7 @@ def diagram(contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[st
     return Image.open(buffer).convert("RGB")
 
 
-def _filled(
-    walks: Mapping[Key, Take], figures: Mapping[Key, Mapping[str, str]], folder: str, place: re.Match[str]
-) -> str:
+def _filled(walks: Mapping[Key, Take], figures: Mapping[Key, dict[str, str]], folder: str, place: re.Match[str]) -> str:
     """A place with its tables; `folder` is that of the pictures, seen from the page."""
     heads = {FIRST: "controller", "speed": "speed, m/s"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FIGURES}
