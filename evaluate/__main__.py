@@ -31,10 +31,11 @@ COMMANDS = {
     "compare": Command("evaluate.commands.compare", "two results folders, such as those of two commits"),
     "axes": Command("evaluate.commands.axes", "success and falls along the axes of disturbance"),
 }
-_RESEARCH = "calibration estimation jump pictures readme recovery"
+_RESEARCH = "calibration estimation gaits jump readme recovery"
 MOVED = {name: f"now `python -m research {name}`" for name in (*_RESEARCH.split(), "straight-walking")}
 _OLD = "gone: revision 59ce5e8 has it as `python -m research`"
-MOVED |= dict.fromkeys(("gait-diagram", "gaits", "ground", "prediction", "safety"), _OLD)
+MOVED |= dict.fromkeys(("ground", "prediction", "safety"), _OLD)
+MOVED |= dict.fromkeys(("gait-diagram", "pictures"), MOVED["gaits"])
 MOVED["rescore"] = "gone, with --trace: `python -m evaluate report FOLDER --success RULE` has other rules of success"
 """Where commands of older versions are."""
 

@@ -96,11 +96,6 @@ class Results:
         """Scenarios in the order of the run."""
         return tuple(dict.fromkeys(cell.scenario.name for cell in self.cells))
 
-    @property
-    def against_baseline(self) -> list[Comparison]:
-        """Differences from the baseline."""
-        return [comparison for comparison in self.comparisons if comparison.b == self.baseline]
-
 
 def analyse(
     cells: Sequence[Cell],

@@ -66,7 +66,8 @@ def moving_picture(
     """A WebP, of that quality out of 100, or a GIF, over and over: each image for `period` s, the last `end` s more."""
     buffer, lasting = io.BytesIO(), [round(1000 * period)] * len(images)
     lasting[-1] += round(1000 * end)
-    images[0].save(buffer, kind, save_all=True, append_images=images[1:], duration=lasting, loop=0, quality=quality)
+    how = {"duration": lasting, "loop": 0, "quality": quality, "method": 4}  # a third smaller than by Pillow's 0
+    images[0].save(buffer, kind, save_all=True, append_images=images[1:], **how)
     return buffer.getvalue()
 
 

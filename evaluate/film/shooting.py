@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,6 @@ from quad_env.physics.arrows import Arrow, Ball
 from quad_env.robots.similarity import scaled
 from quad_env.scenarios.scenario import Scenario
 
-if TYPE_CHECKING:
-    from quad_env.envs.vector_env import SimpleQuadVectorEnv
-
 AFTERMATH = 1.0
 """s that are shown after a fall."""
 NEAR = 1.8
@@ -37,8 +34,6 @@ STRIP_RATE = 5.0
 """Frames of a second from which those of a strip are chosen."""
 ALARM, GOOD, BAD = (200, 30, 30), (0, 130, 90), (190, 110, 0)
 Progress = Callable[[float], None]
-Frame = NDArray[np.uint8]
-"""(height, width, 3)"""
 
 
 @dataclass(frozen=True)
@@ -84,40 +79,6 @@ class Look:
     def letters(self) -> int:
         """Size of the captions' letters, pixels."""
         return max(captions.SMALLEST, min(self.size) // 30)
-
-
-class Filming:
-    """Draws frames of the first of n robots, all of one size (width, height), pixels; close it in the end."""
-
-    def __init__(self, size: tuple[int, int], camera: str | None = "track") -> None:
-        self._view = *size, camera
-        self._camera: Any = None
-
-    def draw(self, env: "SimpleQuadVectorEnv", arrows: Sequence[Arrow | Ball] = ()) -> Frame:
-        """The first robot as it is now, with these arrows and balls.
-
-        Raises:
-            ValueError: there is no such camera; names those that there are.
-            UsageError: nothing can be drawn here.
-        """
-        from quad_env.physics.rendering import Camera, Viewpoint
-
-        try:
-            self._camera = self._camera or Camera(env.simulation.model, *self._view)
-            data = env.simulation.snapshot(0)
-            x, y, z = data.body("base_link").xpos
-            near = Viewpoint(110.0, -12.0, scaled(env.robot, NEAR, "m"), (x, y, z - env.robot.home_height / 3.0))
-            frame: Frame = self._camera.draw(data, arrows=arrows, viewpoint=near)
-        except ValueError:
-            raise
-        except Exception as error:  # whatever the graphics driver fails with
-            raise UsageError(f"nothing can be drawn here ({type(error).__name__}: {error})") from error
-        return frame
-
-    def close(self) -> None:
-        """Free the renderer."""
-        if self._camera is not None:
-            self._camera.close()
 
 
 def film(take: Take, path: Path, progress: Progress, look: Look = Look()) -> None:
@@ -171,7 +132,7 @@ class Panel:
 
     def __init__(self, policy: LabelledPolicy, take: Take, look: Look) -> None:
         self._label, self._look, self._count = policy.label, look, take.steps
-        self._filming = Filming(look.size, look.camera)
+        self._camera: Any = None
         walker = policy.on(take.scenario)
         self.recorder = Recorder(walker, np.array([take.seed]), take.steps)
         where = walker, take.scenario, take.seed
@@ -207,12 +168,29 @@ class Panel:
     def picture(self) -> Image.Image:
         """The robot now, with marks where they are wanted; framed red once it has fallen."""
         marks = self._scene.marks() if self._look.arrows else ()
-        image = Image.fromarray(self._filming.draw(self.step.env, marks))
+        image = Image.fromarray(self._frame(marks))
         if marks and self.recorder.falls.fell[0]:
             ImageDraw.Draw(image).rectangle(
                 (0, 0, *np.subtract(image.size, 1)), outline=ALARM, width=image.height // 60
             )
         return image
+
+    def _frame(self, marks: Sequence[Arrow | Ball]) -> NDArray[np.uint8]:
+        """The robot as it is now, with these arrows and balls. Raises as `film`."""
+        from quad_env.physics.rendering import Camera, Viewpoint
+
+        env, look = self.step.env, self._look
+        try:
+            self._camera = self._camera or Camera(env.simulation.model, *look.size, look.camera)
+            data = env.simulation.snapshot(0)
+            x, y, z = data.body("base_link").xpos
+            near = Viewpoint(110.0, -12.0, scaled(env.robot, NEAR, "m"), (x, y, z - env.robot.home_height / 3.0))
+            frame: NDArray[np.uint8] = self._camera.draw(data, arrows=marks, viewpoint=near)
+        except ValueError:
+            raise
+        except Exception as error:  # whatever the graphics driver fails with
+            raise UsageError(f"nothing can be drawn here ({type(error).__name__}: {error})") from error
+        return frame
 
     def draw(self, last: bool) -> Image.Image:
         """The robot now, with its captions; at last with its outcome."""
@@ -240,4 +218,5 @@ class Panel:
     def close(self) -> None:
         """End the episode and free the renderer."""
         self._steps.close()
-        self._filming.close()
+        if self._camera is not None:
+            self._camera.close()

@@ -43,8 +43,9 @@ def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDAr
     length = max(1, round(LANDING / dt))
     whole = (falls.touch_down >= first) & (falls.touch_down + length <= end[falls.episode])
     step, episode, foot = falls.touch_down[whole], falls.episode[whole], falls.foot[whole]
-    received = sum(impulse[step + later, episode, foot].astype(np.float64) for later in range(length))
-    return _mean_by_episode(np.asarray(received), episode, len(end))
+    received = np.asarray(sum(impulse[step + later, episode, foot].astype(np.float64) for later in range(length)))
+    sums = np.bincount(episode, weights=received, minlength=len(end))
+    return quotient(sums, np.bincount(episode, minlength=len(end)))
 
 
 def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> Floats:
@@ -57,8 +58,3 @@ def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> 
     x, y = (np.diff(position[..., axis].astype(np.float64), axis=0) for axis in (0, 1))
     travel = np.where(held, np.sqrt(x * x + y * y), 0.0)
     return quotient(total(travel).sum(axis=-1), count(held).sum(axis=-1) * dt)
-
-
-def _mean_by_episode(values: Floats, episode: NDArray[np.intp], episodes: int) -> Floats:
-    sums = np.bincount(episode, weights=values, minlength=episodes)
-    return quotient(sums, np.bincount(episode, minlength=episodes))

@@ -20,18 +20,19 @@ def pushes(episodes: Episodes) -> dict[str, Floats]:
     onset = episodes.push_step
     pushed = (onset <= episodes.fall_step[:, None]) & (onset < episodes.steps)
     deadline = np.minimum(onset + round(FALL_WITHIN / episodes.dt), _next(onset, episodes.steps))
-    fell = np.where(pushed, episodes.fall_step[:, None] < deadline, np.nan)
+    fell = pushed & (episodes.fall_step[:, None] < deadline)
     return {
-        "fall_after_push": _known_mean(fell),
+        "fall_after_push": quotient(fell.sum(axis=-1), pushed.sum(axis=-1)),
         "push_time": np.where(pushed, onset * episodes.dt, np.nan),
         "push_impulse": np.where(pushed[..., None], _in_heading(episodes), np.nan),
-        "push_fell": fell,
+        "push_fell": np.where(pushed, fell, np.nan),
     }
 
 
 def _in_heading(episodes: Episodes) -> Floats:
     """The impulses seen along the trunk's nose just before each push, (n, k, 2)."""
-    w, x, y, z = np.moveaxis(_at(episodes.quaternion.astype(np.float64), np.maximum(episodes.push_step - 1, 0)), -1, 0)
+    before = np.clip(episodes.push_step - 1, 0, episodes.steps - 1), np.arange(episodes.count)[:, None]
+    w, x, y, z = np.moveaxis(episodes.quaternion[before].astype(np.float64), -1, 0)
     nose_x, nose_y = 1 - 2 * (y * y + z * z), 2 * (x * y + w * z)
     length = np.maximum(np.hypot(nose_x, nose_y), 1e-6)
     cos, sin = nose_x / length, nose_y / length
@@ -39,16 +40,6 @@ def _in_heading(episodes: Episodes) -> Floats:
     return np.stack((cos * east + sin * north, cos * north - sin * east), axis=-1)
 
 
-def _at(values: Floats, step: Ints) -> Floats:
-    """`values`, (steps, n, …), at the steps (n, k) of each episode, (n, k, …)."""
-    return values[np.minimum(step, len(values) - 1), np.arange(len(step))[:, None]]
-
-
 def _next(onset: Ints, steps: int) -> Ints:
     """Step of the push after each, or the time limit, (n, k)."""
     return np.concatenate((onset[:, 1:], np.full((len(onset), 1), steps, onset.dtype)), axis=1)[:, : onset.shape[1]]
-
-
-def _known_mean(values: Floats) -> Floats:
-    known = ~np.isnan(values)
-    return quotient(np.where(known, values, 0.0).sum(axis=-1), known.sum(axis=-1))

@@ -171,11 +171,6 @@ def run_cells(
                 yield cell.finish()
 
 
-def run_cell(policy: LabelledPolicy, scenario: Scenario, seeds: NDArray[np.int64], settings: Settings) -> Cell:
-    """One cell of `run_cells`."""
-    return next(run_cells([policy], [scenario], seeds, settings))
-
-
 def sequential(nthread: int) -> Executor:
     """Executor that runs one task after the other in this process, each on so many threads."""
 

@@ -44,12 +44,6 @@ def percent(share: float) -> str:
     return f"{number(value, digits)}{NO_BREAK}%"
 
 
-def percent_interval(ends: tuple[float, float]) -> str:
-    """`low … high %`, one decimal."""
-    ends_in_percent = points_interval(ends)
-    return ends_in_percent if ends_in_percent == ABSENT else f"{ends_in_percent}{NO_BREAK}%"
-
-
 def points(share: float) -> str:
     """A difference of shares in percentage points, one decimal."""
     return number(100.0 * share, 1)

@@ -19,11 +19,11 @@ from policies.summaries import explained
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import (
     ABSENT,
+    NO_BREAK,
     counted,
     number,
     p_value,
     percent,
-    percent_interval,
     points,
     points_interval,
     share,
@@ -152,7 +152,7 @@ def score_table(
 
 
 def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:
-    score = f"{number(100.0 * each.score, 1)} [{percent_interval(each.ci)}]"
+    score = f"{number(100.0 * each.score, 1)} [{points_interval(each.ci)}{NO_BREAK}%]"
     minus = f"{points(each.difference)} [{points_interval(each.difference_ci)}], {p_value(each.p_value)}"
     return {name: score, f"{name} difference": minus if each.policy != baseline else ABSENT}
 

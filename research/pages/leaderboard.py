@@ -71,7 +71,7 @@ def main(options: Options) -> int:
     write_atomically(out, leaderboard_page.page(results, listed, robots, _made_by(options, results)).encode())
     rows = [{"scenario": s, "policy": p, **flat(without_nan(asdict(of)))} for (s, p), of in results.summaries.items()]
     write_atomically(data, csv_text(rows))
-    differences = [flat(without_nan(asdict(of))) for of in results.against_baseline]
+    differences = [flat(without_nan(asdict(of))) for of in results.comparisons if of.b == results.baseline]
     write_atomically(data.with_stem(f"{out.stem}_differences"), csv_text(differences))
     print(out)
     return 0

@@ -81,7 +81,8 @@ def gains(robot: Robot) -> str:
 def _scenario(results: Results, scenario: str, order: Sequence[str]) -> Iterator[str]:
     """Figures and differences of every policy on a scenario."""
     cells = {cell.policy: cell for cell in results.cells if cell.scenario.name == scenario}
-    differences = {(each.a, each.metric): each for each in results.against_baseline if each.scenario == scenario}
+    wanted = scenario, results.baseline
+    differences = {(each.a, each.metric): each for each in results.comparisons if (each.scenario, each.b) == wanted}
     heads = {name: IN_A_LINE[name] for name in (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")}
     heads |= {COST: "cost of transport", ISAAC_LAB: ISAAC_LAB}
     heads |= {f"{name} minus": f"{IN_A_LINE[name].partition(',')[0]}: minus `{results.baseline}`" for name in COMPARED}

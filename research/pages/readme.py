@@ -1,6 +1,6 @@
-"""The README's results: `python -m research readme RESULTS_JSON` writes scores, effort and figures.
+"""The README's results: `python -m research readme RESULTS_JSON` writes scores and effort.
 
-With `--robots` it writes the table of other robots too. The figures are those of `python -m research results`.
+With `--robots` it writes the table of other robots too. `python -m research results` draws the figures.
 """
 
 import os
@@ -27,33 +27,22 @@ class Options:
     readme: Path = Path("README.md")
     """File with the lines `<!-- results -->` and `<!-- /results -->`, between which they go."""
     picture: Path = Path("docs/results/evaluation.png")
-    """PNG of the success of every policy on every axis, to be written."""
+    """PNG of the success of every policy on every axis, to be shown."""
     robots: tuple[Path, ...] = ()
     """results.json of evaluations of other robots, a row each, for the place `<!-- robots -->`."""
 
 
 def main(options: Options) -> int:
-    """Write the README and its figures; the exit code. Raises UsageError."""
+    """Write the README; the exit code. Raises UsageError."""
     text, found = page_with(options.readme), evaluations.read(options.results)
-    others = {_picture_of(path, options): evaluations.read(path) for path in options.robots}
+    others = [evaluations.read(path) for path in options.robots]
     said, *table = evaluations.overview(found)
     lines = ["<br>".join(filter(None, (evaluations.legend(found), said))), *table, ""]
-    lines += [evaluations.pictures(found, _seen(options.picture, options)), "", evaluations.made_by(found)]
+    seen = Path(os.path.relpath(options.picture, options.readme.parent)).as_posix()
+    lines += [evaluations.pictures(found, seen), "", evaluations.made_by(found)]
     text = insert(text, lines)
     if others:
-        commands = " ".join(map(evaluations.made_by, others.values()))
-        text = insert(text, [*evaluations.robots_table(list(others.values())), "", commands], ROBOTS)
-    for picture, one in {**others, options.picture: found}.items():
-        evaluations.draw(one, picture)
+        commands = " ".join(map(evaluations.made_by, others))
+        text = insert(text, [*evaluations.robots_table(others), "", commands], ROBOTS)
     write_atomically(options.readme, text.encode())
     return 0
-
-
-def _picture_of(results: Path, options: Options) -> Path:
-    """Where the figure of another robot goes: next to the first, called as the folder of its results."""
-    return options.picture.with_name(f"{results.resolve().parent.name}.png")
-
-
-def _seen(picture: Path, options: Options) -> str:
-    """A picture's place, seen from the README."""
-    return Path(os.path.relpath(picture, options.readme.parent)).as_posix()

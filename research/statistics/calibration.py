@@ -4,12 +4,12 @@ A row repeats one interval or test on many data sets whose truth is known, and c
 truth, or how often the test claims a difference that is not there.
 """
 
-import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
+from rich.progress import track
 
 from quad_env.cli.command_line import UsageError, check_numbers
 from research.pages.places import page_with, put
@@ -71,22 +71,16 @@ def main(options: Options) -> int:
 
 
 def _run(rows: list[Check], options: Options) -> None:
-    """A line a row, as it is done; on stderr how long the rest will take."""
-    standard_error = 100.0 * np.sqrt(0.05 * 0.95 / options.sets)
+    """A line a row, as it is done."""
+    standard_error, outside = 100.0 * np.sqrt(0.05 * 0.95 / options.sets), 0
     print(f"share of {options.sets} data sets, %; its standard error is {standard_error:.1f}")
-    print(
-        f"{'interval holds the truth, or test claims a difference':54} {'n':>4} {'falls':>6} {'share':>6} {'meant':>6}"
-    )
-    start, outside = time.perf_counter(), 0
-    for number, check in enumerate(rows, 1):
-        share = checks.share_of_yes(check, options.sets, options.seed)
-        low, high = check.bounds
+    head = "interval holds the truth, or test claims a difference"
+    print(f"{head:54} {'n':>4} {'falls':>6} {'share':>6} {'meant':>6}")
+    for check in track(rows, "intervals and tests", console=Console(stderr=True)):
+        share, (low, high) = checks.share_of_yes(check, options.sets, options.seed), check.bounds
         outside += not low <= share <= high
         values = (check.fall_probability, share, check.expected)
         figures = " ".join(f"{'' if np.isnan(value) else f'{100 * value:.1f}':>6}" for value in values)
         verdict = "" if low <= share <= high else f"  not in {100 * low:g} to {100 * high:g}"
         print(f"{check.name:54} {check.count:4} {figures}{verdict}", flush=True)
-        elapsed = time.perf_counter() - start
-        left = elapsed / number * (len(rows) - number)
-        print(f"[{number}/{len(rows)}] {elapsed:.0f} s, about {left:.0f} s left", file=sys.stderr, flush=True)
     print(f"{outside} of {len(rows)} rows out of bounds")

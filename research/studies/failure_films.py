@@ -43,10 +43,10 @@ def span(record: Record, measures: Measures, earlier: float) -> slice:
 def strip(policy: Policy, record: Record, part: slice) -> Image.Image:
     """An episode over those control steps."""
     frames = tiled(list(_frames(policy, record, part)), COLUMNS)
-    return _stacked(_text(_title(record, part), frames.width, 20), frames, _curves(record, part, frames.width))
+    return stacked(_text(_title(record, part), frames.width, 20), frames, _curves(record, part, frames.width))
 
 
-def _stacked(*images: Image.Image) -> Image.Image:
+def stacked(*images: Image.Image) -> Image.Image:
     """Images of one width below each other."""
     out = Image.new("RGB", (images[0].width, sum(each.height for each in images)))
     for number, each in enumerate(images):
@@ -82,7 +82,7 @@ def _frames(policy: Policy, record: Record, part: slice) -> Iterator[Image.Image
                 fell, touches = record.fell and step.number > record.end, step.infos["leg_contact"][0]
                 marks = {"FALL": fell, "PUSH": step.infos["push"].any(), "shin or thigh touches": touches}
                 words = [f"{step.number * step.env.dt:.2f} s", *(mark for mark, seen in marks.items() if seen)]
-                yield _stacked(panel.picture(), _text(["  ".join(words)], SIZE[0]))
+                yield stacked(panel.picture(), _text(["  ".join(words)], SIZE[0]))
 
 
 def _curves(record: Record, part: slice, width: int) -> Image.Image:

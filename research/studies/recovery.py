@@ -5,7 +5,6 @@ A start is any orientation, any joint angles within the limits, and random veloc
 the end.
 """
 
-import itertools
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -21,8 +20,6 @@ from quad_env import OBSERVATION, SCENARIOS, AnyPose
 from quad_env.cli.command_line import check_numbers
 from quad_env.seeding import episode_seeds
 
-TILTS = (0, 45, 90, 135, 180)
-"""Edges of the classes of starts, degrees."""
 STANDING_TILT = np.deg2rad(10.0)
 """Largest tilt of a robot that stands."""
 STANDING_HEIGHT = 0.45
@@ -38,8 +35,6 @@ TIME_ALLOWED, WATCHED = 5.0, 6.0
 class Outcome:
     """What became of n robots."""
 
-    tilt: Floats
-    """At the start, degrees, (n,)."""
     standing_since: Floats
     """s, infinite for a robot that does not stand at the end, (n,)."""
     peak_torque: float
@@ -68,13 +63,10 @@ def main(options: Options) -> int:
 
 def recover(seeds: NDArray[np.int64]) -> Outcome:
     """One robot for each seed, all side by side; the policy recovers from the first step on."""
-    tilt, since, peak, diverged = np.zeros(0), np.full(len(seeds), np.inf), 0.0, np.zeros(len(seeds), np.bool_)
+    since, peak, diverged = np.full(len(seeds), np.inf), 0.0, np.zeros(len(seeds), np.bool_)
 
     def watch(step: Step) -> None:
-        nonlocal tilt, since, peak, diverged
-        if step.number == 0:
-            upright = -step.observation[:, OBSERVATION["projected_gravity"]][:, 2]
-            tilt = np.rad2deg(np.arccos(np.clip(upright, -1.0, 1.0))).astype(np.float64)
+        nonlocal since, peak, diverged
         diverged = step.infos["diverged"]
         peak = max(peak, float(np.abs(step.infos["joint_torque"]).max()))
         stands = standing(step.observation, step.infos)
@@ -83,7 +75,7 @@ def recover(seeds: NDArray[np.int64]) -> Outcome:
     steps = round(WATCHED / CONTROL_PERIOD)
     policy, still = Behaviour(start=State.RECOVER, follow=False), np.zeros(3)
     roll_out(policy, LYING, seeds, watch, steps=steps, command=still, terminate_on_fall=False)
-    return Outcome(tilt, since, peak, int(diverged.sum()))
+    return Outcome(since, peak, int(diverged.sum()))
 
 
 def standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray[np.bool_]:
@@ -112,8 +104,4 @@ def report(outcome: Outcome) -> str:
     if len(times):
         middle, most, last = np.quantile(times, (0.5, 0.9, 1.0))
         lines.append(f"time to stand: median {middle:.2f} s, 90 % {most:.2f} s, longest {last:.2f} s")
-    for first, past in itertools.pairwise(TILTS):
-        among = (outcome.tilt >= first) & (outcome.tilt < past + (past == TILTS[-1]))
-        if among.any():
-            lines.append(f"tilt at the start {first:3d}° … {past:3d}°: {stands[among].sum()} of {among.sum()}")
     return "\n".join(lines)

@@ -1,27 +1,22 @@
 """Straight walking at constant speed: `python -m research straight-walking --robot go1`, as in arXiv 2501.16590.
 
 Speed, pushes, uneven ground and cost of transport of several policies on the same episodes, straight ahead from any
-heading, at speeds of the same Froude number for every robot. The cost of transport is mechanical energy over weight and
-distance, of the episodes without a fall.
+heading, at speeds of the same Froude number for every robot. The cost of transport is that of all episodes together.
 """
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.progress import track
 
-from evaluate.measures.metrics import Measures
-from evaluate.measures.tracking import VELOCITY_CAP
+from evaluate.analysis.summary import summarise
 from evaluate.report.headings import FIRST
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from evaluate.rollouts.workers import process_pool
-from evaluate.statistics.intervals import UNBOUNDED, bootstrap_interval, wilson_interval
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.format import number, percent
 from quad_env.config import CommandRanges
@@ -31,7 +26,7 @@ from quad_env.robots.similarity import scaled
 from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import Scenario
 from research.pages import markdown
-from research.pages.csv_text import csv_text
+from research.pages.csv_text import csv_text, flat
 from research.pages.places import RESULTS, page_with, put
 
 GROUNDS = {"flat": "level", "push": "pushed", "rough": "uneven"}
@@ -94,17 +89,15 @@ def scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
 def rows(
     options: Options, hardware: Hardware, walks: Sequence[Scenario], compared: Sequence[LabelledPolicy]
 ) -> list[dict[str, Any]]:
-    """A row for each walk and policy; shares and means with the ends of their 95 % intervals."""
+    """A row for each walk and policy; figures of `Summary` with the ends of their 95 % intervals."""
     seeds = evaluation_seeds(options.seed, options.episodes)
     settings = Settings(1, lambda *_: None, executor=process_pool(options.threads), hardware=hardware)
     total = len(walks) * len(compared)
     cells = list(track(run_cells(compared, walks, seeds, settings), description="walking", total=total))
-    of = {(cell.scenario.name, cell.policy): _figures(cell.measures) for cell in cells}
     return [
-        {"ground": GROUNDS[walk.name.split()[0]], "speed": walk.commands.forward[0], "policy": policy.label}
-        | of[walk.name, policy.label]
-        for walk in walks
-        for policy in compared
+        {"ground": GROUNDS[walk.name.split()[0]], "speed": walk.commands.forward[0], "policy": cell.policy}
+        | flat({f"{name}_ci": ends for name, ends in of.effort_intervals.items()} | asdict(of))
+        for walk, cell, of in ((cell.scenario, cell, summarise(cell, hardware.quadruped)) for cell in cells)
     ]
 
 
@@ -121,19 +114,3 @@ def lines(options: Options, robot: Robot, table: Sequence[Mapping[str, Any]]) ->
         "",
         markdown.table({FIRST: "ground, speed", **{name: f"`{name}`" for name in options.policies}}, by_walk.values()),
     ]
-
-
-def _figures(measures: Measures) -> dict[str, float]:
-    """Success, falls, velocity error, and cost of transport of the episodes that ended upright, with intervals."""
-    whole = measures.cost_of_transport[~measures.fell & np.isfinite(measures.cost_of_transport)]
-    found = {}
-    for name, counted in (("success_rate", measures.succeeded), ("fall_rate", measures.fell)):
-        found[name] = (float(counted.mean()), *wilson_interval(int(counted.sum()), len(counted)))
-    for name, values, bounds in (
-        ("velocity_error", measures.velocity_error, (0.0, VELOCITY_CAP)),
-        ("cost_of_transport", whole, UNBOUNDED),
-    ):
-        enough = len(values) >= 2
-        found[name] = (float(values.mean()), *bootstrap_interval(values, bounds)) if enough else (math.nan,) * 3
-    ends = ("", "_low", "_high")
-    return {f"{name}{end}": value for name, each in found.items() for end, value in zip(ends, each, strict=True)}

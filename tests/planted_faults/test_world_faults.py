@@ -6,7 +6,7 @@ import pytest
 from evaluate.analysis import breaking_points, severity_levels
 from evaluate.analysis.score import scores
 from evaluate.rollouts import battery
-from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, labelled, run_cell
+from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, labelled, run_cells
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from quad_env import SIMPLE_QUAD
 from quad_env.actuation.hardware import Profile
@@ -48,7 +48,7 @@ def check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains() -> Non
         patch.setattr(Hardware, "quadruped", property(lambda _: soft))
         trot = labelled("trot", IDEAL, both)
         for scenario in both:
-            run_cell(trot, scenario, np.array([7]), Settings(1, lambda *_: None, steps=110))
+            next(run_cells([trot], [scenario], np.array([7]), Settings(1, lambda *_: None, steps=110)))
     assert [batch.env.robot.servo for batch in found] == [SIMPLE_QUAD.servo, MAKERS]
     assert [(batch.sensed, batch.env.simulation.model.actuator_delay[0] > 0) for batch in found] == [
         (False, False),

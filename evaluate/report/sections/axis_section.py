@@ -8,7 +8,7 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
 from evaluate.report.html import fold, grid, image, note, section
 from evaluate.report.plots import curves
-from evaluate.report.sections.figures import comparison_table, figures_table, level_table
+from evaluate.report.sections.figures import comparison_table, figures_table
 
 SHOWN = {SUCCESS_RATE: "episodes that succeed, %", FALL_RATE: "episodes with a fall, %"}
 """Metrics that are drawn, and what their figures are."""
@@ -42,7 +42,6 @@ def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
         yield note(LEAD)
         plots = {label: curves.against_severity(results, axis, metric, label) for metric, label in SHOWN.items()}
         yield grid((image(plot, f"{label} of each policy against {axis.quantity}") for label, plot in plots.items()))
-    yield level_table(results, axis)
     tables = (
         f"<h3>{escape(level.name)} <small>{escape(severity(level))}</small></h3>{figures_table(results, level.name)}"
         for level in axis.scenarios

@@ -29,10 +29,11 @@ def causes(results: Results) -> str:
 
 
 def _pictures(results: Results) -> Iterator[str]:
-    """Headed, a picture for each policy that failed."""
+    """Headed, a picture for each policy that failed, in the order of the ranking."""
     for real, title in TITLES.items():
         axes = [axis for axis in severity_axes(results.cells) if axis.name.endswith(HARDWARE) == real]
-        shares = {policy: dict(_shares(results, policy, axes)) for policy in results.policies}
+        order = dict.fromkeys((*(each.policy for each in results.ranking.places), *results.policies))
+        shares = {policy: dict(_shares(results, policy, axes)) for policy in order}
         drawn = (
             image(svg(plots.bars(policy, found)), f"Causes of failures of {policy} on each axis, in per cent")
             for policy, found in shares.items()

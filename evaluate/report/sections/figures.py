@@ -5,7 +5,6 @@ from html import escape
 
 from evaluate.analysis.comparison import RATES, Comparison
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import SeverityAxis, amount
 from evaluate.analysis.summary import Summary
 from evaluate.measures import catalogue
 from evaluate.measures.catalogue import BY_NAME, FIGURES, KEY, MEASURES
@@ -13,29 +12,13 @@ from evaluate.measures.outcomes import RULES
 from evaluate.report.headings import FIRST, TITLES
 from evaluate.report.html import breakable, heading, mark, note, table
 from evaluate.report.plots.drawing import MARKS, style
-from quad_env.cli.format import ABSENT, number, p_value, points, points_interval, share
+from quad_env.cli.format import ABSENT, p_value, points, points_interval, share
 
 
 def policy_label(results: Results, policy: str) -> str:
     """A policy's name with its mark."""
     colour, shape = style(results, policy)
     return f"{mark(colour, MARKS[shape])}{breakable(policy)}"
-
-
-def level_table(results: Results, axis: SeverityAxis) -> str:
-    """Successes and falls in per cent: a policy a row, a level a column."""
-    heads = {FIRST: heading("success (falls), %", f"at {escape(axis.unit or axis.name)}")}
-    heads |= {level.name: amount(level.severity) for level in axis.levels}
-    rows = []
-    for policy in results.policies:
-        ran = {level.name: results.summaries.get((level.name, policy)) for level in axis.levels}
-        cells = {
-            name: f"{number(100 * of.success_rate, 0)} ({number(100 * of.fall_rate, 0)})" if of else ABSENT
-            for name, of in ran.items()
-        }
-        if any(ran.values()):
-            rows.append({FIRST: policy_label(results, policy), **cells})
-    return table(heads, rows, "levels")
 
 
 def comparison_table(comparisons: Iterable[Comparison]) -> str:

@@ -10,7 +10,7 @@ import quad_env
 from evaluate.measures.episodes import GIVEN, OF_POLICY, Episodes, shapes
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
+from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
 from evaluate.rollouts.observers import Falls, Step
 from policies.base import Policy
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -152,10 +152,10 @@ def test_what_an_observer_asks_of_the_policy_counts_from_the_next_action_and_the
 def test_many_episodes_run_in_chunks_with_the_same_outcome() -> None:
     assert Settings.chunk_size >= 128
     policy, seeds = LabelledPolicy("document", policies.make("document")), evaluation_seeds(0, 5)
-    whole = run_cell(policy, quad_env.SCENARIOS["flat"], seeds, Settings(2, lambda *_: None))
+    whole = next(run_cells([policy], [quad_env.SCENARIOS["flat"]], seeds, Settings(2, lambda *_: None)))
     shares: list[float] = []
     settings = Settings(2, lambda _, __, share: shares.append(share), chunk_size=2)
-    chunks = run_cell(policy, quad_env.SCENARIOS["flat"], seeds, settings)
+    chunks = next(run_cells([policy], [quad_env.SCENARIOS["flat"]], seeds, settings))
     np.testing.assert_array_equal(chunks.seeds, seeds)
     np.testing.assert_array_equal(chunks.measures.fall_time, whole.measures.fall_time)
     assert (shares, shares.count(1.0)) == (sorted(shares), 1)

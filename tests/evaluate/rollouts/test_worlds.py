@@ -10,7 +10,7 @@ from evaluate.commands.plan import check, scenarios_asked_for
 from evaluate.records import manifest as manifests
 from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import battery
-from evaluate.rollouts.experiment import Settings, labelled, run_cell
+from evaluate.rollouts.experiment import Settings, labelled, run_cells
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from quad_env.actuation.hardware import hardware_profile
 from quad_env.cli.command_line import UsageError
@@ -49,7 +49,7 @@ def test_the_robots_of_each_cell_have_the_gains_of_their_policy_and_the_profile_
     trot = labelled("trot", IDEAL, both)
     with begun() as found:
         for each in both:
-            run_cell(trot, each, np.array([7]), Settings(1, lambda *_: None, steps=120))
+            next(run_cells([trot], [each], np.array([7]), Settings(1, lambda *_: None, steps=120)))
     assert [batch.env.robot.servo for batch in found] == [SIMPLE_QUAD.servo, MAKERS]
     assert [batch.sensed for batch in found] == [False, True]
 

@@ -1,4 +1,4 @@
-"""The time that a run has left: rollouts and validations, by a clock that is turned by hand."""
+"""Progress of a run: the time left, by a clock that is turned by hand, and the line of figures."""
 
 import math
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from train.config import PpoConfig, TrainConfig, ValidationConfig
-from train.sb3.progress import Pace
+from train.sb3.progress import Pace, summary
 
 PPO = PpoConfig(envs=10, rollout_steps=10, hold=2)
 CONFIG = TrainConfig(steps=1000, mixture=(("flat", 1.0), ("push", 1.0)), ppo=PPO, validation=ValidationConfig(300))
@@ -68,3 +68,20 @@ def test_a_run_that_is_continued_counts_what_this_session_does() -> None:
     run.validate(7.0)
     assert run.left == pytest.approx(4 * 4.0 + 2 * 7.0)  # at 900 and at the end
     assert math.isfinite(Pace(CONFIG).left(0))
+
+
+def counted(episodes=0, falls=0.0, returned=0.0):
+    """With fixed errors."""
+    return {"velocity_error": 0.12, "yaw_rate_error": 0.3, "episodes": episodes, "return": returned, "falls": falls}
+
+
+@pytest.mark.parametrize(
+    ("statistics", "said"),
+    [
+        (counted(), "no episode ended  velocity error 0.120 m/s  yaw-rate error 0.300 rad/s"),
+        (counted(160, 0.05, 10.0), "return   10.00  8 of 160 episodes fell  velocity error"),
+    ],
+)
+def test_falls_are_counted_among_the_episodes_that_ended(statistics, said) -> None:
+    """In the first rollouts of a run those are few, and most of them fell, for who walks goes on."""
+    assert summary(statistics).startswith(said)

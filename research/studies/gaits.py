@@ -1,0 +1,182 @@
+"""Measured gaits: `python -m research gaits` records a steady walk of each controller and draws it into the pages.
+
+A page with the lines `<!-- gaits ROBOT POLICY… -->` and `<!-- /gaits -->` gets the figures of these policies of that
+robot, a film of 2 s of each, and the contacts of its feet in that time above frames of one stride (M. Hildebrand,
+Symmetrical gaits of horses, Science, 1965). `POLICY@SCENARIO` walks on another scenario than `steady`.
+"""
+
+import io
+import os
+import re
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from itertools import product, repeat
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated
+
+import mujoco
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+from PIL import Image
+from rich.console import Console
+from rich.progress import track
+
+from evaluate.film.captions import Text
+from evaluate.film.files import moving_picture, tiled
+from evaluate.film.shooting import Look, Panel, Take
+from evaluate.measures.footfalls import SHORTEST_SWING, without_rattling
+from evaluate.measures.metrics import measure
+from evaluate.report.headings import EFFORT_TITLES, FIRST, figure_of_effort
+from evaluate.report.plots import drawing
+from evaluate.rollouts.experiment import labelled
+from evaluate.rollouts.hardware import hardware_of
+from evaluate.rollouts.rollout import STEPS
+from policies.base import CONTROL_PERIOD
+from quad_env.cli.child_process import available_cores
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.format import number
+from quad_env.files.writing import make_writable_folder, write_atomically
+from quad_env.scenarios.named import STEADY, scenario
+from quad_env.seeding import episode_seeds
+from research.pages.markdown import table
+from research.pages.places import page_with
+from research.studies.failure_films import stacked
+
+SHOWN = range(400, 600, 2)
+"""Control steps, counted from 0, after which frames are drawn; between the first and the last, contacts are shown."""
+EVERY, FRAMES = 3, 8
+"""One of so many is a frame of the film; frames of a stride."""
+SIZE, SKY, SAMPLES, SMALL = (400, 300), 50, 2, (160, 100)
+"""Pixels of a frame as it is drawn, those at its top that are cut off, how many become one, across and down, in the
+picture of several walks, and size of a frame otherwise."""
+QUALITY, LETTERS = 20, 13
+"""Of films, out of 100, and size of the letters in the picture of several walks, pixels."""
+TOGETHER, COLUMNS = tuple(product(("simple_quad",), ("trot_feedback", "mpc_wbc", "residual", "robust"))), 4
+TOGETHER += tuple(product(("go1", "go2"), ("trot_feedback", "mpc_wbc")))
+"""Walks of the README's picture, drawn where the pages have all of them, in rows of so many."""
+FIGURES = "step_rate", "duty_factor", "flight", "trunk_height", "cost_of_transport"
+Key = tuple[str, str]
+"""Robot and policy, as a page names them."""
+PLACE = re.compile(r"(?<=<!-- gaits )(\S+) (.+?)( -->\n).*?(?=<!-- /gaits -->)", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Record a steady walk of each controller, and draw it into the pages that name it."""
+
+    pages: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
+    """Markdown files with such places; by default those of docs and models."""
+    out: Path = Path("docs/gaits")
+    """Folder of the pictures; next to it goes walking.webp, the README's."""
+
+
+def main(options: Options) -> int:
+    """Record, draw and write; the exit code. Raises UsageError, PolicyError or OSError before anything is drawn."""
+    pages = options.pages or sorted((*Path("docs").glob("*.md"), *Path("models").rglob("*.md")))
+    texts = {page: text for page in pages if PLACE.search(text := page_with(page))}
+    places = [place for text in texts.values() for place in PLACE.findall(text)]
+    named = {(robot, name) for robot, names, _ in places for name in names.split()}
+    if not named:
+        raise UsageError(f"no place for gaits in {' '.join(map(str, pages))}")
+    walks = {each: _walk(*each) for each in sorted(named)}
+    make_writable_folder(options.out)
+    with ProcessPoolExecutor(available_cores(), get_context("spawn")) as pool:
+        drawn = pool.map(draw, walks.values(), repeat(options.out))
+        shown = list(track(drawn, "walking", len(walks), console=Console(stderr=True)))
+    figures, films = (dict(zip(walks, each, strict=True)) for each in zip(*shown, strict=True))
+    if films.keys() >= set(TOGETHER):
+        tiles = zip(*(films[each] for each in TOGETHER), strict=True)
+        write_atomically(options.out.with_name("walking.webp"), _film([tiled(each, COLUMNS) for each in tiles]))
+    for page, text in texts.items():
+        folder = Path(os.path.relpath(options.out, page.parent)).as_posix()
+        write_atomically(page, PLACE.sub(partial(_filled, walks, figures, folder), text).encode())
+    return 0
+
+
+def _walk(robot: str, name: str) -> Take:
+    """That policy, `POLICY` or `POLICY@SCENARIO`, of that robot, called as its files are. Raises UsageError or
+    PolicyError."""
+    hardware, (policy, _, where) = hardware_of(robot, "a place for gaits"), name.partition("@")
+    try:
+        place = scenario(where or STEADY, hardware.quadruped)
+    except ValueError as error:
+        raise UsageError(f"a place for gaits: {error}") from error
+    (seed,), called = episode_seeds("validation", 0, 1).tolist(), re.sub(r"[^\w.-]+", "_", f"{robot}_{name}")
+    return Take((labelled(policy, hardware, [place]),), place, seed, STEPS, called, hardware)
+
+
+def draw(walk: Take, folder: Path) -> tuple[dict[str, str], list[Image.Image]]:
+    """Write NAME.webp and NAME_film.webp; figures of the whole walk, as text by column, and the film's larger images.
+
+    A robot that has fallen is shown as it lies.
+    """
+    (policy,), images = walk.policies, list[Image.Image]()
+    with closing(Panel(policy, walk, Look(SIZE, camera=None))) as panel:
+        images += [_frame(panel) for step in panel if step.number - 1 in SHOWN]
+        images += [_frame(panel)] * (len(SHOWN) - len(images))
+        episodes = panel.recorder.episodes()
+    upright = np.arange(SHOWN.start, SHOWN.stop) < episodes.fall_step[0]
+    contact = episodes.foot_contact[SHOWN.start : SHOWN.stop, 0] & upright[:, None]
+    chosen = (np.linspace(*stride(contact), FRAMES, endpoint=False) / SHOWN.step).round().astype(int).tolist()
+    film, strip = images[::EVERY], tiled([images[number].resize(SMALL) for number in chosen], FRAMES)
+    write_atomically(folder / f"{walk.title}_film.webp", _film([image.resize(SMALL) for image in film]))
+    above = diagram(contact, chosen, episodes.robot.leg_names, strip.width)
+    stacked(above, strip).save(still := io.BytesIO(), "webp", quality=75, method=6)
+    write_atomically(folder / f"{walk.title}.webp", still.getvalue())
+    found, larger = measure(episodes), [image.reduce(SAMPLES) for image in film]
+    for image in larger:
+        Text(LETTERS, edge=1).write(image, f"{walk.hardware.robot}, {policy.label}", -1)
+    of = {name: figure_of_effort(name, float(getattr(found, name)[0].mean())) for name in FIGURES}
+    return of | {"speed": number(float(found.mean_velocities[0, :, 0].mean()), 2)}, larger
+
+
+def _frame(panel: Panel) -> Image.Image:
+    return panel.picture().crop((0, SKY, *SIZE))
+
+
+def _film(images: Sequence[Image.Image]) -> bytes:
+    return moving_picture(images, "webp", EVERY * SHOWN.step * CONTROL_PERIOD, quality=QUALITY)
+
+
+def stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
+    """Steps of two touch-downs of the first foot that has as many, of contacts (steps, feet); all where none has."""
+    stance = without_rattling(contact, round(SHORTEST_SWING / CONTROL_PERIOD))
+    landed = (np.flatnonzero(np.diff(of_foot.astype(int)) == 1) + 1 for of_foot in stance.T)
+    return next(((int(steps[0]), int(steps[1])) for steps in landed if len(steps) > 1), (0, len(contact)))
+
+
+def diagram(contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[str], width: int) -> Image.Image:
+    """The gait diagram: a row a foot, filled while the simulator finds it on the ground, and marks at these frames."""
+    times, below, buffer = np.array((SHOWN.start, SHOWN.stop)) * CONTROL_PERIOD, len(legs) - 0.5, io.BytesIO()
+    marks = (SHOWN.start + SHOWN.step * np.array(chosen) + 0.5) * CONTROL_PERIOD
+    with drawing.settings():
+        drawn, axes = drawing.figure(1.5, width / 100, drawing.Margins(left=0.4, right=0.25))
+        place = float(times[0]), float(times[1]), below, -0.5
+        axes.imshow(contact.T, "Blues", aspect="auto", interpolation="nearest", vmin=0.0, vmax=1.4, extent=place)
+        axes.hlines(np.arange(1, len(legs)) - 0.5, *times, color="white", linewidth=3)
+        axes.plot(marks, np.full(len(marks), below), "k^", clip_on=False)
+        axes.set_yticks(range(len(legs)), [name.upper() for name in legs])
+        axes.set_xlabel("time, s; triangles: the frames below")
+        drawn.savefig(buffer, dpi=100)
+    return Image.open(buffer).convert("RGB")
+
+
+def _filled(walks: Mapping[Key, Take], figures: Mapping[Key, dict[str, str]], folder: str, place: re.Match[str]) -> str:
+    """A place with its tables; `folder` is that of the pictures, seen from the page."""
+    heads = {FIRST: "controller", "speed": "speed, m/s"}
+    heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FIGURES}
+    pictures = {FIRST: "controller", "film": "2 s", "still": "feet on the ground in these 2 s; one stride"}
+    rows = []
+    for name in place[2].split():
+        walk = walks[place[1], name]
+        words = f"`{walk.policies[0].label}`{'' if walk.scenario == STEADY else f' on `{walk.scenario.name}`'}"
+        file, alt = f"{folder}/{walk.title}", f"{place[1]}, {name}"
+        cells = {"film": f"![{alt}: film]({file}_film.webp)", "still": f"![{alt}: contacts]({file}.webp)"}
+        rows.append({FIRST: words} | cells | figures[place[1], name])
+    made_by = f"One walk of 10 s each on a validation seed; `python -m research gaits`, MuJoCo {mujoco.__version__}."
+    return f"{place[1]} {place[2]}{place[3]}{table(heads, rows)}\n\n{table(pictures, rows)}\n\n{made_by}\n"
