@@ -24,6 +24,8 @@ from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 
 LEGS = 4
+TOGETHER = 32
+"""Robots whose programs are made at once: their matrices fit into a processor's cache."""
 
 
 class Body(NamedTuple):
@@ -99,13 +101,9 @@ class Horizon:
         """Ends of the steps, (N,), s."""
         self.middles: Floats = self.times - 0.5 * period
         """Their middles, (N,), s."""
-        turned = [self._root(*each) for each in zip(weights.angles, weights.turning, strict=True)]
-        moved = [self._root(*each) for each in zip(weights.position, weights.velocity, strict=True)]
-        self._turned = np.stack(turned, axis=1).transpose(2, 1, 0)  # (step, axis, row of the root)
-        table = np.zeros((steps, LEGS, 3, steps, LEGS, 3))
-        for axis, root in enumerate(moved):
-            table[:, :, axis, :, :, axis] = (root.T @ root)[:, None, :, None]
-        self._moved = table.reshape(3 * LEGS * steps, 3 * LEGS * steps)
+        both = zip(np.ravel(weights[:2]), np.ravel(weights[2:4]), strict=True)
+        roots = [self._root(place, rate) for place, rate in both]
+        self._roots = np.stack(roots, axis=1).transpose(2, 1, 0).copy()  # (step, axis, row of the root)
 
     def _root(self, place: float, rate: float) -> Floats:
         """R with RᵀR the cost's matrix of the accelerations along one axis, (N, N)."""
@@ -116,8 +114,8 @@ class Horizon:
     def moments(inertia: Floats, arms: Floats) -> Floats:
         """Angular acceleration of bodies of that inertia, (n, 3, 3), per force of each foot in each step,
         (n, N, 4, 3, 3), from `arms`, (n, N, 4, 3), m, of the feet from the centre of mass."""
-        count, steps, legs, _ = arms.shape
-        return _turned_by(inertia, arms).reshape(count, 3, steps, legs, 3).transpose(0, 2, 3, 1, 4)
+        turned: Floats = _turned_by(inertia, arms).reshape(*arms.shape, 3).swapaxes(3, 4)
+        return turned
 
     def free(self, body: Body) -> Reference:
         """Where the bodies go by themselves, gravity and what no foot explains included."""
@@ -140,25 +138,24 @@ class Horizon:
         each step, (n, N, 4, 3), m; `standing`: which of them stand, (n, N, 4).
         """
         weights, count = self.weights, len(arms)
-        moments = np.ascontiguousarray(_turned_by(body.inertia, arms).transpose(0, 2, 1))  # (n, variable, axis)
-        free = self.free(body)
-        angular = np.matmul(self.place.T, weights.angles * (free.angles - wanted.angles))
-        angular += np.matmul(self.rate.T, weights.turning * (free.turning - wanted.turning))
-        linear = np.matmul(self.place.T, weights.position * (free.position - wanted.position))
-        linear += np.matmul(self.rate.T, weights.velocity * (free.velocity - wanted.velocity))
-        turn = np.repeat(angular, 3 * LEGS, axis=1)
-        gradient = moments[..., 0] * turn[..., 0] + moments[..., 1] * turn[..., 1] + moments[..., 2] * turn[..., 2]
-        gradient += np.repeat(linear / body.mass[:, None, None], LEGS, axis=1).reshape(count, -1)
+        # Angular and linear acceleration by each variable, (n, variable, 6).
+        moved = np.zeros((count, self.steps * LEGS, 3, 6))
+        moved[..., :3] = _turned_by(body.inertia, arms).reshape((*moved.shape[:-1], 3))
+        moved[:, :, (0, 1, 2), (3, 4, 5)] = 1.0 / body.mass[:, None, None]
+        moved = moved.reshape(count, -1, 6)
+        missed = [weight * (free - goal) for weight, free, goal in zip(weights, self.free(body), wanted, strict=False)]
+        pull = np.matmul(self.place.T, np.concatenate(missed[:2], axis=2))
+        pull += np.matmul(self.rate.T, np.concatenate(missed[2:], axis=2))
+        gradient = np.matmul(moved.reshape(count, self.steps, 3 * LEGS, 6), pull[..., None]).reshape(count, -1)
         share = body.mass[:, None] * GRAVITY / np.maximum(standing.sum(axis=2), 1)
         gradient.reshape(count, self.steps, LEGS, 3)[..., 2] -= weights.force * share[..., None]
         kept = np.repeat(standing.reshape(count, -1), 3, axis=1)
         for robots in alike(standing.sum(axis=(1, 2))):
             chosen = np.nonzero(kept[robots])[1].reshape(len(robots), -1)
             of_these = robots[:, None]
-            roots = self._turned[chosen // (3 * LEGS)] * moments[of_these, chosen][..., None]
-            roots = roots.reshape(*chosen.shape, 3 * self.steps)
+            roots = self._roots[chosen // (3 * LEGS)] * moved[of_these, chosen][..., None]
+            roots = roots.reshape(*chosen.shape, 6 * self.steps)
             hessian = np.matmul(roots, roots.transpose(0, 2, 1))
-            hessian += self._moved[chosen[:, :, None], chosen[:, None, :]] / body.mass[robots, None, None] ** 2
             np.einsum("nii->ni", hessian)[:] += weights.force
             yield (
                 robots,
@@ -175,15 +172,15 @@ class Horizon:
 
 
 def alike(counts: NDArray[np.int64]) -> Iterator[Rows]:
-    """Robots with the same count, (n,), of feet that stand, the smallest count first."""
+    """Robots with the same count, (n,), of feet that stand, the smallest count first, at most `TOGETHER` at once."""
     for count in sorted(set(counts.tolist())):
-        yield np.flatnonzero(counts == count)
+        robots = np.flatnonzero(counts == count)
+        yield from (robots[start : start + TOGETHER] for start in range(0, len(robots), TOGETHER))
 
 
 def _turned_by(inertia: Floats, arms: Floats) -> Floats:
-    """Angular acceleration, (n, 3, N * 4 * 3), by a force of each foot along each axis in each step."""
-    by_axis = np.moveaxis(skew(arms), -2, 1).reshape(len(arms), 3, -1)
-    turned: Floats = np.matmul(np.linalg.inv(inertia), by_axis)
+    """Angular acceleration, (n, N * 4 * 3, 3), by a force of each foot along each axis in each step."""
+    turned: Floats = np.matmul(skew(-arms).reshape(len(arms), -1, 3), np.linalg.inv(inertia))  # which is symmetric
     return turned
 
 

@@ -56,6 +56,8 @@ class _Model(NamedTuple):
     data: Any
     trunk: int
     feet: list[int]
+    links: list[int]
+    """Of the feet."""
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,10 @@ class Dynamics:
         import mujoco
 
         model = spec_of(self.robot).compile()
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
         feet = [model.site(f"{leg}_foot").id for leg in self.robot.leg_names]
-        return _Model(mujoco, model, mujoco.MjData(model), model.body("base_link").id, feet)
+        links = model.site_bodyid[feet].tolist()
+        return _Model(mujoco, model, mujoco.MjData(model), model.body("base_link").id, feet, links)
 
     def at(self, orientation: Floats, velocity: Floats, turning: Floats, angles: Floats, speeds: Floats) -> RigidBodies:
         """Dynamics with the trunk's centre in the origin.
@@ -83,37 +86,35 @@ class Dynamics:
         centre, world frame, (n, 3), m/s; `turning`: angular velocity, base frame, (n, 3), rad/s; `angles` and `speeds`
         of the joints, (n, 12), rad and rad/s.
         """
-        states = zip(orientation, velocity, turning, angles, speeds, strict=True)
-        found = [self._of_one(*state) for state in states]
-        return RigidBodies(*(np.stack(part) for part in zip(*found, strict=True)))
-
-    def _of_one(self, orientation: Floats, velocity: Floats, turning: Floats, angles: Floats, speeds: Floats) -> Any:
-        mujoco, model, data, trunk, sites = self._compiled
-        size = model.nv
-        data.qpos[:3], data.qpos[3:7], data.qpos[7:] = 0.0, orientation, angles
-        data.qvel[:3], data.qvel[3:6], data.qvel[6:] = velocity, turning, speeds
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_fwdVelocity(model, data)
-        inertia = np.empty((size, size))
-        mujoco.mj_fullM(model, data, inertia)
-        jacobians, changes = np.empty((len(sites), 3, size)), np.empty((3, size))
-        drift = np.empty((len(sites), 3))
-        feet = data.site_xpos[sites]
-        for leg, site in enumerate(sites):
-            mujoco.mj_jacSite(model, data, jacobians[leg], None, site)
-            mujoco.mj_jacDot(model, data, changes, None, feet[leg], model.site_bodyid[site])
-            drift[leg] = changes @ data.qvel
-        centre_jacobian = np.empty((3, size))
-        mujoco.mj_jacSubtreeCom(model, data, centre_jacobian, trunk)
-        xx, yy, zz, xy, xz, yz = data.crb[trunk, :6]
-        return (
-            np.round(model.body_subtreemass[trunk], 9),
+        mujoco, model, data, trunk, sites, links = self._compiled
+        count, size, legs = len(angles), model.nv, len(sites)
+        places = np.concatenate((np.zeros((count, 3)), orientation, angles), axis=1)
+        rates = np.concatenate((velocity, turning, speeds), axis=1)
+        inertia, bias = np.empty((count, size, size)), np.empty((count, size))
+        feet, (jacobians, changes) = np.empty((count, legs, 3)), np.empty((2, count, legs, 3, size))
+        (centre, centre_velocity), sums = np.empty((2, count, 3)), np.empty((count, 6))
+        qpos, qvel, site_xpos, crb = data.qpos, data.qvel, data.site_xpos, data.crb[trunk, :6]
+        subtree_com, subtree_linvel = data.subtree_com[trunk], data.subtree_linvel[trunk]
+        qfrc_bias, qfrc_passive = data.qfrc_bias, data.qfrc_passive
+        for i in range(count):
+            qpos[:], qvel[:] = places[i], rates[i]
+            mujoco.mj_fwdPosition(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+            mujoco.mj_subtreeVel(model, data)
+            mujoco.mj_fullM(model, data, inertia[i])
+            feet[i], sums[i], centre[i], centre_velocity[i] = site_xpos[sites], crb, subtree_com, subtree_linvel
+            np.subtract(qfrc_bias, qfrc_passive, out=bias[i])
+            for leg in range(legs):
+                mujoco.mj_jacSite(model, data, jacobians[i, leg], None, sites[leg])
+                mujoco.mj_jacDot(model, data, changes[i, leg], None, feet[i, leg], links[leg])
+        return RigidBodies(
+            np.full(count, np.round(model.body_subtreemass[trunk], 9)),
             inertia,
-            data.qfrc_bias - data.qfrc_passive,
+            bias,
             feet,
             jacobians,
-            drift,
-            data.subtree_com[trunk].copy(),
-            centre_jacobian @ data.qvel,
-            np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+            np.matmul(changes.reshape(count, -1, size), rates[..., None]).reshape(feet.shape),
+            centre,
+            centre_velocity,
+            sums[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]],
         )
