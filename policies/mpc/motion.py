@@ -113,6 +113,8 @@ def loaded(motion: Motion, load: Load) -> Motion:
     A load is a point fixed to the trunk: with J its Jacobian and a its acceleration at zero generalised acceleration,
     the inertia matrix gains m Jᵀ J and the bias m Jᵀ (a + g).
     """
+    if not load.mass.any():
+        return motion
     bodies, rotation, generalised = motion.bodies, motion.rotation, motion.generalised
     turning, mass, added = generalised[:, 3:6], bodies.mass[:, None], load.mass[:, None]
     arm = np.einsum("nij,nj->ni", rotation, load.place)
