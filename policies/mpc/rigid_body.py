@@ -110,13 +110,6 @@ class Horizon:
         stacked = np.concatenate((np.sqrt(place) * self.place, np.sqrt(rate) * self.rate))
         return np.linalg.qr(stacked)[1]
 
-    @staticmethod
-    def moments(inertia: Floats, arms: Floats) -> Floats:
-        """Angular acceleration of bodies of that inertia, (n, 3, 3), per force of each foot in each step,
-        (n, N, 4, 3, 3), from `arms`, (n, N, 4, 3), m, of the feet from the centre of mass."""
-        turned: Floats = _turned_by(inertia, arms).reshape(*arms.shape, 3).swapaxes(3, 4)
-        return turned
-
     def free(self, body: Body) -> Reference:
         """Where the bodies go by themselves, gravity and what no foot explains included."""
         linear, angular = body.acceleration[:, None, :3] - (0.0, 0.0, GRAVITY), body.acceleration[:, None, 3:]

@@ -54,7 +54,7 @@ def of_one() -> Programs:
 def predicted(forces: np.ndarray) -> Reference:
     """Where the body goes under these forces, (1, N, 4, 3), N."""
     free, linear = HORIZON.free(body()), forces.sum(axis=2) / MASS
-    angular = np.einsum("njlax,njlx->nja", HORIZON.moments(body().inertia, arms()), forces)
+    angular = np.linalg.solve(body().inertia, np.cross(arms(), forces).sum(axis=2)[..., None])[..., 0]
     return Reference(
         free.angles + HORIZON.place @ angular,
         free.position + HORIZON.place @ linear,
