@@ -92,6 +92,8 @@ class Load(NamedTuple):
     def pressing(self, rotation: Floats) -> Floats:
         """Its weight as a wrench, (n, 6): force in the level frame, N, moment about the trunk's centre in the base
         frame, N·m. `rotation`: from the base to the level frame, (n, 3, 3)."""
+        if not self.mass.any():
+            return np.zeros((len(self.mass), 6))
         force = np.zeros_like(self.place)
         force[:, 2] = -GRAVITY * self.mass
         moment = cross(self.place, np.einsum("nji,nj->ni", rotation, force))

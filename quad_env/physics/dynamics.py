@@ -44,7 +44,8 @@ class RigidBodies(NamedTuple):
     @property
     def leg_jacobians(self) -> Floats:
         """Of each foot by the joints of its own leg, world frame, (n, 4, 3, 3)."""
-        return np.stack([self.jacobians[:, i, :, 6 + 3 * i : 9 + 3 * i] for i in range(self.feet.shape[1])], axis=1)
+        by_leg = self.jacobians[..., 6:].reshape(*self.feet.shape, -1, 3)
+        return np.ascontiguousarray(np.einsum("nlxlj->nlxj", by_leg))
 
 
 class _Model(NamedTuple):
