@@ -133,7 +133,8 @@ class Horizon:
         weights, count = self.weights, len(arms)
         # Angular and linear acceleration by each variable, (n, variable, 6).
         moved = np.zeros((count, self.steps * LEGS, 3, 6))
-        moved[..., :3] = _turned_by(body.inertia, arms).reshape((*moved.shape[:-1], 3))
+        turned = np.matmul(skew(-arms).reshape(count, -1, 3), np.linalg.inv(body.inertia))  # which is symmetric
+        moved[..., :3] = turned.reshape(count, -1, 3, 3)
         moved[:, :, (0, 1, 2), (3, 4, 5)] = 1.0 / body.mass[:, None, None]
         moved = moved.reshape(count, -1, 6)
         missed = [weight * (free - goal) for weight, free, goal in zip(weights, self.free(body), wanted, strict=False)]
@@ -150,12 +151,8 @@ class Horizon:
             roots = roots.reshape(*chosen.shape, 6 * self.steps)
             hessian = np.matmul(roots, roots.transpose(0, 2, 1))
             np.einsum("nii->ni", hessian)[:] += weights.force
-            yield (
-                robots,
-                Programs(
-                    hessian, gradient[of_these, chosen], *friction_rows(chosen.shape[1] // 3, friction.of(robots))
-                ),
-            )
+            bounds = friction_rows(chosen.shape[1] // 3, friction.of(robots))
+            yield robots, Programs(hessian, gradient[of_these, chosen], *bounds)
 
     def spread(self, solution: Floats, standing: Mask) -> Floats:
         """Forces of every foot in every step, (g, N, 4, 3), N, zero where it does not stand, of solutions (g, k)."""
@@ -169,12 +166,6 @@ def alike(counts: NDArray[np.int64]) -> Iterator[Rows]:
     for count in sorted(set(counts.tolist())):
         robots = np.flatnonzero(counts == count)
         yield from (robots[start : start + TOGETHER] for start in range(0, len(robots), TOGETHER))
-
-
-def _turned_by(inertia: Floats, arms: Floats) -> Floats:
-    """Angular acceleration, (n, N * 4 * 3, 3), by a force of each foot along each axis in each step."""
-    turned: Floats = np.matmul(skew(-arms).reshape(len(arms), -1, 3), np.linalg.inv(inertia))  # which is symmetric
-    return turned
 
 
 @cache

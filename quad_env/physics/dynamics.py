@@ -17,6 +17,9 @@ from quad_env.robots.robot import Robot
 
 Floats = NDArray[np.float64]
 
+_SYMMETRIC = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+"""Places of a matrix's entries in MuJoCo's xx, yy, zz, xy, xz, yz."""
+
 
 class RigidBodies(NamedTuple):
     """Dynamics of n robots, each in its state."""
@@ -57,8 +60,6 @@ class _Model(NamedTuple):
     data: Any
     trunk: int
     feet: list[int]
-    links: list[int]
-    """Of the feet."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,7 @@ class Dynamics:
         model = spec_of(self.robot).compile()
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
         feet = [model.site(f"{leg}_foot").id for leg in self.robot.leg_names]
-        links = model.site_bodyid[feet].tolist()
-        return _Model(mujoco, model, mujoco.MjData(model), model.body("base_link").id, feet, links)
+        return _Model(mujoco, model, mujoco.MjData(model), model.body("base_link").id, feet)
 
     def at(self, orientation: Floats, velocity: Floats, turning: Floats, angles: Floats, speeds: Floats) -> RigidBodies:
         """Dynamics with the trunk's centre in the origin.
@@ -87,35 +87,34 @@ class Dynamics:
         centre, world frame, (n, 3), m/s; `turning`: angular velocity, base frame, (n, 3), rad/s; `angles` and `speeds`
         of the joints, (n, 12), rad and rad/s.
         """
-        mujoco, model, data, trunk, sites, links = self._compiled
-        count, size, legs = len(angles), model.nv, len(sites)
+        count, size, legs = len(angles), 6 + angles.shape[1], len(self.robot.leg_names)
+        shapes = (), (size, size), (size,), (legs, 3), (legs, 3, size), (legs, 3), (3,), (3,), (3, 3)
+        found = RigidBodies(*(np.empty((count, *shape)) for shape in shapes))
         places = np.concatenate((np.zeros((count, 3)), orientation, angles), axis=1)
         rates = np.concatenate((velocity, turning, speeds), axis=1)
-        inertia, bias = np.empty((count, size, size)), np.empty((count, size))
-        feet, (jacobians, changes) = np.empty((count, legs, 3)), np.empty((2, count, legs, 3, size))
-        (centre, centre_velocity), sums = np.empty((2, count, 3)), np.empty((count, 6))
-        qpos, qvel, site_xpos, crb = data.qpos, data.qvel, data.site_xpos, data.crb[trunk, :6]
-        subtree_com, subtree_linvel = data.subtree_com[trunk], data.subtree_linvel[trunk]
-        qfrc_bias, qfrc_passive = data.qfrc_bias, data.qfrc_passive
-        for i in range(count):
+        changes = self._fill(found, places, rates).reshape(count, -1, size)
+        found.drift[:] = np.matmul(changes, rates[..., None]).reshape(found.drift.shape)
+        return found
+
+    def _fill(self, found: RigidBodies, places: Floats, rates: Floats) -> Floats:
+        """Work out all but the drift; changes of the feet's Jacobians a second, (n, 4, 3, 18)."""
+        mujoco, model, data, trunk, sites = self._compiled
+        changes, links = np.empty_like(found.jacobians), model.site_bodyid[sites].tolist()
+        # Views, which MuJoCo writes to.
+        qpos, qvel, site_xpos, sums = data.qpos, data.qvel, data.site_xpos, data.crb[trunk, :6]
+        centre, centre_velocity = data.subtree_com[trunk], data.subtree_linvel[trunk]
+        bias, passive = data.qfrc_bias, data.qfrc_passive
+        found.mass[:] = np.round(model.body_subtreemass[trunk], 9)
+        for i in range(len(places)):
             qpos[:], qvel[:] = places[i], rates[i]
             mujoco.mj_fwdPosition(model, data)
             mujoco.mj_fwdVelocity(model, data)
             mujoco.mj_subtreeVel(model, data)
-            mujoco.mj_fullM(model, data, inertia[i])
-            feet[i], sums[i], centre[i], centre_velocity[i] = site_xpos[sites], crb, subtree_com, subtree_linvel
-            np.subtract(qfrc_bias, qfrc_passive, out=bias[i])
-            for leg in range(legs):
-                mujoco.mj_jacSite(model, data, jacobians[i, leg], None, sites[leg])
-                mujoco.mj_jacDot(model, data, changes[i, leg], None, feet[i, leg], links[leg])
-        return RigidBodies(
-            np.full(count, np.round(model.body_subtreemass[trunk], 9)),
-            inertia,
-            bias,
-            feet,
-            jacobians,
-            np.matmul(changes.reshape(count, -1, size), rates[..., None]).reshape(feet.shape),
-            centre,
-            centre_velocity,
-            sums[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]],
-        )
+            mujoco.mj_fullM(model, data, found.inertia[i])
+            np.subtract(bias, passive, out=found.bias[i])
+            found.feet[i], found.rotational_inertia[i] = site_xpos[sites], sums[_SYMMETRIC]
+            found.centre[i], found.centre_velocity[i] = centre, centre_velocity
+            for leg, (site, link) in enumerate(zip(sites, links, strict=True)):
+                mujoco.mj_jacSite(model, data, found.jacobians[i, leg], None, site)
+                mujoco.mj_jacDot(model, data, changes[i, leg], None, found.feet[i, leg], link)
+        return changes
