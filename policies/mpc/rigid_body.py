@@ -132,12 +132,13 @@ class Horizon:
         """
         weights, count = self.weights, len(arms)
         # Angular and linear acceleration by each variable, (n, variable, 6).
-        moved = np.zeros((count, self.steps * LEGS, 3, 6))
+        moved: Floats = np.zeros((count, self.steps * LEGS, 3, 6))
         turned = np.matmul(skew(-arms).reshape(count, -1, 3), np.linalg.inv(body.inertia))  # which is symmetric
         moved[..., :3] = turned.reshape(count, -1, 3, 3)
         moved[:, :, (0, 1, 2), (3, 4, 5)] = 1.0 / body.mass[:, None, None]
         moved = moved.reshape(count, -1, 6)
-        missed = [weight * (free - goal) for weight, free, goal in zip(weights, self.free(body), wanted, strict=False)]
+        parts = zip(weights[:4], self.free(body), wanted, strict=True)
+        missed = [weight * (free - goal) for weight, free, goal in parts]
         pull = np.matmul(self.place.T, np.concatenate(missed[:2], axis=2))
         pull += np.matmul(self.rate.T, np.concatenate(missed[2:], axis=2))
         gradient = np.matmul(moved.reshape(count, self.steps, 3 * LEGS, 6), pull[..., None]).reshape(count, -1)
