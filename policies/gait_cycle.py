@@ -5,6 +5,7 @@ after that. Legs are ordered fl, fr, hl, hr.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,7 +39,7 @@ class Gait:
         if not 0.0 < self.duty < 1.0:
             raise ValueError(f"duty must lie between 0 and 1, not {self.duty}")
 
-    @property
+    @cached_property
     def flies(self) -> bool:
         """Whether there is a time in the cycle at which no foot is on the ground."""
         starts = np.sort(leg_phases(0.0, self.offsets)) / TURN

@@ -16,6 +16,7 @@ from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
 from quad_env.columns import Mask
 from quad_env.physics.dynamics import RigidBodies
+from quad_env.physics.rotations import cross
 from quad_env.robots.robot import Robot
 
 LARGEST_WRENCH = np.array([80.0, 80.0, 400.0, 15.0, 15.0, 15.0])
@@ -120,7 +121,7 @@ class ContactSense(Memory):
 def as_accelerations(bodies: RigidBodies, rotation: Floats, wrench: Floats) -> Floats:
     """Linear and angular acceleration of each robot as one rigid body by such wrenches, (n, 6), m/s² and rad/s²."""
     force = wrench[:, :3]
-    turn = np.einsum("nij,nj->ni", rotation, wrench[:, 3:]) - np.cross(bodies.centre, force)
+    turn = np.einsum("nij,nj->ni", rotation, wrench[:, 3:]) - cross(bodies.centre, force)
     angular = np.linalg.solve(bodies.rotational_inertia, turn[..., None])[..., 0]
     return np.concatenate((force / bodies.mass[:, None], angular), axis=1)
 

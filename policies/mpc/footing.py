@@ -96,11 +96,10 @@ def swing(
         z = ground(x, y, t) + p.step_height * arc * arc - p.landing_depth * smoothstep(t)
         return np.stack((x, y, z), axis=-1)
 
-    def speed(t: Floats) -> Floats:
-        return (at(t + _NEAR) - at(t - _NEAR)) / (2.0 * _NEAR * time[:, None, None])
-
-    now, then = speed(progress), speed(progress + step)
-    return at(progress), now, (then - now) / period
+    times = [t + near for t in (progress, progress + step) for near in (_NEAR, -_NEAR)]
+    place, *beside = at(np.stack((progress, *times)))
+    now, then = ((beside[i] - beside[i + 1]) / (2.0 * _NEAR * time[:, None, None]) for i in (0, 2))
+    return place, now, (then - now) / period
 
 
 def arms(

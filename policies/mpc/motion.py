@@ -11,7 +11,7 @@ from quad_env import OBSERVATION
 from quad_env.columns import of_robots
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics, RigidBodies
-from quad_env.physics.rotations import skew
+from quad_env.physics.rotations import cross, skew
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.robot import Robot
 
@@ -92,9 +92,11 @@ class Load(NamedTuple):
     def pressing(self, rotation: Floats) -> Floats:
         """Its weight as a wrench, (n, 6): force in the level frame, N, moment about the trunk's centre in the base
         frame, N·m. `rotation`: from the base to the level frame, (n, 3, 3)."""
+        if not self.mass.any():
+            return np.zeros((len(self.mass), 6))
         force = np.zeros_like(self.place)
         force[:, 2] = -GRAVITY * self.mass
-        moment = np.cross(self.place, np.einsum("nji,nj->ni", rotation, force))
+        moment = cross(self.place, np.einsum("nji,nj->ni", rotation, force))
         return np.concatenate((force, moment), axis=1)
 
 
@@ -113,10 +115,12 @@ def loaded(motion: Motion, load: Load) -> Motion:
     A load is a point fixed to the trunk: with J its Jacobian and a its acceleration at zero generalised acceleration,
     the inertia matrix gains m Jᵀ J and the bias m Jᵀ (a + g).
     """
+    if not load.mass.any():
+        return motion
     bodies, rotation, generalised = motion.bodies, motion.rotation, motion.generalised
     turning, mass, added = generalised[:, 3:6], bodies.mass[:, None], load.mass[:, None]
     arm = np.einsum("nij,nj->ni", rotation, load.place)
-    drift = np.einsum("nij,nj->ni", rotation, np.cross(turning, np.cross(turning, load.place)))
+    drift = np.einsum("nij,nj->ni", rotation, cross(turning, cross(turning, load.place)))
     jacobian = np.zeros((len(arm), 3, generalised.shape[1]))
     jacobian[:, :, :3] = np.eye(3)
     jacobian[:, :, 3:6] = -rotation @ skew(load.place)

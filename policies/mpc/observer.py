@@ -21,6 +21,7 @@ from policies.mpc.servo_step import landing, response
 from quad_env import OBSERVATION
 from quad_env.columns import Mask, Rows
 from quad_env.physics.dynamics import Dynamics
+from quad_env.physics.rotations import cross
 from quad_env.robots.robot import Robot
 from quad_env.sensing.estimator import unit
 
@@ -169,7 +170,7 @@ def carried(robot: Robot, now: Motion, velocity: Floats, period: float) -> Float
     down = -now.rotation[:, 2]
     along = np.einsum("nji,nj->ni", now.rotation, velocity[:, :3])
     out = np.empty((len(mean), SENSED.stop))
-    out[:, GRAVITY], out[:, VELOCITY] = down - np.cross(turned, down), along - np.cross(turned, along)
+    out[:, GRAVITY], out[:, VELOCITY] = down - cross(turned, down), along - cross(turned, along)
     out[:, TURNING], out[:, SPEEDS] = velocity[:, 3:6], velocity[:, 6:]
     out[:, ANGLES] = now.angles - robot.home_pose + period * mean[:, 6:]
     return _upright(out)

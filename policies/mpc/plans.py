@@ -10,7 +10,7 @@ from policies.gait_cycle import Floats
 from policies.memory import Memory, per_robot
 from policies.mpc.rigid_body import Friction
 from quad_env.columns import Ids, Mask, Rows
-from quad_env.physics.rotations import skew
+from quad_env.physics.rotations import cross, skew
 
 _SINGULAR = 1e-4
 """Added to the squared arms, m², and to the number of feet: two feet bear no moment about their line."""
@@ -44,7 +44,7 @@ class Plans(Memory):
         """Plans from now on of g robots: forces (g, N, 4, 3), which feet stand, (g, N, 4), and the feet from the centre
         of mass, (g, N, 4, 3), m."""
         self.forces[robots], self._stands[robots], self.age[robots] = forces, stands, 0.0
-        self._moments[robots] = np.einsum("njlax,njlx->nja", skew(arms), forces)
+        self._moments[robots] = cross(arms, forces).sum(axis=2)
 
     def now(self, standing: Mask, arms: Floats, friction: Friction) -> Floats:
         """Forces of the feet now, (n, 4, 3), N. `arms`: of the feet from the centre of mass, (n, 4, 3), m."""

@@ -27,6 +27,7 @@ from quad_env import OBSERVATION
 from quad_env.columns import Mask, Rows, total
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
+from quad_env.physics.rotations import cross
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, table_with
@@ -291,9 +292,9 @@ class Mpc(GaitedPolicy):
     ) -> Mask:
         """Find joint targets; for which robots no torques were found, (n,)."""
         robot, half = self.robot, 0.5 * self.control_period
-        moments = self._horizon.moments(now.bodies.rotational_inertia, places[:, None])[:, 0]
         forces = self._plans.now(standing, places, friction)
-        turning = np.einsum("nlax,nlx->na", moments, forces) + pushed[:, 3:]
+        torque = cross(places, forces).sum(axis=1)[..., None]
+        turning = np.linalg.solve(now.bodies.rotational_inertia, torque)[..., 0] + pushed[:, 3:]
         turn = np.einsum("nij,ni->nj", now.rotation, turning)
         found = self._torques(now, Wish(turn, feet, forces, standing), push, friction)
         acceleration = np.clip(found.acceleration, -FASTEST_JOINT, FASTEST_JOINT)

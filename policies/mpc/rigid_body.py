@@ -24,6 +24,8 @@ from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 
 LEGS = 4
+TOGETHER = 32
+"""Robots whose programs are made at once: their matrices fit into a processor's cache."""
 
 
 class Body(NamedTuple):
@@ -99,25 +101,14 @@ class Horizon:
         """Ends of the steps, (N,), s."""
         self.middles: Floats = self.times - 0.5 * period
         """Their middles, (N,), s."""
-        turned = [self._root(*each) for each in zip(weights.angles, weights.turning, strict=True)]
-        moved = [self._root(*each) for each in zip(weights.position, weights.velocity, strict=True)]
-        self._turned = np.stack(turned, axis=1).transpose(2, 1, 0)  # (step, axis, row of the root)
-        table = np.zeros((steps, LEGS, 3, steps, LEGS, 3))
-        for axis, root in enumerate(moved):
-            table[:, :, axis, :, :, axis] = (root.T @ root)[:, None, :, None]
-        self._moved = table.reshape(3 * LEGS * steps, 3 * LEGS * steps)
+        both = zip(np.ravel(weights[:2]), np.ravel(weights[2:4]), strict=True)
+        roots = [self._root(place, rate) for place, rate in both]
+        self._roots = np.stack(roots, axis=1).transpose(2, 1, 0).copy()  # (step, axis, row of the root)
 
     def _root(self, place: float, rate: float) -> Floats:
         """R with RᵀR the cost's matrix of the accelerations along one axis, (N, N)."""
         stacked = np.concatenate((np.sqrt(place) * self.place, np.sqrt(rate) * self.rate))
         return np.linalg.qr(stacked)[1]
-
-    @staticmethod
-    def moments(inertia: Floats, arms: Floats) -> Floats:
-        """Angular acceleration of bodies of that inertia, (n, 3, 3), per force of each foot in each step,
-        (n, N, 4, 3, 3), from `arms`, (n, N, 4, 3), m, of the feet from the centre of mass."""
-        count, steps, legs, _ = arms.shape
-        return _turned_by(inertia, arms).reshape(count, 3, steps, legs, 3).transpose(0, 2, 3, 1, 4)
 
     def free(self, body: Body) -> Reference:
         """Where the bodies go by themselves, gravity and what no foot explains included."""
@@ -140,32 +131,29 @@ class Horizon:
         each step, (n, N, 4, 3), m; `standing`: which of them stand, (n, N, 4).
         """
         weights, count = self.weights, len(arms)
-        moments = np.ascontiguousarray(_turned_by(body.inertia, arms).transpose(0, 2, 1))  # (n, variable, axis)
-        free = self.free(body)
-        angular = np.matmul(self.place.T, weights.angles * (free.angles - wanted.angles))
-        angular += np.matmul(self.rate.T, weights.turning * (free.turning - wanted.turning))
-        linear = np.matmul(self.place.T, weights.position * (free.position - wanted.position))
-        linear += np.matmul(self.rate.T, weights.velocity * (free.velocity - wanted.velocity))
-        turn = np.repeat(angular, 3 * LEGS, axis=1)
-        gradient = moments[..., 0] * turn[..., 0] + moments[..., 1] * turn[..., 1] + moments[..., 2] * turn[..., 2]
-        gradient += np.repeat(linear / body.mass[:, None, None], LEGS, axis=1).reshape(count, -1)
+        # Angular and linear acceleration by each variable, (n, variable, 6).
+        moved: Floats = np.zeros((count, self.steps * LEGS, 3, 6))
+        turned = np.matmul(skew(-arms).reshape(count, -1, 3), np.linalg.inv(body.inertia))  # which is symmetric
+        moved[..., :3] = turned.reshape(count, -1, 3, 3)
+        moved[:, :, (0, 1, 2), (3, 4, 5)] = 1.0 / body.mass[:, None, None]
+        moved = moved.reshape(count, -1, 6)
+        parts = zip(weights[:4], self.free(body), wanted, strict=True)
+        missed = [weight * (free - goal) for weight, free, goal in parts]
+        pull = np.matmul(self.place.T, np.concatenate(missed[:2], axis=2))
+        pull += np.matmul(self.rate.T, np.concatenate(missed[2:], axis=2))
+        gradient = np.matmul(moved.reshape(count, self.steps, 3 * LEGS, 6), pull[..., None]).reshape(count, -1)
         share = body.mass[:, None] * GRAVITY / np.maximum(standing.sum(axis=2), 1)
         gradient.reshape(count, self.steps, LEGS, 3)[..., 2] -= weights.force * share[..., None]
         kept = np.repeat(standing.reshape(count, -1), 3, axis=1)
         for robots in alike(standing.sum(axis=(1, 2))):
             chosen = np.nonzero(kept[robots])[1].reshape(len(robots), -1)
             of_these = robots[:, None]
-            roots = self._turned[chosen // (3 * LEGS)] * moments[of_these, chosen][..., None]
-            roots = roots.reshape(*chosen.shape, 3 * self.steps)
+            roots = self._roots[chosen // (3 * LEGS)] * moved[of_these, chosen][..., None]
+            roots = roots.reshape(*chosen.shape, 6 * self.steps)
             hessian = np.matmul(roots, roots.transpose(0, 2, 1))
-            hessian += self._moved[chosen[:, :, None], chosen[:, None, :]] / body.mass[robots, None, None] ** 2
             np.einsum("nii->ni", hessian)[:] += weights.force
-            yield (
-                robots,
-                Programs(
-                    hessian, gradient[of_these, chosen], *friction_rows(chosen.shape[1] // 3, friction.of(robots))
-                ),
-            )
+            bounds = friction_rows(chosen.shape[1] // 3, friction.of(robots))
+            yield robots, Programs(hessian, gradient[of_these, chosen], *bounds)
 
     def spread(self, solution: Floats, standing: Mask) -> Floats:
         """Forces of every foot in every step, (g, N, 4, 3), N, zero where it does not stand, of solutions (g, k)."""
@@ -175,16 +163,10 @@ class Horizon:
 
 
 def alike(counts: NDArray[np.int64]) -> Iterator[Rows]:
-    """Robots with the same count, (n,), of feet that stand, the smallest count first."""
+    """Robots with the same count, (n,), of feet that stand, the smallest count first, at most `TOGETHER` at once."""
     for count in sorted(set(counts.tolist())):
-        yield np.flatnonzero(counts == count)
-
-
-def _turned_by(inertia: Floats, arms: Floats) -> Floats:
-    """Angular acceleration, (n, 3, N * 4 * 3), by a force of each foot along each axis in each step."""
-    by_axis = np.moveaxis(skew(arms), -2, 1).reshape(len(arms), 3, -1)
-    turned: Floats = np.matmul(np.linalg.inv(inertia), by_axis)
-    return turned
+        robots = np.flatnonzero(counts == count)
+        yield from (robots[start : start + TOGETHER] for start in range(0, len(robots), TOGETHER))
 
 
 @cache

@@ -77,28 +77,24 @@ def programs(
     size = bodies.bias.shape[1]
     bias = bodies.bias.copy()
     bias[:, :6] -= wrench
-    aims = wish.feet - bodies.drift
+    feet = bodies.jacobians.reshape(len(bias), -1, size)
+    weight = np.repeat(np.where(wish.standing, p.standing_priority, p.swinging_priority), 3, axis=1)[..., None]
+    aims = (wish.feet - bodies.drift).reshape(weight.shape)
+    following = np.matmul(feet.transpose(0, 2, 1), np.concatenate((weight * feet, weight * aims), axis=2))
     most = np.concatenate((np.zeros(6), np.full(size - 6, limit)))  # the floating base has no motor
     for robots in alike(wish.standing.sum(axis=1)):
         standing, group = wish.standing[robots], len(robots)
-
-        def of_feet(values: Floats, chosen: Mask, robots: Rows = robots) -> Floats:
-            """Of the chosen feet, their three axes under each other."""
-            return values[robots][chosen].reshape(len(robots), -1, *values.shape[3:])
-
-        contact = of_feet(bodies.jacobians, standing)
+        contact = bodies.jacobians[robots][standing].reshape(group, -1, size)
         forces = slice(size, size + contact.shape[1])
         diagonal = np.zeros(forces.stop)
         diagonal[:size], diagonal[:6], diagonal[forces] = OF_JOINTS, OF_BASE, p.force_priority
         diagonal[TRUNK] += p.turning_priority
         hessian = np.tile(np.diag(diagonal), (group, 1, 1))
+        hessian[:, :size, :size] += following[robots, :, :size]
         gradient = np.zeros((group, forces.stop))
         gradient[:, TRUNK] = -p.turning_priority * wish.turning[robots]
-        gradient[:, forces] = -p.force_priority * of_feet(wish.forces, standing)
-        for chosen, weight in ((standing, p.standing_priority), (~standing, p.swinging_priority)):
-            turned = of_feet(bodies.jacobians, chosen).transpose(0, 2, 1)
-            hessian[:, :size, :size] += weight * np.matmul(turned, turned.transpose(0, 2, 1))
-            gradient[:, :size] -= weight * np.matmul(turned, of_feet(aims, chosen)[..., None])[..., 0]
+        gradient[:, :size] -= following[robots, :, size]
+        gradient[:, forces] = -p.force_priority * wish.forces[robots][standing].reshape(group, -1)
         pyramid, lower, upper = friction_rows(contact.shape[1] // 3, friction.of(robots))
         rows = np.zeros((group, size + pyramid.shape[1], forces.stop))
         rows[:, :size, :size] = bodies.inertia[robots]

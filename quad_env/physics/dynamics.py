@@ -17,6 +17,9 @@ from quad_env.robots.robot import Robot
 
 Floats = NDArray[np.float64]
 
+_SYMMETRIC = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+"""Places of a matrix's entries in MuJoCo's xx, yy, zz, xy, xz, yz."""
+
 
 class RigidBodies(NamedTuple):
     """Dynamics of n robots, each in its state."""
@@ -44,7 +47,8 @@ class RigidBodies(NamedTuple):
     @property
     def leg_jacobians(self) -> Floats:
         """Of each foot by the joints of its own leg, world frame, (n, 4, 3, 3)."""
-        return np.stack([self.jacobians[:, i, :, 6 + 3 * i : 9 + 3 * i] for i in range(self.feet.shape[1])], axis=1)
+        by_leg = self.jacobians[..., 6:].reshape(*self.feet.shape, -1, 3)
+        return np.ascontiguousarray(np.einsum("nlxlj->nlxj", by_leg))
 
 
 class _Model(NamedTuple):
@@ -72,7 +76,7 @@ class Dynamics:
         import mujoco
 
         model = spec_of(self.robot).compile()
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
         feet = [model.site(f"{leg}_foot").id for leg in self.robot.leg_names]
         return _Model(mujoco, model, mujoco.MjData(model), model.body("base_link").id, feet)
 
@@ -83,37 +87,34 @@ class Dynamics:
         centre, world frame, (n, 3), m/s; `turning`: angular velocity, base frame, (n, 3), rad/s; `angles` and `speeds`
         of the joints, (n, 12), rad and rad/s.
         """
-        states = zip(orientation, velocity, turning, angles, speeds, strict=True)
-        found = [self._of_one(*state) for state in states]
-        return RigidBodies(*(np.stack(part) for part in zip(*found, strict=True)))
+        count, size, legs = len(angles), 6 + angles.shape[1], len(self.robot.leg_names)
+        shapes = (), (size, size), (size,), (legs, 3), (legs, 3, size), (legs, 3), (3,), (3,), (3, 3)
+        found = RigidBodies(*(np.empty((count, *shape)) for shape in shapes))
+        places = np.concatenate((np.zeros((count, 3)), orientation, angles), axis=1)
+        rates = np.concatenate((velocity, turning, speeds), axis=1)
+        changes = self._fill(found, places, rates).reshape(count, -1, size)
+        found.drift[:] = np.matmul(changes, rates[..., None]).reshape(found.drift.shape)
+        return found
 
-    def _of_one(self, orientation: Floats, velocity: Floats, turning: Floats, angles: Floats, speeds: Floats) -> Any:
+    def _fill(self, found: RigidBodies, places: Floats, rates: Floats) -> Floats:
+        """Work out all but the drift; changes of the feet's Jacobians a second, (n, 4, 3, 18)."""
         mujoco, model, data, trunk, sites = self._compiled
-        size = model.nv
-        data.qpos[:3], data.qpos[3:7], data.qpos[7:] = 0.0, orientation, angles
-        data.qvel[:3], data.qvel[3:6], data.qvel[6:] = velocity, turning, speeds
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_fwdVelocity(model, data)
-        inertia = np.empty((size, size))
-        mujoco.mj_fullM(model, data, inertia)
-        jacobians, changes = np.empty((len(sites), 3, size)), np.empty((3, size))
-        drift = np.empty((len(sites), 3))
-        feet = data.site_xpos[sites]
-        for leg, site in enumerate(sites):
-            mujoco.mj_jacSite(model, data, jacobians[leg], None, site)
-            mujoco.mj_jacDot(model, data, changes, None, feet[leg], model.site_bodyid[site])
-            drift[leg] = changes @ data.qvel
-        centre_jacobian = np.empty((3, size))
-        mujoco.mj_jacSubtreeCom(model, data, centre_jacobian, trunk)
-        xx, yy, zz, xy, xz, yz = data.crb[trunk, :6]
-        return (
-            np.round(model.body_subtreemass[trunk], 9),
-            inertia,
-            data.qfrc_bias - data.qfrc_passive,
-            feet,
-            jacobians,
-            drift,
-            data.subtree_com[trunk].copy(),
-            centre_jacobian @ data.qvel,
-            np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
-        )
+        changes, links = np.empty_like(found.jacobians), model.site_bodyid[sites].tolist()
+        # Views, which MuJoCo writes to.
+        qpos, qvel, site_xpos, sums = data.qpos, data.qvel, data.site_xpos, data.crb[trunk, :6]
+        centre, centre_velocity = data.subtree_com[trunk], data.subtree_linvel[trunk]
+        bias, passive = data.qfrc_bias, data.qfrc_passive
+        found.mass[:] = np.round(model.body_subtreemass[trunk], 9)
+        for i in range(len(places)):
+            qpos[:], qvel[:] = places[i], rates[i]
+            mujoco.mj_fwdPosition(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+            mujoco.mj_subtreeVel(model, data)
+            mujoco.mj_fullM(model, data, found.inertia[i])
+            np.subtract(bias, passive, out=found.bias[i])
+            found.feet[i], found.rotational_inertia[i] = site_xpos[sites], sums[_SYMMETRIC]
+            found.centre[i], found.centre_velocity[i] = centre, centre_velocity
+            for leg, (site, link) in enumerate(zip(sites, links, strict=True)):
+                mujoco.mj_jacSite(model, data, found.jacobians[i, leg], None, site)
+                mujoco.mj_jacDot(model, data, changes[i, leg], None, found.feet[i, leg], link)
+        return changes

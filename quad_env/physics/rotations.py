@@ -14,6 +14,14 @@ def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
     return np.stack((w, x, y, z), axis=1)
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Vectors a × b, (…, 3), to the bit as `np.cross`, which takes twice the time for a few."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.subtract(a[..., j] * b[..., k], a[..., k] * b[..., j], out=out[..., i])
+    return out
+
+
 def skew(vectors: Array) -> Array:
     """Matrices of the cross products v × …, (…, 3, 3), of vectors v, (…, 3)."""
     matrices = np.zeros((*vectors.shape, 3))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from policies.mpc.quadratic_program import Programs
-from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights, friction_rows
+from policies.mpc.rigid_body import TOGETHER, Body, Friction, Horizon, Reference, Weights, alike, friction_rows
 from quad_env.config import GRAVITY
 
 STEPS, PERIOD, MASS = 6, 0.04, 14.2
@@ -54,7 +54,7 @@ def of_one() -> Programs:
 def predicted(forces: np.ndarray) -> Reference:
     """Where the body goes under these forces, (1, N, 4, 3), N."""
     free, linear = HORIZON.free(body()), forces.sum(axis=2) / MASS
-    angular = np.einsum("njlax,njlx->nja", HORIZON.moments(body().inertia, arms()), forces)
+    angular = np.linalg.solve(body().inertia, np.cross(arms(), forces).sum(axis=2)[..., None])[..., 0]
     return Reference(
         free.angles + HORIZON.place @ angular,
         free.position + HORIZON.place @ linear,
@@ -132,3 +132,12 @@ def test_programs_of_many_robots_are_those_of_each() -> None:
                 np.testing.assert_array_equal(getattr(together, name)[place], getattr(alone, name)[0], err_msg=name)
             seen.append(robot)
     assert sorted(seen) == [0, 1, 2, 3, 4]
+
+
+def test_programs_are_made_of_few_robots_at_once_and_of_each_robot_once() -> None:
+    counts = np.random.default_rng(0).integers(3, 5, 3 * TOGETHER)
+    groups = list(alike(counts))
+    assert sorted(np.concatenate(groups)) == list(range(len(counts)))
+    for robots in groups:
+        assert len(robots) <= TOGETHER
+        assert len(set(counts[robots])) == 1
