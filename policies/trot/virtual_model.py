@@ -14,12 +14,11 @@ from policies.legs.ground_plane import above, carried, fitted
 from policies.legs.kinematics import leg_angles
 from policies.memory import per_robot, taken_in
 from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
-from policies.mpc.footing import Ground, footholds
+from policies.mpc.footing import Ground
 from policies.mpc.joint_prediction import JointPrediction
 from policies.mpc.motion import Motion, estimated_load, loaded
 from policies.mpc.observer import Observer
 from policies.mpc.rigid_body import Friction
-from policies.mpc.whole_body import Wish, leg_torques
 from policies.trot.virtual_forces import Aim, load, pulled, shared
 from policies.trot.virtual_parameters import VirtualParameters, searched_parameters
 from quad_env.columns import total
@@ -36,6 +35,10 @@ SMALL_ERROR = np.array([1.0, 1.0, 1.6])
 """Error beyond which the integral waits: that is a push, not a bias."""
 FASTEST_JOINT = 2000.0
 """Joint acceleration, rad/s², that the targets count on at most."""
+LARGEST_SHIFT = 0.2
+"""Farthest that a lasting force shifts the feet, m."""
+REACH_SHARE = 0.7
+"""Reach of a foothold to the side, per that forward."""
 SHORTEST_DROP = 0.08
 """Least distance of a foot's path below the hip, m."""
 
@@ -102,9 +105,10 @@ class TrotVirtual(GaitedPolicy):
         bounds = Friction(self.sense.grip, self.parameters.most_force * now.bodies.mass * GRAVITY)
         share = load(self.parameters, cycle, stance, self.control_period)
         borne = shared(self.parameters, now, wanted - pushed, share, bounds)
-        aim = footholds(self.robot, self._senses, now, pushed[:, :2], stance, self._tall)
-        self._lift(now, cycle, contacts, error)
-        targets = self._targets(now, cycle, wanted, borne, aim, ground, push)
+        aim = self._footholds(now, pushed)
+        passing = self._passing(now)
+        self._lift(now, cycle, contacts, error, passing)
+        targets = self._targets(now, cycle, passing, borne, aim, ground)
         self._new[:] = False
         self.observer.keep(~cycle.swing)
         targets = np.where(self.observer.listening[:, None], self.robot.home_pose, targets)
@@ -158,7 +162,7 @@ class TrotVirtual(GaitedPolicy):
         lean = p.slope_share * np.stack((np.arctan(ground.lateral), -np.arctan(ground.forward)), axis=-1)
         return Aim(np.column_stack((forward, lateral, climb)), yaw_rate, self._height, lean)
 
-    def _lift(self, now: Motion, cycle: LegCycle, contacts: ContactStates, error: Floats) -> None:
+    def _lift(self, now: Motion, cycle: LegCycle, contacts: ContactStates, error: Floats, passing: Floats) -> None:
         """Take note of where feet lift off, and hold those that have landed before their time."""
         feet = now.bodies.feet
         lifted = cycle.swing & ~self._swinging
@@ -168,14 +172,34 @@ class TrotVirtual(GaitedPolicy):
         early = cycle.swing & contacts.standing & calm[:, None]
         self._place = np.where((early & ~self.held)[..., None], feet, self._place)
         self.held = cycle.swing & (self.held | early)
+        self._place[..., :2] += self.control_period * passing
 
-    def _path(self, progress: Floats, cycle_time: float, aim: Floats, passing: Floats, ground: Ground) -> Floats:
+    def _passing(self, now: Motion) -> Floats:
+        """Velocity of the ground under the trunk at the feet, (n, 4, 2), m/s."""
+        feet, turn = now.bodies.feet, self.reference[:, 2, None]
+        return np.stack((turn * feet[..., 1], -turn * feet[..., 0]), axis=-1) - now.bodies.centre_velocity[:, None, :2]
+
+    def _footholds(self, now: Motion, pushed: Floats) -> Floats:
+        """Where feet are to land, (n, 4, 2), m: Raibert's point and further out by the velocity error, shifted to
+        where they bear a lasting acceleration, (n, 6), m/s² and rad/s²; within an ellipse."""
+        p, velocity, before = self.parameters, now.bodies.centre_velocity[:, :2], np.sign(self.robot.hip_positions[:, 0])
+        shift = np.clip(p.lean_gain * self._tall / GRAVITY * pushed[:, :2], -LARGEST_SHIFT, LARGEST_SHIFT)
+        neutral = np.stack((before * p.length / 2.0 + p.shift, self.robot.side * p.width / 2.0), axis=-1)
+        place = neutral + (now.bodies.centre[:, :2] + shift)[:, None]
+        wanted = self.reference + self.correction
+        turned = wanted[:, 2, None, None] * np.stack((-place[..., 1], place[..., 0]), axis=-1)
+        away = p.neutral_share * p.duty / self.frequency * (velocity[:, None] + turned)
+        away = away + p.step_gain * (velocity - wanted[:, :2])[:, None]
+        size = np.hypot(away[..., 0], away[..., 1] / REACH_SHARE) / p.reach
+        return place + away / np.maximum(size, 1.0)[..., None]
+
+    def _path(self, progress: Floats, aim: Floats, passing: Floats, ground: Ground) -> Floats:
         """Places of swinging feet at that progress, (n, 4), relative to the trunk, level frame, (n, 4, 3), m.
 
         They leave with the velocity of the ground, `passing`, (n, 4, 2), m/s, and have it again from `landing` on.
         """
         p = self.parameters
-        t, time = np.clip(progress, 0.0, 1.0), (1.0 - p.duty) * cycle_time
+        t, time = np.clip(progress, 0.0, 1.0), (1.0 - p.duty) / self.frequency
         part, after = np.minimum(t / p.landing, 1.0)[..., None], np.maximum(t - p.landing, 0.0)[..., None] * time
         start, whole = self._start[..., :2], p.landing * time
         over = aim - passing * (time - whole)
@@ -185,39 +209,27 @@ class TrotVirtual(GaitedPolicy):
         return np.stack((x, y, z + p.step_height * arc * arc), axis=-1)
 
     def _targets(
-        self, now: Motion, cycle: LegCycle, wanted: Floats, forces: Floats, aim: Floats, ground: Ground, push: Floats
+        self, now: Motion, cycle: LegCycle, passing: Floats, forces: Floats, aim: Floats, ground: Ground
     ) -> Floats:
         """Joint targets, (n, 12), rad: angles and speeds that the joints are to have halfway through the control
         period, and the torques, turned into offsets by the servos' law."""
-        robot, p, half = self.robot, self.parameters, 0.5 * self.control_period
-        feet, yaw_rate = now.bodies.feet, now.command[:, 2, None]
-        body = now.bodies.centre_velocity[:, None, :2]
-        passing = np.stack((yaw_rate * feet[..., 1], -yaw_rate * feet[..., 0]), axis=-1) - body
-        time = 1.0 / self.frequency
-        ahead = half / ((1.0 - p.duty) * time)
-        before, middle, after = (
-            self._path(cycle.progress + k * ahead, time, aim, passing, ground) for k in (0.0, 1.0, 2.0)
-        )
-        acceleration = (after - 2.0 * middle + before) / half**2
-        standing = np.where(self.held, False, ~cycle.swing)[..., None]
-        moved = np.concatenate((passing * half, np.zeros_like(passing[..., :1])), axis=-1)
-        self._place = self._place + 2.0 * moved
-        held = self.held[..., None]
-        before = np.where(held, self._place - 2.0 * moved, before)
-        after = np.where(held, self._place, after)
-        acceleration = np.where(held, 0.0, acceleration)
-        feet_wish = np.where(standing, -p.stance_damping * now.feet_velocity, acceleration)
-        turn = np.einsum("nij,ni->nj", now.rotation, wanted[:, 3:])
-        found = leg_torques(now.bodies, Wish(turn, feet_wish, forces, ~cycle.swing), push, robot.rated_torque)
-        joint_acceleration = np.clip(found.acceleration, -FASTEST_JOINT, FASTEST_JOINT)
-        self._joints.keep(joint_acceleration)
-        first, last = self._angles(now, before), self._angles(now, after)
-        speed = now.generalised[:, 6:] + half * joint_acceleration
-        angle = now.angles + half * now.generalised[:, 6:] + 0.5 * half**2 * joint_acceleration
+        robot, period = self.robot, self.control_period
+        ahead = 0.5 * period * self.frequency / (1.0 - self.parameters.duty)
+        places = (self._path(cycle.progress + k * ahead, aim, passing, ground) for k in (0.0, 1.0, 2.0))
+        first, middle, last = (self._angles(now, np.where(self.held[..., None], self._place, each)) for each in places)
+        swung = (last - first) / period
+        bend = np.clip(4.0 * (last - 2.0 * middle + first) / period**2, -FASTEST_JOINT, FASTEST_JOINT)
         stands = np.repeat(~cycle.swing, 3, axis=1)
-        angle = np.where(stands, angle, 0.5 * (first + last))
-        speed = np.where(stands, speed, (last - first) / self.control_period)
-        targets: Floats = angle + (found.torque + robot.servo_damping * speed) / robot.servo_stiffness
+        acceleration = np.where(stands | np.repeat(self.held, 3, axis=1), 0.0, bend)
+        self._joints.keep(acceleration)
+        speeds = now.generalised[:, 6:]
+        angle = np.where(stands, now.angles + 0.5 * period * speeds, middle)
+        speed = np.where(stands, speeds, swung)
+        slipping = self.parameters.stance_damping * robot.mass * now.feet_velocity
+        pushed = np.where(cycle.swing[..., None], 0.0, forces + slipping)
+        torque = np.einsum("nij,nj->ni", now.bodies.inertia[:, 6:, 6:], acceleration) + now.bodies.bias[:, 6:]
+        torque -= np.einsum("nlxj,nlx->nlj", now.bodies.leg_jacobians, pushed).reshape(torque.shape)
+        targets: Floats = angle + (torque + robot.servo_damping * speed) / robot.servo_stiffness
         return targets
 
     def _angles(self, now: Motion, feet: Floats) -> Floats:

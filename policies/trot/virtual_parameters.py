@@ -35,6 +35,10 @@ class VirtualParameters(Parameters):
     """How far below the ground the path of a swinging foot ends, m."""
     landing: float = number(0.8, limits=(0.1, 1.0), search=(0.65, 1.0))
     """Progress of a swing from which on the foot only comes down, over its foothold."""
+    neutral_share: float = number(0.45, limits=(-1.0, 2.0), search=(0.3, 0.6))
+    """Foothold ahead of the neutral one, as a share of the way that the body makes in a stance."""
+    reach: float = number(0.22, limits=(0.01, 5.0), search=(0.15, 0.35), unit="m")
+    """Farthest that a foothold is ahead of the neutral one, m."""
     step_gain: float = number(0.06, limits=(-1.0, 1.0), search=(0.0, 0.2), unit="s")
     """A foot is put further out by this times the velocity error, s; √(height / g) is the capture point's."""
     lean_gain: float = number(0.8, limits=(0.0, 10.0), search=(0.0, 1.5))
@@ -75,8 +79,8 @@ class VirtualParameters(Parameters):
     """Largest vertical force of a foot, per weight of the robot and its load."""
     friction: float = number(0.6, limits=(0.01, 2.0), search=(0.4, 0.7))
     """Horizontal force of a foot, per vertical."""
-    stance_damping: float = number(30.0, limits=(0.0, 1e4), search=(0.0, 60.0), unit="1/s")
-    """Deceleration of a standing foot that slips, 1/s."""
+    stance_damping: float = number(4.2, limits=(0.0, 1e4), search=(0.0, 8.0), unit="1/s")
+    """Force against the slip of a standing foot, per its speed and the robot's mass, 1/s."""
     early_force: float = number(70.0, limits=(0.0, 1e5), search=(30.0, 150.0), unit="N")
     """Vertical force from which a swinging foot has touched the ground before its time and is held there, N."""
     hold_error: float = number(0.6, limits=(0.0, 100.0), search=(0.3, 1.5), unit="m/s")
