@@ -18,6 +18,7 @@ from quad_env.physics.rotations import skew
 
 LARGEST = np.array([5.0, 5.0, 9.0, 60.0, 60.0, 60.0])
 """Largest acceleration that springs and dampers ask for, m/s² and rad/s²."""
+LEAST = np.array([-5.0, -5.0, -4.0, -60.0, -60.0, -60.0])
 _SINGULAR = 1e-5
 """Added to the squared accelerations per force."""
 
@@ -45,7 +46,7 @@ def pulled(p: VirtualParameters, now: Motion, aim: Aim, height: Floats) -> Float
     linear[:, 2] += p.height_stiffness * (aim.height - height)
     tilt = p.tilt_stiffness * (aim.tilt - now.tilt) - p.tilt_damping * now.turning[:, :2]
     yaw = p.yaw_damping * (aim.yaw_rate - now.turning[:, 2])
-    return np.clip(np.column_stack((linear, tilt, yaw)), -LARGEST, LARGEST)
+    return np.clip(np.column_stack((linear, tilt, yaw)), LEAST, LARGEST)
 
 
 def load(p: VirtualParameters, cycle: LegCycle, stance_time: Floats, period: float) -> Floats:

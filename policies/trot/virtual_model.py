@@ -35,6 +35,12 @@ SMALL_ERROR = np.array([1.0, 1.0, 1.6])
 """Error beyond which the integral waits: that is a push, not a bias."""
 FASTEST_JOINT = 2000.0
 """Joint acceleration, rad/s², that the targets count on at most."""
+HURRY_RANGE = 0.6
+"""Velocity error beyond `hold_error` at which it steps fastest, lowest, m/s."""
+HURRY = 0.3
+"""Of a change of frequency, what is made in a control period."""
+SINKING = 4.0
+"""How much faster than it rises a trunk may sink."""
 LARGEST_SHIFT = 0.2
 """Farthest that a lasting force shifts the feet, m."""
 REACH_SHARE = 0.7
@@ -59,6 +65,9 @@ class TrotVirtual(GaitedPolicy):
     """Of the reference by the integral of its error, (n, 3)."""
     held: Mask = per_robot(np.zeros(4, np.bool_))
     """Swinging feet that are held where they met the ground, (n, 4)."""
+    _frequencies: Floats = per_robot(lambda policy: policy.frequency)
+    _limp: Mask = per_robot(np.zeros(4, np.bool_))
+    _low: Floats = per_robot(0.0)
     _height: Floats = per_robot(0.0)
     _new: Mask = per_robot(True)
     _swinging: Mask = per_robot(np.zeros(4, np.bool_))
@@ -89,25 +98,25 @@ class TrotVirtual(GaitedPolicy):
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         now, forces, weight = self._motion(observation)
-        self._tick()
+        error = self._follow(now)
+        self._hurry(np.hypot(error[:, 0], error[:, 1]))
         cycle = self._gait.legs(self._phase)
         late = self.control_period * self.observer.delays
-        earlier = self._gait.legs(self._phase - TURN * self.frequency * late)
+        earlier = self._gait.legs(self._phase - TURN * self._frequencies * late)
         contacts = contact_states(
             self._senses, cycle, earlier, forces[..., 2], self._new, flies=self._gait.flies
         )
         push = self.sense.wrench - weight
         pushed = as_accelerations(now.bodies, now.rotation, push)
-        error = self._follow(now)
         ground = self._ground(now, contacts.landed)
-        stance = np.full(self.num_envs, self.parameters.duty / self.frequency)
+        stance = self.parameters.duty / self._frequencies
+        passing = self._passing(now)
+        self._lift(now, cycle, contacts, error, passing)
         wanted = pulled(self.parameters, now, self._aim(now, ground), -ground.height)
-        bounds = Friction(self.sense.grip, self.parameters.most_force * now.bodies.mass * GRAVITY)
+        bounds = Friction(np.full(self.num_envs, self.parameters.friction), self.parameters.most_force * now.bodies.mass * GRAVITY)
         share = load(self.parameters, cycle, stance, self.control_period)
         borne = shared(self.parameters, now, wanted - pushed, share, bounds)
         aim = self._footholds(now, pushed)
-        passing = self._passing(now)
-        self._lift(now, cycle, contacts, error, passing)
         targets = self._targets(now, cycle, passing, borne, aim, ground)
         self._new[:] = False
         self.observer.keep(~cycle.swing)
@@ -123,6 +132,15 @@ class TrotVirtual(GaitedPolicy):
         forces = sense.estimate(read, load.pressing(read.rotation))
         now = loaded(self.observer.ahead(sense.wrench, forces[..., 2] > p.touch_force, self._slope), load)
         return now, forces, load.pressing(now.rotation)
+
+    def _hurry(self, astray: Floats) -> None:
+        """Advance the clocks, faster and with a lower trunk where the velocity is far from the reference, by `astray`
+        m/s, (n,)."""
+        p = self.parameters
+        beyond = np.clip(astray - p.hold_error, 0.0, HURRY_RANGE) / HURRY_RANGE
+        self._low = p.crouch * beyond
+        self._frequencies = self._frequencies + HURRY * (self.frequency + p.hurry * beyond - self._frequencies)
+        self._tick(self._frequencies - self.frequency)
 
     @property
     def _tall(self) -> float:
@@ -156,7 +174,7 @@ class TrotVirtual(GaitedPolicy):
         p = self.parameters
         most = p.rise * self.control_period
         height = np.where(self._new, -ground.height, self._height)
-        self._height = height + np.clip(self._tall - height, -most, most)
+        self._height = height + np.clip(self._tall - self._low - height, -SINKING * most, most)
         forward, lateral, yaw_rate = (self.reference + self.correction).T
         climb = ground.forward * forward + ground.lateral * lateral
         lean = p.slope_share * np.stack((np.arctan(ground.lateral), -np.arctan(ground.forward)), axis=-1)
@@ -172,6 +190,7 @@ class TrotVirtual(GaitedPolicy):
         early = cycle.swing & contacts.standing & calm[:, None]
         self._place = np.where((early & ~self.held)[..., None], feet, self._place)
         self.held = cycle.swing & (self.held | early)
+        self._limp = cycle.swing & ~self.held & (self._limp | contacts.standing)
         self._place[..., :2] += self.control_period * passing
 
     def _passing(self, now: Motion) -> Floats:
@@ -188,7 +207,7 @@ class TrotVirtual(GaitedPolicy):
         place = neutral + (now.bodies.centre[:, :2] + shift)[:, None]
         wanted = self.reference + self.correction
         turned = wanted[:, 2, None, None] * np.stack((-place[..., 1], place[..., 0]), axis=-1)
-        away = p.neutral_share * p.duty / self.frequency * (velocity[:, None] + turned)
+        away = p.neutral_share * p.duty / self._frequencies[:, None, None] * (velocity[:, None] + turned)
         away = away + p.step_gain * (velocity - wanted[:, :2])[:, None]
         size = np.hypot(away[..., 0], away[..., 1] / REACH_SHARE) / p.reach
         return place + away / np.maximum(size, 1.0)[..., None]
@@ -199,7 +218,7 @@ class TrotVirtual(GaitedPolicy):
         They leave with the velocity of the ground, `passing`, (n, 4, 2), m/s, and have it again from `landing` on.
         """
         p = self.parameters
-        t, time = np.clip(progress, 0.0, 1.0), (1.0 - p.duty) / self.frequency
+        t, time = np.clip(progress, 0.0, 1.0), ((1.0 - p.duty) / self._frequencies)[:, None, None]
         part, after = np.minimum(t / p.landing, 1.0)[..., None], np.maximum(t - p.landing, 0.0)[..., None] * time
         start, whole = self._start[..., :2], p.landing * time
         over = aim - passing * (time - whole)
@@ -214,19 +233,20 @@ class TrotVirtual(GaitedPolicy):
         """Joint targets, (n, 12), rad: angles and speeds that the joints are to have halfway through the control
         period, and the torques, turned into offsets by the servos' law."""
         robot, period = self.robot, self.control_period
-        ahead = 0.5 * period * self.frequency / (1.0 - self.parameters.duty)
+        ahead = 0.5 * period * self._frequencies[:, None] / (1.0 - self.parameters.duty)
         places = (self._path(cycle.progress + k * ahead, aim, passing, ground) for k in (0.0, 1.0, 2.0))
         first, middle, last = (self._angles(now, np.where(self.held[..., None], self._place, each)) for each in places)
         swung = (last - first) / period
         bend = np.clip(4.0 * (last - 2.0 * middle + first) / period**2, -FASTEST_JOINT, FASTEST_JOINT)
-        stands = np.repeat(~cycle.swing, 3, axis=1)
+        yields = ~cycle.swing | self._limp
+        stands = np.repeat(yields, 3, axis=1)
         acceleration = np.where(stands | np.repeat(self.held, 3, axis=1), 0.0, bend)
         self._joints.keep(acceleration)
         speeds = now.generalised[:, 6:]
         angle = np.where(stands, now.angles + 0.5 * period * speeds, middle)
         speed = np.where(stands, speeds, swung)
         slipping = self.parameters.stance_damping * robot.mass * now.feet_velocity
-        pushed = np.where(cycle.swing[..., None], 0.0, forces + slipping)
+        pushed = np.where(yields[..., None], forces + slipping, 0.0)
         torque = np.einsum("nij,nj->ni", now.bodies.inertia[:, 6:, 6:], acceleration) + now.bodies.bias[:, 6:]
         torque -= np.einsum("nlxj,nlx->nlj", now.bodies.leg_jacobians, pushed).reshape(torque.shape)
         targets: Floats = angle + (torque + robot.servo_damping * speed) / robot.servo_stiffness

@@ -29,7 +29,7 @@ class VirtualParameters(Parameters):
     """Between the lines of the fore and the hind feet, m."""
     shift: float = number(0.0, limits=(-2.0, 2.0), search=(-0.05, 0.05), unit="m ahead")
     """Middle of the feet ahead of the centre of mass, m."""
-    step_height: float = number(0.055, limits=(0.0, 2.0), search=(0.03, 0.12), unit="m")
+    step_height: float = number(0.045, limits=(0.0, 2.0), search=(0.03, 0.12), unit="m")
     """Lift of a swinging foot, m."""
     landing_depth: float = number(0.003, limits=(0.0, 1.0), search=(0.0, 0.01), unit="m")
     """How far below the ground the path of a swinging foot ends, m."""
@@ -85,6 +85,10 @@ class VirtualParameters(Parameters):
     """Vertical force from which a swinging foot has touched the ground before its time and is held there, N."""
     hold_error: float = number(0.6, limits=(0.0, 100.0), search=(0.3, 1.5), unit="m/s")
     """Velocity error beyond which no foot is held, m/s: a step is to catch a push."""
+    crouch: float = number(0.0, limits=(0.0, 5.0), search=(0.0, 0.15), unit="m")
+    """How much lower a trunk is that is far too fast, m."""
+    hurry: float = number(0.0, limits=(0.0, 50.0), search=(0.0, 2.0), unit="Hz")
+    """How much faster it steps then, Hz."""
     slope_time: float = number(0.2, limits=(0.0, 1e3), search=(0.05, 0.6), unit="s")
     """Time constant with which the slope under the feet is taken in, s."""
     slope_share: float = number(1.0, limits=(0.0, 2.0), search=(0.0, 1.2))
