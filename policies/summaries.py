@@ -17,8 +17,8 @@ SUMMARIES = {
         "readings are smoothed, and where its joints lag behind their targets it takes slower, higher steps"
     ),
     "trot_virtual": (
-        "a slow, upright trot by virtual model control: the trunk on springs and dampers that the standing feet bear, and "
-        "footholds from the velocity error"
+        "a slow, upright trot by virtual model control: the trunk on springs and dampers that the standing feet bear, "
+        "and footholds from the velocity error"
     ),
     "walk": "four beats, three feet on the ground; follows the command within its limit of 0.4 m/s ahead",
     "pace": "the legs of one side together; at most 0.8 m/s ahead",

@@ -17,8 +17,9 @@ from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 
 LARGEST = np.array([5.0, 5.0, 9.0, 60.0, 60.0, 60.0])
-"""Largest acceleration that springs and dampers ask for, m/s² and rad/s²."""
+"""Largest acceleration that springs and dampers ask for, m/s² and rad/s²..."""
 LEAST = np.array([-5.0, -5.0, -4.0, -60.0, -60.0, -60.0])
+"""... and the least: a trunk that falls freely has no feet to stand on."""
 _SINGULAR = 1e-5
 """Added to the squared accelerations per force."""
 
@@ -72,7 +73,7 @@ def shared(p: VirtualParameters, now: Motion, wanted: Floats, load: Floats, fric
     per_force = np.concatenate((linear, angular), axis=2) * load[..., None, None] * weights[:, None]
     per_force = np.ascontiguousarray(per_force.transpose(0, 2, 1, 3)).reshape(count, 6, 12)
     square = np.matmul(per_force, per_force.transpose(0, 2, 1)) + _SINGULAR * np.eye(6)
-    wanted = wanted + (0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0)
+    wanted = wanted + np.array([0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0])
     share = np.linalg.solve(square, (weights * wanted)[..., None])
     forces = np.matmul(per_force.transpose(0, 2, 1), share).reshape(count, 4, 3) * load[..., None]
     up = np.clip(forces[..., 2], 0.0, friction.most[:, None])

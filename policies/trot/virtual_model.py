@@ -36,11 +36,9 @@ SMALL_ERROR = np.array([1.0, 1.0, 1.6])
 FASTEST_JOINT = 2000.0
 """Joint acceleration, rad/s², that the targets count on at most."""
 HURRY_RANGE = 0.6
-"""Velocity error beyond `hold_error` at which it steps fastest, lowest, m/s."""
+"""Velocity error beyond `hold_error` at which it steps fastest, m/s."""
 HURRY = 0.3
 """Of a change of frequency, what is made in a control period."""
-SINKING = 4.0
-"""How much faster than it rises a trunk may sink."""
 LARGEST_SHIFT = 0.2
 """Farthest that a lasting force shifts the feet, m."""
 REACH_SHARE = 0.7
@@ -66,8 +64,8 @@ class TrotVirtual(GaitedPolicy):
     held: Mask = per_robot(np.zeros(4, np.bool_))
     """Swinging feet that are held where they met the ground, (n, 4)."""
     _frequencies: Floats = per_robot(lambda policy: policy.frequency)
-    _limp: Mask = per_robot(np.zeros(4, np.bool_))
-    _low: Floats = per_robot(0.0)
+    yielding: Mask = per_robot(np.zeros(4, np.bool_))
+    """Swinging feet that met the ground while the velocity was far off, and bear nothing, (n, 4)."""
     _height: Floats = per_robot(0.0)
     _new: Mask = per_robot(True)
     _swinging: Mask = per_robot(np.zeros(4, np.bool_))
@@ -103,9 +101,7 @@ class TrotVirtual(GaitedPolicy):
         cycle = self._gait.legs(self._phase)
         late = self.control_period * self.observer.delays
         earlier = self._gait.legs(self._phase - TURN * self._frequencies * late)
-        contacts = contact_states(
-            self._senses, cycle, earlier, forces[..., 2], self._new, flies=self._gait.flies
-        )
+        contacts = contact_states(self._senses, cycle, earlier, forces[..., 2], self._new, flies=self._gait.flies)
         push = self.sense.wrench - weight
         pushed = as_accelerations(now.bodies, now.rotation, push)
         ground = self._ground(now, contacts.landed)
@@ -113,7 +109,8 @@ class TrotVirtual(GaitedPolicy):
         passing = self._passing(now)
         self._lift(now, cycle, contacts, error, passing)
         wanted = pulled(self.parameters, now, self._aim(now, ground), -ground.height)
-        bounds = Friction(np.full(self.num_envs, self.parameters.friction), self.parameters.most_force * now.bodies.mass * GRAVITY)
+        most = self.parameters.most_force * now.bodies.mass * GRAVITY
+        bounds = Friction(np.full(self.num_envs, self.parameters.friction), most)
         share = load(self.parameters, cycle, stance, self.control_period)
         borne = shared(self.parameters, now, wanted - pushed, share, bounds)
         aim = self._footholds(now, pushed)
@@ -134,11 +131,9 @@ class TrotVirtual(GaitedPolicy):
         return now, forces, load.pressing(now.rotation)
 
     def _hurry(self, astray: Floats) -> None:
-        """Advance the clocks, faster and with a lower trunk where the velocity is far from the reference, by `astray`
-        m/s, (n,)."""
+        """Advance the clocks, faster where the velocity is far from the reference, by `astray`, (n,), m/s."""
         p = self.parameters
         beyond = np.clip(astray - p.hold_error, 0.0, HURRY_RANGE) / HURRY_RANGE
-        self._low = p.crouch * beyond
         self._frequencies = self._frequencies + HURRY * (self.frequency + p.hurry * beyond - self._frequencies)
         self._tick(self._frequencies - self.frequency)
 
@@ -174,14 +169,15 @@ class TrotVirtual(GaitedPolicy):
         p = self.parameters
         most = p.rise * self.control_period
         height = np.where(self._new, -ground.height, self._height)
-        self._height = height + np.clip(self._tall - self._low - height, -SINKING * most, most)
+        self._height = height + np.clip(self._tall - height, -most, most)
         forward, lateral, yaw_rate = (self.reference + self.correction).T
         climb = ground.forward * forward + ground.lateral * lateral
         lean = p.slope_share * np.stack((np.arctan(ground.lateral), -np.arctan(ground.forward)), axis=-1)
         return Aim(np.column_stack((forward, lateral, climb)), yaw_rate, self._height, lean)
 
     def _lift(self, now: Motion, cycle: LegCycle, contacts: ContactStates, error: Floats, passing: Floats) -> None:
-        """Take note of where feet lift off, and hold those that have landed before their time."""
+        """Take note of where feet lift off, and hold those that have landed before their time, or let them yield
+        where a step is to catch a push."""
         feet = now.bodies.feet
         lifted = cycle.swing & ~self._swinging
         self._swinging = cycle.swing
@@ -190,7 +186,7 @@ class TrotVirtual(GaitedPolicy):
         early = cycle.swing & contacts.standing & calm[:, None]
         self._place = np.where((early & ~self.held)[..., None], feet, self._place)
         self.held = cycle.swing & (self.held | early)
-        self._limp = cycle.swing & ~self.held & (self._limp | contacts.standing)
+        self.yielding = cycle.swing & ~self.held & (self.yielding | contacts.standing)
         self._place[..., :2] += self.control_period * passing
 
     def _passing(self, now: Motion) -> Floats:
@@ -201,7 +197,8 @@ class TrotVirtual(GaitedPolicy):
     def _footholds(self, now: Motion, pushed: Floats) -> Floats:
         """Where feet are to land, (n, 4, 2), m: Raibert's point and further out by the velocity error, shifted to
         where they bear a lasting acceleration, (n, 6), m/s² and rad/s²; within an ellipse."""
-        p, velocity, before = self.parameters, now.bodies.centre_velocity[:, :2], np.sign(self.robot.hip_positions[:, 0])
+        p, velocity = self.parameters, now.bodies.centre_velocity[:, :2]
+        before = np.sign(self.robot.hip_positions[:, 0])
         shift = np.clip(p.lean_gain * self._tall / GRAVITY * pushed[:, :2], -LARGEST_SHIFT, LARGEST_SHIFT)
         neutral = np.stack((before * p.length / 2.0 + p.shift, self.robot.side * p.width / 2.0), axis=-1)
         place = neutral + (now.bodies.centre[:, :2] + shift)[:, None]
@@ -238,7 +235,7 @@ class TrotVirtual(GaitedPolicy):
         first, middle, last = (self._angles(now, np.where(self.held[..., None], self._place, each)) for each in places)
         swung = (last - first) / period
         bend = np.clip(4.0 * (last - 2.0 * middle + first) / period**2, -FASTEST_JOINT, FASTEST_JOINT)
-        yields = ~cycle.swing | self._limp
+        yields = ~cycle.swing | self.yielding
         stands = np.repeat(yields, 3, axis=1)
         acceleration = np.where(stands | np.repeat(self.held, 3, axis=1), 0.0, bend)
         self._joints.keep(acceleration)

@@ -1,4 +1,4 @@
-"""What the search of `trot_virtual` tunes: the gait, the virtual springs and dampers of the trunk, and the footholds."""
+"""What the search of `trot_virtual` tunes: the gait, the virtual springs and dampers of the trunk, the footholds."""
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -21,7 +21,7 @@ class VirtualParameters(Parameters):
     """Gait cycles a second, Hz."""
     duty: float = number(0.54, limits=(0.05, 0.95), search=(0.5, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    height: float = number(0.46, limits=(0.01, 5.0), search=(0.45, 0.52), unit="m")
+    height: float = number(0.445, limits=(0.01, 5.0), search=(0.44, 0.5), unit="m")
     """Hip joints above the centres of the standing feet, m; of SimpleQuad the trunk's centre too."""
     width: float = number(0.5, limits=(0.005, 10.0), search=(0.44, 0.6), unit=WIDE)
     """Between the lines of the left and the right feet, m."""
@@ -29,7 +29,7 @@ class VirtualParameters(Parameters):
     """Between the lines of the fore and the hind feet, m."""
     shift: float = number(0.0, limits=(-2.0, 2.0), search=(-0.05, 0.05), unit="m ahead")
     """Middle of the feet ahead of the centre of mass, m."""
-    step_height: float = number(0.045, limits=(0.0, 2.0), search=(0.03, 0.12), unit="m")
+    step_height: float = number(0.05, limits=(0.0, 2.0), search=(0.035, 0.12), unit="m")
     """Lift of a swinging foot, m."""
     landing_depth: float = number(0.003, limits=(0.0, 1.0), search=(0.0, 0.01), unit="m")
     """How far below the ground the path of a swinging foot ends, m."""
@@ -85,10 +85,8 @@ class VirtualParameters(Parameters):
     """Vertical force from which a swinging foot has touched the ground before its time and is held there, N."""
     hold_error: float = number(0.6, limits=(0.0, 100.0), search=(0.3, 1.5), unit="m/s")
     """Velocity error beyond which no foot is held, m/s: a step is to catch a push."""
-    crouch: float = number(0.0, limits=(0.0, 5.0), search=(0.0, 0.15), unit="m")
-    """How much lower a trunk is that is far too fast, m."""
     hurry: float = number(0.0, limits=(0.0, 50.0), search=(0.0, 2.0), unit="Hz")
-    """How much faster it steps then, Hz."""
+    """How much faster it steps where the velocity is far off, Hz."""
     slope_time: float = number(0.2, limits=(0.0, 1e3), search=(0.05, 0.6), unit="s")
     """Time constant with which the slope under the feet is taken in, s."""
     slope_share: float = number(1.0, limits=(0.0, 2.0), search=(0.0, 1.2))
