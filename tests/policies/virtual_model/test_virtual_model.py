@@ -10,9 +10,9 @@ from policies.gait_cycle import LegCycle
 from policies.mpc.contact import ContactStates
 from policies.mpc.motion import motion
 from policies.mpc.rigid_body import Friction
-from policies.trot.virtual_forces import Aim, load, pulled, shared
-from policies.trot.virtual_model import TrotVirtual
-from policies.trot.virtual_parameters import FASTEST, VirtualParameters, ranges_of, searched_parameters
+from policies.virtual_model.forces import Aim, load, pulled, shared
+from policies.virtual_model.parameters import FASTEST, VirtualParameters, ranges_of, searched_parameters
+from policies.virtual_model.policy import TrotVirtual
 from quad_env import OBSERVATION
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
