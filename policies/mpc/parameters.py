@@ -33,10 +33,10 @@ class MpcParameters(Parameters):
     """Middle of the feet ahead of the centre of mass, m."""
     step_gain: float = number(0.06, limits=(-1.0, 1.0), search=(0.0, 0.2), unit="s")
     """A foot is put further out by this times the velocity error, s."""
-    pursuit_gain: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 2.0), unit="1/s")
-    """Velocity, m/s, by which it makes up for each metre that it has lost since its command was given, 1/s."""
-    most_lost: float = number(0.6, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m")
-    """Way that it makes up for at most, m; the same number of the heading, rad."""
+    position_gain: float = number(0.7, limits=(0.0, 100.0), search=(0.0, 2.0), unit="1/s")
+    """Velocity added to the command per distance, and yaw rate per angle, that the robot is behind it, 1/s."""
+    farthest_behind: float = number(0.6, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m")
+    """Distance that is made up for at most, m; the same number of an angle, rad."""
     horizon_step: float = number(0.04, limits=(0.001, 1.0), unit="s")
     """Of the prediction, s."""
     plan_period: float = number(0.0, limits=(0.0, 1.0), unit="s")

@@ -70,7 +70,7 @@ class Mpc(GaitedPolicy):
     _prints: Floats = per_robot(np.zeros((3, 4)), axis=2)
     _slope: Floats = per_robot(np.zeros(2), axis=1)
     _command: Floats = per_robot(np.zeros(3))
-    _way_lost: Floats = per_robot(np.zeros(3))
+    _behind: Floats = per_robot(np.zeros(3))
     _frequencies: Floats = per_robot(lambda policy: policy.frequency)
     _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
     _seen: NDArray[np.float32] = per_robot(lambda policy: policy._at_rest)
@@ -120,7 +120,7 @@ class Mpc(GaitedPolicy):
         forces = self.sense.estimate(read, load.pressing(read.rotation))
         touching = forces[..., 2] > p.touch_force
         now = loaded(self.observer.ahead(self.sense.wrench, touching, self._slope), load)
-        now = self._pursuing(now)
+        now = self._catching_up(now)
         self._hurry(now)
         cycle = self._gait.legs(self._phase)
         weight = load.pressing(now.rotation)
@@ -169,14 +169,18 @@ class Mpc(GaitedPolicy):
         """That the trunks are to have above the ground, m."""
         return self.parameters.height - self.robot.hip_rise
 
-    def _pursuing(self, now: Motion) -> Motion:
-        """The motion with a command that also makes up for the way that was lost since the command was given."""
+    def _catching_up(self, now: Motion) -> Motion:
+        """The motion with a command that also makes up for the way lost since the command was given.
+
+        The integral of the velocity error in the heading frame, as the position set point of convex MPC on robots; see
+        `ConvexMPCLocomotion` of MIT's Cheetah-Software.
+        """
         p, velocity = self.parameters, np.column_stack((now.velocity[:, :2], now.turning[:, 2]))
-        lost = self._way_lost + self.control_period * (now.command - velocity)
-        lost = np.clip(lost, -p.most_lost, p.most_lost)
-        self._way_lost = np.where((now.command != self._command).any(axis=1, keepdims=True), 0.0, lost)
+        behind = self._behind + self.control_period * (now.command - velocity)
+        same = (now.command == self._command).all(axis=1, keepdims=True)
+        self._behind = np.where(same, np.clip(behind, -p.farthest_behind, p.farthest_behind), 0.0)
         self._command = now.command
-        return now._replace(command=now.command + p.pursuit_gain * self._way_lost)
+        return now._replace(command=now.command + p.position_gain * self._behind)
 
     def _hurry(self, now: Motion) -> None:
         """Advance the clocks, faster where the velocity is far from the command."""
