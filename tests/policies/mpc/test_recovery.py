@@ -1,4 +1,4 @@
-"""The model-predictive controllers make up for the way that they have lost."""
+"""The model-predictive controllers make up for the way that they have lost, and lift their feet on rough ground."""
 
 from dataclasses import replace
 
@@ -45,3 +45,17 @@ def test_no_more_than_the_farthest_distance_is_made_up_for() -> None:
 
 def test_a_new_command_forgives() -> None:
     np.testing.assert_array_equal(commands(1.0, then=(0.3, 0.1, 0.0)), np.tile([0.3, 0.1, 0.0], (2, 1)))
+
+
+def test_feet_are_lifted_higher_by_how_far_the_footprints_are_off_their_plane() -> None:
+    policy = MpcWbc(replace(P, roughness_gain=4.0))
+    policy.reset(num_envs=2)
+    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
+    policy._prints = now.bodies.feet.T.copy()
+    policy._prints[2, :, 0] += [0.01, -0.01, -0.01, 0.01]
+    for _ in range(1000):
+        ground = policy._ground(now, np.zeros((2, 4), np.bool_))
+    aim = now.bodies.feet[..., :2]
+    x, y = np.moveaxis(aim, -1, 0)
+    lift = [policy._over(aim, ground)(x, y, np.full((2, 4), share)) - ground.at(x, y) for share in (0.0, 0.5, 1.0)]
+    np.testing.assert_allclose(lift, np.array([[[0.0], [0.0]], [[0.04], [0.0]], [[0.0], [0.0]]]) + np.zeros(4), atol=1e-5)
