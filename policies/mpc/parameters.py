@@ -25,6 +25,8 @@ class MpcParameters(Parameters):
     """Hip joints above the ground, m; of SimpleQuad the trunk's centre too."""
     step_height: float = number(0.08, limits=(0.0, 2.0), search=(0.02, 0.2), unit="m")
     """Lift of a swinging foot, m."""
+    roughness_gain: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 6.0))
+    """Lift added per roughness of the ground, the distance of the footprints from their plane."""
     width: float = number(0.5, limits=(0.005, 10.0), search=(0.42, 0.62), unit=WIDE)
     """Between the lines of the left and the right feet, m."""
     length: float = number(0.5, limits=(0.005, 10.0), search=(0.4, 0.6), unit=LONG)
@@ -33,6 +35,10 @@ class MpcParameters(Parameters):
     """Middle of the feet ahead of the centre of mass, m."""
     step_gain: float = number(0.06, limits=(-1.0, 1.0), search=(0.0, 0.2), unit="s")
     """A foot is put further out by this times the velocity error, s."""
+    position_gain: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 2.0), unit="1/s")
+    """Velocity added to the command per distance, and yaw rate per angle, that the robot is behind it, 1/s."""
+    farthest_behind: float = number(0.6, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m")
+    """Distance that is made up for at most, m; the same number of an angle, rad."""
     horizon_step: float = number(0.04, limits=(0.001, 1.0), unit="s")
     """Of the prediction, s."""
     plan_period: float = number(0.0, limits=(0.0, 1.0), unit="s")

@@ -40,6 +40,8 @@ USUAL_ERROR = 0.4
 """Velocity error, m/s, up to which it steps at its usual frequency."""
 HURRY = 0.3
 """Of a change of frequency, what is made in a control period."""
+ROUGHNESS_TIME = 1.0
+"""Time constant with which the roughness of the ground is taken in, s."""
 PATIENCE = 0.1
 """For how long a robot goes on without solutions, s: half a step of the gait."""
 FASTEST_JOINT = 2000.0
@@ -69,7 +71,10 @@ class Mpc(GaitedPolicy):
     _swinging: Mask = per_robot(np.zeros(4, np.bool_))
     _start: Floats = per_robot(np.zeros((4, 2)))
     _prints: Floats = per_robot(np.zeros((3, 4)), axis=2)
+    _roughness: Floats = per_robot(0.0)
     _slope: Floats = per_robot(np.zeros(2), axis=1)
+    _command: Floats = per_robot(np.zeros(3))
+    _behind: Floats = per_robot(np.zeros(3))
     _frequencies: Floats = per_robot(lambda policy: policy.frequency)
     _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
     _seen: NDArray[np.float32] = per_robot(lambda policy: policy._at_rest)
@@ -119,6 +124,7 @@ class Mpc(GaitedPolicy):
         forces = self.sense.estimate(read, load.pressing(read.rotation))
         touching = forces[..., 2] > p.touch_force
         now = loaded(self.observer.ahead(self.sense.wrench, touching, self._slope), load)
+        now = self._catching_up(now)
         self._hurry(now)
         cycle = self._gait.legs(self._phase)
         weight = load.pressing(now.rotation)
@@ -167,6 +173,19 @@ class Mpc(GaitedPolicy):
         """That the trunks are to have above the ground, m."""
         return self.parameters.height - self.robot.hip_rise
 
+    def _catching_up(self, now: Motion) -> Motion:
+        """The motion with a command that also makes up for the way lost since the command was given.
+
+        The integral of the velocity error in the heading frame, as the position set point of convex MPC on robots; see
+        `ConvexMPCLocomotion` of MIT's Cheetah-Software.
+        """
+        p, velocity = self.parameters, np.column_stack((now.velocity[:, :2], now.turning[:, 2]))
+        behind = self._behind + self.control_period * (now.command - velocity)
+        same = (now.command == self._command).all(axis=1, keepdims=True)
+        self._behind = np.where(same, np.clip(behind, -p.farthest_behind, p.farthest_behind), 0.0)
+        self._command = now.command
+        return now._replace(command=now.command + p.position_gain * self._behind)
+
     def _hurry(self, now: Motion) -> None:
         """Advance the clocks, faster where the velocity is far from the command."""
         p = self.parameters
@@ -180,7 +199,9 @@ class Mpc(GaitedPolicy):
         """The plane of the slope that the footprints have shown for a while, at the footprints' mean height."""
         former = carried(self._prints, now.velocity.T, now.turning[:, 2], self.control_period)
         self._prints = prints = np.where(landed.T, now.bodies.feet.T, former)
-        _, *slope = fitted(prints)
+        _, *slope = plane = fitted(prints)
+        apart = np.abs(above(plane, prints)).max(axis=0)
+        self._roughness += taken_in(self.control_period, ROUGHNESS_TIME) * (apart - self._roughness)
         share = taken_in(self.control_period, self.parameters.slope_time)
         self._slope = self._slope + share * (np.clip(np.stack(slope), -STEEPEST, STEEPEST) - self._slope)
         forward, lateral = self._slope
@@ -188,8 +209,9 @@ class Mpc(GaitedPolicy):
         return Ground(under_the_trunk, forward, lateral)
 
     def _over(self, aim: Floats, ground: Ground) -> Terrain:
-        """What the feet swing over to their footholds, (n, 4, 2)."""
-        return lambda x, y, _: ground.at(x, y)
+        """What the feet swing over to their footholds, (n, 4, 2): the plane, and higher where the ground is rough."""
+        higher = 16.0 * self.parameters.roughness_gain * self._roughness[:, None]
+        return lambda x, y, t: ground.at(x, y) + higher * (t * (1.0 - t)) ** 2
 
     def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:
         """Height of the ground where each foot stands over the horizon, m, (n, 1 or N, 1 or 4)."""

@@ -1,0 +1,64 @@
+"""The model-predictive controllers make up for the way that they have lost, and lift their feet on rough ground."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from policies.mpc.motion import motion
+from policies.mpc.parameters import parameters_of
+from policies.mpc.policy import MpcWbc
+from quad_env.physics.dynamics import Dynamics
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.policies.readings import reading
+
+P = replace(parameters_of("trot"), position_gain=0.5, farthest_behind=0.6)
+
+
+def commands(seconds: float, *, then: tuple[float, float, float] | None = None, **terms: Any) -> np.ndarray:
+    """What two robots, the second one as commanded, ask of themselves after so long at these readings."""
+    policy, asked = MpcWbc(P), np.zeros((2, 3))
+    policy.reset(num_envs=2)
+    rows = reading(2, command=[0.4, 0.0, 0.2])
+    rows[1] = reading(command=[0.4, 0.0, 0.2], linear_velocity=[0.4, 0.0, 0.0], angular_velocity=[0.0, 0.0, 0.2])
+    for name, values in terms.items():
+        rows[0] = reading(command=[0.4, 0.0, 0.2], **{name: values})
+    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
+    for _ in range(1 + round(100 * seconds)):
+        asked = policy._catching_up(now).command
+    return asked if then is None else policy._catching_up(now._replace(command=np.tile(then, (2, 1)))).command
+
+
+def test_a_second_of_standing_is_made_up_for_in_proportion_to_the_distance_and_the_angle() -> None:
+    behind, on_time = commands(1.0)
+    np.testing.assert_allclose(behind, [0.4 + 0.5 * 0.4, 0.0, 0.2 + 0.5 * 0.2], atol=1e-6)
+    np.testing.assert_allclose(on_time, [0.4, 0.0, 0.2], atol=1e-6)
+
+
+def test_what_was_carried_too_far_is_gone_back() -> None:
+    assert commands(0.5, linear_velocity=[0.4, 1.0, 0.0])[0, 1] == pytest.approx(-0.5 * 0.5)
+
+
+def test_no_more_than_the_farthest_distance_is_made_up_for() -> None:
+    assert commands(10.0)[0, 0] == pytest.approx(0.4 + 0.5 * 0.6)
+
+
+def test_a_new_command_forgives() -> None:
+    np.testing.assert_array_equal(commands(1.0, then=(0.3, 0.1, 0.0)), np.tile([0.3, 0.1, 0.0], (2, 1)))
+
+
+def test_feet_are_lifted_higher_by_how_far_the_footprints_are_off_their_plane() -> None:
+    policy = MpcWbc(replace(P, roughness_gain=4.0))
+    policy.reset(num_envs=2)
+    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
+    policy._prints = now.bodies.feet.T.copy()
+    policy._prints[2, :, 0] += [0.01, -0.01, -0.01, 0.01]
+    for _ in range(1000):
+        ground = policy._ground(now, np.zeros((2, 4), np.bool_))
+    aim = now.bodies.feet[..., :2]
+    x, y = np.moveaxis(aim, -1, 0)
+    lift = [policy._over(aim, ground)(x, y, np.full((2, 4), share)) - ground.at(x, y) for share in (0.0, 0.5, 1.0)]
+    np.testing.assert_allclose(
+        lift, np.array([0.0, 0.04, 0.0])[:, None, None] * [[[1.0], [0.0]]] * np.ones(4), atol=1e-5
+    )
