@@ -26,6 +26,7 @@ from policies.safety import Safe, SafetyLimits
 from policies.summaries import SUMMARIES
 from policies.trot.open_loop import Trot
 from quad_env.actuation.models import Actuator
+from quad_env.actuation.models import actuator as _actuator
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -105,13 +106,16 @@ def make(
     """
     robot = robot_of(robot)
     if name.startswith(SAFE):
-        policy = make(name.removeprefix(SAFE), robot=robot, control_period=control_period, sensors=sensors)
+        inner = name.removeprefix(SAFE)
+        policy = make(inner, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors)
         return Safe(policy, SafetyLimits.of(robot, actuator))
     _known(name)
     made = partial(_MAKERS[name], robot=robot, control_period=control_period)
-    if name not in _PREDICTING or (suite := sensor_suite(sensors)) is None:
+    if name not in _PREDICTING:
         return made()
-    return made(late=steps_late(suite.encoders.delay, 1.0 / control_period))
+    suite = sensor_suite(sensors)
+    late = 0 if suite is None else steps_late(suite.encoders.delay, 1.0 / control_period)
+    return made(late=late, actuator=_actuator(actuator))
 
 
 def resolve(
@@ -129,12 +133,13 @@ def resolve(
     text, robot = str(name_or_path), robot_of(robot)
     if text.startswith(SAFE):
         inner = text.removeprefix(SAFE)
-        policy = resolve(inner, robot=robot, control_period=control_period, sensors=sensors, trust=trust)
+        made = {"robot": robot, "control_period": control_period, "actuator": actuator, "sensors": sensors}
+        policy = resolve(inner, trust=trust, **made)
         return Safe(policy, SafetyLimits.of(robot, actuator))
     if is_reference(text):
         return Foreign(text, robot=robot, control_period=control_period, trust=trust)
     if text in _MAKERS:
-        return make(text, robot=robot, control_period=control_period, sensors=sensors)
+        return make(text, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors)
     if Path(text).is_dir():
         return _loaded(text, robot, control_period)
     if (remedy := unsupported(text)) is not None:

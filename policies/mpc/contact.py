@@ -14,6 +14,8 @@ from policies.gait_cycle import Floats, LegCycle
 from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
+from policies.mpc.servo_step import Servos
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask
 from quad_env.physics.dynamics import RigidBodies
 from quad_env.robots.robot import Robot
@@ -54,8 +56,8 @@ class ContactSense(Memory):
     _looks: Floats = per_robot(0.0)
     _sliding: Mask = per_robot(np.zeros(4, np.bool_))
 
-    def __init__(self, robot: Robot, parameters: MpcParameters, period: float) -> None:
-        self._robot, self._parameters, self._period = robot, parameters, period
+    def __init__(self, robot: Robot, parameters: MpcParameters, period: float, actuator: Actuator = IDEAL) -> None:
+        self._parameters, self._period, self._servos = parameters, period, Servos(robot, actuator, period)
         p = parameters
         self._shares = np.full(6, taken_in(period, p.disturbance_time))
         self._shares[2] = taken_in(period, p.load_time)
@@ -82,7 +84,7 @@ class ContactSense(Memory):
 
     def _explained(self, motion: Motion) -> tuple[Floats, Floats]:
         """Forces of the feet, (n, 4, 3), and the wrench that they leave unexplained, (n, 6)."""
-        robot, period, bodies, now = self._robot, self._period, motion.bodies, motion.generalised
+        period, bodies, now = self._period, motion.bodies, motion.generalised
         state = np.concatenate((now, motion.angles), axis=1)
         before = np.where(self._known[:, None], self._before, state)
         self._before, self._known = state, np.ones_like(self._known)
@@ -93,9 +95,8 @@ class ContactSense(Memory):
         # Mean angle of the cubic between both angles with both speeds.
         angle = 0.5 * (motion.angles + before[:, 18:]) - period / 12.0 * (now[:, 6:] - before[:, 6:18])
         speed = (motion.angles - before[:, 18:]) / period
-        torque = robot.servo_stiffness * (motion.targets - angle) - robot.servo_damping * speed
         needed = np.einsum("nij,nj->ni", bodies.inertia, acceleration) + bodies.bias
-        needed[:, 6:] -= np.clip(torque, -robot.rated_torque, robot.rated_torque)
+        needed[:, 6:] -= self._servos.torque(motion.targets, angle, speed)
         legs = bodies.leg_jacobians
         squares = np.einsum("nlxj,nlyj->nlxy", legs, legs) + _SINGULAR * np.eye(3)
         aims = np.einsum("nlxj,nlj->nlx", legs, needed[:, 6:].reshape(-1, 4, 3))

@@ -17,8 +17,9 @@ from policies.legs.ground_plane import above
 from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
 from policies.mpc.motion import Motion, motion
 from policies.mpc.reading_noise import GROUPS, SENSED, ReadingNoise
-from policies.mpc.servo_step import landing, response
+from policies.mpc.servo_step import Servos, landing, response
 from quad_env import OBSERVATION
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask, Rows
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
@@ -61,14 +62,17 @@ class Observer(Memory):
     delays: NDArray[np.int64] = per_robot(0)
     """Control steps from the reading on which a target rests to when it takes effect, (n,)."""
     _unexplained: Floats = per_robot(np.zeros(LONGEST + 1), axis=1)
-    _targets: Floats = per_robot(lambda observer: np.tile(observer._robot.home_pose, (LONGEST + 1, 1)), axis=1)
+    _targets: Floats = per_robot(
+        lambda observer: np.tile(observer._robot.home_pose, (LONGEST + len(observer.servos.shares), 1)), axis=1
+    )
     _standing: Mask = per_robot(np.ones((LONGEST + 1, 4), np.bool_), axis=1)
     _ground: Floats = per_robot(-FAR)
     _doubt: Floats = per_robot(np.zeros(3))
     _joint_doubt: Floats = per_robot(np.zeros((2, 2)))
 
-    def __init__(self, robot: Robot, dynamics: Dynamics, period: float) -> None:
+    def __init__(self, robot: Robot, dynamics: Dynamics, period: float, actuator: Actuator = IDEAL) -> None:
         self._robot, self._dynamics, self._period = robot, dynamics, period
+        self.servos = Servos(robot, actuator, period)
         self._noise = ReadingNoise(period)
         self.reset(1)
 
@@ -90,6 +94,7 @@ class Observer(Memory):
         # What others make of a policy's targets, a residual or the safety layer, is what the joints follow.
         targets = seen[:, OBSERVATION["previous_action"]] + self._robot.home_pose
         self._targets = np.concatenate((targets[None], self._targets[:-1]))
+        self._effective = self.servos.effective(self._targets)
         noise = self._noise.variances(readings)
         if self._read is not None:
             state = np.where((self.looks == 1)[:, None], readings, self._predicted(self._read, readings, noise, wrench))
@@ -97,7 +102,7 @@ class Observer(Memory):
         shortly, longer = LISTENING
         self.listening = self.looks <= np.where(noise.any(axis=1), longer, shortly)
         self._seen, self._read = seen, motion(self._robot, self._dynamics, seen)
-        return self._read._replace(targets=self._acted(self._targets))
+        return self._read._replace(targets=self._acted(self._effective))
 
     def ahead(self, wrench: Floats, touching: Mask, slope: Floats) -> Motion:
         """Motion of the robots when their next targets take effect: after `read`, and knowing which feet touched the
@@ -113,7 +118,7 @@ class Observer(Memory):
             rows = np.flatnonzero(self.delays >= steps)
             then = motion(self._robot, self._dynamics, seen[rows])
             gaps = _above(then, slope[:, rows]) - ground[rows, None] - uneven[rows]
-            velocity = landing(self._robot, then, gaps, self._targets[steps - 1, rows], wrench[rows], self._period)
+            velocity = landing(self._robot, then, gaps, self._effective[steps - 1, rows], wrench[rows], self._period)
             ground[rows] -= 0.5 * self._period * (then.velocity + velocity[:, :3])[:, 2]
             seen[rows, SENSED] = np.clip(carried(self._robot, then, velocity, self._period), -BOUNDS, BOUNDS)
         rows = np.flatnonzero(self.delays)
@@ -130,7 +135,7 @@ class Observer(Memory):
     def _predicted(self, before: Motion, readings: Floats, noise: Floats, wrench: Floats) -> Floats:
         """Readings, (n, 33), as the motion a control step before lets them be; and the delay, as they show it."""
         step = response(self._robot, before, self._acted(self._standing), wrench, self._period)
-        missed = step.velocity(self._targets)[..., 6:] - readings[:, SPEEDS]
+        missed = step.velocity(self._effective)[..., 6:] - readings[:, SPEEDS]
         missed = (missed * missed).mean(axis=2)
         known = self.looks - FIRST_PREDICTED
         share = at_first_a_mean(taken_in(self._period, DELAY_TIME), known)
@@ -139,7 +144,7 @@ class Observer(Memory):
         least = LEAST_GAIN * np.maximum(left - noise[:, -1], MODEL_ERROR) + NOISE_GAIN * noise[:, -1]
         better = (left - self._unexplained.min(axis=0) > least) & (self.looks > DELAY_LOOKS)
         self.delays = np.where(better, best, self.delays)
-        velocity = step.velocity(self._acted(self._targets))
+        velocity = step.velocity(self._acted(self._effective))
         return np.clip(carried(self._robot, before, velocity, self._period), -BOUNDS, BOUNDS)
 
     def _taken_in(self, state: Floats, readings: Floats, noise: Floats) -> Floats:

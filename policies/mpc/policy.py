@@ -24,6 +24,7 @@ from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Torques, Wish, leg_torques, torques
 from quad_env import OBSERVATION
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask, Rows, total
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
@@ -52,6 +53,7 @@ class Mpc(GaitedPolicy):
         parameters: gait, cost and gains; None for those of `parameters_of`.
         gait: whose footfalls it has, by name.
         late: control steps by which joints are older than the moment at which it is shown them.
+        actuator: what drives the joints.
 
     A robot without a solution, or without a finite observation, goes on with what it had, and after `PATIENCE` stops.
     """
@@ -81,6 +83,7 @@ class Mpc(GaitedPolicy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         late: int = 0,
+        actuator: Actuator = IDEAL,
     ) -> None:
         super().__init__(robot=robot, control_period=control_period)
         robot = self.robot
@@ -106,9 +109,9 @@ class Mpc(GaitedPolicy):
         self._at_rest = np.zeros(table.size, np.float32)
         self._at_rest[table.slices.get("height_scan", slice(0))] = UNSEEN
         self._at_rest[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
-        self.sense = ContactSense(robot, p, control_period)
+        self.sense = ContactSense(robot, p, control_period, actuator)
         self._joints = JointPrediction(late, control_period)
-        self.observer = Observer(robot, self._dynamics, control_period)
+        self.observer = Observer(robot, self._dynamics, control_period, actuator)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()

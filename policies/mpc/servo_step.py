@@ -11,6 +11,7 @@ import numpy as np
 
 from policies.gait_cycle import Floats
 from policies.mpc.motion import Motion
+from quad_env.actuation.models import Actuator
 from quad_env.columns import Mask
 from quad_env.robots.robot import Robot
 
@@ -21,6 +22,39 @@ FASTEST_LANDING = 0.5
 """At which a foot comes down to the ground within a step, m/s."""
 _SOFT = 1e-6
 """Velocity of a foot on the ground per impulse, 1/kg: how four feet share a weight is undetermined."""
+
+
+class Servos:
+    """The joint servos as their controller knows them: PD law, motors' limits and how late targets act.
+
+    Args:
+        period: control period, s.
+    """
+
+    def __init__(self, robot: Robot, actuator: Actuator, period: float) -> None:
+        self._stiffness, self._damping = robot.servo_stiffness, robot.servo_damping
+        self._rated, self._line = robot.rated_torque, None if actuator.curve is None else actuator.curve.on(robot)
+        self.shares = actuator.shares(float(robot.model.opt.timestep), period)
+        """As of `Actuator`, (k,)."""
+
+    def effective(self, targets: Floats) -> Floats:
+        """Mean targets that the motors went by in each of m control periods, newest first, (m, n, 12), rad, of those
+        that were sent to them, (m + k - 1, n, 12)."""
+        count = len(targets) - len(self.shares) + 1
+        return sum(share * targets[since : since + count] for since, share in enumerate(self.shares))
+
+    def limits(self, speed: Floats) -> tuple[Floats, Floats]:
+        """Least and largest torque at these joint speeds, rad/s, (…, 12), N·m."""
+        if self._line is None:
+            most = np.full_like(speed, self._rated)
+            return -most, most
+        return self._line.limits(speed)
+
+    def torque(self, targets: Floats, angle: Floats, speed: Floats) -> Floats:
+        """Torque of the joints by these effective targets, (n, 12), N·m."""
+        least, most = self.limits(speed)
+        found: Floats = np.clip(self._stiffness * (targets - angle) - self._damping * speed, least, most)
+        return found
 
 
 class Response(NamedTuple):
