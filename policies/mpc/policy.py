@@ -109,18 +109,18 @@ class Mpc(GaitedPolicy):
         self._at_rest = np.zeros(table.size, np.float32)
         self._at_rest[table.slices.get("height_scan", slice(0))] = UNSEEN
         self._at_rest[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
-        self.sense = ContactSense(robot, p, control_period, actuator)
+        self.sense = ContactSense(robot, p, control_period, actuator, encoders=late > 0)
         self._joints = JointPrediction(late, control_period)
-        self.observer = Observer(robot, self._dynamics, control_period, actuator)
+        self.observer = Observer(robot, self._dynamics, control_period, actuator, late)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
         p = self.parameters
         load = estimated_load(self.sense.wrench, p.load_height)
-        read = loaded(self.observer.read(self._joints.now(observation), self.sense.wrench), load)
+        read = loaded(self.observer.read(observation, self.sense.wrench, self.sense), load)
         forces = self.sense.estimate(read, load.pressing(read.rotation))
-        touching = forces[..., 2] > p.touch_force
-        now = loaded(self.observer.ahead(self.sense.wrench, touching, self._slope), load)
+        planned = self._joints.now(observation)
+        now = loaded(self.observer.ahead(self.sense.wrench, self.sense.touching, self._slope, planned), load)
         self._hurry(now)
         cycle = self._gait.legs(self._phase)
         weight = load.pressing(now.rotation)
@@ -310,7 +310,11 @@ class Mpc(GaitedPolicy):
 
     def _torques(self, now: Motion, wish: Wish, push: Floats, friction: Friction) -> Torques:
         """Torques of the joints for that wish, of robots whose trunks are pushed, (n, 6), N and N·m."""
-        return leg_torques(now.bodies, wish, push, self.robot.rated_torque)
+        return leg_torques(now.bodies, wish, push, self._limits(now))
+
+    def _limits(self, now: Motion) -> tuple[Floats, Floats]:
+        """Least and largest torques of the joints at their speeds, (n, 12), N·m."""
+        return self.observer.servos.limits(now.generalised[:, 6:])
 
     def _give_way(self, failed: Mask, observation: NDArray[np.float32], joints: Floats) -> None:
         """Hand robots over to a controlled stop, until a reset, whose programs have failed for `PATIENCE`."""
@@ -328,7 +332,7 @@ class MpcWbc(Mpc):
     name = "mpc_wbc"
 
     def _torques(self, now: Motion, wish: Wish, push: Floats, friction: Friction) -> Torques:
-        found = torques(now.bodies, wish, push, friction, self.robot.rated_torque, self.parameters, self._solver)
+        found = torques(now.bodies, wish, push, friction, self._limits(now), self.parameters, self._solver)
         if (there := found.found[:, None]).all():
             return found
         self.failures += ~found.found

@@ -114,6 +114,20 @@ def test_a_steady_force_on_the_trunk_is_felt_in_the_robot_s_own_frame(force: tup
     np.testing.assert_allclose(np.mean(accelerations, axis=0), np.mean(true, axis=0) / SIMPLE_QUAD.mass, atol=0.45)
 
 
+@pytest.mark.parametrize("yaw_rate", [1.5, -1.5])
+def test_a_robot_on_a_circle_is_pushed_to_the_centre(yaw_rate: float) -> None:
+    """m v ω, though its velocity in the frame that turns with it never changes."""
+    sense, speed = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD), np.array([0.8, 0.3])
+    sense.reset(1)
+    circling = reading(1, linear_velocity=(*speed, 0.0), angular_velocity=(0.0, 0.0, yaw_rate))
+    forces, wrench = sense.explained(motion(SIMPLE_QUAD, DYNAMICS, circling))
+    still = motion(SIMPLE_QUAD, DYNAMICS, reading(1, angular_velocity=(0.0, 0.0, yaw_rate)))
+    at_rest, left = sense.explained(still)
+    total = (forces - at_rest).sum(axis=1)[0] + (wrench - left)[0, :3]
+    expected = SIMPLE_QUAD.mass * yaw_rate * np.array([-speed[1], speed[0], 0.0])
+    np.testing.assert_allclose(total, expected, atol=0.5)
+
+
 def test_a_push_is_hardly_taken_for_a_lasting_force() -> None:
     """35 N·s within 0.1 s: what is left of it a second later would lean the robot against nothing."""
     robot, sense = Trotting(), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
