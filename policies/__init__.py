@@ -98,9 +98,9 @@ def make(
     actuator: str | Actuator = "ideal",
     sensors: str | SensorSuite | None = None,
 ) -> Policy:
-    """A fresh policy by name, for an environment's `robot`, which may be a name of `quad_env.ROBOTS`, `dt`, s, and
-    `sensors`, of which policies that predict take the encoders' delay; for `safe:NAME` within the safety layer, whose
-    limits are those of the actuator.
+    """A fresh policy by name, for an environment's `robot`, which may be a name of `quad_env.ROBOTS`, `dt`, s,
+    `actuator` and `sensors`, of which policies that predict take the encoders' delay; for `safe:NAME` within the safety
+    layer, whose limits are those of the actuator.
 
     Raises PolicyError for a name that does not exist or a model that is not there or was trained for others.
     """

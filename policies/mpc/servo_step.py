@@ -11,7 +11,7 @@ import numpy as np
 
 from policies.gait_cycle import Floats
 from policies.mpc.motion import Motion
-from quad_env.actuation.models import Actuator
+from quad_env.actuation.models import Actuator, Line
 from quad_env.columns import Mask
 from quad_env.robots.robot import Robot
 
@@ -35,7 +35,10 @@ class Servos:
 
     def __init__(self, robot: Robot, actuator: Actuator, period: float) -> None:
         self._stiffness, self._damping = robot.servo_stiffness, robot.servo_damping
-        self._rated, self._line = robot.rated_torque, None if actuator.curve is None else actuator.curve.on(robot)
+        rated = np.full(len(robot.home_pose), robot.rated_torque)
+        line = Line(rated, np.full_like(rated, np.inf), rated) if actuator.curve is None else actuator.curve.on(robot)
+        self.limits = line.limits
+        """Least and largest torque at some joint speeds, rad/s, (…, 12), N·m."""
         self.shares = actuator.shares(float(robot.model.opt.timestep), period)
         """As of `Actuator`, (k,)."""
 
@@ -45,18 +48,10 @@ class Servos:
         count = len(targets) - len(self.shares) + 1
         return sum(share * targets[since : since + count] for since, share in enumerate(self.shares))
 
-    def limits(self, speed: Floats) -> tuple[Floats, Floats]:
-        """Least and largest torque at these joint speeds, rad/s, (…, 12), N·m."""
-        if self._line is None:
-            most = np.full_like(speed, self._rated)
-            return -most, most
-        return self._line.limits(speed)
-
     def torque(self, targets: Floats, angle: Floats, speed: Floats) -> Floats:
         """Torque of the joints by these effective targets, (n, 12), N·m."""
-        least, most = self.limits(speed)
-        found: Floats = np.clip(self._stiffness * (targets - angle) - self._damping * speed, least, most)
-        return found
+        torque: Floats = self._stiffness * (targets - angle) - self._damping * speed
+        return np.clip(torque, *self.limits(speed))
 
 
 class Response(NamedTuple):

@@ -1,17 +1,25 @@
 """What a robot feels in its joints, against the forces that MuJoCo applies."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
 
 import policies
+from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.rollout import roll_out
 from policies.mpc.contact import ContactSense, as_accelerations
 from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
+from policies.mpc.policy import MpcWbc
+from quad_env.actuation.hardware import hardware_profile
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.collisions import foot_geoms
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.seeding import episode_seeds
 from tests.policies.readings import reading
+from train.curriculum import practice
 
 PERIOD, SUBSTEPS = 0.01, 5
 DYNAMICS = Dynamics(SIMPLE_QUAD)
@@ -169,3 +177,26 @@ def test_what_pushes_stays_where_it_is_in_the_world() -> None:
     cos, sin = np.cos(yaw_rate), np.sin(yaw_rate)  # the level frame has turned by this in a second
     world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ sense.wrench[0, :3]
     np.testing.assert_allclose(world, [40.0, 10.0, -20.0], atol=1e-9)
+
+
+def test_contact_is_known_on_motors_and_encoders() -> None:
+    """Of a walk on the hardware profile: feet that press on the ground within a control period, and feet in the air."""
+    real = hardware_profile(SIMPLE_QUAD)
+    hardware = Hardware(real.actuator, real.sensors, real.estimator)  # type: ignore[arg-type]
+    policy, felt, true = hardware.policy("mpc_wbc", real=True), [], []
+    assert isinstance(policy, MpcWbc)
+    estimate = policy.sense.estimate
+
+    def noted(*given: Any) -> np.ndarray:
+        felt.append((forces := estimate(*given))[..., 2])
+        return forces
+
+    policy.sense.estimate = noted  # type: ignore[method-assign]
+    seeds = episode_seeds("search", 0, 4)
+    watch = lambda step: true.append(step.infos["foot_impulse"] / PERIOD) if step.number else None  # noqa: E731
+    roll_out(policy, practice("flat", "search"), seeds, watch, steps=200, hardware=hardware, command=(0.5, 0.0, 0.0))
+    late, settled = 1, 50
+    found = np.array(felt[settled + late + 1 :]) > policy.parameters.touch_force
+    pressed = np.array(true[settled : len(felt) - late - 1])
+    assert found[pressed > policy.parameters.touch_force].mean() >= 0.95
+    assert found[pressed == 0.0].mean() <= 0.05
