@@ -133,8 +133,9 @@ def resolve(
     text, robot = str(name_or_path), robot_of(robot)
     if text.startswith(SAFE):
         inner = text.removeprefix(SAFE)
-        made = {"robot": robot, "control_period": control_period, "actuator": actuator, "sensors": sensors}
-        policy = resolve(inner, trust=trust, **made)
+        policy = resolve(
+            inner, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors, trust=trust
+        )
         return Safe(policy, SafetyLimits.of(robot, actuator))
     if is_reference(text):
         return Foreign(text, robot=robot, control_period=control_period, trust=trust)

@@ -33,7 +33,7 @@ UPRIGHT = 0.2
 """Largest tilt, rad, at which what no foot explains is believed."""
 FIRST = 5.0
 """Looks that the first one counts as: until there are many the wrench is their mean, whatever the time constants."""
-TOUCH, LET_GO = 1.9, 0.8
+TOUCH, LET_GO = 1.2, 0.4
 """Shares of the touch force; a foot that is falsely taken to stand is predicted to stop at once."""
 SAFE_SHARE = 0.7
 """Of the friction that a slip has shown, what is relied on: the pyramid's edges reach that much further."""

@@ -117,7 +117,7 @@ class Observer(Memory):
         sense = sense if self._late else None
         standing = self._acted(self._standing) if sense is None else sense.touching
         step = response(self._robot, before, standing, wrench, self._period)
-        self._learn_delay(step, readings, noise)
+        self._learn_delay(before, step, readings, noise)
         seen[:, SENSED] = self._corrected(before, step, readings, shares)
         found = self._taken(seen)
         if sense is None or (standing == (touched := sense.touched(found))).all():
@@ -166,9 +166,12 @@ class Observer(Memory):
         """Of what was kept, (LONGEST + 1, n, …), that which led to the readings."""
         return kept[self.delays, np.arange(len(self.delays))]
 
-    def _learn_delay(self, step: Response, readings: Floats, noise: Floats) -> None:
+    def _learn_delay(self, before: Motion, step: Response, readings: Floats, noise: Floats) -> None:
         """Believe the delay whose targets explain the joints' speeds best, of readings (n, 33) with noise (n, 5)."""
-        missed = step.velocity(self._effective)[..., 6:] - readings[:, SPEEDS]
+        speeds = step.velocity(self._effective)[..., 6:]
+        if self._late:  # what encoders show is the mean over the period
+            speeds = 0.5 * (before.generalised[:, 6:] + speeds)
+        missed = speeds - readings[:, SPEEDS]
         missed = (missed * missed).mean(axis=2)
         known = self.looks - FIRST_PREDICTED
         share = at_first_a_mean(taken_in(self._period, DELAY_TIME), known)

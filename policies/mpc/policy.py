@@ -119,7 +119,7 @@ class Mpc(GaitedPolicy):
         load = estimated_load(self.sense.wrench, p.load_height)
         read = loaded(self.observer.read(observation, self.sense.wrench, self.sense), load)
         forces = self.sense.estimate(read, load.pressing(read.rotation))
-        planned = self._joints.now(observation)
+        planned = self._joints.now(observation).astype(np.float64)
         now = loaded(self.observer.ahead(self.sense.wrench, self.sense.touching, self._slope, planned), load)
         self._hurry(now)
         cycle = self._gait.legs(self._phase)

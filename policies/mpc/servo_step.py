@@ -46,7 +46,9 @@ class Servos:
         """Mean targets that the motors went by in each of m control periods, newest first, (m, n, 12), rad, of those
         that were sent to them, (m + k - 1, n, 12)."""
         count = len(targets) - len(self.shares) + 1
-        return sum(share * targets[since : since + count] for since, share in enumerate(self.shares))
+        acting = [share * targets[since : since + count] for since, share in enumerate(self.shares)]
+        mean: Floats = np.sum(acting, axis=0)
+        return mean
 
     def torque(self, targets: Floats, angle: Floats, speed: Floats) -> Floats:
         """Torque of the joints by these effective targets, (n, 12), N·m."""

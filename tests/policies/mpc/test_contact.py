@@ -194,7 +194,7 @@ def test_contact_is_known_on_motors_and_encoders() -> None:
     policy.sense.estimate = noted  # type: ignore[method-assign]
     seeds = episode_seeds("search", 0, 4)
     watch = lambda step: true.append(step.infos["foot_impulse"] / PERIOD) if step.number else None  # noqa: E731
-    roll_out(policy, practice("flat", "search"), seeds, watch, steps=200, hardware=hardware, command=(0.5, 0.0, 0.0))
+    roll_out(policy, practice("flat", "search"), seeds, watch, steps=200, hardware=hardware)
     late, settled = 1, 50
     found = np.array(felt[settled + late + 1 :]) > policy.parameters.touch_force
     pressed = np.array(true[settled : len(felt) - late - 1])
