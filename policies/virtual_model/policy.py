@@ -21,6 +21,7 @@ from policies.mpc.observer import Observer
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.forces import Aim, load, pulled, shared
 from policies.virtual_model.parameters import VirtualParameters, searched_parameters
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import total
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
@@ -53,6 +54,7 @@ class TrotVirtual(GaitedPolicy):
     Args:
         parameters: gait and gains; None for those of `searched_parameters`.
         late: control steps by which joints are older than the moment at which it is shown them.
+        actuator: what drives the joints.
     """
 
     name = "trot_virtual"
@@ -81,6 +83,7 @@ class TrotVirtual(GaitedPolicy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         late: int = 0,
+        actuator: Actuator = IDEAL,
     ) -> None:
         super().__init__(robot=robot, control_period=control_period)
         robot = self.robot
@@ -90,9 +93,9 @@ class TrotVirtual(GaitedPolicy):
         self._quickest = np.array([p.acceleration, p.acceleration, p.yaw_acceleration]) * control_period
         self._integral = np.array([p.integral_gain, p.integral_gain, p.yaw_integral_gain]) * control_period
         dynamics = Dynamics(robot)
-        self.sense = ContactSense(robot, self._senses, control_period)
+        self.sense = ContactSense(robot, self._senses, control_period, actuator, encoders=late > 0)
         self._joints = JointPrediction(late, control_period)
-        self.observer = Observer(robot, dynamics, control_period)
+        self.observer = Observer(robot, dynamics, control_period, actuator, late)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         now, forces, weight = self._motion(observation)
@@ -125,9 +128,10 @@ class TrotVirtual(GaitedPolicy):
         control period, and the weight of their loads as a wrench, (n, 6)."""
         p, sense = self._senses, self.sense
         load = estimated_load(sense.wrench, p.load_height)
-        read = loaded(self.observer.read(self._joints.now(observation), sense.wrench), load)
+        read = loaded(self.observer.read(observation, sense.wrench, sense), load)
         forces = sense.estimate(read, load.pressing(read.rotation))
-        now = loaded(self.observer.ahead(sense.wrench, forces[..., 2] > p.touch_force, self._slope), load)
+        planned = self._joints.now(observation).astype(np.float64)
+        now = loaded(self.observer.ahead(sense.wrench, sense.touching, self._slope, planned), load)
         return now, forces, load.pressing(now.rotation)
 
     def _hurry(self, astray: Floats) -> None:
