@@ -10,6 +10,7 @@ Make one for an environment and ask it at every control step:
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from policies import shipped
 from policies.base import CONTROL_PERIOD, Policy, PolicyError
@@ -96,10 +97,11 @@ def make(
     control_period: float = CONTROL_PERIOD,
     actuator: str | Actuator = "ideal",
     sensors: str | SensorSuite | None = None,
+    **given: Any,
 ) -> Policy:
     """A fresh policy by name, for an environment's `robot`, which may be a name of `quad_env.ROBOTS`, `dt`, s, and
     `sensors`, of which policies that predict take the encoders' delay; for `safe:NAME` within the safety layer, whose
-    limits are those of the actuator.
+    limits are those of the actuator. What else is `given` goes to what makes it, such as `parameters`.
 
     Raises PolicyError for a name that does not exist or a model that is not there or was trained for others.
     """
@@ -108,7 +110,7 @@ def make(
         policy = make(name.removeprefix(SAFE), robot=robot, control_period=control_period, sensors=sensors)
         return Safe(policy, SafetyLimits.of(robot, actuator))
     _known(name)
-    made = partial(_MAKERS[name], robot=robot, control_period=control_period)
+    made = partial(_MAKERS[name], robot=robot, control_period=control_period, **given)
     if name not in _PREDICTING or (suite := sensor_suite(sensors)) is None:
         return made()
     return made(late=steps_late(suite.encoders.delay, 1.0 / control_period))

@@ -11,48 +11,20 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.progress import track
 
 from evaluate.measures.metrics import Measures
 from evaluate.measures.tracking import SETTLING_TIME
-from policies.base import CONTROL_PERIOD, Actions, Floats, Policy
+from policies.base import CONTROL_PERIOD, Floats
 from policies.parameters import Parameters, limits_of, number
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.files.writing import write_atomically
 from quad_env.seeding import episode_seeds
-
-
-class Panel(Policy):
-    """Several policies as one, each on its own equal share of the rows.
-
-    Args:
-        members: the policies, in the order of their shares.
-        blocks: equal parts that the rows come in, such as one a scenario, in each of which each member has its share.
-    """
-
-    name = "panel"
-
-    def __init__(self, members: Sequence[Policy], blocks: int = 1) -> None:
-        super().__init__(robot=members[0].robot, control_period=members[0].control_period)
-        self._members, self._blocks = members, blocks
-
-    def _allocate(self, num_envs: int) -> None:
-        for member in self._members:
-            member.reset(num_envs // len(self._members))
-
-    def _act(self, observation: NDArray[np.float32]) -> Actions:
-        shares = np.arange(len(observation)).reshape(self._blocks, len(self._members), -1).swapaxes(0, 1)
-        actions = np.empty((len(observation), self.robot.num_joints), np.float32)
-        for member, share in zip(self._members, shares, strict=True):
-            actions[share.ravel()] = member.act(observation[share.ravel()])
-        return actions
-
+from train.search.trials import Seeds
 
 Ranges = Mapping[str, tuple[float, float]]
 """Bounds of the parameters that are searched, by field name."""
-Seeds = NDArray[np.int64]
 MARGIN = 0.02
 """Least distance of a start from the faces of the unit cube."""
 SHORTEST = round(SETTLING_TIME / CONTROL_PERIOD) + 1
