@@ -164,8 +164,8 @@ def compared(
     hardware: Hardware = IDEAL,
 ) -> tuple[list[tuple[str, str, Measures]], Floats]:
     """The policy of that name with both parameters on the same full episodes of those seeds, on ground of the
-    validation: scenario, `before` for the parameters in force or `after`, and measures of each walk; cost of the outcome
-    less that of those in force, mean over the scenarios, of each seed, (seeds,)."""
+    validation: scenario, `before` for the parameters in force or `after`, and measures of each walk; cost of the
+    outcome less that of those in force, mean over the scenarios, of each seed, (seeds,)."""
     walks: list[tuple[str, str, Measures]] = []
     differences = np.zeros(len(seeds))
     groups = [exercises[first : first + AT_ONCE] for first in range(0, len(exercises), AT_ONCE)]
