@@ -6,7 +6,6 @@ mpc_wbc. Candidates and their costs are in a file that ends in .trials.jsonl, a 
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -78,8 +77,6 @@ class Options(Effort):
     exercises: tuple[str, ...] = ()
     """Scenarios, all of one weight, such as flat push=42+hardware; by default 22, as hard for the robot as for
     SimpleQuad."""
-    start: Path | None = None
-    """Parameters that the search starts from, JSON, instead of those in force."""
 
 
 def main(options: Options) -> int:

@@ -48,7 +48,7 @@ class Effort:
     """Parameter sets tried in a round."""
     episodes: int = number(10, limits=(1, 10_000))
     """Episodes of a candidate in each scenario and round."""
-    steps: int = number(600, limits=(SHORTEST, 100_000))
+    steps: int = number(500, limits=(SHORTEST, 100_000))
     """Length of an episode, control steps of 10 ms."""
     check_episodes: int = number(108, limits=(1, 10_000))
     """Fresh episodes on which the outcome is finished and compared with the parameters before."""
@@ -56,6 +56,8 @@ class Effort:
     """First standard deviation of a parameter, as a share of its range."""
     threads: int = number(2, limits=(1, 256))
     """Threads of the simulation."""
+    start: Path | None = None
+    """Parameters that the search starts from, JSON, instead of the usual ones."""
     out: Path | None = None
     """File of the outcome, JSON, by default the one that the policy reads; other files of the search are written next
     to it."""

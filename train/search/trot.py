@@ -32,7 +32,7 @@ WEAKEST_RESPONSE = 0.7
 WEAKNESS_WEIGHT = 2.0
 WEAKEST_MAPPED = 0.1
 """Achieved per commanded velocity below which a response is not undone: the map would ask for leaps."""
-MINIMUM_INTERVALS = 8
+MINIMUM_INTERVALS = 6
 """Command intervals needed to fit a response."""
 MAP_ROUNDS = 3
 """How often the command map is fitted again with the one before in force."""
@@ -47,8 +47,8 @@ class Options(Effort):
     """trot: the open-loop trot."""
     robot: str | None = None
     """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
-    # Enough command intervals to fit a response.
-    episodes: int = number(10, limits=(MINIMUM_INTERVALS, 10_000))
+    # A command interval each, enough to fit a response.
+    episodes: int = number(8, limits=(MINIMUM_INTERVALS, 10_000))
     """Episodes of a candidate in each scenario and round."""
     check_episodes: int = number(48, limits=(MINIMUM_INTERVALS // 2, 10_000))
     """Fresh episodes on which the command map is fitted and the outcome compared with the parameters before."""
@@ -64,6 +64,7 @@ def subject(options: Options) -> Subject[TrotParameters]:
     hardware, threads = hardware_of(options.robot or Hardware.robot), options.threads
     robot, own = hardware.quadruped, hardware.quadruped == SIMPLE_QUAD
     start = TrotParameters() if own else scaled_parameters(searched_parameters(), robot)
+    start = FILE.read(options.start) if options.start else start
     ranges = scaled_ranges(SEARCH_RANGES, TrotParameters, robot)
 
     def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
