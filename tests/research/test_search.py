@@ -111,8 +111,8 @@ def test_every_option_reaches_the_robots_and_the_files(tmp_path):
     fixed = next(name for name in dataclasses.asdict(in_force) if name not in ranges)
     begin = dataclasses.replace(in_force, **{fixed: 0.9 * getattr(in_force, fixed)})
     (tmp_path / "start.json").write_text(json.dumps(dataclasses.asdict(begin)))
-    words = "--robot FOLDER/alike.xml --policy trot_integral --generations 2 --candidates 5 --exercises flat=1.5 push=42 --episodes 2"
-    words += " --steps 110 --spread 0.02 --check-episodes 3 --start FOLDER/start.json"
+    words = "--robot FOLDER/alike.xml --policy trot_integral --generations 2 --candidates 5 --episodes 2"
+    words += " --exercises flat=1.5 push=42 --steps 110 --spread 0.02 --check-episodes 3 --start FOLDER/start.json"
     given = f"{words} --seed 3 --threads 1 --out FOLDER/found.json".replace("FOLDER", str(tmp_path)).split()
     assert {word[2:].replace("-", "_") for word in given if word.startswith("--")} == vars(Options()).keys()
     with begun() as batches:
