@@ -31,10 +31,11 @@ class Base(NamedTuple):
     """Kind of them; None where it has none."""
 
     @property
-    def kind(self) -> type:
+    def kind(self) -> type[Policy]:
         """Class of the policy."""
         kind = self.make.func if isinstance(self.make, partial) else self.make
         assert isinstance(kind, type)
+        assert issubclass(kind, Policy)
         return kind
 
 

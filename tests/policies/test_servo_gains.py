@@ -34,7 +34,8 @@ def soft(tmp_path_factory: pytest.TempPathFactory) -> quad_env.Robot:
 def test_a_controller_that_needs_stiff_servos_commands_them_unless_the_gains_are_given(soft: quad_env.Robot) -> None:
     assert Soft(robot=soft).robot.servo == soft.servo == GAINS
     assert policies.make("mpc_wbc", robot=soft).robot.servo == GAINS  # its targets carry its torques
-    for name in ("stand", "trot", "trot_feedback", "behaviour", "safe:trot"):
+    assert policies.make("trot", robot=soft).robot.servo == GAINS  # they make up for what the servos give
+    for name in ("stand", "trot_feedback", "behaviour", "safe:trot_feedback"):
         assert policies.make(name, robot=soft).robot.servo == SIMPLE_QUAD.servo, name
         assert policies.make(name, robot=soft.with_servo(35.0, 0.5)).robot.servo == GAINS, name
 
@@ -88,7 +89,7 @@ def test_named_robots_have_the_gains_of_their_makers_and_our_controllers_stiffer
     for name, stiffness, damping in (("go1", 35.0, 0.5), ("go2", 25.0, 0.5), ("spot", 286.0, 2.04)):
         robot = ROBOTS[name]
         assert (robot.servo_stiffness[2], robot.servo_damping[2]) == (stiffness, damping), name
-        assert policies.make("trot", robot=name).robot.servo_stiffness[2] > 3.0 * stiffness, name
+        assert policies.make("trot_feedback", robot=name).robot.servo_stiffness[2] > 3.0 * stiffness, name
         model = robot.model
         np.testing.assert_array_equal(model.actuator_gainprm[:, 0], robot.servo_stiffness)
         np.testing.assert_array_equal(model.actuator_biasprm[:, 2], -robot.servo_damping)
