@@ -129,7 +129,9 @@ class ParameterFile(Generic[P]):
         return read(path, lambda values: from_json(self.kind, values), self.search)
 
     def in_force(self, robot: Robot = SIMPLE_QUAD) -> P:
-        """The robot's parameters: those of a file of that name in its own folder, or without one SimpleQuad's by
-        dynamic similarity. Raises PolicyError for a damaged file."""
+        """The robot's parameters: those of a file of that name in its own folder, with gains of other servos first in
+        `soft_servos` there, or without one SimpleQuad's by dynamic similarity. PolicyError for a damaged file."""
         own = folder_of(robot) / self.path.name
+        soft = own.parent / "soft_servos" / own.name
+        own = soft if robot.servo_fixed and soft.is_file() else own
         return self.read(own) if own.is_file() else scaled_parameters(self.read(self.path), robot)

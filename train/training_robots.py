@@ -11,7 +11,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from policies.residual_bases import BASES
 from quad_env.columns import Array, of_robots
 from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -214,12 +213,11 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
     """The batch of a run's scenario of that number, at that share of its severity."""
     name, count = list(robots_per_scenario(config).items())[number]
     robot = config.hardware.quadruped
-    commanded = robot.stiffer if BASES[config.base].kind.stiff_servos else robot
     scenario = practice(eased(find_scenario(name, robot), share, robot), "training", config.seed)
     task = TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards)
     return SimpleQuadVectorEnv(
         count, _pushed(scenario), 1 if side_by_side(config) else config.threads, AutoresetMode.DISABLED,
-        max_episode_steps=config.max_episode_steps, config=task, **config.hardware.environment(commanded),
+        max_episode_steps=config.max_episode_steps, config=task, **config.hardware.environment(robot.stiffer),
     )  # fmt: skip
 
 

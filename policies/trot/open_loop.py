@@ -34,7 +34,7 @@ class TrotParameters(CommandMap):
     """Hip joints above the centres of the standing feet, m."""
     step_height: float = number(0.07, limits=(-1.0, 1.0), search=(0.03, 0.14), unit="m")
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = number(0.54, limits=(-10.0, 10.0), search=(0.4, 0.62), unit=WIDE)
+    stance_width: float = number(0.54, limits=(-10.0, 10.0), search=(0.4, 0.72), unit=WIDE)
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
     stance_shift: float = number(-0.02, limits=(-1.0, 1.0), search=(-0.1, 0.05), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""
@@ -65,7 +65,6 @@ class Trot(GaitedPolicy):
     """Command-following trot; steps in place at zero command."""
 
     name = "trot"
-    stiff_servos = False  # what the servos give under the load is in the targets
     _command: Floats = per_robot(np.zeros(3))
     _joints: Floats = per_robot(lambda policy: policy.robot.home_pose)
 

@@ -30,7 +30,7 @@ EXERCISES = (
     *("stairs=0.1", "soft=0.02", "slippery=0.1", "force=60", "payload=20", "weak_motors=20", "slow_motors=5"),
     *("slow_motors=2", "latency=0.02", "latency=0.04", "latency=0.08", "noise=0.8", "surprise=1"),
 )
-"""Scenarios of the search, all of one weight: from where a trot succeeds to where it seldom does."""
+"""Usual scenarios of the search, as hard for every robot: from where a trot succeeds to where it seldom does."""
 SIGNIFICANT = 0.05
 """Largest p-value with which a smaller cost counts as smaller."""
 ADOPTED, KEPT = "The outcome is adopted.", "Those in force are kept: the outcome is not better."
@@ -74,9 +74,6 @@ class Options(Effort):
     """Length of an episode, control steps of 10 ms."""
     check_episodes: int = number(32, limits=(1, 10_000))
     """Fresh episodes on which the outcome is compared with the parameters before."""
-    exercises: tuple[str, ...] = ()
-    """Scenarios, all of one weight, such as flat push=42+hardware; by default 22, as hard for the robot as for
-    SimpleQuad."""
 
 
 def main(options: Options) -> int:

@@ -11,7 +11,6 @@ from rich.progress import track
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE
-from evaluate.measures.tracking import VELOCITY_CAP
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.rollout import STEPS, Recorder, advance, batch_of, begin
 from policies.base import Actions, Floats, Policy
@@ -25,25 +24,25 @@ Seeds = NDArray[np.int64]
 
 
 class Grade(NamedTuple):
-    """Cost of a measure: none up to one value, from there in proportion, and at another value the most."""
+    """Cost of a measure: none up to one value, half of `most` where it is beyond by `scale`, and ever nearer to it."""
 
     most: float
     none: float
-    full: float
+    scale: float
 
 
 OUTCOME_COSTS = dict(zip(OUTCOMES, (0.0, 1.0, 1.5, 2.0, 2.0, 2.0), strict=True))
 """Cost of an episode's outcome; the graded costs on top add up to what a failure costs at least."""
-DEVIATION_COST, LARGEST_DEVIATION = 0.15, 4.0
+DEVIATION_COST, LARGEST_DEVIATION = 0.1, 4.0
 """Graded cost of the worst command interval at most, and the deviation, per allowed deviation, at which it is that."""
 GRADES = {
-    "velocity_error": Grade(0.05, 0.0, VELOCITY_CAP),
-    "overspeed": Grade(0.05, 0.0, 0.1),
-    "cost_of_transport": Grade(0.4, 0.0, 2.0),
-    "flight": Grade(0.1, 0.0, 0.3),
-    "step_rate": Grade(0.1, 2.0, 6.0),
-    "touchdown_impulse": Grade(0.05, 0.0, 0.05),
-    "trunk_height": Grade(0.1, 0.85, 0.65),
+    "velocity_error": Grade(0.05, 0.0, 0.3),
+    "overspeed": Grade(0.05, 0.0, 0.05),
+    "cost_of_transport": Grade(0.4, 0.0, 1.0),
+    "flight": Grade(0.1, 0.0, 0.1),
+    "step_rate": Grade(0.1, 2.0, 2.0),
+    "touchdown_impulse": Grade(0.05, 0.0, 0.03),
+    "trunk_height": Grade(0.15, 0.85, -0.1),
 }
 """Graded cost of each measure that has one, in its unit; of what does not exist, the most: the robot fell at once."""
 WORDS = (
@@ -51,8 +50,8 @@ WORDS = (
     + ", ".join(f"{name} {cost:g}" for name, cost in OUTCOME_COSTS.items())
     + f", and on top of that up to {DEVIATION_COST:g} for the worst command interval, "
     f"{LARGEST_DEVIATION:g} times what is allowed, and for "
-    + ", ".join(f"{name} up to {most:g} ({none:g} … {full:g})" for name, (most, none, full) in GRADES.items())
-    + "."
+    + ", ".join(f"{name} up to {most:g} (x {none:+g} / {scale:g})" for name, (most, none, scale) in GRADES.items())
+    + ", in the share x / (1 + x) of it."
 )
 """The cost in words."""
 
@@ -89,9 +88,9 @@ def episode_costs(measures: Measures) -> Floats:
     deviation = RULES[SUCCESS_RULE].deviations(measures.commands, measures.mean_velocities)
     # An interval that was not completed has the largest cost.
     total += DEVIATION_COST * np.clip(np.nan_to_num(deviation, nan=np.inf) / LARGEST_DEVIATION, 0.0, 1.0).max(axis=1)
-    for name, (most, none, full) in GRADES.items():
-        share = (getattr(measures, name) - none) / (full - none)
-        total += most * np.clip(np.nan_to_num(share, nan=1.0), 0.0, 1.0)
+    for name, (most, none, scale) in GRADES.items():
+        beyond = np.maximum((getattr(measures, name) - none) / scale, 0.0)
+        total += most * np.nan_to_num(beyond / (1.0 + beyond), nan=1.0)
     return total
 
 

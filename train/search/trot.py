@@ -5,6 +5,7 @@ distribution after it, which is all that Ctrl-C leaves.
 """
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -21,11 +22,12 @@ from policies.shipped import folder_of
 from policies.trot.open_loop import FILE, SEARCH_RANGES, TrotParameters, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
+from train.config import check_scenarios
 from train.search.cmaes import Effort, Subject, as_json, changes, method, results, rounded, search
 from train.search.trials import WORDS, Seeds, compared, episode_costs, walked
 
 EXERCISES = ("flat", "push", "rough")
-"""Scenarios of the search, all of one weight; the response to commands is measured on the first."""
+"""Usual scenarios of the search; the response to commands is measured on the first."""
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
 WEAKEST_RESPONSE = 0.7
 """Achieved per commanded velocity below which a candidate costs more, so that standing still does not win."""
@@ -47,8 +49,8 @@ class Options(Effort):
     """trot: the open-loop trot."""
     robot: str | None = None
     """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
-    # A command interval each, enough to fit a response.
-    episodes: int = number(8, limits=(MINIMUM_INTERVALS, 10_000))
+    # Two command intervals each, enough to fit a response.
+    episodes: int = number(6, limits=(MINIMUM_INTERVALS // 2, 10_000))
     """Episodes of a candidate in each scenario and round."""
     check_episodes: int = number(48, limits=(MINIMUM_INTERVALS // 2, 10_000))
     """Fresh episodes on which the command map is fitted and the outcome compared with the parameters before."""
@@ -65,18 +67,20 @@ def subject(options: Options) -> Subject[TrotParameters]:
     robot, own = hardware.quadruped, hardware.quadruped == SIMPLE_QUAD
     start = TrotParameters() if own else scaled_parameters(searched_parameters(), robot)
     start = FILE.read(options.start) if options.start else start
+    exercises = options.exercises or EXERCISES
+    check_scenarios("--exercises", exercises, robot)
     ranges = scaled_ranges(SEARCH_RANGES, TrotParameters, robot)
 
     def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
-        return candidate_costs(candidates, seeds, options.steps, threads, hardware)
+        return candidate_costs(candidates, seeds, options.steps, threads, hardware, exercises)
 
     def conclude(found: TrotParameters) -> tuple[str, str]:
         fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
         for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
-            found = mapped(found, seeds, threads, hardware)
+            found = mapped(found, seeds, threads, hardware, exercises)
         after, seeds = rounded(found), episode_seeds("validation", options.seed, options.check_episodes)
-        walks, _ = compared("trot", start, after, EXERCISES, seeds, threads, hardware)
-        how = method("python -m train search trot", options, ", ".join(EXERCISES))
+        walks, _ = compared("trot", start, after, exercises, seeds, threads, hardware)
+        how = method("python -m train search trot", options, ", ".join(exercises))
         lines = ["# The trot's parameters", "", how, WORDS]
         lines += ["Commands are those that a candidate's linear response on flat ground would be mapped to; the map is"]
         lines += ["fitted by least squares afterwards.", "", *changes(start, after, ranges, COMMAND_MAP), ""]
@@ -106,14 +110,19 @@ def weakness(found: Floats) -> float:
 
 
 def candidate_costs(
-    candidates: list[TrotParameters], seeds: Seeds, steps: int, threads: int, hardware: Hardware = IDEAL
+    candidates: list[TrotParameters],
+    seeds: Seeds,
+    steps: int,
+    threads: int,
+    hardware: Hardware = IDEAL,
+    exercises: Sequence[str] = EXERCISES,
 ) -> Floats:
     """Mean cost of each candidate over all scenarios of a robot, (candidates,).
 
     A candidate is evaluated against its own linear response on flat ground, as if its command map were fitted already,
     plus a cost for a response that is too weak to be mapped.
     """
-    walks = walked("trot", candidates, EXERCISES, seeds, "search", steps, threads, hardware)
+    walks = walked("trot", candidates, exercises, seeds, "search", steps, threads, hardware)
     found = response(walks[0], len(candidates))
     total = np.array([weakness(each) for each in found])
     each_robot = found.repeat(len(seeds), axis=0)
@@ -124,9 +133,15 @@ def candidate_costs(
     return total
 
 
-def mapped(parameters: TrotParameters, seeds: Seeds, threads: int, hardware: Hardware = IDEAL) -> TrotParameters:
+def mapped(
+    parameters: TrotParameters,
+    seeds: Seeds,
+    threads: int,
+    hardware: Hardware = IDEAL,
+    exercises: Sequence[str] = EXERCISES,
+) -> TrotParameters:
     """The same gait with the command map that undoes a robot's response to it on flat ground."""
-    (walk,) = walked("trot", [parameters], EXERCISES[:1], seeds, "search", threads=threads, hardware=hardware)
+    (walk,) = walked("trot", [parameters], exercises[:1], seeds, "search", threads=threads, hardware=hardware)
     return unless_weak(parameters, response(walk, 1)[0])
 
 
