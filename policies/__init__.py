@@ -67,7 +67,7 @@ _MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: partial(_shipped, name) for name in TRAINED},
 }
 """What makes a policy for a `robot` and a `control_period`, s, by its name."""
-_PREDICTING = ("mpc", "mpc_wbc", "mpc_wbc_sighted", *_OTHER_GAITS)
+_PREDICTING = ("mpc", "mpc_wbc", "mpc_wbc_sighted", "trot_virtual", *_OTHER_GAITS)
 """Those that are given by how many control steps the observed joints are `late`."""
 
 SAFE = "safe:"

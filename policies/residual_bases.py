@@ -19,6 +19,8 @@ from policies.trot.feedback import TrotFeedback
 from policies.trot.feedback_parameters import FeedbackParameters
 from policies.trot.integral import IntegralParameters, TrotIntegral
 from policies.trot.open_loop import Trot, TrotParameters
+from policies.trot.virtual_model import TrotVirtual
+from policies.trot.virtual_parameters import VirtualParameters
 from quad_env.robots.robot import Robot
 
 
@@ -52,6 +54,7 @@ BASES: dict[str, Base] = {
     "trot": Base(Trot, TrotParameters),
     "trot_feedback": Base(TrotFeedback, FeedbackParameters),
     "trot_integral": Base(TrotIntegral, IntegralParameters),
+    "trot_virtual": Base(TrotVirtual, VirtualParameters),
     "walk": Base(partial(Gaits, "walk"), GaitParameters),
 }
 """Bases by name."""

@@ -1,0 +1,256 @@
+"""A diagonal trot by virtual model control: upright and slow, the trunk on springs and dampers that the feet bear.
+
+Standing feet bear forces, through the Jacobian's transpose and as offsets of the servos' targets; swinging feet follow
+paths to footholds that move with the velocity error. A foot that meets the ground early is held there.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, Mask, to_actions
+from policies.gait_cycle import TROT_OFFSETS, TURN, Floats, Gait, LegCycle, smoothstep
+from policies.legs.foot_path import swung
+from policies.legs.ground_plane import above, carried, fitted
+from policies.legs.kinematics import leg_angles
+from policies.memory import per_robot, taken_in
+from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
+from policies.mpc.footing import Ground
+from policies.mpc.joint_prediction import JointPrediction
+from policies.mpc.motion import Motion, estimated_load, loaded
+from policies.mpc.observer import Observer
+from policies.mpc.rigid_body import Friction
+from policies.trot.virtual_forces import Aim, load, pulled, shared
+from policies.trot.virtual_parameters import VirtualParameters, searched_parameters
+from quad_env.columns import total
+from quad_env.config import GRAVITY
+from quad_env.physics.dynamics import Dynamics
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+STEEPEST = 0.6
+"""Largest slope that is believed, m/m."""
+LARGEST_CORRECTION = np.array([0.5, 0.5, 0.8])
+"""Largest correction of the wanted velocity by the integral of its error, m/s and rad/s."""
+SMALL_ERROR = np.array([1.0, 1.0, 1.6])
+"""Error beyond which the integral waits: that is a push, not a bias."""
+FASTEST_JOINT = 2000.0
+"""Joint acceleration, rad/s², that the targets count on at most."""
+HURRY_RANGE = 0.6
+"""Velocity error beyond `hold_error` at which it steps fastest, m/s."""
+HURRY = 0.3
+"""Of a change of frequency, what is made in a control period."""
+LARGEST_SHIFT = 0.2
+"""Farthest that a lasting force shifts the feet, m."""
+REACH_SHARE = 0.7
+"""Reach of a foothold to the side, per that forward."""
+SHORTEST_DROP = 0.08
+"""Least distance of a foot's path below the hip, m."""
+
+
+class TrotVirtual(GaitedPolicy):
+    """Command-following trot by virtual model control; steps in place at zero command.
+
+    Args:
+        parameters: gait and gains; None for those of `searched_parameters`.
+        late: control steps by which joints are older than the moment at which it is shown them.
+    """
+
+    name = "trot_virtual"
+    stiff_servos = False  # targets carry their torques; soft servos yield at impacts
+    reference: Floats = per_robot(np.zeros(3))
+    """Velocity to have now, m/s, m/s and rad/s, (n, 3)."""
+    correction: Floats = per_robot(np.zeros(3))
+    """Of the reference by the integral of its error, (n, 3)."""
+    held: Mask = per_robot(np.zeros(4, np.bool_))
+    """Swinging feet that are held where they met the ground, (n, 4)."""
+    _frequencies: Floats = per_robot(lambda policy: policy.frequency)
+    yielding: Mask = per_robot(np.zeros(4, np.bool_))
+    """Swinging feet that met the ground while the velocity was far off, and bear nothing, (n, 4)."""
+    _height: Floats = per_robot(0.0)
+    _new: Mask = per_robot(True)
+    _swinging: Mask = per_robot(np.zeros(4, np.bool_))
+    _start: Floats = per_robot(np.zeros((4, 3)))
+    _place: Floats = per_robot(np.zeros((4, 3)))
+    _prints: Floats = per_robot(np.zeros((3, 4)), axis=2)
+    _slope: Floats = per_robot(np.zeros(2), axis=1)
+
+    def __init__(
+        self,
+        parameters: VirtualParameters | None = None,
+        *,
+        robot: str | Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+        late: int = 0,
+    ) -> None:
+        super().__init__(robot=robot, control_period=control_period)
+        robot = self.robot
+        self.parameters = p = parameters if parameters is not None else searched_parameters(robot)
+        self.frequency, self.leg_offsets = p.frequency, robot.in_leg_order(TROT_OFFSETS)
+        self._senses, self._gait = p.senses, Gait(self.leg_offsets, p.duty)
+        self._quickest = np.array([p.acceleration, p.acceleration, p.yaw_acceleration]) * control_period
+        self._integral = np.array([p.integral_gain, p.integral_gain, p.yaw_integral_gain]) * control_period
+        dynamics = Dynamics(robot)
+        self.sense = ContactSense(robot, self._senses, control_period)
+        self._joints = JointPrediction(late, control_period)
+        self.observer = Observer(robot, dynamics, control_period)
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        now, forces, weight = self._motion(observation)
+        error = self._follow(now)
+        self._hurry(np.hypot(error[:, 0], error[:, 1]))
+        cycle = self._gait.legs(self._phase)
+        late = self.control_period * self.observer.delays
+        earlier = self._gait.legs(self._phase - TURN * self._frequencies * late)
+        contacts = contact_states(self._senses, cycle, earlier, forces[..., 2], self._new, flies=self._gait.flies)
+        push = self.sense.wrench - weight
+        pushed = as_accelerations(now.bodies, now.rotation, push)
+        ground = self._ground(now, contacts.landed)
+        stance = self.parameters.duty / self._frequencies
+        passing = self._passing(now)
+        self._lift(now, cycle, contacts, error, passing)
+        wanted = pulled(self.parameters, now, self._aim(now, ground), -ground.height)
+        most = self.parameters.most_force * now.bodies.mass * GRAVITY
+        bounds = Friction(np.full(self.num_envs, self.parameters.friction), most)
+        share = load(self.parameters, cycle, stance, self.control_period)
+        borne = shared(self.parameters, now, wanted - pushed, share, bounds)
+        aim = self._footholds(now, pushed)
+        targets = self._targets(now, cycle, passing, borne, aim, ground)
+        self._new[:] = False
+        self.observer.keep(~cycle.swing)
+        targets = np.where(self.observer.listening[:, None], self.robot.home_pose, targets)
+        return to_actions(self.robot, targets)
+
+    def _motion(self, observation: NDArray[np.float32]) -> tuple[Motion, Floats, Floats]:
+        """Motion of the robots when their next targets take effect, the forces of their feet, (n, 4, 3), N, in the last
+        control period, and the weight of their loads as a wrench, (n, 6)."""
+        p, sense = self._senses, self.sense
+        load = estimated_load(sense.wrench, p.load_height)
+        read = loaded(self.observer.read(self._joints.now(observation), sense.wrench), load)
+        forces = sense.estimate(read, load.pressing(read.rotation))
+        now = loaded(self.observer.ahead(sense.wrench, forces[..., 2] > p.touch_force, self._slope), load)
+        return now, forces, load.pressing(now.rotation)
+
+    def _hurry(self, astray: Floats) -> None:
+        """Advance the clocks, faster where the velocity is far from the reference, by `astray`, (n,), m/s."""
+        p = self.parameters
+        beyond = np.clip(astray - p.hold_error, 0.0, HURRY_RANGE) / HURRY_RANGE
+        self._frequencies = self._frequencies + HURRY * (self.frequency + p.hurry * beyond - self._frequencies)
+        self._tick(self._frequencies - self.frequency)
+
+    @property
+    def _tall(self) -> float:
+        """Height that the trunks are to have above the ground, m."""
+        return self.parameters.height - self.robot.hip_rise
+
+    def _follow(self, now: Motion) -> Floats:
+        """Move the reference velocity towards the command, and correct it; the velocity error, (n, 3)."""
+        self.reference = self.reference + np.clip(now.command - self.reference, -self._quickest, self._quickest)
+        error = np.column_stack((now.bodies.centre_velocity[:, :2], now.turning[:, 2])) - self.reference
+        small = np.abs(error) < SMALL_ERROR
+        small[:, :2] = small[:, :2].all(axis=1, keepdims=True)
+        small[:, 2] &= small[:, 0]
+        correction = self.correction - np.where(small, self._integral * error, 0.0)
+        self.correction = np.clip(correction, -LARGEST_CORRECTION, LARGEST_CORRECTION)
+        return error
+
+    def _ground(self, now: Motion, landed: Mask) -> Ground:
+        """The plane of the slope that the footprints have shown for a while, at the footprints' mean height."""
+        former = carried(self._prints, now.velocity.T, now.turning[:, 2], self.control_period)
+        self._prints = prints = np.where(landed.T, now.bodies.feet.T, former)
+        _, *slope = fitted(prints)
+        share = taken_in(self.control_period, self.parameters.slope_time)
+        self._slope = self._slope + share * (np.clip(np.stack(slope), -STEEPEST, STEEPEST) - self._slope)
+        forward, lateral = self._slope
+        under_the_trunk = 0.25 * total(above((np.zeros(self.num_envs), forward, lateral), prints))
+        return Ground(under_the_trunk, forward, lateral)
+
+    def _aim(self, now: Motion, ground: Ground) -> Aim:
+        """How the trunks are to be and to move now."""
+        p = self.parameters
+        most = p.rise * self.control_period
+        height = np.where(self._new, -ground.height, self._height)
+        self._height = height + np.clip(self._tall - height, -most, most)
+        forward, lateral, yaw_rate = (self.reference + self.correction).T
+        climb = ground.forward * forward + ground.lateral * lateral
+        lean = p.slope_share * np.stack((np.arctan(ground.lateral), -np.arctan(ground.forward)), axis=-1)
+        return Aim(np.column_stack((forward, lateral, climb)), yaw_rate, self._height, lean)
+
+    def _lift(self, now: Motion, cycle: LegCycle, contacts: ContactStates, error: Floats, passing: Floats) -> None:
+        """Take note of where feet lift off, and hold those that have landed before their time, or let them yield
+        where a step is to catch a push."""
+        feet = now.bodies.feet
+        lifted = cycle.swing & ~self._swinging
+        self._swinging = cycle.swing
+        self._start = np.where(lifted[..., None], feet, self._start)
+        calm = np.hypot(error[:, 0], error[:, 1]) < self.parameters.hold_error
+        early = cycle.swing & contacts.standing & calm[:, None]
+        self._place = np.where((early & ~self.held)[..., None], feet, self._place)
+        self.held = cycle.swing & (self.held | early)
+        self.yielding = cycle.swing & ~self.held & (self.yielding | contacts.standing)
+        self._place[..., :2] += self.control_period * passing
+
+    def _passing(self, now: Motion) -> Floats:
+        """Velocity of the ground under the trunk at the feet, (n, 4, 2), m/s."""
+        feet, turn = now.bodies.feet, self.reference[:, 2, None]
+        return np.stack((turn * feet[..., 1], -turn * feet[..., 0]), axis=-1) - now.bodies.centre_velocity[:, None, :2]
+
+    def _footholds(self, now: Motion, pushed: Floats) -> Floats:
+        """Where feet are to land, (n, 4, 2), m: Raibert's point and further out by the velocity error, shifted to
+        where they bear a lasting acceleration, (n, 6), m/s² and rad/s²; within an ellipse."""
+        p, velocity = self.parameters, now.bodies.centre_velocity[:, :2]
+        before = np.sign(self.robot.hip_positions[:, 0])
+        shift = np.clip(p.lean_gain * self._tall / GRAVITY * pushed[:, :2], -LARGEST_SHIFT, LARGEST_SHIFT)
+        neutral = np.stack((before * p.length / 2.0 + p.shift, self.robot.side * p.width / 2.0), axis=-1)
+        place = neutral + (now.bodies.centre[:, :2] + shift)[:, None]
+        wanted = self.reference + self.correction
+        turned = wanted[:, 2, None, None] * np.stack((-place[..., 1], place[..., 0]), axis=-1)
+        away = p.neutral_share * p.duty / self._frequencies[:, None, None] * (velocity[:, None] + turned)
+        away = away + p.step_gain * (velocity - wanted[:, :2])[:, None]
+        size = np.hypot(away[..., 0], away[..., 1] / REACH_SHARE) / p.reach
+        return place + away / np.maximum(size, 1.0)[..., None]
+
+    def _path(self, progress: Floats, aim: Floats, passing: Floats, ground: Ground) -> Floats:
+        """Places of swinging feet at that progress, (n, 4), relative to the trunk, level frame, (n, 4, 3), m.
+
+        They leave with the velocity of the ground, `passing`, (n, 4, 2), m/s, and have it again from `landing` on.
+        """
+        p = self.parameters
+        t, time = np.clip(progress, 0.0, 1.0), ((1.0 - p.duty) / self._frequencies)[:, None, None]
+        part, after = np.minimum(t / p.landing, 1.0)[..., None], np.maximum(t - p.landing, 0.0)[..., None] * time
+        start, whole = self._start[..., :2], p.landing * time
+        over = aim - passing * (time - whole)
+        x, y = np.moveaxis(swung(start, over, passing * whole, part) + passing * after, -1, 0)
+        arc, down = 4.0 * t * (1.0 - t), smoothstep(t)
+        z = self._start[..., 2] + down * (ground.at(x, y) - p.landing_depth - self._start[..., 2])
+        return np.stack((x, y, z + p.step_height * arc * arc), axis=-1)
+
+    def _targets(
+        self, now: Motion, cycle: LegCycle, passing: Floats, forces: Floats, aim: Floats, ground: Ground
+    ) -> Floats:
+        """Joint targets, (n, 12), rad: angles and speeds that the joints are to have halfway through the control
+        period, and the torques, turned into offsets by the servos' law."""
+        robot, period = self.robot, self.control_period
+        ahead = 0.5 * period * self._frequencies[:, None] / (1.0 - self.parameters.duty)
+        places = (self._path(cycle.progress + k * ahead, aim, passing, ground) for k in (0.0, 1.0, 2.0))
+        first, middle, last = (self._angles(now, np.where(self.held[..., None], self._place, each)) for each in places)
+        swung = (last - first) / period
+        bend = np.clip(4.0 * (last - 2.0 * middle + first) / period**2, -FASTEST_JOINT, FASTEST_JOINT)
+        yields = ~cycle.swing | self.yielding
+        stands = np.repeat(yields, 3, axis=1)
+        acceleration = np.where(stands | np.repeat(self.held, 3, axis=1), 0.0, bend)
+        self._joints.keep(acceleration)
+        speeds = now.generalised[:, 6:]
+        angle = np.where(stands, now.angles + 0.5 * period * speeds, middle)
+        speed = np.where(stands, speeds, swung)
+        slipping = self.parameters.stance_damping * robot.mass * now.feet_velocity
+        pushed = np.where(yields[..., None], forces + slipping, 0.0)
+        torque = np.einsum("nij,nj->ni", now.bodies.inertia[:, 6:, 6:], acceleration) + now.bodies.bias[:, 6:]
+        torque -= np.einsum("nlxj,nlx->nlj", now.bodies.leg_jacobians, pushed).reshape(torque.shape)
+        targets: Floats = angle + (torque + robot.servo_damping * speed) / robot.servo_stiffness
+        return targets
+
+    def _angles(self, now: Motion, feet: Floats) -> Floats:
+        """Joint angles, (n, 12), rad, that put the feet there, level frame, (n, 4, 3), m."""
+        x, y, z = np.moveaxis(np.einsum("nji,nlj->nli", now.rotation, feet) - self.robot.hip_positions, -1, 0)
+        angles = np.stack(leg_angles(self.robot, x, y, np.minimum(z, -SHORTEST_DROP)), axis=-1)
+        return angles.reshape(len(feet), -1)

@@ -1,0 +1,121 @@
+"""The trot by virtual model control."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import policies
+from policies.gait_cycle import LegCycle
+from policies.mpc.motion import motion
+from policies.mpc.rigid_body import Friction
+from policies.trot.virtual_forces import Aim, load, pulled, shared
+from policies.trot.virtual_model import TrotVirtual
+from policies.trot.virtual_parameters import FASTEST, VirtualParameters, ranges_of, searched_parameters
+from quad_env import OBSERVATION
+from quad_env.physics.dynamics import Dynamics
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.policies.readings import reading
+
+P = VirtualParameters()
+WEIGHT = SIMPLE_QUAD.mass * 9.81
+ALL = np.ones((1, 4))
+
+
+def standing(**readings):
+    return motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1, **readings))
+
+
+def level(height=0.45):
+    return Aim(np.zeros((1, 3)), np.zeros(1), np.array([height]), np.zeros((1, 2)))
+
+
+def forces(now, wanted, share=ALL):
+    return shared(P, now, np.atleast_2d(wanted), share, Friction(np.array([0.6]), np.array([2.0 * WEIGHT])))[0]
+
+
+def test_feet_together_bear_the_weight_and_press_harder_where_the_trunk_is_too_low() -> None:
+    now = standing()
+    assert pulled(P, now, level(), np.array([0.45]))[0] == pytest.approx(np.zeros(6))
+    assert pulled(P, now, level(), np.array([0.42]))[0, 2] == pytest.approx(0.03 * P.height_stiffness)
+    assert forces(now, np.zeros(6))[:, 2].sum() == pytest.approx(WEIGHT, rel=1e-3)
+    assert forces(now, [0, 0, 2.0, 0, 0, 0])[:, 2].sum() == pytest.approx(SIMPLE_QUAD.mass * 11.81, rel=1e-3)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_tilted_trunk_is_turned_back_by_the_feet_of_the_lower_side(axis: int) -> None:
+    """Left side up: roll above 0; nose down: pitch above 0. Feet are fl, fr, hl, hr."""
+    gravity = [(0.0, -0.1, -0.995), (0.1, 0.0, -0.995)][axis]
+    now = standing(projected_gravity=gravity)
+    assert now.tilt[0, axis] == pytest.approx(0.1, rel=0.01)
+    wanted = pulled(P, now, level(), np.array([0.45]))[0]
+    assert wanted[3 + axis] < 0.0
+    up = forces(now, wanted)[:, 2]
+    lower, higher = (([1, 3], [0, 2]), ([0, 1], [2, 3]))[axis]
+    assert up[lower].sum() > 1.5 * up[higher].sum()
+
+
+def test_two_feet_keep_the_trunk_level_before_they_brake_it() -> None:
+    now, diagonal = standing(), np.array([[1.0, 0.0, 0.0, 1.0]])
+    found = forces(now, [-3.0, 0.0, 0.0, 0.0, 0.0, 0.0], diagonal)
+    arms = now.bodies.feet[0] - now.bodies.centre[0]
+    moment = np.cross(arms, found).sum(axis=0)
+    assert np.abs(moment[:2]).max() < 2.0
+    assert found[[1, 2]].any() == np.False_
+
+
+def test_forces_stay_within_the_cone_and_never_pull() -> None:
+    found = forces(standing(), [5.0, 5.0, -20.0, 60.0, 0.0, 0.0])
+    assert found[:, 2].min() >= 0.0
+    assert (np.hypot(found[:, 0], found[:, 1]) <= 0.6 * found[:, 2] + 1e-9).all()
+
+
+def test_a_foot_takes_over_its_load_after_landing_and_gives_it_up_before_lift_off() -> None:
+    stance, period = np.array([0.2]), 0.01
+    progress = np.array([[0.0, 0.5, 0.95, 0.3]])
+    share = load(replace(P, load_time=0.03), LegCycle(np.array([[False, False, False, True]]), progress), stance, period)
+    assert share[0] == pytest.approx([1.0 / 3.0, 1.0, 1.0 / 3.0, 0.0])
+
+
+def acted(policy: TrotVirtual, **readings: float) -> TrotVirtual:
+    """After a while at rest with those readings."""
+    policy.reset(1)
+    for _ in range(8):
+        policy.act(reading(1, **readings))
+    return policy
+
+
+def test_footholds_go_out_with_the_velocity_and_to_the_side_of_a_push() -> None:
+    policy = TrotVirtual(P)
+    policy.reset(1)
+    still, ahead, left = (
+        policy._footholds(standing(linear_velocity=v), np.zeros((1, 6)))[0] for v in ((0, 0, 0), (0.5, 0, 0), (0, 0.5, 0))
+    )
+    reach = P.neutral_share * P.duty / P.frequency + P.step_gain
+    np.testing.assert_allclose(ahead - still, np.tile([0.5 * reach, 0.0], (4, 1)), atol=2e-3)
+    np.testing.assert_allclose(left - still, np.tile([0.0, 0.5 * reach], (4, 1)), atol=2e-3)
+    far = policy._footholds(standing(linear_velocity=(9, 0, 0)), np.zeros((1, 6)))[0]
+    np.testing.assert_allclose((far - still)[:, 0], P.reach, atol=2e-3)
+
+
+def test_one_robot_has_the_same_targets_alone_and_in_a_batch() -> None:
+    rng = np.random.default_rng(3)
+    rows = [reading(3) + rng.normal(0.0, 0.05, (3, reading(1).shape[1])).astype(np.float32) for _ in range(25)]
+    together, alone = policies.make("trot_virtual"), policies.make("trot_virtual")
+    together.reset(3)
+    alone.reset(1)
+    for row in rows:
+        assert together.act(row)[1].tobytes() == alone.act(row[1:2])[0].tobytes()
+
+
+def test_no_robot_steps_faster_than_a_slow_trot() -> None:
+    small = SIMPLE_QUAD.__class__ and policies.make("trot_virtual").robot
+    assert searched_parameters(small).frequency <= FASTEST
+    assert ranges_of(small)["frequency"][1] <= FASTEST
+
+
+def test_joint_targets_follow_the_readings_finitely_when_fallen_over() -> None:
+    policy = acted(policies.make("trot_virtual"), linear_velocity=3.0)
+    fallen = reading(1)
+    fallen[:, OBSERVATION["projected_gravity"]] = 1.0, 0.0, 0.0
+    assert np.isfinite(policy.act(fallen)).all()
