@@ -15,9 +15,9 @@ from evaluate.rollouts.hardware import hardware_of
 from evaluate.statistics.significance import sign_flip_test
 from policies.base import Floats
 from policies.mpc import parameters as mpc_parameters
-from policies.parameters import ParameterFile, Parameters, number, scaled_ranges
+from policies.parameters import ParameterFile, Parameters, number, scaled_ranges, search_ranges_of
 from policies.shipped import folder_of
-from policies.trot import feedback_parameters, integral
+from policies.trot import feedback_parameters, integral, virtual_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scaled_name
 from quad_env.seeding import episode_seeds
@@ -53,6 +53,7 @@ POLICIES = {
     "mpc_wbc": Searched(mpc_parameters.FILE, mpc_parameters.SEARCH_RANGES),
     "trot_feedback": Searched(feedback_parameters.FILE, feedback_parameters.SEARCH_RANGES),
     "trot_integral": Searched(integral.FILE, integral.SEARCH_RANGES),
+    "trot_virtual": Searched(virtual_parameters.FILE, search_ranges_of(virtual_parameters.VirtualParameters)),
 }
 
 
@@ -62,7 +63,7 @@ class Options(Effort):
 
     robot: str = "simple_quad"
     """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
-    policy: Literal["mpc_wbc", "trot_feedback", "trot_integral"] = "trot_feedback"
+    policy: Literal["mpc_wbc", "trot_feedback", "trot_integral", "trot_virtual"] = "trot_feedback"
     """Policy whose gait and gains are searched."""
     generations: int = number(22, limits=(0, 10_000))
     """Rounds; 0 only does what follows the search."""
