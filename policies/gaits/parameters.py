@@ -10,7 +10,7 @@ from policies.gait_cycle import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT
 from policies.parameters import CommandMap, from_json, number, read, scaled_parameters
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import HIGH, WIDE
+from quad_env.robots.similarity import WIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("gaits.json")
@@ -44,7 +44,7 @@ class GaitParameters(CommandMap):
     """Share of the cycle that a foot is on the ground, at rest."""
     duty_fall: float = number(0.05, limits=(0.0, 0.5))
     """Taken off the duty factor at Froude number 1; in proportion to the root of the Froude number."""
-    body_height: float = number(0.47, limits=(0.01, 5.0), unit=HIGH)
+    body_height: float = number(0.32, limits=(0.01, 5.0), unit="m")
     """Hip joints above the centres of the standing feet, m."""
     step_height: float = number(0.08, limits=(0.0, 2.0), unit="m")
     """Lift of the foot at mid-swing, m."""
