@@ -19,8 +19,8 @@ from policies.trot.feedback import TrotFeedback
 from policies.trot.feedback_parameters import FeedbackParameters
 from policies.trot.integral import IntegralParameters, TrotIntegral
 from policies.trot.open_loop import Trot, TrotParameters
-from policies.trot.virtual_model import TrotVirtual
-from policies.trot.virtual_parameters import VirtualParameters
+from policies.virtual_model.parameters import VirtualParameters
+from policies.virtual_model.policy import TrotVirtual
 from quad_env.robots.robot import Robot
 
 

@@ -19,8 +19,8 @@ from policies.mpc.joint_prediction import JointPrediction
 from policies.mpc.motion import Motion, estimated_load, loaded
 from policies.mpc.observer import Observer
 from policies.mpc.rigid_body import Friction
-from policies.trot.virtual_forces import Aim, load, pulled, shared
-from policies.trot.virtual_parameters import VirtualParameters, searched_parameters
+from policies.virtual_model.forces import Aim, load, pulled, shared
+from policies.virtual_model.parameters import VirtualParameters, searched_parameters
 from quad_env.columns import total
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics

@@ -12,7 +12,7 @@ import numpy as np
 from policies.gait_cycle import Floats, LegCycle
 from policies.mpc.motion import Motion
 from policies.mpc.rigid_body import Friction
-from policies.trot.virtual_parameters import VirtualParameters
+from policies.virtual_model.parameters import VirtualParameters
 from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 

@@ -1,0 +1,1 @@
+"""A diagonal trot by virtual model control of the stance feet."""
