@@ -17,7 +17,8 @@ from policies.base import Floats
 from policies.mpc import parameters as mpc_parameters
 from policies.parameters import ParameterFile, Parameters, number, scaled_ranges, search_ranges_of
 from policies.shipped import folder_of
-from policies.trot import feedback_parameters, integral, virtual_parameters
+from policies.trot import feedback_parameters, integral
+from policies.virtual_model import parameters as virtual_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scaled_name
 from quad_env.seeding import episode_seeds
@@ -53,7 +54,7 @@ POLICIES = {
     "mpc_wbc": Searched(mpc_parameters.FILE, mpc_parameters.SEARCH_RANGES),
     "trot_feedback": Searched(feedback_parameters.FILE, feedback_parameters.SEARCH_RANGES),
     "trot_integral": Searched(integral.FILE, integral.SEARCH_RANGES),
-    "trot_virtual": Searched(virtual_parameters.FILE, search_ranges_of(virtual_parameters.VirtualParameters)),
+    "trot_virtual": Searched(virtual_model.FILE, search_ranges_of(virtual_model.VirtualParameters)),
 }
 
 
