@@ -10,6 +10,7 @@ Make one for an environment and ask it at every control step:
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from policies import shipped
 from policies.base import CONTROL_PERIOD, Policy, PolicyError
@@ -93,15 +94,16 @@ def make(
     control_period: float = CONTROL_PERIOD,
     actuator: str | Actuator = "ideal",
     sensors: str | SensorSuite | None = None,
+    **given: Any,
 ) -> Policy:
     """A fresh policy by name, for an environment's `robot`, which may be a name of `quad_env.ROBOTS`, `dt`, s,
     `actuator` and `sensors`, of which policies that predict take the encoders' delay; for `safe:NAME` within the safety
-    layer, whose limits are those of the actuator.
+    layer, whose limits are those of the actuator. What else is `given` goes to what makes it, such as `parameters`.
 
     Raises PolicyError for a name that does not exist or a model that is not there or was trained for others.
     """
     _known(name.rpartition(SAFE)[2])
-    return resolve(name, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors)
+    return resolve(name, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors, **given)
 
 
 def resolve(
@@ -112,6 +114,7 @@ def resolve(
     actuator: str | Actuator = "ideal",
     sensors: str | SensorSuite | None = None,
     trust: bool = False,
+    **given: Any,
 ) -> Policy:
     """A fresh policy by name, see `make`, else from the bundle in the folder of that path, or from outside, see
     `Foreign`; `trust` lets it load files in which code can be hidden. Raises PolicyError.
@@ -120,13 +123,13 @@ def resolve(
     if text.startswith(SAFE):
         inner = text.removeprefix(SAFE)
         policy = resolve(
-            inner, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors, trust=trust
+            inner, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors, trust=trust, **given
         )
         return Safe(policy, SafetyLimits.of(robot, actuator))
     if is_reference(text):
         return Foreign(text, robot=robot, control_period=control_period, trust=trust)
     if text in _MAKERS:
-        made = partial(_MAKERS[text], robot=robot, control_period=control_period)
+        made = partial(_MAKERS[text], robot=robot, control_period=control_period, **given)
         if text not in _PREDICTING:
             return made()
         suite = sensor_suite(sensors)

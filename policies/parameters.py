@@ -14,6 +14,10 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Range = tuple[float, float]
+STRIDES = -0.14
+"""Power of the mass with which animals' stride frequency goes where a trot becomes a gallop, 4.48 Hz for 1 kg (N. C.
+Heglund, C. R. Taylor and T. A. McMahon, Scaling stride frequency and gait to animal size, 1974): 3.1 Hz for 14 kg. Legs
+that are short for the mass, as go1's, step no faster."""
 N = TypeVar("N", int, float, float | None)
 P = TypeVar("P", bound="Parameters")
 T = TypeVar("T")
@@ -74,6 +78,8 @@ def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Ro
     """Bounds of a search of SimpleQuad's parameters of that kind, for a robot."""
     units = {each.name: each.metadata["unit"] for each in fields(kind)}
     ends = {name: [similarity.scaled(robot, end, units[name]) for end in bounds] for name, bounds in ranges.items()}
+    if "frequency" in ranges:
+        ends["frequency"] = [end * (robot.mass / SIMPLE_QUAD.mass) ** STRIDES for end in ranges["frequency"]]
     return {name: (min(both), max(both)) for name, both in ends.items()}
 
 
@@ -123,7 +129,9 @@ class ParameterFile(Generic[P]):
         return read(path, lambda values: from_json(self.kind, values), self.search)
 
     def in_force(self, robot: Robot = SIMPLE_QUAD) -> P:
-        """The robot's parameters: those of a file of that name in its own folder, or without one SimpleQuad's by
-        dynamic similarity. Raises PolicyError for a damaged file."""
+        """The robot's parameters: those of a file of that name in its own folder, with gains of other servos first in
+        `soft_servos` there, or without one SimpleQuad's by dynamic similarity. PolicyError for a damaged file."""
         own = folder_of(robot) / self.path.name
+        soft = own.parent / "soft_servos" / own.name
+        own = soft if robot.servo_fixed and soft.is_file() else own
         return self.read(own) if own.is_file() else scaled_parameters(self.read(self.path), robot)

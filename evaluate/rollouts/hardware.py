@@ -52,10 +52,11 @@ class Hardware:
         names, later = asdict(self), ("estimator", "robot", "servo", "simulator")
         return {name: value for name, value in names.items() if name not in later or value != getattr(IDEAL, name)}
 
-    def policy(self, name_or_path: str, trust: bool = False, *, real: bool = False) -> "Policy":
+    def policy(self, name_or_path: str, trust: bool = False, *, real: bool = False, **given: Any) -> "Policy":
         """A fresh policy for that robot, by name or path, see `policies.resolve`; PolicyError if there is none.
 
         A `real` one is for scenarios on the hardware profile: our controllers command the robot's own servo gains.
+        What else is `given` goes to what makes it, such as `parameters`.
         """
         import policies
         from quad_env.actuation.hardware import hardware_profile
@@ -64,7 +65,7 @@ class Hardware:
         if real:
             profile = hardware_profile(self.quadruped)
             made = {"robot": self.quadruped.with_servo(), "actuator": profile.actuator, "sensors": profile.sensors}
-        return policies.resolve(name_or_path, trust=trust, **made)
+        return policies.resolve(name_or_path, trust=trust, **made, **given)
 
     @property
     def chosen(self) -> bool:

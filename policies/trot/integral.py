@@ -42,17 +42,13 @@ class IntegralParameters(TrotParameters):
 
 
 SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
-    "frequency": (2.0, 5.0),
-    "duty": (0.4, 0.65),
-    "body_height": (0.15, 0.42),
-    "step_height": (0.04, 0.16),
     "forward_gain": (0.8, 2.0),
     "forward_bias": (-0.2, 0.8),
     "lateral_gain": (0.6, 1.5),
     "yaw_gain": (0.8, 1.8),
     "yaw_per_lateral": (-0.8, 0.2),
 }
-"""Wider where the trot's parameters lie at the edge of its own; and those of the command map, which its search fits."""
+"""With those of the command map, which the trot's search fits."""
 FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralParameters)  # TROT_INTEGRAL.md
 
 

@@ -18,7 +18,7 @@ from policies.memory import per_robot
 from policies.parameters import CommandMap, ParameterFile, number, search_ranges_of
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import WIDE
+from quad_env.robots.similarity import HIGH, WIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
@@ -26,17 +26,17 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 class TrotParameters(CommandMap):
     """What the search tunes."""
 
-    frequency: float = number(3.4, limits=(0.1, 50.0), search=(2.0, 4.0), unit="Hz")
+    frequency: float = number(2.8, limits=(0.1, 50.0), search=(2.0, 3.1), unit="Hz")
     """Gait cycles a second, Hz."""
-    duty: float = number(0.48, limits=(0.01, 0.99), search=(0.45, 0.65))
+    duty: float = number(0.55, limits=(0.01, 0.99), search=(0.5, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    body_height: float = number(0.28, limits=(0.01, 5.0), search=(0.25, 0.42), unit="m")
+    body_height: float = number(0.47, limits=(0.01, 5.0), search=(0.45, 0.52), unit=HIGH)
     """Hip joints above the centres of the standing feet, m."""
-    step_height: float = number(0.08, limits=(-1.0, 1.0), search=(0.04, 0.14), unit="m")
+    step_height: float = number(0.07, limits=(-1.0, 1.0), search=(0.03, 0.14), unit="m")
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = number(0.54, limits=(-10.0, 10.0), search=(0.4, 0.62), unit=WIDE)
+    stance_width: float = number(0.54, limits=(-10.0, 10.0), search=(0.4, 0.72), unit=WIDE)
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
-    stance_shift: float = number(-0.07, limits=(-1.0, 1.0), search=(-0.1, 0.05), unit="m ahead")
+    stance_shift: float = number(-0.02, limits=(-1.0, 1.0), search=(-0.1, 0.05), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""
     servo_lead: float = number(0.01, limits=(-1.0, 1.0), search=(0.0, 0.05), unit="s")
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""

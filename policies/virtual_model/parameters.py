@@ -6,7 +6,7 @@ from pathlib import Path
 from policies.mpc.parameters import MpcParameters
 from policies.parameters import ParameterFile, Parameters, number, scaled_ranges, search_ranges_of
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import LONG, WIDE
+from quad_env.robots.similarity import HIGH, LONG, WIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 FASTEST = 3.2
@@ -17,11 +17,11 @@ FASTEST = 3.2
 class VirtualParameters(Parameters):
     """Gait and gains; those of the trunk are accelerations per error, as of a body on springs and dampers."""
 
-    frequency: float = number(2.6, limits=(0.1, 50.0), search=(2.0, 3.2), unit="Hz")
+    frequency: float = number(2.6, limits=(0.1, 50.0), search=(2.0, 3.1), unit="Hz")
     """Gait cycles a second, Hz."""
     duty: float = number(0.54, limits=(0.05, 0.95), search=(0.5, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    height: float = number(0.445, limits=(0.01, 5.0), search=(0.44, 0.5), unit="m")
+    height: float = number(0.445, limits=(0.01, 5.0), search=(0.44, 0.54), unit=HIGH)
     """Hip joints above the centres of the standing feet, m; of SimpleQuad the trunk's centre too."""
     width: float = number(0.5, limits=(0.005, 10.0), search=(0.44, 0.6), unit=WIDE)
     """Between the lines of the left and the right feet, m."""

@@ -28,6 +28,8 @@ _EXPONENTS = {unit: exponents for exponents, units in _UNITS.items() for unit in
 WIDE, LONG = "m wide", "m long"
 """Units of distances between left and right and between fore and hind feet, m: what they are more or less than those
 between the thigh joints goes as the leg length."""
+HIGH = "m high"
+"""Unit of heights of the hips above the feet, m: they go as that in the home pose."""
 AHEAD = " ahead"
 """End of the unit of what the way the knees bend decides: negated where they bend forward, 0 with as many of each."""
 
@@ -52,6 +54,8 @@ def scaled(robot: Robot, value: float, unit: str) -> float:
         return value  # to the last bit
     if unit in (WIDE, LONG):
         return _apart(robot, unit) + ratio(robot, "m") * (value - _apart(SIMPLE_QUAD, unit))
+    if unit == HIGH:
+        return value * robot.home_hip_height / SIMPLE_QUAD.home_hip_height
     alike = float((robot.knee_direction * SIMPLE_QUAD.knee_direction).mean()) if unit.endswith(AHEAD) else 1.0
     return alike * ratio(robot, unit.removesuffix(AHEAD)) * value
 

@@ -149,7 +149,7 @@ FAULTS: Faults = {
         check_searches_are_on_their_own_episodes_and_ground,
     ),
     "search of the trot on evaluation ground": (
-        ground_of_evaluation("train.search.trot"),
+        ground_of_evaluation("train.search.trials"),
         check_searches_are_on_their_own_episodes_and_ground,
     ),
     "training on evaluation seeds": (

@@ -1,6 +1,7 @@
 """Servo gains belong to the policy that commands them, and its episodes run with them."""
 
 import json
+from dataclasses import asdict, replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -11,9 +12,12 @@ import policies
 import quad_env
 from evaluate.rollouts import rollout
 from evaluate.rollouts.hardware import Hardware
+from policies.parameters import scaled_parameters
 from policies.poses import Stand
+from policies.trot.open_loop import TrotParameters, searched_parameters
 from quad_env import SIMPLE_QUAD
 from quad_env.robots.named import EXTRA, ROBOTS, SERVOS, WHEEL
+from tests.quad_env.robots.alike import alike
 
 GAINS = "35 N·m/rad and 0.5 N·m·s/rad"
 
@@ -37,6 +41,17 @@ def test_a_controller_that_needs_stiff_servos_commands_them_unless_the_gains_are
     for name in ("stand", "trot", "trot_feedback", "behaviour", "safe:trot"):
         assert policies.make(name, robot=soft).robot.servo == SIMPLE_QUAD.servo, name
         assert policies.make(name, robot=soft.with_servo(35.0, 0.5)).robot.servo == GAINS, name
+
+
+def test_a_robot_whose_gains_are_given_has_the_parameters_that_were_searched_for_soft_servos(tmp_path: Path) -> None:
+    robot = alike(tmp_path)
+    own = tmp_path / "alike" / "soft_servos"
+    own.mkdir(parents=True)
+    found = replace(TrotParameters(), frequency=3.0625)
+    (own / "trot.json").write_text(json.dumps(asdict(found)), encoding="utf-8")
+    soft = robot.with_servo(5.0, 0.1)
+    assert policies.make("trot", robot=soft).parameters == found
+    assert policies.make("trot", robot=robot).parameters == scaled_parameters(searched_parameters(), robot)
 
 
 def test_episodes_run_with_the_gains_of_the_policy(soft: quad_env.Robot, monkeypatch: pytest.MonkeyPatch) -> None:

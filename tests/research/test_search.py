@@ -1,106 +1,30 @@
 """The search for success: its scenarios, its cost, what it writes and keeps."""
 
 import dataclasses
-import itertools
 import json
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import policies
-import quad_env
-from evaluate.measures.episodes import GIVEN, OF_POLICY, shapes
-from evaluate.measures.metrics import Measures
-from evaluate.measures.outcomes import DIVERGED, FELL, OFF_COMMAND, POLICY_ERROR, STALLED, SUCCEEDED
-from evaluate.rollouts.rollout import run
+from evaluate.measures.metrics import measure
 from policies.parameters import limits_of
-from policies.residual_bases import BASES
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from research.__main__ import main
-from research.training import search
-from research.training.search import (
-    ADOPTED,
-    KEPT,
-    OUTCOME_COSTS,
-    POLICIES,
-    Options,
-    candidate_costs,
-    episode_costs,
-    judged,
-    run_each,
-    walked,
-)
+from research.training.search import ADOPTED, KEPT, POLICIES, Options, judged
 from tests.batches import begun
+from tests.quad_env.robots.alike import alike
+from train.search import trials
+from train.search.trials import episode_costs, walked
 
 TINY = "--generations 1 --candidates 4 --episodes 1 --steps 101 --check-episodes 2 --threads 1 --exercises flat=1.5"
 each_subject = pytest.mark.parametrize("name", POLICIES)
-FORWARD, ASIDE, STILL, GONE = (1.0, 0.0, 0.0), (0.0, 0.5, 0.0), (0.0, 0.0, 0.0), (np.nan,) * 3
 
 
 @pytest.fixture
 def brief_judgement(monkeypatch):
-    def brief(members, exercises, seeds, purpose, steps=101, threads=1):
-        return walked(members, exercises, seeds, purpose, steps, threads)
-
-    monkeypatch.setattr(search, "walked", brief)
-
-
-def found(outcome, commands, velocities, *, error=0.0, overspeed=0.0):
-    """An episode with these commands and mean velocities, an interval a row."""
-    nothing = {field.name: np.zeros(1) for field in dataclasses.fields(Measures)}
-    return Measures(
-        **nothing
-        | {"outcome": np.array([outcome], object), "velocity_error": np.array([error])}
-        | {"overspeed": np.array([overspeed])}
-        | {"commands": np.array([commands], float), "mean_velocities": np.array([velocities], float)}
-    )
-
-
-@pytest.mark.parametrize(
-    ("episode", "cost"),
-    [
-        (found(SUCCEEDED, [FORWARD], [FORWARD]), 0.0),
-        (found(SUCCEEDED, [FORWARD], [FORWARD], error=0.2), 0.15 * 0.1),
-        (found(SUCCEEDED, [FORWARD], [FORWARD], overspeed=0.3), 0.1),
-        # 0.35 m/s are allowed of 1 m/s: half of that is 1/8 of the largest deviation counted.
-        (found(SUCCEEDED, [FORWARD], [(0.825, 0.0, 0.0)]), 0.25 / 8),
-        # The worst interval counts: 0.5 rad/s off where 0.15 rad/s are allowed.
-        (found(OFF_COMMAND, [FORWARD, STILL], [FORWARD, (0.0, 0.0, 0.45)]), 1.0 + 0.25 * 3 / 4),
-        (found(OFF_COMMAND, [STILL], [(5.0, 0.0, 0.0)]), 1.25),
-        (found(STALLED, [FORWARD], [STILL]), 1.5 + 0.25 * (1.0 / 0.35) / 4),
-        (found(FELL, [FORWARD, GONE], [FORWARD, GONE], error=1.0), 2.0 + 0.25 + 0.15 / 2),
-        (found(FELL, [GONE], [GONE], error=2.0, overspeed=np.nan), 2.5),
-        (found(DIVERGED, [GONE], [GONE], error=2.0), 2.4),
-    ],
-)
-def test_costs_by_hand(episode, cost):
-    assert episode_costs(episode) == pytest.approx([cost])
-
-
-amounts = st.fixed_dictionaries({"error": st.floats(0, 2), "overspeed": st.floats(0, 1)})
-speeds = st.tuples(*[st.floats(-5, 5)] * 3)
-
-
-@given(speeds, speeds, speeds, st.tuples(amounts, amounts))
-def test_whatever_is_graded_the_outcomes_keep_their_order(command, one, other, graded):
-    order = (SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR)
-    for better, worse in itertools.pairwise(order):
-        first = episode_costs(found(better, [command], [one], **graded[0]))
-        assert first <= episode_costs(found(worse, [command], [other], **graded[1]))
-    assert OUTCOME_COSTS[POLICY_ERROR] == OUTCOME_COSTS[FELL]
-
-
-def test_exercises_are_walked_side_by_side_and_every_cost_is_that_of_the_member_alone():
-    members = [policies.make("trot"), policies.make("stand")]
-    seeds, pair = episode_seeds("search", 9, 2), ("flat=1.5", "slope=15")
-    together = np.reshape([episode_costs(each) for each in walked(members, pair, seeds, "search", 120)], (2, 2, 2))
-    for exercise, member in np.ndindex(2, 2):
-        (alone,) = walked([members[member]], [pair[exercise]], seeds, "search", 120)
-        np.testing.assert_array_equal(together[exercise, member], episode_costs(alone))
-    np.testing.assert_allclose(candidate_costs(members, pair, seeds, 120, 2), together.mean(axis=(0, 2)))
+    true_run = trials.run_each
+    monkeypatch.setattr(trials, "run_each", lambda *walk, **options: true_run(*walk, **options | {"steps": 101}))
 
 
 def kind_of(name):
@@ -140,11 +64,11 @@ def test_a_search_writes_parameters_their_account_and_its_trials_and_is_the_same
     name = "trot_integral"
     parameters, account = searched(tmp_path / "one", name)
     assert (parameters, account) == searched(tmp_path / "two", name)
-    (trials,) = map(json.loads, (tmp_path / "one/found.trials.jsonl").read_text(encoding="utf-8").splitlines())
-    costs = [each.pop("cost") for each in trials["tried"]]
-    again = [BASES[name].make(parameters=kind_of(name)(**each)) for each in trials["tried"]]
-    seeds = episode_seeds("search", 0, 1)
-    np.testing.assert_allclose(candidate_costs(again, ["flat=1.5"], seeds, 101, 1), costs)
+    (found,) = map(json.loads, (tmp_path / "one/found.trials.jsonl").read_text(encoding="utf-8").splitlines())
+    costs = [each.pop("cost") for each in found["tried"]]
+    again = [kind_of(name)(**each) for each in found["tried"]]
+    (walk,) = walked(name, again, ["flat=1.5"], episode_seeds("search", 0, 1), "search", 101)
+    np.testing.assert_allclose(episode_costs(measure(walk)), costs)
     assert np.ptp(costs) > 0.0
     kind, in_force, ranges = kind_of(name), policies.make(name).parameters, POLICIES[name].ranges
     before, after = told(account, kind)
@@ -162,8 +86,8 @@ def test_a_search_writes_parameters_their_account_and_its_trials_and_is_the_same
 def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_force(tmp_path, monkeypatch):
     in_force = policies.make("trot_feedback").parameters
     worse = dataclasses.replace(in_force, forward_gain=0.4, integral_gain=0.0)
-    seen, real = [], search.walked
-    monkeypatch.setattr(search, "walked", lambda *walk, **options: seen.append(walk[2:4]) or real(*walk, **options))
+    seen, real = [], walked
+    monkeypatch.setattr(trials, "walked", lambda *walk, **options: seen.append(walk[3:5]) or real(*walk, **options))
     out, start = tmp_path / "found.json", tmp_path / "start.json"
     start.write_text(json.dumps(dataclasses.asdict(worse)), encoding="utf-8")
     words = [*TINY.split(), "--generations", "0", "--start", str(start), "--out", str(out)]
@@ -182,18 +106,18 @@ def test_an_outcome_is_better_where_it_costs_less_on_most_seeds_and_not_by_chanc
 
 
 def test_every_option_reaches_the_robots_and_the_files(tmp_path):
-    in_force = policies.make("trot_integral").parameters
+    in_force = policies.make("trot_integral", robot=alike(tmp_path)).parameters
     ranges = POLICIES["trot_integral"].ranges
     fixed = next(name for name in dataclasses.asdict(in_force) if name not in ranges)
     begin = dataclasses.replace(in_force, **{fixed: 0.9 * getattr(in_force, fixed)})
     (tmp_path / "start.json").write_text(json.dumps(dataclasses.asdict(begin)))
-    words = "--policy trot_integral --generations 2 --candidates 5 --exercises flat=1.5 push=42 --episodes 2"
-    words += " --steps 110 --spread 0.02 --check-episodes 3 --start FOLDER/start.json"
+    words = "--robot FOLDER/alike.xml --policy trot_integral --generations 2 --candidates 5 --episodes 2"
+    words += " --exercises flat=1.5 push=42 --steps 110 --spread 0.02 --check-episodes 3 --start FOLDER/start.json"
     given = f"{words} --seed 3 --threads 1 --out FOLDER/found.json".replace("FOLDER", str(tmp_path)).split()
     assert {word[2:].replace("-", "_") for word in given if word.startswith("--")} == vars(Options()).keys()
     with begun() as batches:
         assert main(["search", *given]) == 0
-    assert {each.threads for each in batches} == {1}
+    assert {(each.threads, each.env.robot.name) for each in batches} == {(1, "alike")}
     shapes = [(each.env.scenario.name, len(each.seeds), each.env.max_episode_steps) for each in batches]
     generation = [("flat=1.5", 5 * 2, 110), ("push=42", 5 * 2, 110)]
     assert shapes[:4] == generation * 2
@@ -216,17 +140,3 @@ def test_bad_input_is_one_line(words, complaint, capsys):
     assert main(["search", *words.split()]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert complaint in line
-
-
-def test_scenarios_walked_side_by_side_are_those_walked_alone():
-    """To the bit, also where on one of them all have fallen long before the end."""
-    pushes = quad_env.Pushes(count=1, impulse=120.0, window=(0.1, 0.4))
-    felled = dataclasses.replace(quad_env.SCENARIOS["push"], pushes=pushes)
-    seeds = episode_seeds("search", 0, 3)
-    together = run_each(policies.make("stand"), ("flat", felled, "slope"), seeds, steps=150)
-    assert together[1].fall_step.max() < 150
-    for scenario, episodes in zip(("flat", felled, "slope"), together, strict=True):
-        alone = run(policies.make("stand"), scenario, seeds, steps=150)
-        np.testing.assert_array_equal(episodes.fall_step, alone.fall_step)
-        for name in set(shapes(SIMPLE_QUAD)) - {*OF_POLICY, GIVEN}:
-            np.testing.assert_array_equal(getattr(episodes, name), getattr(alone, name), err_msg=name)

@@ -18,7 +18,7 @@ from tests.quad_env.robots.made import Made
 from train.__main__ import main
 from train.commands import robot as robot_pipeline
 from train.run_record import load_config
-from train.search import trot
+from train.search import trials
 
 BRIEF = replace(robot_pipeline.SEARCH, generations=1, candidates=4, episodes=8, steps=101, check_episodes=4)
 TRAINING = (
@@ -50,8 +50,8 @@ def walked(tmp_path_factory: pytest.TempPathFactory, simulated: list[Batch]) -> 
     assert robot.source == folder / "alike.xml"
     with pytest.MonkeyPatch.context() as patch, begun() as batches:
         patch.setattr(robot_pipeline, "SEARCH", BRIEF)
-        true_run = trot.run  # the fit and the comparison of the search walk for 10 s
-        patch.setattr(trot, "run", lambda *args, **options: true_run(*args, **{"steps": BRIEF.steps} | options))
+        true_run = trials.run_each  # the fit and the comparison of the search walk for 10 s
+        patch.setattr(trials, "run_each", lambda *args, **options: true_run(*args, **options | {"steps": BRIEF.steps}))
         code = main(found)
     simulated += batches
     return folder / "out", found, code

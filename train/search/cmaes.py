@@ -11,48 +11,21 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.progress import track
 
+from evaluate.measures.averages import quotient
 from evaluate.measures.metrics import Measures
 from evaluate.measures.tracking import SETTLING_TIME
-from policies.base import CONTROL_PERIOD, Actions, Floats, Policy
+from policies.base import CONTROL_PERIOD, Floats
 from policies.parameters import Parameters, limits_of, number
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.files.writing import write_atomically
 from quad_env.seeding import episode_seeds
-
-
-class Panel(Policy):
-    """Several policies as one, each on its own equal share of the rows.
-
-    Args:
-        members: the policies, in the order of their shares.
-        blocks: equal parts that the rows come in, such as one a scenario, in each of which each member has its share.
-    """
-
-    name = "panel"
-
-    def __init__(self, members: Sequence[Policy], blocks: int = 1) -> None:
-        super().__init__(robot=members[0].robot, control_period=members[0].control_period)
-        self._members, self._blocks = members, blocks
-
-    def _allocate(self, num_envs: int) -> None:
-        for member in self._members:
-            member.reset(num_envs // len(self._members))
-
-    def _act(self, observation: NDArray[np.float32]) -> Actions:
-        shares = np.arange(len(observation)).reshape(self._blocks, len(self._members), -1).swapaxes(0, 1)
-        actions = np.empty((len(observation), self.robot.num_joints), np.float32)
-        for member, share in zip(self._members, shares, strict=True):
-            actions[share.ravel()] = member.act(observation[share.ravel()])
-        return actions
-
+from train.search.trials import Seeds
 
 Ranges = Mapping[str, tuple[float, float]]
 """Bounds of the parameters that are searched, by field name."""
-Seeds = NDArray[np.int64]
 MARGIN = 0.02
 """Least distance of a start from the faces of the unit cube."""
 SHORTEST = round(SETTLING_TIME / CONTROL_PERIOD) + 1
@@ -76,7 +49,7 @@ class Effort:
     """Parameter sets tried in a round."""
     episodes: int = number(10, limits=(1, 10_000))
     """Episodes of a candidate in each scenario and round."""
-    steps: int = number(600, limits=(SHORTEST, 100_000))
+    steps: int = number(750, limits=(SHORTEST, 100_000))
     """Length of an episode, control steps of 10 ms."""
     check_episodes: int = number(108, limits=(1, 10_000))
     """Fresh episodes on which the outcome is finished and compared with the parameters before."""
@@ -84,6 +57,10 @@ class Effort:
     """First standard deviation of a parameter, as a share of its range."""
     threads: int = number(2, limits=(1, 256))
     """Threads of the simulation."""
+    exercises: tuple[str, ...] = ()
+    """Scenarios, all of one weight, such as flat push=42+hardware, instead of the usual ones."""
+    start: Path | None = None
+    """Parameters that the search starts from, JSON, instead of the usual ones."""
     out: Path | None = None
     """File of the outcome, JSON, by default the one that the policy reads; other files of the search are written next
     to it."""
@@ -227,13 +204,25 @@ def changes(before: Parameters, after: Parameters, ranges: Ranges, fitted: Colle
     return lines
 
 
+COLUMNS = {
+    "velocity_error": "velocity error, m/s",
+    "yaw_rate_error": "yaw-rate error, rad/s",
+    "cost_of_transport": "cost of transport",
+    "step_rate": "steps a second",
+    "duty_factor": "duty factor",
+    "flight": "flight",
+    "trunk_height": "trunk height",
+}
+"""Measures of which an account has the means."""
+
+
 def results(rows: Iterable[tuple[str, str, Measures]]) -> list[str]:
     """Measures on each scenario with the parameters before and after, (scenario, which, measures) each, as a table."""
-    errors = "velocity error, m/s | mean velocity error, m/s | yaw-rate error, rad/s"
-    lines = [f"| scenario | parameters | succeeded | stalled | falls | {errors} |", "|---" * 8 + "|"]
+    head = ["scenario", "parameters", "succeeded", "stalled", "falls", *COLUMNS.values()]
+    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for name, label, found in rows:
-        means = found.velocity_error, found.mean_velocity_error, found.yaw_rate_error
-        counts = " | ".join(f"{int(each.sum())}/{len(each)}" for each in (found.succeeded, found.stalled, found.fell))
-        figures = " | ".join(f"{value.mean():.3f}" for value in means)
-        lines.append(f"| {name} | {label} | {counts} | {figures} |")
+        counts = [f"{int(each.sum())}/{len(each)}" for each in (found.succeeded, found.stalled, found.fell)]
+        values = [getattr(found, each) for each in COLUMNS]
+        means = [quotient(np.nansum(each), np.isfinite(each).sum()) for each in values]
+        lines.append(f"| {' | '.join([name, label, *counts, *(f'{float(mean):.3f}' for mean in means)])} |")
     return lines

@@ -5,38 +5,36 @@ distribution after it, which is all that Ctrl-C leaves.
 """
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Annotated, Literal
 
 import numpy as np
 import tyro
 from rich.progress import track
 
-from evaluate.measures.metrics import Measures, measure
+from evaluate.measures.episodes import Episodes
+from evaluate.measures.metrics import measure
 from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
-from evaluate.rollouts.rollout import run
 from policies.base import Floats
 from policies.parameters import number, scaled_parameters, scaled_ranges
 from policies.shipped import folder_of
-from policies.trot.open_loop import FILE, SEARCH_RANGES, Trot, TrotParameters, searched_parameters
+from policies.trot.open_loop import FILE, SEARCH_RANGES, TrotParameters, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
-from train.curriculum import practice
-from train.search.cmaes import Effort, Panel, Seeds, Subject, as_json, changes, method, results, rounded, search
+from train.config import check_scenarios
+from train.search.cmaes import Effort, Subject, as_json, changes, method, results, rounded, search
+from train.search.trials import WORDS, Seeds, compared, episode_costs, walked
 
-SCENARIO_WEIGHTS = {"flat": 0.5, "push": 0.25, "rough": 0.25}
-ERROR_SCALES = {"velocity_error": 0.2, "mean_velocity_error": 0.12, "yaw_rate_error": 0.35, "overspeed": 0.02}
-"""What counts as one unit of each error, m/s, m/s, rad/s, and of the share of joint readings above the rated speed.
-
-Without the last the search finds gaits that no motor could move: steps of 5 Hz in a deep crouch."""
+EXERCISES = ("flat", "push", "rough")
+"""Usual scenarios of the search; the response to commands is measured on the first."""
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
 WEAKEST_RESPONSE = 0.7
 """Achieved per commanded velocity below which a candidate costs more, so that standing still does not win."""
-WEAKNESS_WEIGHT = 10.0
+WEAKNESS_WEIGHT = 2.0
 WEAKEST_MAPPED = 0.1
 """Achieved per commanded velocity below which a response is not undone: the map would ask for leaps."""
-MINIMUM_INTERVALS = 8
+MINIMUM_INTERVALS = 6
 """Command intervals needed to fit a response."""
 MAP_ROUNDS = 3
 """How often the command map is fitted again with the one before in force."""
@@ -51,10 +49,10 @@ class Options(Effort):
     """trot: the open-loop trot."""
     robot: str | None = None
     """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
-    # Two command intervals an episode, enough to fit a response.
-    episodes: int = number(10, limits=(MINIMUM_INTERVALS, 10_000))
+    # Two command intervals each, enough to fit a response.
+    episodes: int = number(6, limits=(MINIMUM_INTERVALS // 2, 10_000))
     """Episodes of a candidate in each scenario and round."""
-    check_episodes: int = number(108, limits=(MINIMUM_INTERVALS // 2, 10_000))
+    check_episodes: int = number(48, limits=(MINIMUM_INTERVALS // 2, 10_000))
     """Fresh episodes on which the command map is fitted and the outcome compared with the parameters before."""
 
 
@@ -65,62 +63,45 @@ def main(options: Options) -> int:
 
 def subject(options: Options) -> Subject[TrotParameters]:
     """The search of a robot's trot: from SimpleQuad's, or for another robot from that of dynamic similarity."""
-    hardware = hardware_of(options.robot or Hardware.robot)
-    robot, threads, own = hardware.quadruped, options.threads, hardware.quadruped == SIMPLE_QUAD
+    hardware, threads = hardware_of(options.robot or Hardware.robot), options.threads
+    robot, own = hardware.quadruped, hardware.quadruped == SIMPLE_QUAD
     start = TrotParameters() if own else scaled_parameters(searched_parameters(), robot)
+    start = FILE.read(options.start) if options.start else start
+    exercises = options.exercises or EXERCISES
+    check_scenarios("--exercises", exercises, robot)
     ranges = scaled_ranges(SEARCH_RANGES, TrotParameters, robot)
 
     def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
-        return candidate_costs(candidates, seeds, options.steps, threads, hardware)
+        return candidate_costs(candidates, seeds, options.steps, threads, hardware, exercises)
 
     def conclude(found: TrotParameters) -> tuple[str, str]:
         fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
         for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
-            found = mapped(found, seeds, threads, hardware)
-        after = rounded(found)
-        seeds = episode_seeds("search", options.seed + 1_000_000, options.check_episodes)
-        both = [(name, label, of) for name in SCENARIO_WEIGHTS for label, of in (("before", start), ("after", after))]
-        walks = ((name, label, walked(of, name, seeds, threads, hardware)) for name, label, of in both)
-        table = results(track(walks, description="comparison", total=len(both)))
-        lines = [*introduction(options), "", *changes(start, after, ranges, COMMAND_MAP), ""]
-        lines += [f"On {options.check_episodes} fresh search episodes of 10 s a scenario:", "", *table]
+            found = mapped(found, seeds, threads, hardware, exercises)
+        after, seeds = rounded(found), episode_seeds("validation", options.seed, options.check_episodes)
+        walks, _ = compared("trot", start, after, exercises, seeds, threads, hardware)
+        how = method("python -m train search trot", options, ", ".join(exercises))
+        lines = ["# The trot's parameters", "", how, WORDS]
+        lines += ["Commands are those that a candidate's linear response on flat ground would be mapped to; the map is"]
+        lines += ["fitted by least squares afterwards.", "", *changes(start, after, ranges, COMMAND_MAP), ""]
+        lines += [f"On {options.check_episodes} validation episodes of 10 s a scenario:", "", *results(walks)]
         return as_json(after), "\n".join(lines) + "\n"
 
     file = FILE.path if own else folder_of(robot) / FILE.path.name
     return Subject(start, ranges, costs, conclude, file, ACCOUNT)
 
 
-def introduction(options: Options) -> list[str]:
-    """Heading of the account, and how the search was made."""
-    scenarios = ", ".join(f"{name} (weight {weight:g})" for name, weight in SCENARIO_WEIGHTS.items())
-    terms = " + ".join(f"{name} / {scale:g}" for name, scale in ERROR_SCALES.items())
-    return [
-        "# The trot's parameters",
-        "",
-        method("python -m train search trot", options, scenarios),
-        f"Cost of an episode: {terms}; the errors count the steps after a fall.",
-        "Each candidate is evaluated against its own linear response on flat ground; the command map is fitted by "
-        "least squares afterwards.",
-    ]
-
-
-def cost(measures: Measures, members: int) -> Floats:
-    """Mean over each member's episodes, (members,), of the sum of scaled errors, which count the steps after a fall."""
-    total = np.zeros(len(measures.velocity_error))
-    for name, scale in ERROR_SCALES.items():
-        # A robot that fell within the first second has no overspeed: all joints count as too fast all the time.
-        total += np.nan_to_num(getattr(measures, name), nan=1.0) / scale
-    return np.asarray(total.reshape(members, -1).mean(axis=1))
-
-
-def interval_response(measures: Measures) -> Floats:
-    """Least-squares map from commanded (and 1) to achieved velocity, (4, 3), over the intervals without a fall."""
-    command, achieved = measures.commands.reshape(-1, 3), measures.mean_velocities.reshape(-1, 3)
-    upright = np.isfinite(achieved).all(axis=1)
-    if upright.sum() < MINIMUM_INTERVALS:
-        return np.zeros((4, 3))
-    inputs = np.column_stack((command[upright], np.ones(upright.sum())))
-    return np.asarray(np.linalg.lstsq(inputs, achieved[upright], rcond=None)[0], np.float64)
+def response(walk: Episodes, members: int) -> Floats:
+    """Least-squares map of each member from commanded (and 1) to achieved velocity, (members, 4, 3), over the intervals
+    without a fall; zeros where these are too few."""
+    measures = measure(walk)
+    command, achieved = (each.reshape(members, -1, 3) for each in (measures.commands, measures.mean_velocities))
+    upright, found = np.isfinite(achieved).all(axis=-1), np.zeros((members, 4, 3))
+    for member in np.flatnonzero(upright.sum(axis=1) >= MINIMUM_INTERVALS):
+        rows = upright[member]
+        inputs = np.column_stack((command[member, rows], np.ones(rows.sum())))
+        found[member] = np.linalg.lstsq(inputs, achieved[member, rows], rcond=None)[0]
+    return found
 
 
 def weakness(found: Floats) -> float:
@@ -129,37 +110,39 @@ def weakness(found: Floats) -> float:
 
 
 def candidate_costs(
-    candidates: list[TrotParameters], seeds: Seeds, steps: int, threads: int, hardware: Hardware = IDEAL
+    candidates: list[TrotParameters],
+    seeds: Seeds,
+    steps: int,
+    threads: int,
+    hardware: Hardware = IDEAL,
+    exercises: Sequence[str] = EXERCISES,
 ) -> Floats:
-    """Weighted cost of each candidate on all scenarios of a robot, (candidates,).
+    """Mean cost of each candidate over all scenarios of a robot, (candidates,).
 
     A candidate is evaluated against its own linear response on flat ground, as if its command map were fitted already,
     plus a cost for a response that is too weak to be mapped.
     """
-    members, robot = len(candidates), hardware.quadruped
-    panel = Panel([Trot(candidate, robot=robot) for candidate in candidates])
-    walk = partial(run, panel, seeds=np.tile(seeds, members), nthread=threads, steps=steps, hardware=hardware)
-    runs = {name: walk(practice(name, "search", robot=robot)) for name in SCENARIO_WEIGHTS}
-    flat, rows = measure(runs["flat"]), np.split(np.arange(len(seeds) * members), members)
-    each = [replace(flat, commands=flat.commands[r], mean_velocities=flat.mean_velocities[r]) for r in rows]
-    maps = list(map(interval_response, each))
-    total = np.array([weakness(found) for found in maps])
-    for name, weight in SCENARIO_WEIGHTS.items():
-        target = np.concatenate([runs[name].command[:, r] @ m[:3] + m[3] for r, m in zip(rows, maps, strict=True)], 1)
-        total += weight * cost(measure(replace(runs[name], command=target)), members)
+    walks = walked("trot", candidates, exercises, seeds, "search", steps, threads, hardware)
+    found = response(walks[0], len(candidates))
+    total = np.array([weakness(each) for each in found])
+    each_robot = found.repeat(len(seeds), axis=0)
+    for walk in walks:
+        target = np.einsum("tnc,ncd->tnd", walk.command, each_robot[:, :3]) + each_robot[:, 3]
+        costs = episode_costs(measure(replace(walk, command=target)))
+        total += costs.reshape(len(candidates), -1).mean(axis=1) / len(walks)
     return total
 
 
-def mapped(parameters: TrotParameters, seeds: Seeds, threads: int, hardware: Hardware = IDEAL) -> TrotParameters:
+def mapped(
+    parameters: TrotParameters,
+    seeds: Seeds,
+    threads: int,
+    hardware: Hardware = IDEAL,
+    exercises: Sequence[str] = EXERCISES,
+) -> TrotParameters:
     """The same gait with the command map that undoes a robot's response to it on flat ground."""
-    return unless_weak(parameters, interval_response(walked(parameters, "flat", seeds, threads, hardware)))
-
-
-def walked(parameters: TrotParameters, name: str, seeds: Seeds, threads: int, hardware: Hardware) -> Measures:
-    """Measures of a robot's episodes from those seeds on the scenario of that name."""
-    robot = hardware.quadruped
-    policy, scenario = Trot(parameters, robot=robot), practice(name, "search", robot=robot)
-    return measure(run(policy, scenario, seeds, nthread=threads, hardware=hardware))
+    (walk,) = walked("trot", [parameters], exercises[:1], seeds, "search", threads=threads, hardware=hardware)
+    return unless_weak(parameters, response(walk, 1)[0])
 
 
 def undone(parameters: TrotParameters, found: Floats) -> TrotParameters:

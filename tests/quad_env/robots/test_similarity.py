@@ -116,6 +116,16 @@ def test_feet_that_stand_under_their_hips_do_so_on_every_robot(tmp_path: Path) -
     assert similarity.scaled(robot, 0.5, similarity.LONG) == pytest.approx(0.4)
 
 
+def test_a_robot_that_stands_lower_walks_lower_and_steps_as_fast_as_animals_of_its_mass(tmp_path: Path) -> None:
+    robot = Robot.from_mjcf(Made().write(tmp_path), home_pose=np.tile((0.0, 0.9, -1.8), 4))
+    assert robot.home_hip_height < 0.7 * robot.leg_length  # SimpleQuad's is 0.88 of it
+    share = searched_parameters(robot).body_height / robot.home_hip_height
+    assert share == pytest.approx(searched_parameters().body_height / SIMPLE_QUAD.home_hip_height)
+    frequencies = scaled_ranges(SEARCH_RANGES, TrotParameters, robot)["frequency"]
+    slower = (robot.mass / SIMPLE_QUAD.mass) ** -0.14
+    assert frequencies == pytest.approx([slower * end for end in SEARCH_RANGES["frequency"]])
+
+
 def test_what_hangs_on_the_knees_is_the_other_way_round_where_they_bend_forward(tmp_path: Path) -> None:
     backward, forward = (
         Robot.from_mjcf(Made(knees=(knees, knees)).write(tmp_path, f"{knees}.xml")) for knees in (-1, 1)
@@ -129,7 +139,9 @@ def test_what_hangs_on_the_knees_is_the_other_way_round_where_they_bend_forward(
 
 
 UNIT = re.compile(r"[, ](Hz per m/s|m/s²|rad/s²|m/s|rad/s|rad/m|1/s²|1/s|1/m|s⁴/m²|s⁴/rad²|1/N²|Hz|N|s|m)(?=[.:;,]|$)")
-SAME = {"rad/m": "1/m", "Hz per m/s": "1/m", "s⁴/rad²": "s⁴", similarity.WIDE: "m", similarity.LONG: "m"}
+SAME = {"rad/m": "1/m", "Hz per m/s": "1/m", "s⁴/rad²": "s⁴", similarity.WIDE: "m", similarity.LONG: "m"} | {
+    similarity.HIGH: "m"
+}
 """Units of one dimension."""
 
 

@@ -54,17 +54,20 @@ def drawn(seed: int, count: int, purpose: Any = "search") -> list[int]:
 
 def test_search_of_the_trot(tmp_path: Path) -> None:
     alike(tmp_path)
+    (tmp_path / "start.json").write_text(json.dumps(asdict(FOUND)), encoding="utf-8")
     words = "--robot FOLDER/alike.xml --generations 2 --candidates 5 --episodes 8 --steps 110 --check-episodes 4"
-    run = searched(f"{words} --spread 0.1", tmp_path)
+    run = searched(f"{words} --spread 0.1 --start FOLDER/start.json --exercises flat push rough+hardware", tmp_path)
     assert {each.env.robot.name for each in run.batches} == {"alike"}
     assert run.batches[1].env.scenario.severity == pytest.approx(35.0 * 0.1 * 0.4**0.5)  # as hard for its size
-    generation = [(name, 5 * 8, 110) for name in ("flat", "push", "rough")]
-    fit, check = [("flat", 4, FULL)] * 3, [(name, 4, FULL) for name in ("flat", "push", "rough") for _ in range(2)]
+    exercises = "flat", "push", "rough+hardware"
+    generation = [(name, 5 * 8, 110) for name in exercises]
+    fit, check = [("flat", 4, FULL)] * 3, [(name, 4, FULL) for name in exercises] * 2
     assert run.shapes == [*generation * 2, *fit, *check]
     assert run.seeds(0, 6) == drawn(3, 16)
     assert run.seeds(6, 3) == drawn(2_000_003, 12)
-    assert run.seeds(9, 6) == drawn(1_000_003, 4)
+    assert run.seeds(9, 6) == drawn(3, 4, "validation")
     account = (tmp_path / "TROT.md").read_text()
+    assert "| blend_time | fixed | 0.3 | 0.3 |" in account
     assert "python -m train search trot --seed 3 --generations 2 " in account
     assert f" --robot {tmp_path / 'alike.xml'}`" in account
     assert "2 generations of 5 candidates, 8 episodes of 1.1 s" in account
@@ -101,7 +104,7 @@ class Kept:
 
         patch.setattr(cmaes, "evolve", evolve)
         patch.setattr(trot, "mapped", lambda found, *_: found)
-        patch.setattr(trot, "results", lambda _: [])
+        patch.setattr(trot, "compared", lambda *_: ([], None))
         self.code = main(["search", "trot", "--out", str(folder / "found.json")])
         self.files = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
 

@@ -7,20 +7,11 @@ import numpy as np
 import pytest
 
 from evaluate.measures.metrics import Measures
-from policies.trot.open_loop import SEARCH_RANGES, Trot, TrotParameters
-from quad_env import OBSERVATION_SIZE
+from policies.trot.open_loop import SEARCH_RANGES, TrotParameters
 from quad_env.seeding import episode_seeds
-from train.search.cmaes import Panel, decode, encode
-from train.search.trot import (
-    ERROR_SCALES,
-    WEAKNESS_WEIGHT,
-    candidate_costs,
-    cost,
-    interval_response,
-    mapped,
-    undone,
-    unless_weak,
-)
+from train.search import trot
+from train.search.cmaes import decode, encode
+from train.search.trot import WEAKNESS_WEIGHT, candidate_costs, mapped, response, undone, unless_weak
 
 COMMANDS = np.random.default_rng(0).uniform(-1, 1, (6, 2, 3))
 RESPONSE = np.array([[0.8, 0.0, 0.1], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [-0.1, 0.0, 0.0]])
@@ -34,12 +25,13 @@ def measures(**changes):
     return Measures(**nothing | {"commands": COMMANDS, "mean_velocities": achieved} | changes)
 
 
-def test_intervals_that_ended_in_a_fall_do_not_count_and_too_few_others_are_no_response():
+def test_intervals_that_ended_in_a_fall_do_not_count_and_too_few_others_are_no_response(monkeypatch):
+    monkeypatch.setattr(trot, "measure", lambda walk: walk)
     velocities = measures().mean_velocities.copy()
     velocities[:2, 1] = math.nan
-    np.testing.assert_allclose(interval_response(measures(mean_velocities=velocities)), RESPONSE, atol=1e-12)
-    velocities[2:5, 1] = math.nan  # 7 of 12 are left
-    assert not interval_response(measures(mean_velocities=velocities)).any()
+    np.testing.assert_allclose(response(measures(mean_velocities=velocities), 1), [RESPONSE], atol=1e-12)
+    velocities[1:4] = math.nan  # 5 of 12 are left
+    assert not response(measures(mean_velocities=velocities), 1).any()
 
 
 def test_the_map_undoes_the_response():
@@ -57,23 +49,9 @@ def test_a_response_too_weak_to_be_undone_leaves_the_map_alone(monkeypatch):
     beyond = np.eye(4, 3)
     beyond[3, 0] = math.inf  # a bias that no trot's parameters may have
     assert unless_weak(TrotParameters(), beyond) == TrotParameters()
-    monkeypatch.setattr("train.search.trot.run", lambda *_, **__: None)
-    monkeypatch.setattr("train.search.trot.measure", lambda _: measures())
+    monkeypatch.setattr(trot, "walked", lambda *_, **__: [measures()])
+    monkeypatch.setattr(trot, "measure", lambda walk: walk)
     assert mapped(TrotParameters(), episode_seeds("search", 0, 6), 1).lateral_gain == pytest.approx(2.0)
-
-
-@pytest.mark.parametrize(("blocks", "rows"), [(1, ([0, 1, 2], [3, 4, 5])), (3, ([0, 2, 4], [1, 3, 5]))])
-def test_a_panel_is_its_members_each_on_its_share_of_every_block(blocks, rows):
-    members = [TrotParameters(frequency=2.0), TrotParameters(duty=0.6)]
-    panel, alone = Panel([Trot(each) for each in members], blocks), [Trot(each) for each in members]
-    panel.reset(6)
-    for member in alone:
-        member.reset(3)
-    for step in range(30):
-        observation = np.random.default_rng(step).normal(size=(6, OBSERVATION_SIZE)).astype(np.float32)
-        actions = panel.act(observation)
-        for member, own in zip(alone, rows, strict=True):
-            np.testing.assert_array_equal(actions[own], member.act(observation[own]))
 
 
 def test_a_point_of_the_cube_is_a_set_of_parameters_and_back():
@@ -84,13 +62,6 @@ def test_a_point_of_the_cube_is_a_set_of_parameters_and_back():
     for end, corner in enumerate((np.zeros(len(SEARCH_RANGES)), np.ones(len(SEARCH_RANGES)))):
         for name, bounds in SEARCH_RANGES.items():
             assert getattr(decode(corner, TrotParameters(), SEARCH_RANGES), name) == pytest.approx(bounds[end])
-
-
-def test_the_cost_is_the_mean_of_the_scaled_errors():
-    ones = {name: np.repeat([0.0, 2 * scale, 4 * scale], 2) for name, scale in ERROR_SCALES.items()}
-    np.testing.assert_allclose(cost(measures(**ones), 3), [0.0, 8.0, 16.0])
-    at_once = np.array([math.nan, 0, 0, 0, 0, 0])  # who falls in the first second has no overspeed: it counts in full
-    np.testing.assert_allclose(cost(measures(overspeed=at_once), 3), [0.5 / 0.02, 0.0, 0.0])
 
 
 def test_standing_still_costs_more_than_walking():

@@ -1,0 +1,179 @@
+"""Trials of a search: episodes of many candidates on many scenarios at once, and what an episode costs."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack, closing
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.progress import track
+
+from evaluate.measures.episodes import Episodes
+from evaluate.measures.metrics import Measures, measure
+from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE
+from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.rollout import STEPS, Recorder, advance, batch_of, begin
+from policies.base import Actions, Floats, Policy
+from policies.parameters import Parameters
+from quad_env.scenarios.scenario import HARDWARE, Scenario
+from train.curriculum import Purpose, practice
+
+AT_ONCE = 7
+"""Scenarios simulated at once in a comparison: the more, the faster, and the more memory their records take."""
+Seeds = NDArray[np.int64]
+
+
+class Grade(NamedTuple):
+    """Cost of a measure: none up to one value, half of `most` where it is beyond by `scale`, and ever nearer to it."""
+
+    most: float
+    none: float
+    scale: float
+
+
+OUTCOME_COSTS = dict(zip(OUTCOMES, (0.0, 1.0, 1.5, 2.0, 2.0, 2.0), strict=True))
+"""Cost of an episode's outcome; the graded costs on top add up to what a failure costs at least."""
+DEVIATION_COST, LARGEST_DEVIATION = 0.1, 4.0
+"""Graded cost of the worst command interval at most, and the deviation, per allowed deviation, at which it is that."""
+GRADES = {
+    "velocity_error": Grade(0.05, 0.0, 0.3),
+    "overspeed": Grade(0.05, 0.0, 0.05),
+    "cost_of_transport": Grade(0.4, 0.0, 1.0),
+    "flight": Grade(0.1, 0.0, 0.1),
+    "step_rate": Grade(0.1, 2.0, 2.0),
+    "touchdown_impulse": Grade(0.05, 0.0, 0.03),
+    "trunk_height": Grade(0.15, 0.85, -0.1),
+}
+"""Graded cost of each measure that has one, in its unit; of what does not exist, the most: the robot fell at once."""
+WORDS = (
+    "Cost of an episode: "
+    + ", ".join(f"{name} {cost:g}" for name, cost in OUTCOME_COSTS.items())
+    + f", and on top of that up to {DEVIATION_COST:g} for the worst command interval, "
+    f"{LARGEST_DEVIATION:g} times what is allowed, and for "
+    + ", ".join(f"{name} up to {most:g} (x {none:+g} / {scale:g})" for name, (most, none, scale) in GRADES.items())
+    + ", in the share x / (1 + x) of it."
+)
+"""The cost in words."""
+
+
+class Panel(Policy):
+    """Several policies as one, each on its own equal share of the rows.
+
+    Args:
+        members: the policies, in the order of their shares.
+        blocks: equal parts that the rows come in, such as one a scenario, in each of which each member has its share.
+    """
+
+    name = "panel"
+
+    def __init__(self, members: Sequence[Policy], blocks: int = 1) -> None:
+        super().__init__(robot=members[0].robot, control_period=members[0].control_period)
+        self._members, self._blocks = members, blocks
+
+    def _allocate(self, num_envs: int) -> None:
+        for member in self._members:
+            member.reset(num_envs // len(self._members))
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        shares = np.arange(len(observation)).reshape(self._blocks, len(self._members), -1).swapaxes(0, 1)
+        actions = np.empty((len(observation), self.robot.num_joints), np.float32)
+        for member, share in zip(self._members, shares, strict=True):
+            actions[share.ravel()] = member.act(observation[share.ravel()])
+        return actions
+
+
+def episode_costs(measures: Measures) -> Floats:
+    """Cost of each episode, (episodes,): of its outcome, of how far it was from a better one, and of its effort."""
+    total = np.array([OUTCOME_COSTS[each] for each in measures.outcome])
+    deviation = RULES[SUCCESS_RULE].deviations(measures.commands, measures.mean_velocities)
+    # An interval that was not completed has the largest cost.
+    total += DEVIATION_COST * np.clip(np.nan_to_num(deviation, nan=np.inf) / LARGEST_DEVIATION, 0.0, 1.0).max(axis=1)
+    for name, (most, none, scale) in GRADES.items():
+        beyond = np.maximum((getattr(measures, name) - none) / scale, 0.0)
+        total += most * np.nan_to_num(beyond / (1.0 + beyond), nan=1.0)
+    return total
+
+
+def walked(
+    name: str,
+    candidates: Sequence[Parameters],
+    exercises: Sequence[str],
+    seeds: Seeds,
+    purpose: Purpose,
+    steps: int = STEPS,
+    threads: int = 1,
+    hardware: Hardware = IDEAL,
+) -> list[Episodes]:
+    """Records of episodes from those seeds on each scenario, on ground of that purpose, of the policy of that name with
+    each candidate's parameters, candidate after candidate."""
+    found = dict[str, Episodes]()
+    for real in (False, True):
+        if names := [each for each in exercises if each.endswith(HARDWARE) == real]:
+            panel = Panel([hardware.policy(name, real=real, parameters=each) for each in candidates], len(names))
+            scenarios = [practice(each, purpose, robot=hardware.quadruped) for each in names]
+            every_seed = np.tile(seeds, len(candidates))
+            walks = run_each(panel, scenarios, every_seed, nthread=threads, steps=steps, hardware=hardware)
+            found |= dict(zip(names, walks, strict=True))
+    return [found[each] for each in exercises]
+
+
+def run_each(
+    policy: Policy,
+    scenarios: Sequence[str | Scenario],
+    seeds: Seeds,
+    *,
+    nthread: int = 1,
+    steps: int = STEPS,
+    hardware: Hardware = IDEAL,
+) -> list[Episodes]:
+    """The records of one episode for each seed on each of the scenarios, all walked side by side.
+
+    The policy acts for all at once, scenario after scenario: for one whose time hardly depends on how many robots it
+    moves that is many times faster. What is the policy's own, such as its phase, is not in the records.
+    """
+    recorders = [Recorder(None, seeds, steps) for _ in scenarios]
+    with ExitStack() as stack:
+        options = {"steps": steps, "nthread": nthread, "hardware": hardware}
+        envs = [batch_of(policy, scenario, len(seeds), **options) for scenario in scenarios]
+        for env in envs:
+            stack.enter_context(closing(env))
+            policy.check_fits(env.robot, env.dt)
+        now = [begin(env, seeds, None) for env in envs]
+        policy.reset(num_envs=len(envs) * len(seeds), seed=0)
+        for recorder, step in zip(recorders, now, strict=True):
+            recorder(step)
+        going = list(range(len(envs)))
+        while going:
+            actions = np.split(policy.act(np.concatenate([step.observation for step in now])), len(envs))
+            for number in going.copy():
+                now[number], ended = advance(now[number], actions[number])
+                recorders[number](now[number])
+                if ended:  # its robots stay as they are
+                    going.remove(number)
+    return [recorder.episodes() for recorder in recorders]
+
+
+def compared(
+    name: str,
+    in_force: Parameters,
+    outcome: Parameters,
+    exercises: Sequence[str],
+    seeds: Seeds,
+    threads: int = 1,
+    hardware: Hardware = IDEAL,
+) -> tuple[list[tuple[str, str, Measures]], Floats]:
+    """The policy of that name with both parameters on the same full episodes of those seeds, on ground of the
+    validation: scenario, `before` for the parameters in force or `after`, and measures of each walk; cost of the
+    outcome less that of those in force, mean over the scenarios, of each seed, (seeds,)."""
+    walks: list[tuple[str, str, Measures]] = []
+    differences = np.zeros(len(seeds))
+    groups = [exercises[first : first + AT_ONCE] for first in range(0, len(exercises), AT_ONCE)]
+    for group in track(groups, description="comparison"):
+        before, after = (
+            map(measure, walked(name, [each], group, seeds, "validation", threads=threads, hardware=hardware))
+            for each in (in_force, outcome)
+        )
+        for exercise, old, new in zip(group, before, after, strict=True):
+            walks += [(exercise, "before", old), (exercise, "after", new)]
+            differences += episode_costs(new) - episode_costs(old)
+    return walks, differences / len(exercises)
