@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
@@ -33,10 +34,12 @@ def kind_of(name):
 
 
 def told(text, kind):
-    """The parameters before and after that an account tells of."""
+    """The parameters before and after that an account tells of, with what was set by hand since."""
     cells = [[cell.strip() for cell in line.split("|")] for line in text.splitlines()]
     rows = {row[1]: row for row in cells if len(row) == 6 and row[1] in limits_of(kind)}
-    return tuple(kind(**{name: float(row[column]) for name, row in rows.items()}) for column in (3, 4))
+    by_hand = next((line for line in text.splitlines() if line.startswith("Set by hand since:")), "").partition(". ")[0]
+    later = {name: float(value) for name, value in re.findall(r"`(\w+)` ([-\d.]+\d|\d)", by_hand)}
+    return tuple(kind(**{name: float(row[column]) for name, row in rows.items()} | later) for column in (3, 4))
 
 
 @each_subject
