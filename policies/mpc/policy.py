@@ -184,7 +184,10 @@ class Mpc(GaitedPolicy):
         same = (now.command == self._command).all(axis=1, keepdims=True)
         self._behind = np.where(same, np.clip(behind, -p.farthest_behind, p.farthest_behind), 0.0)
         self._command = now.command
-        return now._replace(command=now.command + p.position_gain * self._behind)
+        wished = now.command + p.position_gain * self._behind
+        speed, own = (np.hypot(*each[:, :2].T) for each in (wished, now.command))
+        wished[:, :2] *= np.minimum(1.0, np.maximum(own, p.fastest_return) / np.maximum(speed, 1e-9))[:, None]
+        return now._replace(command=wished)
 
     def _hurry(self, now: Motion) -> None:
         """Advance the clocks, faster where the velocity is far from the command."""
