@@ -174,7 +174,7 @@ class Mpc(GaitedPolicy):
         return self.parameters.height - self.robot.hip_rise
 
     def _catching_up(self, now: Motion) -> Motion:
-        """The motion with a command that also makes up for the way lost since the command was given.
+        """The motion with a command that also makes up for the way lost since the command was given, within a speed.
 
         The integral of the velocity error in the heading frame, as the position set point of convex MPC on robots; see
         `ConvexMPCLocomotion` of MIT's Cheetah-Software.
