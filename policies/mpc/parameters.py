@@ -35,10 +35,12 @@ class MpcParameters(Parameters):
     """Middle of the feet ahead of the centre of mass, m."""
     step_gain: float = number(0.06, limits=(-1.0, 1.0), search=(0.0, 0.2), unit="s")
     """A foot is put further out by this times the velocity error, s."""
-    position_gain: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 2.0), unit="1/s")
+    position_gain: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 3.0), unit="1/s")
     """Velocity added to the command per distance, and yaw rate per angle, that the robot is behind it, 1/s."""
-    farthest_behind: float = number(0.6, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m")
+    farthest_behind: float = number(0.6, limits=(0.0, 100.0), search=(0.1, 3.0), unit="m")
     """Distance that is made up for at most, m; the same number of an angle, rad."""
+    fastest_return: float = number(1.2, limits=(0.0, 100.0), search=(0.5, 2.0), unit="m/s")
+    """Largest planar speed that is asked for to make up for it, m/s; where the command is faster, that one's."""
     horizon_step: float = number(0.04, limits=(0.001, 1.0), unit="s")
     """Of the prediction, s."""
     plan_period: float = number(0.0, limits=(0.0, 1.0), unit="s")

@@ -177,7 +177,7 @@ class Mpc(GaitedPolicy):
         return self.parameters.height - self.robot.hip_rise
 
     def _catching_up(self, now: Motion) -> Motion:
-        """The motion with a command that also makes up for the way lost since the command was given.
+        """The motion with a command that also makes up for the way lost since the command was given, within a speed.
 
         The integral of the velocity error in the heading frame, as the position set point of convex MPC on robots; see
         `ConvexMPCLocomotion` of MIT's Cheetah-Software.
@@ -187,7 +187,10 @@ class Mpc(GaitedPolicy):
         same = (now.command == self._command).all(axis=1, keepdims=True)
         self._behind = np.where(same, np.clip(behind, -p.farthest_behind, p.farthest_behind), 0.0)
         self._command = now.command
-        return now._replace(command=now.command + p.position_gain * self._behind)
+        wished = now.command + p.position_gain * self._behind
+        speed, own = (np.hypot(*each[:, :2].T) for each in (wished, now.command))
+        wished[:, :2] *= np.minimum(1.0, np.maximum(own, p.fastest_return) / np.maximum(speed, 1e-9))[:, None]
+        return now._replace(command=wished)
 
     def _hurry(self, now: Motion) -> None:
         """Advance the clocks, faster where the velocity is far from the command."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from policies.mpc.motion import motion
-from policies.mpc.parameters import parameters_of
+from policies.mpc.parameters import MpcParameters, parameters_of
 from policies.mpc.policy import MpcWbc
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -16,9 +16,11 @@ from tests.policies.readings import reading
 P = replace(parameters_of("trot"), position_gain=0.5, farthest_behind=0.6)
 
 
-def commands(seconds: float, *, then: tuple[float, float, float] | None = None, **terms: Any) -> np.ndarray:
+def commands(
+    seconds: float, p: MpcParameters = P, *, then: tuple[float, float, float] | None = None, **terms: Any
+) -> np.ndarray:
     """What two robots, the second one as commanded, ask of themselves after so long at these readings."""
-    policy, asked = MpcWbc(P), np.zeros((2, 3))
+    policy, asked = MpcWbc(p), np.zeros((2, 3))
     policy.reset(num_envs=2)
     rows = reading(2, command=[0.4, 0.0, 0.2])
     rows[1] = reading(command=[0.4, 0.0, 0.2], linear_velocity=[0.4, 0.0, 0.0], angular_velocity=[0.0, 0.0, 0.2])
@@ -42,6 +44,13 @@ def test_what_was_carried_too_far_is_gone_back() -> None:
 
 def test_no_more_than_the_farthest_distance_is_made_up_for() -> None:
     assert commands(10.0)[0, 0] == pytest.approx(0.4 + 0.5 * 0.6)
+
+
+def test_no_higher_speed_is_asked_for_than_the_fastest_or_the_command_itself() -> None:
+    swift = replace(P, fastest_return=0.5)
+    aside = commands(1.0, swift, linear_velocity=[0.1, 0.6, 0.0])[0]
+    np.testing.assert_allclose(aside[:2], 0.5 * np.array([0.55, -0.3]) / np.hypot(0.55, 0.3), atol=2e-3)
+    np.testing.assert_allclose(commands(10.0, replace(P, fastest_return=0.3))[0, :2], [0.4, 0.0], atol=1e-6)
 
 
 def test_a_new_command_forgives() -> None:
