@@ -26,6 +26,7 @@ from policies.safety import Safe, SafetyLimits
 from policies.summaries import SUMMARIES
 from policies.trot.open_loop import Trot
 from quad_env.actuation.models import Actuator
+from quad_env.actuation.models import actuator as _actuator
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -93,9 +94,9 @@ def make(
     actuator: str | Actuator = "ideal",
     sensors: str | SensorSuite | None = None,
 ) -> Policy:
-    """A fresh policy by name, for an environment's `robot`, which may be a name of `quad_env.ROBOTS`, `dt`, s, and
-    `sensors`, of which policies that predict take the encoders' delay; for `safe:NAME` within the safety layer, whose
-    limits are those of the actuator.
+    """A fresh policy by name, for an environment's `robot`, which may be a name of `quad_env.ROBOTS`, `dt`, s,
+    `actuator` and `sensors`, of which policies that predict take the encoders' delay; for `safe:NAME` within the safety
+    layer, whose limits are those of the actuator.
 
     Raises PolicyError for a name that does not exist or a model that is not there or was trained for others.
     """
@@ -118,15 +119,19 @@ def resolve(
     text, robot = str(name_or_path), robot_of(robot)
     if text.startswith(SAFE):
         inner = text.removeprefix(SAFE)
-        policy = resolve(inner, robot=robot, control_period=control_period, sensors=sensors, trust=trust)
+        policy = resolve(
+            inner, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors, trust=trust
+        )
         return Safe(policy, SafetyLimits.of(robot, actuator))
     if is_reference(text):
         return Foreign(text, robot=robot, control_period=control_period, trust=trust)
     if text in _MAKERS:
         made = partial(_MAKERS[text], robot=robot, control_period=control_period)
-        if text not in _PREDICTING or (suite := sensor_suite(sensors)) is None:
+        if text not in _PREDICTING:
             return made()
-        return made(late=steps_late(suite.encoders.delay, 1.0 / control_period))
+        suite = sensor_suite(sensors)
+        late = 0 if suite is None else steps_late(suite.encoders.delay, 1.0 / control_period)
+        return made(late=late, actuator=_actuator(actuator))
     if Path(text).is_dir():
         return _loaded(text, robot, control_period)
     if (remedy := unsupported(text)) is not None:

@@ -14,6 +14,8 @@ from policies.gait_cycle import Floats, LegCycle
 from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
+from policies.mpc.servo_step import Servos
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask
 from quad_env.physics.dynamics import RigidBodies
 from quad_env.physics.rotations import cross
@@ -32,6 +34,8 @@ UPRIGHT = 0.2
 """Largest tilt, rad, at which what no foot explains is believed."""
 FIRST = 5.0
 """Looks that the first one counts as: until there are many the wrench is their mean, whatever the time constants."""
+TOUCH, LET_GO = 1.2, 0.4
+"""Shares of the touch force; a foot that is falsely taken to stand is predicted to stop at once."""
 SAFE_SHARE = 0.7
 """Of the friction that a slip has shown, what is relied on: the pyramid's edges reach that much further."""
 LEAST_GRIP = 0.05
@@ -50,13 +54,24 @@ class ContactSense(Memory):
     frame, N·m, (n, 6)."""
     grip: Floats = per_robot(lambda sense: sense._parameters.friction)
     """Friction that is relied on, (n,)."""
+    touching: Mask = per_robot(np.ones(4, np.bool_))
+    """Feet that surely touch the ground, (n, 4): from `TOUCH` of the touch force on, down to `LET_GO` of it."""
     _known: Mask = per_robot(False)
     _before: Floats = per_robot(np.zeros(18 + 12))
     _looks: Floats = per_robot(0.0)
     _sliding: Mask = per_robot(np.zeros(4, np.bool_))
 
-    def __init__(self, robot: Robot, parameters: MpcParameters, period: float) -> None:
-        self._robot, self._parameters, self._period = robot, parameters, period
+    def __init__(
+        self,
+        robot: Robot,
+        parameters: MpcParameters,
+        period: float,
+        actuator: Actuator = IDEAL,
+        *,
+        encoders: bool = False,
+    ) -> None:
+        self._parameters, self._period, self._encoders = parameters, period, encoders
+        self._servos = Servos(robot, actuator, period)
         p = parameters
         self._shares = np.full(6, taken_in(period, p.disturbance_time))
         self._shares[2] = taken_in(period, p.load_time)
@@ -66,7 +81,10 @@ class ContactSense(Memory):
 
         `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6).
         """
-        forces, wrench = self._explained(motion)
+        forces, wrench = self.explained(motion)
+        self.touching = self._pressed(forces)
+        self._before = np.concatenate((motion.generalised, motion.angles), axis=1)
+        self._known = np.ones_like(self._known)
         firm = (forces[..., 2] > FIRM).sum(axis=1) >= 2
         telling = firm & (forces[..., 2].max(axis=1) < IMPACT) & (np.abs(motion.tilt).max(axis=1) < UPRIGHT)
         bounded = np.clip(wrench + weight, -LARGEST_WRENCH, LARGEST_WRENCH)
@@ -81,22 +99,31 @@ class ContactSense(Memory):
         self._estimate_friction(forces, motion.feet_velocity)
         return forces
 
-    def _explained(self, motion: Motion) -> tuple[Floats, Floats]:
-        """Forces of the feet, (n, 4, 3), and the wrench that they leave unexplained, (n, 6)."""
-        robot, period, bodies, now = self._robot, self._period, motion.bodies, motion.generalised
+    def touched(self, motion: Motion) -> Mask:
+        """What `touching` is if the robots moved so since the last estimate, (n, 4)."""
+        return self._pressed(self.explained(motion)[0])
+
+    def _pressed(self, forces: Floats) -> Mask:
+        pressed: Mask = forces[..., 2] > self._parameters.touch_force * np.where(self.touching, LET_GO, TOUCH)
+        return pressed
+
+    def explained(self, motion: Motion) -> tuple[Floats, Floats]:
+        """Forces of the feet, (n, 4, 3), N, and the wrench that they leave unexplained, (n, 6), if the robots moved so
+        since the last estimate."""
+        period, bodies, now = self._period, motion.bodies, motion.generalised
         state = np.concatenate((now, motion.angles), axis=1)
         before = np.where(self._known[:, None], self._before, state)
-        self._before, self._known = state, np.ones_like(self._known)
         acceleration = (now - before[:, :18]) / period
         # The level frame has turned with the robot.
         acceleration[:, 0] -= motion.turning[:, 2] * now[:, 1]
         acceleration[:, 1] += motion.turning[:, 2] * now[:, 0]
         # Mean angle of the cubic between both angles with both speeds.
         angle = 0.5 * (motion.angles + before[:, 18:]) - period / 12.0 * (now[:, 6:] - before[:, 6:18])
-        speed = (motion.angles - before[:, 18:]) / period
-        torque = robot.servo_stiffness * (motion.targets - angle) - robot.servo_damping * speed
+        # Of encoders a difference says less than the filtered speeds at both ends.
+        ends = 0.5 * (now[:, 6:] + before[:, 6:18])
+        speed = ends if self._encoders else (motion.angles - before[:, 18:]) / period
         needed = np.einsum("nij,nj->ni", bodies.inertia, acceleration) + bodies.bias
-        needed[:, 6:] -= np.clip(torque, -robot.rated_torque, robot.rated_torque)
+        needed[:, 6:] -= self._servos.torque(motion.targets, angle, speed)
         legs = bodies.leg_jacobians
         squares = np.einsum("nlxj,nlyj->nlxy", legs, legs) + _SINGULAR * np.eye(3)
         aims = np.einsum("nlxj,nlj->nlx", legs, needed[:, 6:].reshape(-1, 4, 3))

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from policies.gait_cycle import Floats
 from policies.legs.ground_plane import above
 from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
+from policies.mpc.contact import ContactSense
 from policies.mpc.motion import Motion, motion
 from policies.mpc.reading_noise import GROUPS, SENSED, ReadingNoise
-from policies.mpc.servo_step import landing, response
+from policies.mpc.servo_step import Response, Servos, landing, response
 from quad_env import OBSERVATION
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask, Rows
 from quad_env.physics.dynamics import Dynamics
 from quad_env.physics.rotations import cross
@@ -48,6 +50,12 @@ LISTENING = 4, 8
 """Control steps at the start in which the noise of the readings is measured."""
 UNFORESEEN = np.array([0.004, 0.15, 0.04, 0.003, 0.6])
 """What a control step brings of each group beyond the prediction, standard deviations."""
+ENCODED, ENCODER_NOISE = np.array([0.0005, 0.1]), np.array([0.0011, 1e3])
+"""The same of joints that encoders read, whose contacts are known, rad and rad/s, and the standard deviation of these
+readings: of 14 bits, rad, and next to useless, since a difference of two samples is not of the moment of the last."""
+PREDICTED, UNPLANNED = 0.5, 1.0
+"""Share of the prediction in joints that are planned as well, and what it may differ by from the plan, rad/s: where a
+foot lands otherwise than predicted, joints differ by up to 9 rad/s, and the torques by 100 N·m."""
 BOUNDS = np.repeat([1.0, 10.0, 4.0, 3.0, 30.0], [3, 3, 3, 12, 12])
 """Largest readings that a motion is carried on to."""
 FAR = 10.0
@@ -55,21 +63,30 @@ FAR = 10.0
 
 
 class Observer(Memory):
-    """Observes n robots, control step by control step of `period` s."""
+    """Observes n robots, control step by control step of `period` s.
+
+    Args:
+        late: control steps by which encoders show the joints late, and speeds as differences; 0: the truth is shown.
+    """
 
     listening: Mask = per_robot(True)
     """Robots that stand until the noise of their readings is known, (n,)."""
-    delays: NDArray[np.int64] = per_robot(0)
+    delays: NDArray[np.int64] = per_robot(lambda observer: observer._late)
     """Control steps from the reading on which a target rests to when it takes effect, (n,)."""
     _unexplained: Floats = per_robot(np.zeros(LONGEST + 1), axis=1)
-    _targets: Floats = per_robot(lambda observer: np.tile(observer._robot.home_pose, (LONGEST + 1, 1)), axis=1)
+    _targets: Floats = per_robot(
+        lambda observer: np.tile(observer._robot.home_pose, (LONGEST + len(observer.servos.shares), 1)), axis=1
+    )
     _standing: Mask = per_robot(np.ones((LONGEST + 1, 4), np.bool_), axis=1)
     _ground: Floats = per_robot(-FAR)
     _doubt: Floats = per_robot(np.zeros(3))
     _joint_doubt: Floats = per_robot(np.zeros((2, 2)))
 
-    def __init__(self, robot: Robot, dynamics: Dynamics, period: float) -> None:
-        self._robot, self._dynamics, self._period = robot, dynamics, period
+    def __init__(
+        self, robot: Robot, dynamics: Dynamics, period: float, actuator: Actuator = IDEAL, late: int = 0
+    ) -> None:
+        self._robot, self._dynamics, self._period, self._late = robot, dynamics, period, late
+        self.servos = Servos(robot, actuator, period)
         self._noise = ReadingNoise(period)
         self.reset(1)
 
@@ -83,26 +100,43 @@ class Observer(Memory):
         """Readings that each robot has had since its start, (n,)."""
         return self._noise.looks
 
-    def read(self, observation: NDArray[np.float32], wrench: Floats) -> Motion:
+    def read(self, observation: NDArray[np.float32], wrench: Floats, sense: ContactSense | None = None) -> Motion:
         """Motion of the robots when they were read, (n, k), with the targets that led to it; trunks were pushed by
-        wrenches, (n, 6)."""
+        wrenches, (n, 6). Of joints that encoders read, `sense` says which feet stood."""
         seen = observation.astype(np.float64)
-        readings = seen[:, SENSED]
+        readings, before = seen[:, SENSED].copy(), self._read
         # What others make of a policy's targets, a residual or the safety layer, is what the joints follow.
         targets = seen[:, OBSERVATION["previous_action"]] + self._robot.home_pose
         self._targets = np.concatenate((targets[None], self._targets[:-1]))
+        self._effective = self.servos.effective(self._targets)
         noise = self._noise.variances(readings)
-        if self._read is not None:
-            state = np.where((self.looks == 1)[:, None], readings, self._predicted(self._read, readings, noise, wrench))
-            seen[:, SENSED] = self._taken_in(state, readings, noise)
+        shares = self._shares(noise)
         shortly, longer = LISTENING
         self.listening = self.looks <= np.where(noise.any(axis=1), longer, shortly)
-        self._seen, self._read = seen, motion(self._robot, self._dynamics, seen)
-        return self._read._replace(targets=self._acted(self._targets))
+        if before is None:
+            return self._taken(seen)
+        sense = sense if self._late else None
+        standing = self._acted(self._standing) if sense is None else sense.touching
+        step = response(self._robot, before, standing, wrench, self._period)
+        self._learn_delay(before, step, readings, noise)
+        seen[:, SENSED] = self._corrected(before, step, readings, shares)
+        found = self._taken(seen)
+        if sense is None or (standing == (touched := sense.touched(found))).all():
+            return found
+        # Feet that have come down or gone up meanwhile have moved the joints otherwise.
+        step = response(self._robot, before, touched, wrench, self._period)
+        seen[:, SENSED] = self._corrected(before, step, readings, shares)
+        return self._taken(seen)
 
-    def ahead(self, wrench: Floats, touching: Mask, slope: Floats) -> Motion:
+    def _taken(self, seen: Floats) -> Motion:
+        """Motion of what was seen, (n, k), with the targets that led to it, taken for that of the readings."""
+        self._seen, self._read = seen, motion(self._robot, self._dynamics, seen)
+        return self._read._replace(targets=self._acted(self._effective))
+
+    def ahead(self, wrench: Floats, touching: Mask, slope: Floats, planned: Floats | None = None) -> Motion:
         """Motion of the robots when their next targets take effect: after `read`, and knowing which feet touched the
-        ground then, (n, 4), and its rise per metre forward and to the left, (2, n)."""
+        ground then, (n, 4), and its rise per metre forward and to the left, (2, n). Joints that are no later than they
+        usually are keep near to what was `planned`, observations (n, k)."""
         assert self._read is not None
         now, seen, ground = self._read, self._seen.copy(), self._ground
         height = _above(now, slope)
@@ -114,9 +148,14 @@ class Observer(Memory):
             rows = np.flatnonzero(self.delays >= steps)
             then = motion(self._robot, self._dynamics, seen[rows])
             gaps = _above(then, slope[:, rows]) - ground[rows, None] - uneven[rows]
-            velocity = landing(self._robot, then, gaps, self._targets[steps - 1, rows], wrench[rows], self._period)
+            velocity = landing(self._robot, then, gaps, self._effective[steps - 1, rows], wrench[rows], self._period)
             ground[rows] -= 0.5 * self._period * (then.velocity + velocity[:, :3])[:, 2]
             seen[rows, SENSED] = np.clip(carried(self._robot, then, velocity, self._period), -BOUNDS, BOUNDS)
+        if planned is not None and self._late:
+            rows = np.flatnonzero(self.delays == self._late)
+            for group, most in ((ANGLES, self._period * UNPLANNED), (SPEEDS, UNPLANNED)):
+                plan = planned[rows, group]
+                seen[rows, group] = plan + PREDICTED * np.clip(seen[rows, group] - plan, -most, most)
         rows = np.flatnonzero(self.delays)
         return now if not len(rows) else _replaced(now, rows, motion(self._robot, self._dynamics, seen[rows]))
 
@@ -128,10 +167,12 @@ class Observer(Memory):
         """Of what was kept, (LONGEST + 1, n, …), that which led to the readings."""
         return kept[self.delays, np.arange(len(self.delays))]
 
-    def _predicted(self, before: Motion, readings: Floats, noise: Floats, wrench: Floats) -> Floats:
-        """Readings, (n, 33), as the motion a control step before lets them be; and the delay, as they show it."""
-        step = response(self._robot, before, self._acted(self._standing), wrench, self._period)
-        missed = step.velocity(self._targets)[..., 6:] - readings[:, SPEEDS]
+    def _learn_delay(self, before: Motion, step: Response, readings: Floats, noise: Floats) -> None:
+        """Believe the delay whose targets explain the joints' speeds best, of readings (n, 33) with noise (n, 5)."""
+        speeds = step.velocity(self._effective)[..., 6:]
+        if self._late:  # what encoders show is the mean over the period
+            speeds = 0.5 * (before.generalised[:, 6:] + speeds)
+        missed = speeds - readings[:, SPEEDS]
         missed = (missed * missed).mean(axis=2)
         known = self.looks - FIRST_PREDICTED
         share = at_first_a_mean(taken_in(self._period, DELAY_TIME), known)
@@ -140,24 +181,31 @@ class Observer(Memory):
         least = LEAST_GAIN * np.maximum(left - noise[:, -1], MODEL_ERROR) + NOISE_GAIN * noise[:, -1]
         better = (left - self._unexplained.min(axis=0) > least) & (self.looks > DELAY_LOOKS)
         self.delays = np.where(better, best, self.delays)
-        velocity = step.velocity(self._acted(self._targets))
-        return np.clip(carried(self._robot, before, velocity, self._period), -BOUNDS, BOUNDS)
 
-    def _taken_in(self, state: Floats, readings: Floats, noise: Floats) -> Floats:
-        """The prediction, (n, 33), corrected by the readings, of which each group has that noise, (n, 5)."""
-        missed, out = readings - state, state.copy()
+    def _shares(self, noise: Floats) -> tuple[Floats, Floats]:
+        """What to take in of what a prediction misses, by the noise of each group, (n, 5): of gravity, turning and
+        velocity, (n, 3), and of angle and speed into angle and speed, (n, 2, 2)."""
         doubt = self._doubt + UNFORESEEN[:3] ** 2
         share = doubt / (doubt + noise[:, :3])
         self._doubt = (1.0 - share) * doubt
+        # A joint's angle is information on its speed, too; differences of encoders' samples are of no moment.
+        step = np.array([[1.0, self._period], [0.0, 1.0]])
+        unforeseen, least = (ENCODED, ENCODER_NOISE) if self._late else (UNFORESEEN[3:], np.zeros(2))
+        joint_doubt = step @ self._joint_doubt @ step.T + np.diag(unforeseen**2)
+        shares = joint_doubt @ np.linalg.inv(joint_doubt + (noise[:, 3:] + least**2)[:, None] * np.eye(2))
+        self._joint_doubt = joint_doubt - shares @ joint_doubt
+        return share, shares
+
+    def _corrected(self, before: Motion, step: Response, readings: Floats, shares: tuple[Floats, Floats]) -> Floats:
+        """Readings, (n, 33), as the motion a control step before and that step let them be, corrected by those shares
+        of what they are."""
+        velocity = step.velocity(self._acted(self._effective))
+        out = np.clip(carried(self._robot, before, velocity, self._period), -BOUNDS, BOUNDS)
+        out = np.where((self.looks == 1)[:, None], readings, out)
+        missed, (share, joint_shares) = readings - out, shares
         for number, group in enumerate(GROUPS[:3]):
             out[:, group] += share[:, number, None] * missed[:, group]
-        # A joint's angle is information on its speed, too.
-        step = np.array([[1.0, self._period], [0.0, 1.0]])
-        joint_doubt = step @ self._joint_doubt @ step.T + np.diag(UNFORESEEN[3:] ** 2)
-        shares = joint_doubt @ np.linalg.inv(joint_doubt + noise[:, 3:, None] * np.eye(2))
-        self._joint_doubt = joint_doubt - shares @ joint_doubt
-        both = np.stack((missed[:, ANGLES], missed[:, SPEEDS]), axis=1)
-        corrections = shares @ both
+        corrections = joint_shares @ np.stack((missed[:, ANGLES], missed[:, SPEEDS]), axis=1)
         out[:, ANGLES] += corrections[:, 0]
         out[:, SPEEDS] += corrections[:, 1]
         return _upright(out)

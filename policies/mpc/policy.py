@@ -23,6 +23,7 @@ from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Torques, Wish, leg_torques, torques
 from quad_env import OBSERVATION
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask, Rows
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
@@ -50,6 +51,7 @@ class Mpc(GaitedPolicy):
         parameters: gait, cost and gains; None for those of `parameters_of`.
         gait: whose footfalls it has, by name.
         late: control steps by which joints are older than the moment at which it is shown them.
+        actuator: what drives the joints.
 
     A robot without a solution, or without a finite observation, goes on with what it had, and after `PATIENCE` stops.
     """
@@ -77,6 +79,7 @@ class Mpc(GaitedPolicy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         late: int = 0,
+        actuator: Actuator = IDEAL,
     ) -> None:
         super().__init__(robot=robot, control_period=control_period)
         robot = self.robot
@@ -102,9 +105,9 @@ class Mpc(GaitedPolicy):
         self._at_rest = np.zeros(table.size, np.float32)
         self._at_rest[table.slices.get("height_scan", slice(0))] = UNSEEN
         self._at_rest[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
-        self.sense = ContactSense(robot, p, control_period)
+        self.sense = ContactSense(robot, p, control_period, actuator, encoders=late > 0)
         self._joints = JointPrediction(late, control_period)
-        self.observer = Observer(robot, self._dynamics, control_period)
+        self.observer = Observer(robot, self._dynamics, control_period, actuator, late)
         self.prints = Footprints(p.slope_time, control_period)
         self.odometer = Odometer(p.farthest_behind, control_period)
 
@@ -112,10 +115,10 @@ class Mpc(GaitedPolicy):
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
         p = self.parameters
         load = estimated_load(self.sense.wrench, p.load_height)
-        read = loaded(self.observer.read(self._joints.now(observation), self.sense.wrench), load)
+        read = loaded(self.observer.read(observation, self.sense.wrench, self.sense), load)
         forces = self.sense.estimate(read, load.pressing(read.rotation))
-        touching = forces[..., 2] > p.touch_force
-        now = loaded(self.observer.ahead(self.sense.wrench, touching, self.prints.slope), load)
+        planned = self._joints.now(observation).astype(np.float64)
+        now = loaded(self.observer.ahead(self.sense.wrench, self.sense.touching, self.prints.slope, planned), load)
         now = self.odometer.catching_up(now, p.position_gain)
         self._hurry(now)
         cycle = self._gait.legs(self._phase)
@@ -296,7 +299,11 @@ class Mpc(GaitedPolicy):
 
     def _torques(self, now: Motion, wish: Wish, push: Floats, friction: Friction) -> Torques:
         """Torques of the joints for that wish, of robots whose trunks are pushed, (n, 6), N and N·m."""
-        return leg_torques(now.bodies, wish, push, self.robot.rated_torque)
+        return leg_torques(now.bodies, wish, push, self._limits(now))
+
+    def _limits(self, now: Motion) -> tuple[Floats, Floats]:
+        """Least and largest torques of the joints at their speeds, (n, 12), N·m."""
+        return self.observer.servos.limits(now.generalised[:, 6:])
 
     def _give_way(self, failed: Mask, observation: NDArray[np.float32], joints: Floats) -> None:
         """Hand robots over to a controlled stop, until a reset, whose programs have failed for `PATIENCE`."""
@@ -314,7 +321,7 @@ class MpcWbc(Mpc):
     name = "mpc_wbc"
 
     def _torques(self, now: Motion, wish: Wish, push: Floats, friction: Friction) -> Torques:
-        found = torques(now.bodies, wish, push, friction, self.robot.rated_torque, self.parameters, self._solver)
+        found = torques(now.bodies, wish, push, friction, self._limits(now), self.parameters, self._solver)
         if (there := found.found[:, None]).all():
             return found
         self.failures += ~found.found

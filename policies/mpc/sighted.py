@@ -14,6 +14,7 @@ from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from policies.mpc.reading_noise import ReadingNoise
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -113,7 +114,7 @@ class SightedMpcWbc(MpcWbc):
     the footprints' plane.
 
     Args:
-        parameters, robot, control_period, late: as of `MpcWbc`.
+        parameters, robot, control_period, late, actuator: as of `MpcWbc`.
         height_scan: what it is shown: the environment's.
     """
 
@@ -127,10 +128,11 @@ class SightedMpcWbc(MpcWbc):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         late: int = 0,
+        actuator: Actuator = IDEAL,
         height_scan: HeightScan = SCAN,
     ) -> None:
         self.height_scan = self._scan = height_scan
-        super().__init__(parameters, robot=robot, control_period=control_period, late=late)
+        super().__init__(parameters, robot=robot, control_period=control_period, late=late, actuator=actuator)
         self._shown = table_with(self.robot, height_scan).slices["height_scan"]
         points = slice(0, height_scan.grid[..., 0].size)
         self._scan_noise = ReadingNoise(control_period, [points], np.array([QUIET]))

@@ -53,14 +53,14 @@ def torques(
     wish: Wish,
     wrench: Floats,
     friction: Friction,
-    limit: float,
+    limits: tuple[Floats, Floats],
     p: MpcParameters,
     solver: Solver = solve,
 ) -> Torques:
     """The programs of the bodies, solved; see `programs`."""
     count, size = bodies.bias.shape
     torque, acceleration, found = np.zeros((count, size - 6)), np.zeros((count, size - 6)), np.zeros(count, np.bool_)
-    for robots, each in programs(bodies, wish, wrench, friction, limit, p):
+    for robots, each in programs(bodies, wish, wrench, friction, limits, p):
         solutions = solver(each)
         needed = np.matmul(each.rows[:, 6:size], solutions.value[..., None])[..., 0]
         torque[robots] = np.where(solutions.solved[:, None], needed + bodies.bias[robots, 6:], 0.0)
@@ -70,10 +70,10 @@ def torques(
 
 
 def programs(
-    bodies: RigidBodies, wish: Wish, wrench: Floats, friction: Friction, limit: float, p: MpcParameters
+    bodies: RigidBodies, wish: Wish, wrench: Floats, friction: Friction, limits: tuple[Floats, Floats], p: MpcParameters
 ) -> Iterator[tuple[Rows, Programs]]:
     """Programs over generalised acceleration and forces of the standing feet, those of one shape together, with the
-    robots whose they are. `wrench` pushes their trunks, (n, 6), N and N·m; `limit`: of a torque, N·m."""
+    robots whose they are. `wrench` pushes their trunks, (n, 6), N and N·m; `limits`: least and largest torques, N·m."""
     size = bodies.bias.shape[1]
     bias = bodies.bias.copy()
     bias[:, :6] -= wrench
@@ -81,7 +81,9 @@ def programs(
     weight = np.repeat(np.where(wish.standing, p.standing_priority, p.swinging_priority), 3, axis=1)[..., None]
     aims = (wish.feet - bodies.drift).reshape(weight.shape)
     following = np.matmul(feet.transpose(0, 2, 1), np.concatenate((weight * feet, weight * aims), axis=2))
-    most = np.concatenate((np.zeros(6), np.full(size - 6, limit)))  # the floating base has no motor
+    least, most = -bias, -bias.copy()  # the floating base has no motor
+    least[:, 6:] += limits[0]
+    most[:, 6:] += limits[1]
     for robots in alike(wish.standing.sum(axis=1)):
         standing, group = wish.standing[robots], len(robots)
         contact = bodies.jacobians[robots][standing].reshape(group, -1, size)
@@ -100,8 +102,8 @@ def programs(
         rows[:, :size, :size] = bodies.inertia[robots]
         rows[:, :size, forces] = -contact.transpose(0, 2, 1)  # less bias: what the motors have to give
         rows[:, size:, forces] = pyramid
-        lower = np.concatenate((-most - bias[robots], lower), axis=1)
-        upper = np.concatenate((most - bias[robots], upper), axis=1)
+        lower = np.concatenate((least[robots], lower), axis=1)
+        upper = np.concatenate((most[robots], upper), axis=1)
         yield robots, Programs(hessian, gradient, rows, lower, upper, equalities=6)
 
 
@@ -109,12 +111,12 @@ _SINGULAR = 1e-4
 """Added to the squared Jacobian of a leg, m²: a straight one does not accelerate along itself."""
 
 
-def leg_torques(bodies: RigidBodies, wish: Wish, wrench: Floats, limit: float) -> Torques:
+def leg_torques(bodies: RigidBodies, wish: Wish, wrench: Floats, limits: tuple[Floats, Floats]) -> Torques:
     """Torques without a program: each leg bears its planned force and follows its path; the trunk moves as planned.
 
     τ = M q̈ + h - Jᵀf, with q̈ of the trunk from the planned forces and of each leg such that its foot has the wished
     acceleration. What one leg's motion does to the others is left out; friction is the plan's; torques are clipped to
-    `limit`, N·m. `wrench`: on the trunks, (n, 6), N and N·m.
+    `limits`, N·m. `wrench`: on the trunks, (n, 6), N and N·m.
     """
     forces = np.where(wish.standing[..., None], wish.forces, 0.0)
     linear = (forces.sum(axis=1) + wrench[:, :3]) / bodies.mass[:, None] - (0.0, 0.0, GRAVITY)
@@ -128,5 +130,5 @@ def leg_torques(bodies: RigidBodies, wish: Wish, wrench: Floats, limit: float) -
     motion = np.concatenate((trunk, joints), axis=1)
     needed = np.einsum("nij,nj->ni", bodies.inertia[:, 6:], motion) + bodies.bias[:, 6:]
     borne = np.matmul(across, forces[..., None])[..., 0].reshape(joints.shape)
-    torque = np.clip(needed - borne, -limit, limit)
+    torque = np.clip(needed - borne, *limits)
     return Torques(torque, joints, np.isfinite(torque).all(axis=1))

@@ -20,6 +20,7 @@ from policies.mpc.observer import Observer
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.forces import Aim, load, pulled, shared
 from policies.virtual_model.parameters import VirtualParameters, searched_parameters
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
@@ -49,6 +50,7 @@ class TrotVirtual(GaitedPolicy):
     Args:
         parameters: gait and gains; None for those of `searched_parameters`.
         late: control steps by which joints are older than the moment at which it is shown them.
+        actuator: what drives the joints.
     """
 
     name = "trot_virtual"
@@ -75,6 +77,7 @@ class TrotVirtual(GaitedPolicy):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         late: int = 0,
+        actuator: Actuator = IDEAL,
     ) -> None:
         super().__init__(robot=robot, control_period=control_period)
         robot = self.robot
@@ -84,9 +87,9 @@ class TrotVirtual(GaitedPolicy):
         self._quickest = np.array([p.acceleration, p.acceleration, p.yaw_acceleration]) * control_period
         self._integral = np.array([p.integral_gain, p.integral_gain, p.yaw_integral_gain]) * control_period
         dynamics = Dynamics(robot)
-        self.sense = ContactSense(robot, self._senses, control_period)
+        self.sense = ContactSense(robot, self._senses, control_period, actuator, encoders=late > 0)
         self._joints = JointPrediction(late, control_period)
-        self.observer = Observer(robot, dynamics, control_period)
+        self.observer = Observer(robot, dynamics, control_period, actuator, late)
         self.prints = Footprints(p.slope_time, control_period)
         self.odometer = Odometer(p.farthest_behind, control_period)
 
@@ -121,9 +124,10 @@ class TrotVirtual(GaitedPolicy):
         control period, and the weight of their loads as a wrench, (n, 6)."""
         p, sense = self._senses, self.sense
         load = estimated_load(sense.wrench, p.load_height)
-        read = loaded(self.observer.read(self._joints.now(observation), sense.wrench), load)
+        read = loaded(self.observer.read(observation, sense.wrench, sense), load)
         forces = sense.estimate(read, load.pressing(read.rotation))
-        now = loaded(self.observer.ahead(sense.wrench, forces[..., 2] > p.touch_force, self.prints.slope), load)
+        planned = self._joints.now(observation).astype(np.float64)
+        now = loaded(self.observer.ahead(sense.wrench, sense.touching, self.prints.slope, planned), load)
         now = self.odometer.catching_up(now, self.parameters.position_gain)
         return now, forces, load.pressing(now.rotation)
 

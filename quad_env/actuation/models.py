@@ -4,8 +4,9 @@ The ideal servo is limited by `Motors.torque_limit` alone and follows its target
 `Motors` of a scenario limit the same thing, the weaker one holds; delays add up with `Latency`.
 """
 
+import math
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, cast
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from quad_env.config import Bounds, Positive, Settings, Share
 from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.robot import JOINTS, Robot
 
+UNSETTLED = 0.01
+"""Share of a target's change that a lag has not made yet when it is taken to be over."""
 EachJoint = Positive | tuple[Positive, ...] | None
 """A figure of all joints, of hip, thigh and calf, or of each of the twelve; None: the robot's own."""
 
@@ -63,6 +66,11 @@ class Line(NamedTuple):
     def slope(self) -> Array:
         """Torque lost per speed, K²/R, N·m·s/rad; the winding turns τ² / slope into heat, W."""
         return self.stall_torque / self.no_load_speed
+
+    def limits(self, speed: Array) -> tuple[Array, Array]:
+        """Least and largest torque at these joint speeds, rad/s, (…, 12), N·m."""
+        lost, peak = self.slope * speed, self.peak_torque
+        return np.clip(-self.stall_torque - lost, -peak, peak), np.clip(self.stall_torque - lost, -peak, peak)
 
 
 def _each(value: EachJoint, own: float) -> Array:
@@ -126,9 +134,23 @@ class Actuator(Settings):
         if self.thermal is not None and self.curve is None:
             raise ValueError("a thermal model needs a curve, from which the heat of a torque follows: give one")
 
+    def shares(self, timestep: float, period: float) -> Array:
+        """Shares of the targets of a control period, of the one before and so on in what the motors go by on average
+        over it, (k,), sum 1; a motor goes by the lag's value at the start of each physics step. `timestep`, `period`: s
+        """
+        steps, late = round(period / timestep), round(self.delay / timestep)
+        kept = 0.0 if self.bandwidth is None else math.exp(-timestep * 2 * math.pi * self.bandwidth)
+        settling = 0 if self.bandwidth is None else math.ceil(math.log(UNSETTLED) / math.log(kept))
+        count = math.ceil((late + settling) / steps) + 1
+        since = np.arange(count * steps) - late + (self.bandwidth is None)
+        reached = (1.0 - kept ** np.maximum(since, 0)).reshape(count, steps).mean(axis=1)
+        shares = np.diff(reached, prepend=0.0)
+        return cast("Array", shares / shares.sum())
 
+
+IDEAL = Actuator()
 ACTUATORS = {
-    "ideal": Actuator(),
+    "ideal": IDEAL,
     "torque_speed": Actuator(TorqueSpeed()),
     "motor": Actuator(TorqueSpeed(), bandwidth=66.0, delay=0.002, thermal=Thermal()),
 }

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
-from tests.train.curves.test_run import folder_of_run
+from tests.train.test_learning_curves import folder_of_run
 from train.config import PpoConfig, TrainConfig
 from train.learning_curves import SeedBand, by_seed, draw, read_curve
 from train.sb3.progress import Pace

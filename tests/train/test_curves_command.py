@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.train.curves.test_run import folder_of_run
+from tests.train.test_learning_curves import folder_of_run
 from train.__main__ import main
 
 

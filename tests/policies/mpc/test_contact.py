@@ -1,17 +1,25 @@
 """What a robot feels in its joints, against the forces that MuJoCo applies."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
 
 import policies
+from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.rollout import roll_out
 from policies.mpc.contact import ContactSense, as_accelerations
 from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
+from policies.mpc.policy import MpcWbc
+from quad_env.actuation.hardware import hardware_profile
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.collisions import foot_geoms
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.seeding import episode_seeds
 from tests.policies.readings import reading
+from train.curriculum import practice
 
 PERIOD, SUBSTEPS = 0.01, 5
 DYNAMICS = Dynamics(SIMPLE_QUAD)
@@ -114,6 +122,20 @@ def test_a_steady_force_on_the_trunk_is_felt_in_the_robot_s_own_frame(force: tup
     np.testing.assert_allclose(np.mean(accelerations, axis=0), np.mean(true, axis=0) / SIMPLE_QUAD.mass, atol=0.45)
 
 
+@pytest.mark.parametrize("yaw_rate", [1.5, -1.5])
+def test_a_robot_on_a_circle_is_pushed_to_the_centre(yaw_rate: float) -> None:
+    """m v ω, though its velocity in the frame that turns with it never changes."""
+    sense, speed = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD), np.array([0.8, 0.3])
+    sense.reset(1)
+    circling = reading(1, linear_velocity=(*speed, 0.0), angular_velocity=(0.0, 0.0, yaw_rate))
+    forces, wrench = sense.explained(motion(SIMPLE_QUAD, DYNAMICS, circling))
+    still = motion(SIMPLE_QUAD, DYNAMICS, reading(1, angular_velocity=(0.0, 0.0, yaw_rate)))
+    at_rest, left = sense.explained(still)
+    total = (forces - at_rest).sum(axis=1)[0] + (wrench - left)[0, :3]
+    expected = SIMPLE_QUAD.mass * yaw_rate * np.array([-speed[1], speed[0], 0.0])
+    np.testing.assert_allclose(total, expected, atol=0.5)
+
+
 def test_a_push_is_hardly_taken_for_a_lasting_force() -> None:
     """35 N·s within 0.1 s: what is left of it a second later would lean the robot against nothing."""
     robot, sense = Trotting(), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
@@ -155,3 +177,26 @@ def test_what_pushes_stays_where_it_is_in_the_world() -> None:
     cos, sin = np.cos(yaw_rate), np.sin(yaw_rate)  # the level frame has turned by this in a second
     world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ sense.wrench[0, :3]
     np.testing.assert_allclose(world, [40.0, 10.0, -20.0], atol=1e-9)
+
+
+def test_contact_is_known_on_motors_and_encoders() -> None:
+    """Of a walk on the hardware profile: feet that press on the ground within a control period, and feet in the air."""
+    real = hardware_profile(SIMPLE_QUAD)
+    hardware = Hardware(real.actuator, real.sensors, real.estimator)  # type: ignore[arg-type]
+    policy, felt, true = hardware.policy("mpc_wbc", real=True), [], []
+    assert isinstance(policy, MpcWbc)
+    estimate = policy.sense.estimate
+
+    def noted(*given: Any) -> np.ndarray:
+        felt.append((forces := estimate(*given))[..., 2])
+        return forces
+
+    policy.sense.estimate = noted  # type: ignore[method-assign]
+    seeds = episode_seeds("search", 0, 4)
+    watch = lambda step: true.append(step.infos["foot_impulse"] / PERIOD) if step.number else None  # noqa: E731
+    roll_out(policy, practice("flat", "search"), seeds, watch, steps=200, hardware=hardware)
+    late, settled = 1, 50
+    found = np.array(felt[settled + late + 1 :]) > policy.parameters.touch_force
+    pressed = np.array(true[settled : len(felt) - late - 1])
+    assert found[pressed > policy.parameters.touch_force].mean() >= 0.95
+    assert found[pressed == 0.0].mean() <= 0.05

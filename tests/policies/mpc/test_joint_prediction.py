@@ -41,4 +41,6 @@ def test_the_evaluator_tells_the_controller_what_its_encoders_take() -> None:
     """One control step with typical sensors, none of the truth and of ideal ones."""
     found = [Hardware(sensors=name).policy("mpc_wbc")._joints._late for name in ("truth", "ideal", "typical")]
     assert found == [0, 0, 1]
-    assert policies.make("safe:mpc_wbc", sensors="typical").policy._joints._late == 1
+    made = policies.make("safe:mpc_wbc", actuator="motor", sensors="typical").policy
+    assert made._joints._late == made.observer.delays[0] == 1
+    assert len(made.observer.servos.shares) == 3

@@ -109,6 +109,20 @@ def test_a_restart_forgets_one_robot_alone() -> None:
     np.testing.assert_array_equal(policy.observer.looks > 0, (False, True))
 
 
+def test_a_restarted_robot_doubts_its_readings_as_a_new_one_does() -> None:
+    """The same noisy readings, after others: the same motions to the bit."""
+    rng, (old, new) = np.random.default_rng(1), (MpcWbc(late=1).observer, MpcWbc(late=1).observer)
+    noisy = reading(40, joint_position=0.05 * rng.standard_normal((40, 12))).astype(np.float32)
+    noisy[:, OBSERVATION["linear_velocity"]] = 0.3 * rng.standard_normal((40, 3))
+    for row in noisy:
+        old.read(row[None], np.zeros((1, 6)))
+    old.reset_where(np.array([True]))
+    for row in noisy[:15]:
+        restarted, fresh = (each.read(row[None], np.zeros((1, 6))) for each in (old, new))
+    np.testing.assert_array_equal(restarted.generalised, fresh.generalised)
+    np.testing.assert_array_equal(restarted.angles, fresh.angles)
+
+
 def test_targets_are_those_that_were_asked_for_not_its_own() -> None:
     """As under a residual, which shifts them."""
     policy = MpcWbc()

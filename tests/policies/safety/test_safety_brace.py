@@ -76,6 +76,20 @@ def test_push_while_getting_up_is_braced_for_again():
     assert policy.mode[0] == Mode.CATCH
 
 
+def test_a_later_fall_is_braced_for_wholly_though_the_robot_came_to_rest_before():
+    """It runs against something: slow at once, but far from its velocity of late."""
+    policy = Safe(Noting())
+    policy.reset(1)
+    policy.act(moving(PUSHED))
+    while policy.mode[0] == Mode.CATCH:
+        policy.act(moving())
+    for speed in np.linspace(0.0, 2.0, 300):
+        policy.act(moving((speed, 0.0, 0.0), command=(speed, 0.0, 0.0)))
+    assert policy.mode[0] == Mode.FOLLOW
+    policy.act(moving(command=(2.0, 0.0, 0.0)))
+    assert (policy.mode[0], policy._brace.share[0]) == (Mode.CATCH, 1.0)
+
+
 @pytest.mark.parametrize("state", [{"velocity": (0.7, 0, 0)}, {"turning": (0, 2.0, 0)}, {"up": (0.6, 0, 0.8)}])
 def test_robot_that_moves_turns_or_leans_stays_braced(state):
     policy = Safe(Noting())

@@ -175,3 +175,24 @@ def test_the_trot_walks_on_the_default_motor() -> None:
         speeds.append(infos["heading_velocity"][:, 0])
     assert not terminated.any()
     np.testing.assert_allclose(np.mean(speeds[100:], axis=0), 0.8, atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("parts", "shares"),
+    [
+        ({}, [1.0]),
+        ({"delay": 0.006}, [0.4, 0.6]),
+        ({"delay": 0.01}, [0.0, 1.0]),
+        # What a lag with 44 % left after a physics step has reached after 0, 1, … of them, less a step late.
+        ({"bandwidth": 66.0, "delay": 0.002}, [0.458, 0.529, 0.012]),
+    ],
+)
+def test_shares_of_past_targets_in_what_motors_go_by(parts: dict[str, float], shares: list[float]) -> None:
+    np.testing.assert_allclose(Actuator(**parts).shares(0.002, 0.01), shares, atol=1e-3)
+
+
+def test_a_motor_that_turns_has_less_torque_left_ahead_than_back() -> None:
+    line = TorqueSpeed(stall_torque=100.0, no_load_speed=10.0, peak_torque=80.0).on(SIMPLE_QUAD)
+    least, most = line.limits(np.array([0.0, 5.0, -5.0, 12.0] * 3))
+    np.testing.assert_allclose(most[:4], [80.0, 50.0, 80.0, -20.0])
+    np.testing.assert_allclose(least[:4], [-80.0, -80.0, -50.0, -80.0])
