@@ -92,6 +92,7 @@ class TrotVirtual(GaitedPolicy):
         self.observer = Observer(robot, dynamics, control_period, actuator, late)
         self.prints = Footprints(p.slope_time, control_period)
         self.odometer = Odometer(p.farthest_behind, control_period)
+        self._higher = 0.0 if late else p.roughness_gain  # late joints show roughness where there is none
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         now, forces, weight = self._motion(observation)
@@ -210,7 +211,7 @@ class TrotVirtual(GaitedPolicy):
         start, whole = self._start[..., :2], p.landing * time
         over = aim - passing * (time - whole)
         x, y = np.moveaxis(swung(start, over, passing * whole, part) + passing * after, -1, 0)
-        height = p.step_height + p.roughness_gain * self.prints.roughness[:, None]
+        height = p.step_height + self._higher * self.prints.roughness[:, None]
         arc, down = 4.0 * t * (1.0 - t), smoothstep(t)
         z = self._start[..., 2] + down * (ground.at(x, y) - p.landing_depth - self._start[..., 2])
         return np.stack((x, y, z + height * arc * arc), axis=-1)
