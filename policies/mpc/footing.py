@@ -7,10 +7,11 @@ import numpy as np
 
 from policies.gait_cycle import Floats, smoothstep
 from policies.legs.foot_path import swung
-from policies.legs.ground_plane import at
+from policies.legs.ground_plane import above, at, carried, fitted
+from policies.memory import Memory, per_robot, taken_in
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
-from quad_env.columns import Mask
+from quad_env.columns import Mask, total
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 
@@ -20,6 +21,10 @@ LARGEST_SHIFT = 0.2
 """Farthest that a lasting force shifts the feet, m."""
 HIP_ANGLE = 0.42
 """Largest angle of a hip at a foothold, rad: short of its limit."""
+STEEPEST = 0.6
+"""Largest slope that is believed, m/m."""
+ROUGHNESS_TIME = 1.0
+"""Time constant with which the roughness of the ground is taken in, s."""
 CROUCH = 0.05
 """How much lower than planned a trunk may be when a foot lands, m."""
 
@@ -41,6 +46,40 @@ class Ground(NamedTuple):
     def at(self, x: Floats, y: Floats) -> Floats:
         """Height there, m, (n, 4)."""
         return at((self.height[:, None], self.forward[:, None], self.lateral[:, None]), x, y)
+
+
+class Footprints(Memory):
+    """Where the feet of n robots stood last, and the ground that this shows.
+
+    Args:
+        slope_time: time constant with which the slope is taken in, s.
+        period: of control, s.
+    """
+
+    slope: Floats = per_robot(np.zeros(2), axis=1)
+    """Rise per metre forward and to the left, (2, n)."""
+    roughness: Floats = per_robot(0.0)
+    """Largest distance of a footprint from the plane through them, smoothed, (n,), m."""
+    places: Floats = per_robot(np.zeros((3, 4)), axis=2)
+    """Of the footprints now, level frame, (3, 4, n), m."""
+
+    def __init__(self, slope_time: float, period: float) -> None:
+        self._share, self._period = taken_in(period, slope_time), period
+
+    def ground(self, now: Motion, landed: Mask) -> Ground:
+        """The plane of the slope that the footprints have shown for a while, at the footprints' mean height.
+
+        `landed`: feet that show the ground now, (n, 4).
+        """
+        former = carried(self.places, now.velocity.T, now.turning[:, 2], self._period)
+        self.places = places = np.where(landed.T, now.bodies.feet.T, former)
+        _, *slope = plane = fitted(places)
+        apart = np.abs(above(plane, places)).max(axis=0)
+        self.roughness += taken_in(self._period, ROUGHNESS_TIME) * (apart - self.roughness)
+        self.slope = self.slope + self._share * (np.clip(np.stack(slope), -STEEPEST, STEEPEST) - self.slope)
+        forward, lateral = self.slope
+        under_the_trunk = 0.25 * total(above((np.zeros(len(landed)), forward, lateral), places))
+        return Ground(under_the_trunk, forward, lateral)
 
 
 def neutral_feet(robot: Robot, p: MpcParameters) -> Floats:

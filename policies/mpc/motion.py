@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
 from policies.legs.level_frame import level_frame
+from policies.memory import Memory, per_robot
 from quad_env import OBSERVATION
 from quad_env.columns import of_robots
 from quad_env.config import GRAVITY
@@ -79,6 +80,37 @@ def _quaternion(roll: Floats, pitch: Floats) -> Floats:
     """From the base to the level frame, (w, x, y, z), (n, 4): a turn by `roll` about x, then by `pitch` about y."""
     (cr, sr), (cp, sp) = (np.cos(roll / 2), np.sin(roll / 2)), (np.cos(pitch / 2), np.sin(pitch / 2))
     return np.stack((cp * cr, cp * sr, sp * cr, -sp * sr), axis=-1)
+
+
+class Odometer(Memory):
+    """How far n robots are behind their commands since these were given: the integral of the velocity error, in the
+    heading frame, as the position set point of convex MPC on robots; see `ConvexMPCLocomotion` of MIT's
+    Cheetah-Software.
+
+    Args:
+        farthest: distance, m, and angle, rad, that is counted at most.
+        period: of control, s.
+        fastest: speed that is asked for at most to catch up, m/s; a faster command keeps its own.
+    """
+
+    behind: Floats = per_robot(np.zeros(3))
+    """Forward, lateral, m, and yaw, rad, (n, 3)."""
+    _command: Floats = per_robot(np.zeros(3))
+
+    def __init__(self, farthest: float, period: float, fastest: float = np.inf) -> None:
+        self._farthest, self._period, self._fastest = farthest, period, fastest
+
+    def catching_up(self, now: Motion, gain: float) -> Motion:
+        """The motion with a command that also makes up for the way lost; `gain`: velocity per distance, 1/s."""
+        velocity = np.column_stack((now.velocity[:, :2], now.turning[:, 2]))
+        behind = self.behind + self._period * (now.command - velocity)
+        same = (now.command == self._command).all(axis=1, keepdims=True)
+        self.behind = np.where(same, np.clip(behind, -self._farthest, self._farthest), 0.0)
+        self._command = now.command
+        wished = now.command + gain * self.behind
+        speed, own = (np.hypot(*each[:, :2].T) for each in (wished, now.command))
+        wished[:, :2] *= np.minimum(1.0, np.maximum(own, self._fastest) / np.maximum(speed, 1e-9))[:, None]
+        return now._replace(command=wished)
 
 
 class Load(NamedTuple):

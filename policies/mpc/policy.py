@@ -11,12 +11,11 @@ from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
 from policies.behaviour.motion import Stop
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.gaits.parameters import OFFSETS
-from policies.legs.ground_plane import above, carried, fitted
-from policies.memory import per_robot, taken_in
+from policies.memory import per_robot
 from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
-from policies.mpc.footing import Ground, Terrain, arms, footholds, swing
+from policies.mpc.footing import Footprints, Ground, Terrain, arms, footholds, swing
 from policies.mpc.joint_prediction import JointPrediction
-from policies.mpc.motion import Motion, estimated_load, loaded
+from policies.mpc.motion import Motion, Odometer, estimated_load, loaded
 from policies.mpc.observer import Observer
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import Plans
@@ -25,7 +24,7 @@ from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Torques, Wish, leg_torques, torques
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
-from quad_env.columns import Mask, Rows, total
+from quad_env.columns import Mask, Rows
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
 from quad_env.physics.rotations import cross
@@ -35,14 +34,10 @@ from quad_env.sensing.height_scan import UNSEEN, table_with
 
 HORIZON = 10
 """Steps of the prediction."""
-STEEPEST = 0.6
-"""Largest slope that is believed, m/m."""
 USUAL_ERROR = 0.4
 """Velocity error, m/s, up to which it steps at its usual frequency."""
 HURRY = 0.3
 """Of a change of frequency, what is made in a control period."""
-ROUGHNESS_TIME = 1.0
-"""Time constant with which the roughness of the ground is taken in, s."""
 PATIENCE = 0.1
 """For how long a robot goes on without solutions, s: half a step of the gait."""
 FASTEST_JOINT = 2000.0
@@ -72,11 +67,6 @@ class Mpc(GaitedPolicy):
     _unsolved: NDArray[np.int64] = per_robot(0)
     _swinging: Mask = per_robot(np.zeros(4, np.bool_))
     _start: Floats = per_robot(np.zeros((4, 2)))
-    _prints: Floats = per_robot(np.zeros((3, 4)), axis=2)
-    _roughness: Floats = per_robot(0.0)
-    _slope: Floats = per_robot(np.zeros(2), axis=1)
-    _command: Floats = per_robot(np.zeros(3))
-    _behind: Floats = per_robot(np.zeros(3))
     _frequencies: Floats = per_robot(lambda policy: policy.frequency)
     _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
     _seen: NDArray[np.float32] = per_robot(lambda policy: policy._at_rest)
@@ -118,6 +108,8 @@ class Mpc(GaitedPolicy):
         self.sense = ContactSense(robot, p, control_period, actuator, encoders=late > 0)
         self._joints = JointPrediction(late, control_period)
         self.observer = Observer(robot, self._dynamics, control_period, actuator, late)
+        self.prints = Footprints(p.slope_time, control_period)
+        self.odometer = Odometer(p.farthest_behind, control_period, p.fastest_return)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
@@ -126,8 +118,8 @@ class Mpc(GaitedPolicy):
         read = loaded(self.observer.read(observation, self.sense.wrench, self.sense), load)
         forces = self.sense.estimate(read, load.pressing(read.rotation))
         planned = self._joints.now(observation).astype(np.float64)
-        now = loaded(self.observer.ahead(self.sense.wrench, self.sense.touching, self._slope, planned), load)
-        now = self._catching_up(now)
+        now = loaded(self.observer.ahead(self.sense.wrench, self.sense.touching, self.prints.slope, planned), load)
+        now = self.odometer.catching_up(now, p.position_gain)
         self._hurry(now)
         cycle = self._gait.legs(self._phase)
         weight = load.pressing(now.rotation)
@@ -135,7 +127,7 @@ class Mpc(GaitedPolicy):
         late = self.control_period * self.observer.delays
         earlier = self._gait.legs(self._phase - TURN * self._frequencies * late)
         contacts = contact_states(p, cycle, earlier, forces[..., 2], self._new, flies=self._gait.flies)
-        ground = self._ground(now, contacts.landed)
+        ground = self.prints.ground(now, contacts.landed)
         pushed = as_accelerations(now.bodies, now.rotation, push)
         height, stance = self._height, p.duty / self._frequencies
         aim = footholds(self.robot, p, now, pushed[:, :2], stance, height)
@@ -176,22 +168,6 @@ class Mpc(GaitedPolicy):
         """That the trunks are to have above the ground, m."""
         return self.parameters.height - self.robot.hip_rise
 
-    def _catching_up(self, now: Motion) -> Motion:
-        """The motion with a command that also makes up for the way lost since the command was given, within a speed.
-
-        The integral of the velocity error in the heading frame, as the position set point of convex MPC on robots; see
-        `ConvexMPCLocomotion` of MIT's Cheetah-Software.
-        """
-        p, velocity = self.parameters, np.column_stack((now.velocity[:, :2], now.turning[:, 2]))
-        behind = self._behind + self.control_period * (now.command - velocity)
-        same = (now.command == self._command).all(axis=1, keepdims=True)
-        self._behind = np.where(same, np.clip(behind, -p.farthest_behind, p.farthest_behind), 0.0)
-        self._command = now.command
-        wished = now.command + p.position_gain * self._behind
-        speed, own = (np.hypot(*each[:, :2].T) for each in (wished, now.command))
-        wished[:, :2] *= np.minimum(1.0, np.maximum(own, p.fastest_return) / np.maximum(speed, 1e-9))[:, None]
-        return now._replace(command=wished)
-
     def _hurry(self, now: Motion) -> None:
         """Advance the clocks, faster where the velocity is far from the command."""
         p = self.parameters
@@ -201,22 +177,9 @@ class Mpc(GaitedPolicy):
         self._frequencies = self._frequencies + HURRY * (wished - self._frequencies)
         self._tick(self._frequencies - self.frequency)
 
-    def _ground(self, now: Motion, landed: Mask) -> Ground:
-        """The plane of the slope that the footprints have shown for a while, at the footprints' mean height."""
-        former = carried(self._prints, now.velocity.T, now.turning[:, 2], self.control_period)
-        self._prints = prints = np.where(landed.T, now.bodies.feet.T, former)
-        _, *slope = plane = fitted(prints)
-        apart = np.abs(above(plane, prints)).max(axis=0)
-        self._roughness += taken_in(self.control_period, ROUGHNESS_TIME) * (apart - self._roughness)
-        share = taken_in(self.control_period, self.parameters.slope_time)
-        self._slope = self._slope + share * (np.clip(np.stack(slope), -STEEPEST, STEEPEST) - self._slope)
-        forward, lateral = self._slope
-        under_the_trunk = 0.25 * total(above((np.zeros(self.num_envs), forward, lateral), prints))
-        return Ground(under_the_trunk, forward, lateral)
-
     def _over(self, aim: Floats, ground: Ground) -> Terrain:
         """What the feet swing over to their footholds, (n, 4, 2): the plane, and higher where the ground is rough."""
-        higher = 16.0 * self.parameters.roughness_gain * self._roughness[:, None]
+        higher = 16.0 * self.parameters.roughness_gain * self.prints.roughness[:, None]
         return lambda x, y, t: ground.at(x, y) + higher * (t * (1.0 - t)) ** 2
 
     def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from policies.base import CONTROL_PERIOD, Actions
 from policies.gait_cycle import Floats, smoothstep
 from policies.memory import per_robot, taken_in
-from policies.mpc.footing import Ground, Terrain
+from policies.mpc.footing import STEEPEST, Ground, Terrain
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
-from policies.mpc.policy import STEEPEST, MpcWbc
+from policies.mpc.policy import MpcWbc
 from policies.mpc.reading_noise import ReadingNoise
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask
@@ -153,7 +153,7 @@ class SightedMpcWbc(MpcWbc):
         return Ground(*self._level)
 
     def _over(self, aim: Floats, ground: Ground) -> Terrain:
-        x, y, start = self._prints.transpose(0, 2, 1)
+        x, y, start = self.prints.places.transpose(0, 2, 1)
         last, end = np.stack((x, y), axis=-1), self._seen_ground.at(aim)
         between = [self._seen_ground.at(last + share * (aim - last)) for share in ON_THE_WAY]
         return Steps(start, end, np.max([start, end, *between], axis=0)).over

@@ -31,6 +31,8 @@ class VirtualParameters(Parameters):
     """Middle of the feet ahead of the centre of mass, m."""
     step_height: float = number(0.05, limits=(0.0, 2.0), search=(0.035, 0.12), unit="m")
     """Lift of a swinging foot, m."""
+    roughness_gain: float = number(4.0, limits=(0.0, 100.0), search=(0.0, 6.0))
+    """Lift added per roughness of the ground, the distance of the footprints from their plane."""
     landing_depth: float = number(0.003, limits=(0.0, 1.0), search=(0.0, 0.01), unit="m")
     """How far below the ground the path of a swinging foot ends, m."""
     landing: float = number(0.8, limits=(0.1, 1.0), search=(0.65, 1.0))
@@ -47,6 +49,10 @@ class VirtualParameters(Parameters):
     """Fastest change of the forward and of the lateral reference velocity, m/s²."""
     yaw_acceleration: float = number(20.0, limits=(1e-3, 1e6), search=(5.0, 60.0), unit="rad/s²")
     """Fastest change of the reference yaw rate, rad/s²."""
+    position_gain: float = number(1.0, limits=(0.0, 100.0), search=(0.0, 2.0), unit="1/s")
+    """Velocity added to the command per distance, and yaw rate per angle, that the robot is behind it, 1/s."""
+    farthest_behind: float = number(0.6, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m")
+    """Distance that is made up for at most, m; the same number of an angle, rad."""
     integral_gain: float = number(2.0, limits=(0.0, 1e3), search=(0.0, 4.0), unit="1/s")
     """Change of the wanted velocity per velocity error and second, 1/s."""
     yaw_integral_gain: float = number(3.0, limits=(0.0, 1e3), search=(0.0, 6.0), unit="1/s")

@@ -10,26 +10,22 @@ from numpy.typing import NDArray
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, Mask, to_actions
 from policies.gait_cycle import TROT_OFFSETS, TURN, Floats, Gait, LegCycle, smoothstep
 from policies.legs.foot_path import swung
-from policies.legs.ground_plane import above, carried, fitted
 from policies.legs.kinematics import leg_angles
-from policies.memory import per_robot, taken_in
+from policies.memory import per_robot
 from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
-from policies.mpc.footing import Ground
+from policies.mpc.footing import Footprints, Ground
 from policies.mpc.joint_prediction import JointPrediction
-from policies.mpc.motion import Motion, estimated_load, loaded
+from policies.mpc.motion import Motion, Odometer, estimated_load, loaded
 from policies.mpc.observer import Observer
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.forces import Aim, load, pulled, shared
 from policies.virtual_model.parameters import VirtualParameters, searched_parameters
 from quad_env.actuation.models import IDEAL, Actuator
-from quad_env.columns import total
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-STEEPEST = 0.6
-"""Largest slope that is believed, m/m."""
 LARGEST_CORRECTION = np.array([0.5, 0.5, 0.8])
 """Largest correction of the wanted velocity by the integral of its error, m/s and rad/s."""
 SMALL_ERROR = np.array([1.0, 1.0, 1.6])
@@ -73,8 +69,6 @@ class TrotVirtual(GaitedPolicy):
     _swinging: Mask = per_robot(np.zeros(4, np.bool_))
     _start: Floats = per_robot(np.zeros((4, 3)))
     _place: Floats = per_robot(np.zeros((4, 3)))
-    _prints: Floats = per_robot(np.zeros((3, 4)), axis=2)
-    _slope: Floats = per_robot(np.zeros(2), axis=1)
 
     def __init__(
         self,
@@ -96,6 +90,9 @@ class TrotVirtual(GaitedPolicy):
         self.sense = ContactSense(robot, self._senses, control_period, actuator, encoders=late > 0)
         self._joints = JointPrediction(late, control_period)
         self.observer = Observer(robot, dynamics, control_period, actuator, late)
+        self.prints = Footprints(p.slope_time, control_period)
+        self.odometer = Odometer(p.farthest_behind, control_period)
+        self._higher = 0.0 if late else p.roughness_gain  # late joints show roughness where there is none
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         now, forces, weight = self._motion(observation)
@@ -107,7 +104,7 @@ class TrotVirtual(GaitedPolicy):
         contacts = contact_states(self._senses, cycle, earlier, forces[..., 2], self._new, flies=self._gait.flies)
         push = self.sense.wrench - weight
         pushed = as_accelerations(now.bodies, now.rotation, push)
-        ground = self._ground(now, contacts.landed)
+        ground = self.prints.ground(now, contacts.landed)
         stance = self.parameters.duty / self._frequencies
         passing = self._passing(now)
         self._lift(now, cycle, contacts, error, passing)
@@ -131,7 +128,8 @@ class TrotVirtual(GaitedPolicy):
         read = loaded(self.observer.read(observation, sense.wrench, sense), load)
         forces = sense.estimate(read, load.pressing(read.rotation))
         planned = self._joints.now(observation).astype(np.float64)
-        now = loaded(self.observer.ahead(sense.wrench, sense.touching, self._slope, planned), load)
+        now = loaded(self.observer.ahead(sense.wrench, sense.touching, self.prints.slope, planned), load)
+        now = self.odometer.catching_up(now, self.parameters.position_gain)
         return now, forces, load.pressing(now.rotation)
 
     def _hurry(self, astray: Floats) -> None:
@@ -156,17 +154,6 @@ class TrotVirtual(GaitedPolicy):
         correction = self.correction - np.where(small, self._integral * error, 0.0)
         self.correction = np.clip(correction, -LARGEST_CORRECTION, LARGEST_CORRECTION)
         return error
-
-    def _ground(self, now: Motion, landed: Mask) -> Ground:
-        """The plane of the slope that the footprints have shown for a while, at the footprints' mean height."""
-        former = carried(self._prints, now.velocity.T, now.turning[:, 2], self.control_period)
-        self._prints = prints = np.where(landed.T, now.bodies.feet.T, former)
-        _, *slope = fitted(prints)
-        share = taken_in(self.control_period, self.parameters.slope_time)
-        self._slope = self._slope + share * (np.clip(np.stack(slope), -STEEPEST, STEEPEST) - self._slope)
-        forward, lateral = self._slope
-        under_the_trunk = 0.25 * total(above((np.zeros(self.num_envs), forward, lateral), prints))
-        return Ground(under_the_trunk, forward, lateral)
 
     def _aim(self, now: Motion, ground: Ground) -> Aim:
         """How the trunks are to be and to move now."""
@@ -224,9 +211,10 @@ class TrotVirtual(GaitedPolicy):
         start, whole = self._start[..., :2], p.landing * time
         over = aim - passing * (time - whole)
         x, y = np.moveaxis(swung(start, over, passing * whole, part) + passing * after, -1, 0)
+        height = p.step_height + self._higher * self.prints.roughness[:, None]
         arc, down = 4.0 * t * (1.0 - t), smoothstep(t)
         z = self._start[..., 2] + down * (ground.at(x, y) - p.landing_depth - self._start[..., 2])
-        return np.stack((x, y, z + p.step_height * arc * arc), axis=-1)
+        return np.stack((x, y, z + height * arc * arc), axis=-1)
 
     def _targets(
         self, now: Motion, cycle: LegCycle, passing: Floats, forces: Floats, aim: Floats, ground: Ground

@@ -8,6 +8,7 @@ import pytest
 import policies
 from policies.gait_cycle import LegCycle
 from policies.mpc.contact import ContactStates
+from policies.mpc.footing import Ground
 from policies.mpc.motion import motion
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.forces import Aim, load, pulled, shared
@@ -114,6 +115,24 @@ def test_the_ground_passes_backward_under_a_robot_that_goes_ahead() -> None:
     assert policy._passing(standing(linear_velocity=(0.5, 0.2, 0.0)))[0] == pytest.approx(
         np.tile([-0.5, -0.2], (4, 1)), abs=1e-6
     )
+
+
+@pytest.mark.parametrize(("late", "higher"), [(0, 0.04), (2, 0.0)])
+def test_feet_swing_higher_on_rough_ground_where_joints_are_read_in_time(late: int, higher: float) -> None:
+    policy = TrotVirtual(replace(P, roughness_gain=4.0, landing_depth=0.0), late=late)
+    policy.reset(2)
+    policy.prints.roughness[0] = 0.01
+    still, ground = np.zeros((2, 4, 2)), Ground(*np.zeros((3, 2)))
+    up = [policy._path(np.full((2, 4), t), still, still, ground)[:, 0, 2] for t in (0.0, 0.5, 1.0)]
+    np.testing.assert_allclose(up, [[0.0, 0.0], [P.step_height + higher, P.step_height], [0.0, 0.0]], atol=1e-12)
+
+
+def test_the_way_lost_is_made_up_for() -> None:
+    policy = TrotVirtual(replace(P, position_gain=1.0, integral_gain=0.0, acceleration=100.0))
+    policy.reset(1)
+    for _ in range(100):
+        policy.act(reading(1, command=(0.4, 0.0, 0.0)))
+    assert policy.reference[0] == pytest.approx([0.8, 0.0, 0.0], abs=0.02)
 
 
 def test_diagonal_legs_swing_together() -> None:
