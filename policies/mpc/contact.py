@@ -57,8 +57,9 @@ class ContactSense(Memory):
     touching: Mask = per_robot(np.ones(4, np.bool_))
     """Feet that surely touch the ground, (n, 4): from `TOUCH` of the touch force on, down to `LET_GO` of it."""
     _known: Mask = per_robot(False)
-    _before: Floats = per_robot(np.zeros(18 + 12))
+    _before: Floats = per_robot(np.zeros(18 + 12 + 12))
     _looks: Floats = per_robot(0.0)
+    _fast: Mask = per_robot(np.zeros(4, np.bool_))
     _sliding: Mask = per_robot(np.zeros(4, np.bool_))
 
     def __init__(
@@ -82,8 +83,7 @@ class ContactSense(Memory):
         `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6).
         """
         forces, wrench = self.explained(motion)
-        self.touching = self._pressed(forces)
-        self._before = np.concatenate((motion.generalised, motion.angles), axis=1)
+        self._before = np.concatenate((motion.generalised, motion.angles, motion.targets), axis=1)
         self._known = np.ones_like(self._known)
         firm = (forces[..., 2] > FIRM).sum(axis=1) >= 2
         telling = firm & (forces[..., 2].max(axis=1) < IMPACT) & (np.abs(motion.tilt).max(axis=1) < UPRIGHT)
@@ -99,44 +99,46 @@ class ContactSense(Memory):
         self._estimate_friction(forces, motion.feet_velocity)
         return forces
 
-    def touched(self, motion: Motion) -> Mask:
-        """What `touching` is if the robots moved so since the last estimate, (n, 4)."""
-        return self._pressed(self.explained(motion)[0])
-
-    def _pressed(self, forces: Floats) -> Mask:
-        pressed: Mask = forces[..., 2] > self._parameters.touch_force * np.where(self.touching, LET_GO, TOUCH)
-        return pressed
-
     def explained(self, motion: Motion) -> tuple[Floats, Floats]:
         """Forces of the feet, (n, 4, 3), N, and the wrench that they leave unexplained, (n, 6), if the robots moved so
-        since the last estimate."""
+        since the last estimate; renews `touching`.
+
+        Speeds of encoders are means over a period: a difference of two is the joints' mean acceleration over both
+        periods, and so are the forces.
+        """
         period, bodies, now = self._period, motion.bodies, motion.generalised
-        state = np.concatenate((now, motion.angles), axis=1)
+        state = np.concatenate((now, motion.angles, motion.targets), axis=1)
         before = np.where(self._known[:, None], self._before, state)
         acceleration = (now - before[:, :18]) / period
         # The level frame has turned with the robot.
         acceleration[:, 0] -= motion.turning[:, 2] * now[:, 1]
         acceleration[:, 1] += motion.turning[:, 2] * now[:, 0]
-        # Mean angle of the cubic between both angles with both speeds.
-        angle = 0.5 * (motion.angles + before[:, 18:]) - period / 12.0 * (now[:, 6:] - before[:, 6:18])
-        # Of encoders a difference says less than the filtered speeds at both ends.
-        ends = 0.5 * (now[:, 6:] + before[:, 6:18])
-        speed = ends if self._encoders else (motion.angles - before[:, 18:]) / period
+        faster, targets = period / 12.0 * (now[:, 6:] - before[:, 6:18]), motion.targets
+        if self._encoders:
+            angle, speed = before[:, 18:30] + faster, 0.5 * (now[:, 6:] + before[:, 6:18])
+            targets = 0.5 * (targets + before[:, 30:])
+        else:  # the mean of the cubic between both angles with both speeds
+            angle = 0.5 * (motion.angles + before[:, 18:30]) - faster
+            speed = (motion.angles - before[:, 18:30]) / period
         needed = np.einsum("nij,nj->ni", bodies.inertia, acceleration) + bodies.bias
-        needed[:, 6:] -= self._servos.torque(motion.targets, angle, speed)
+        needed[:, 6:] -= self._servos.torque(targets, angle, speed)
         legs = bodies.leg_jacobians
         squares = np.einsum("nlxj,nlyj->nlxy", legs, legs) + _SINGULAR * np.eye(3)
         aims = np.einsum("nlxj,nlj->nlx", legs, needed[:, 6:].reshape(-1, 4, 3))
         forces = np.linalg.solve(squares, aims[..., None])[..., 0]
-        # The ground does not pull: that is a joint at its limit, or two links that touch.
-        forces = np.where(forces[..., 2:] < 0.0, 0.0, forces)
+        self.touching = forces[..., 2] > self._parameters.touch_force * np.where(self.touching, LET_GO, TOUCH)
+        # The ground does not pull: that is a joint at its limit, or two links that touch. Noise is no force either.
+        none = ~self.touching if self._encoders else forces[..., 2] < 0.0
+        forces = np.where(none[..., None], 0.0, forces)
         return forces, needed[:, :6] - np.einsum("nlxk,nlx->nk", bodies.jacobians[..., :6], forces)
 
     def _estimate_friction(self, forces: Floats, velocity: Floats) -> None:
         """Take the ratio of the forces of a foot that slides for the friction; forget it slowly."""
         p = self._parameters
         speed, across = np.hypot(velocity[..., 0], velocity[..., 1]), np.hypot(forces[..., 0], forces[..., 1])
-        sliding = (speed > p.slip_speed) & (forces[..., 2] > 2.0 * p.touch_force)
+        pressed = forces[..., 2] > 2.0 * p.touch_force
+        sliding = pressed & self._fast
+        self._fast = pressed & (speed > p.slip_speed)  # and still presses at the next look: one that lifts does not
         sliding, self._sliding = sliding & self._sliding, sliding  # a foot that lands slides for a moment
         ratio = np.where(sliding, across / np.maximum(forces[..., 2], 1e-9), 0.0).max(axis=1)
         shown = np.maximum(SAFE_SHARE * ratio, LEAST_GRIP)
