@@ -9,12 +9,14 @@ robot collision detection and hybrid force/motion control", ICRA 2005.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats, LegCycle
 from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.servo_step import Servos
+from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask
 from quad_env.physics.dynamics import RigidBodies
@@ -34,8 +36,13 @@ UPRIGHT = 0.2
 """Largest tilt, rad, at which what no foot explains is believed."""
 FIRST = 5.0
 """Looks that the first one counts as: until there are many the wrench is their mean, whatever the time constants."""
-TOUCH, LET_GO = 1.2, 0.4
-"""Shares of the touch force; a foot that is falsely taken to stand is predicted to stop at once."""
+UNSURE = 0.03
+"""Force of a foot per stiffness of the servos, N per N·m/rad, that noise of the joints' readings feigns: so much above
+the touch force a foot in the air has to press to be taken to stand, for it would be predicted to stop at once."""
+ENCODED_LOAD_TIME = 0.15
+"""Least time constant of the vertical force of noisy joints, s."""
+ZERO_TIME, LARGEST_ZERO = 1.0, 0.03
+"""Time constant with which the encoders' zeros are taken in while a foot is in the air, s, and bound of a look, rad."""
 SAFE_SHARE = 0.7
 """Of the friction that a slip has shown, what is relied on: the pyramid's edges reach that much further."""
 LEAST_GRIP = 0.05
@@ -55,7 +62,9 @@ class ContactSense(Memory):
     grip: Floats = per_robot(lambda sense: sense._parameters.friction)
     """Friction that is relied on, (n,)."""
     touching: Mask = per_robot(np.ones(4, np.bool_))
-    """Feet that surely touch the ground, (n, 4): from `TOUCH` of the touch force on, down to `LET_GO` of it."""
+    """Feet that surely touch the ground, (n, 4)."""
+    zeros: Floats = per_robot(np.zeros(12))
+    """What encoders show of joints at zero, (n, 12), rad: without it the servos give more than legs in the air need."""
     _known: Mask = per_robot(False)
     _before: Floats = per_robot(np.zeros(18 + 12 + 12))
     _looks: Floats = per_robot(0.0)
@@ -73,9 +82,16 @@ class ContactSense(Memory):
     ) -> None:
         self._parameters, self._period, self._encoders = parameters, period, encoders
         self._servos = Servos(robot, actuator, period)
-        p = parameters
+        p, self._zero_share = parameters, taken_in(period, ZERO_TIME)
+        self._unsure = UNSURE * float(np.max(robot.servo_stiffness)) * encoders
         self._shares = np.full(6, taken_in(period, p.disturbance_time))
-        self._shares[2] = taken_in(period, p.load_time)
+        self._shares[2] = taken_in(period, max(p.load_time, ENCODED_LOAD_TIME) if encoders else p.load_time)
+
+    def calibrated(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The observations, (n, k), less what the encoders are known to show at zero."""
+        out = observation.copy()
+        out[:, OBSERVATION["joint_position"]] -= self.zeros
+        return out
 
     def estimate(self, motion: Motion, weight: Floats) -> Floats:
         """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`.
@@ -126,11 +142,16 @@ class ContactSense(Memory):
         squares = np.einsum("nlxj,nlyj->nlxy", legs, legs) + _SINGULAR * np.eye(3)
         aims = np.einsum("nlxj,nlj->nlx", legs, needed[:, 6:].reshape(-1, 4, 3))
         forces = np.linalg.solve(squares, aims[..., None])[..., 0]
-        self.touching = forces[..., 2] > self._parameters.touch_force * np.where(self.touching, LET_GO, TOUCH)
-        # The ground does not pull: that is a joint at its limit, or two links that touch. Noise is no force either.
-        none = ~self.touching if self._encoders else forces[..., 2] < 0.0
-        forces = np.where(none[..., None], 0.0, forces)
-        return forces, needed[:, :6] - np.einsum("nlxk,nlx->nk", bodies.jacobians[..., :6], forces)
+        least = self._parameters.touch_force + np.where(self.touching, 0.0, self._unsure)
+        self.touching = forces[..., 2] > least
+        if self._encoders:
+            shown = np.clip(needed[:, 6:] / self._servos.stiffness, -LARGEST_ZERO, LARGEST_ZERO)
+            self.zeros += np.where(np.repeat(self.touching, 3, axis=1), 0.0, self._zero_share * shown)
+        # The ground does not pull: that is a joint at its limit, or two links that touch. Noise pulls as it presses.
+        pressing = np.where(forces[..., 2:] < 0.0, 0.0, forces)
+        explaining = forces if self._encoders else pressing
+        wrench = needed[:, :6] - np.einsum("nlxk,nlx->nk", bodies.jacobians[..., :6], explaining)
+        return np.where(self.touching[..., None], forces, 0.0) if self._encoders else pressing, wrench
 
     def _estimate_friction(self, forces: Floats, velocity: Floats) -> None:
         """Take the ratio of the forces of a foot that slides for the friction; forget it slowly."""

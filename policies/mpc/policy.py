@@ -123,6 +123,7 @@ class Mpc(GaitedPolicy):
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
         p = self.parameters
         load = estimated_load(self.sense.wrench, p.load_height)
+        observation = self.sense.calibrated(observation)
         read = loaded(self.observer.read(observation, self.sense.wrench), load)
         forces = self.sense.estimate(read, load.pressing(read.rotation))
         planned = self._joints.now(observation).astype(np.float64)
