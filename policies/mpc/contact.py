@@ -67,6 +67,7 @@ class ContactSense(Memory):
     """What encoders show of joints at zero, (n, 12), rad: without it the servos give more than legs in the air need."""
     _known: Mask = per_robot(False)
     _before: Floats = per_robot(np.zeros(18 + 12 + 12))
+    _trunk: Floats = per_robot(np.zeros(6))
     _looks: Floats = per_robot(0.0)
     _fast: Mask = per_robot(np.zeros(4, np.bool_))
     _sliding: Mask = per_robot(np.zeros(4, np.bool_))
@@ -129,10 +130,12 @@ class ContactSense(Memory):
         # The level frame has turned with the robot.
         acceleration[:, 0] -= motion.turning[:, 2] * now[:, 1]
         acceleration[:, 1] += motion.turning[:, 2] * now[:, 0]
+        last, self._trunk = self._trunk, acceleration[:, :6].copy()
         faster, targets = period / 12.0 * (now[:, 6:] - before[:, 6:18]), motion.targets
         if self._encoders:
             angle, speed = before[:, 18:30] + faster, 0.5 * (now[:, 6:] + before[:, 6:18])
             targets = 0.5 * (targets + before[:, 30:])
+            acceleration[:, :6] = 0.5 * (acceleration[:, :6] + last)
         else:  # the mean of the cubic between both angles with both speeds
             angle = 0.5 * (motion.angles + before[:, 18:30]) - faster
             speed = (motion.angles - before[:, 18:30]) / period

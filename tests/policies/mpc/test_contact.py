@@ -183,14 +183,14 @@ def test_what_pushes_stays_where_it_is_in_the_world() -> None:
 def test_zeros_of_encoders_are_known_from_legs_in_the_air() -> None:
     robot, sense = Trotting(), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD, encoders=True)
     zero, angles = np.linspace(-0.01, 0.01, 12), robot.data.qpos[7:].copy()
-    for _ in range(200):
+    for _ in range(250):
         robot.step()
         seen = robot.observation()[None].copy()
         seen[:, OBSERVATION["joint_velocity"]] = (robot.data.qpos[7:] - angles) / PERIOD
         seen[:, OBSERVATION["joint_position"]] += zero
         angles = robot.data.qpos[7:].copy()
         sense.estimate(motion(SIMPLE_QUAD, DYNAMICS, sense.calibrated(seen.astype(np.float32))), NO_LOAD)
-    np.testing.assert_allclose(sense.zeros[0], zero, atol=0.003)
+    np.testing.assert_allclose(sense.zeros[0], zero, atol=0.004)
 
 
 def test_contact_is_known_on_motors_and_encoders() -> None:
