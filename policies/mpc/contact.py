@@ -9,12 +9,14 @@ robot collision detection and hybrid force/motion control", ICRA 2005.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats, LegCycle
 from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.servo_step import Servos
+from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask
 from quad_env.physics.dynamics import RigidBodies
@@ -34,8 +36,13 @@ UPRIGHT = 0.2
 """Largest tilt, rad, at which what no foot explains is believed."""
 FIRST = 5.0
 """Looks that the first one counts as: until there are many the wrench is their mean, whatever the time constants."""
-TOUCH, LET_GO = 1.2, 0.4
-"""Shares of the touch force; a foot that is falsely taken to stand is predicted to stop at once."""
+UNSURE = 0.03
+"""Force of a foot per stiffness of the servos, N per N·m/rad, that noise of the joints' readings feigns: so much above
+the touch force a foot in the air has to press to be taken to stand, for it would be predicted to stop at once."""
+ENCODED_LOAD_TIME = 0.15
+"""Least time constant of the vertical force of noisy joints, s."""
+ZERO_TIME, LARGEST_ZERO = 1.0, 0.03
+"""Time constant with which the encoders' zeros are taken in while a foot is in the air, s, and bound of a look, rad."""
 SAFE_SHARE = 0.7
 """Of the friction that a slip has shown, what is relied on: the pyramid's edges reach that much further."""
 LEAST_GRIP = 0.05
@@ -55,10 +62,14 @@ class ContactSense(Memory):
     grip: Floats = per_robot(lambda sense: sense._parameters.friction)
     """Friction that is relied on, (n,)."""
     touching: Mask = per_robot(np.ones(4, np.bool_))
-    """Feet that surely touch the ground, (n, 4): from `TOUCH` of the touch force on, down to `LET_GO` of it."""
+    """Feet that surely touch the ground, (n, 4)."""
+    zeros: Floats = per_robot(np.zeros(12))
+    """What encoders show of joints at zero, (n, 12), rad: without it the servos give more than legs in the air need."""
     _known: Mask = per_robot(False)
-    _before: Floats = per_robot(np.zeros(18 + 12))
+    _before: Floats = per_robot(np.zeros(18 + 12 + 12))
+    _trunk: Floats = per_robot(np.zeros(6))
     _looks: Floats = per_robot(0.0)
+    _fast: Mask = per_robot(np.zeros(4, np.bool_))
     _sliding: Mask = per_robot(np.zeros(4, np.bool_))
 
     def __init__(
@@ -72,9 +83,16 @@ class ContactSense(Memory):
     ) -> None:
         self._parameters, self._period, self._encoders = parameters, period, encoders
         self._servos = Servos(robot, actuator, period)
-        p = parameters
+        p, self._zero_share = parameters, taken_in(period, ZERO_TIME)
+        self._unsure = UNSURE * float(np.max(robot.servo_stiffness)) * encoders
         self._shares = np.full(6, taken_in(period, p.disturbance_time))
-        self._shares[2] = taken_in(period, p.load_time)
+        self._shares[2] = taken_in(period, max(p.load_time, ENCODED_LOAD_TIME) if encoders else p.load_time)
+
+    def calibrated(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The observations, (n, k), less what the encoders are known to show at zero."""
+        out = observation.copy()
+        out[:, OBSERVATION["joint_position"]] -= self.zeros
+        return out
 
     def estimate(self, motion: Motion, weight: Floats) -> Floats:
         """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`.
@@ -82,8 +100,7 @@ class ContactSense(Memory):
         `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6).
         """
         forces, wrench = self.explained(motion)
-        self.touching = self._pressed(forces)
-        self._before = np.concatenate((motion.generalised, motion.angles), axis=1)
+        self._before = np.concatenate((motion.generalised, motion.angles, motion.targets), axis=1)
         self._known = np.ones_like(self._known)
         firm = (forces[..., 2] > FIRM).sum(axis=1) >= 2
         telling = firm & (forces[..., 2].max(axis=1) < IMPACT) & (np.abs(motion.tilt).max(axis=1) < UPRIGHT)
@@ -99,44 +116,53 @@ class ContactSense(Memory):
         self._estimate_friction(forces, motion.feet_velocity)
         return forces
 
-    def touched(self, motion: Motion) -> Mask:
-        """What `touching` is if the robots moved so since the last estimate, (n, 4)."""
-        return self._pressed(self.explained(motion)[0])
-
-    def _pressed(self, forces: Floats) -> Mask:
-        pressed: Mask = forces[..., 2] > self._parameters.touch_force * np.where(self.touching, LET_GO, TOUCH)
-        return pressed
-
     def explained(self, motion: Motion) -> tuple[Floats, Floats]:
         """Forces of the feet, (n, 4, 3), N, and the wrench that they leave unexplained, (n, 6), if the robots moved so
-        since the last estimate."""
+        since the last estimate; renews `touching`.
+
+        Speeds of encoders are means over a period: a difference of two is the joints' mean acceleration over both
+        periods, and so are the forces.
+        """
         period, bodies, now = self._period, motion.bodies, motion.generalised
-        state = np.concatenate((now, motion.angles), axis=1)
+        state = np.concatenate((now, motion.angles, motion.targets), axis=1)
         before = np.where(self._known[:, None], self._before, state)
         acceleration = (now - before[:, :18]) / period
         # The level frame has turned with the robot.
         acceleration[:, 0] -= motion.turning[:, 2] * now[:, 1]
         acceleration[:, 1] += motion.turning[:, 2] * now[:, 0]
-        # Mean angle of the cubic between both angles with both speeds.
-        angle = 0.5 * (motion.angles + before[:, 18:]) - period / 12.0 * (now[:, 6:] - before[:, 6:18])
-        # Of encoders a difference says less than the filtered speeds at both ends.
-        ends = 0.5 * (now[:, 6:] + before[:, 6:18])
-        speed = ends if self._encoders else (motion.angles - before[:, 18:]) / period
+        last, self._trunk = self._trunk, acceleration[:, :6].copy()
+        faster, targets = period / 12.0 * (now[:, 6:] - before[:, 6:18]), motion.targets
+        if self._encoders:
+            angle, speed = before[:, 18:30] + faster, 0.5 * (now[:, 6:] + before[:, 6:18])
+            targets = 0.5 * (targets + before[:, 30:])
+            acceleration[:, :6] = 0.5 * (acceleration[:, :6] + last)
+        else:  # the mean of the cubic between both angles with both speeds
+            angle = 0.5 * (motion.angles + before[:, 18:30]) - faster
+            speed = (motion.angles - before[:, 18:30]) / period
         needed = np.einsum("nij,nj->ni", bodies.inertia, acceleration) + bodies.bias
-        needed[:, 6:] -= self._servos.torque(motion.targets, angle, speed)
+        needed[:, 6:] -= self._servos.torque(targets, angle, speed)
         legs = bodies.leg_jacobians
         squares = np.einsum("nlxj,nlyj->nlxy", legs, legs) + _SINGULAR * np.eye(3)
         aims = np.einsum("nlxj,nlj->nlx", legs, needed[:, 6:].reshape(-1, 4, 3))
         forces = np.linalg.solve(squares, aims[..., None])[..., 0]
-        # The ground does not pull: that is a joint at its limit, or two links that touch.
-        forces = np.where(forces[..., 2:] < 0.0, 0.0, forces)
-        return forces, needed[:, :6] - np.einsum("nlxk,nlx->nk", bodies.jacobians[..., :6], forces)
+        least = self._parameters.touch_force + np.where(self.touching, 0.0, self._unsure)
+        self.touching = forces[..., 2] > least
+        if self._encoders:
+            shown = np.clip(needed[:, 6:] / self._servos.stiffness, -LARGEST_ZERO, LARGEST_ZERO)
+            self.zeros += np.where(np.repeat(self.touching, 3, axis=1), 0.0, self._zero_share * shown)
+        # The ground does not pull: that is a joint at its limit, or two links that touch. Noise pulls as it presses.
+        pressing = np.where(forces[..., 2:] < 0.0, 0.0, forces)
+        explaining = forces if self._encoders else pressing
+        wrench = needed[:, :6] - np.einsum("nlxk,nlx->nk", bodies.jacobians[..., :6], explaining)
+        return np.where(self.touching[..., None], forces, 0.0) if self._encoders else pressing, wrench
 
     def _estimate_friction(self, forces: Floats, velocity: Floats) -> None:
         """Take the ratio of the forces of a foot that slides for the friction; forget it slowly."""
         p = self._parameters
         speed, across = np.hypot(velocity[..., 0], velocity[..., 1]), np.hypot(forces[..., 0], forces[..., 1])
-        sliding = (speed > p.slip_speed) & (forces[..., 2] > 2.0 * p.touch_force)
+        pressed = forces[..., 2] > 2.0 * p.touch_force
+        sliding = pressed & self._fast
+        self._fast = pressed & (speed > p.slip_speed)  # and still presses at the next look: one that lifts does not
         sliding, self._sliding = sliding & self._sliding, sliding  # a foot that lands slides for a moment
         ratio = np.where(sliding, across / np.maximum(forces[..., 2], 1e-9), 0.0).max(axis=1)
         shown = np.maximum(SAFE_SHARE * ratio, LEAST_GRIP)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from policies.gait_cycle import Floats
 from policies.legs.ground_plane import above
 from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
-from policies.mpc.contact import ContactSense
 from policies.mpc.motion import Motion, motion
 from policies.mpc.reading_noise import GROUPS, SENSED, ReadingNoise
 from policies.mpc.servo_step import Response, Servos, landing, response
@@ -100,43 +99,41 @@ class Observer(Memory):
         """Readings that each robot has had since its start, (n,)."""
         return self._noise.looks
 
-    def read(self, observation: NDArray[np.float32], wrench: Floats, sense: ContactSense | None = None) -> Motion:
+    def read(self, observation: NDArray[np.float32], wrench: Floats) -> Motion:
         """Motion of the robots when they were read, (n, k), with the targets that led to it; trunks were pushed by
-        wrenches, (n, 6). Of joints that encoders read, `sense` says which feet stood."""
+        wrenches, (n, 6). Of joints that encoders read, as they were read: `ahead` is told which feet stood."""
         seen = observation.astype(np.float64)
-        readings, before = seen[:, SENSED].copy(), self._read
         # What others make of a policy's targets, a residual or the safety layer, is what the joints follow.
         targets = seen[:, OBSERVATION["previous_action"]] + self._robot.home_pose
         self._targets = np.concatenate((targets[None], self._targets[:-1]))
         self._effective = self.servos.effective(self._targets)
-        noise = self._noise.variances(readings)
-        shares = self._shares(noise)
+        noise = self._noise.variances(seen[:, SENSED])
         shortly, longer = LISTENING
         self.listening = self.looks <= np.where(noise.any(axis=1), longer, shortly)
-        if before is None:
-            return self._taken(seen)
-        sense = sense if self._late else None
-        standing = self._acted(self._standing) if sense is None else sense.touching
-        step = response(self._robot, before, standing, wrench, self._period)
-        self._learn_delay(before, step, readings, noise)
-        seen[:, SENSED] = self._corrected(before, step, readings, shares)
-        found = self._taken(seen)
-        if sense is None or (standing == (touched := sense.touched(found))).all():
-            return found
-        # Feet that have come down or gone up meanwhile have moved the joints otherwise.
-        step = response(self._robot, before, touched, wrench, self._period)
-        seen[:, SENSED] = self._corrected(before, step, readings, shares)
-        return self._taken(seen)
+        self._seen, self._variances = seen, noise
+        if not self._late:
+            self._correct(self._acted(self._standing), wrench)
+        found = motion(self._robot, self._dynamics, self._seen)
+        if not self._late:
+            self._read = found
+        return found._replace(targets=self._acted(self._effective))
 
-    def _taken(self, seen: Floats) -> Motion:
-        """Motion of what was seen, (n, k), with the targets that led to it, taken for that of the readings."""
-        self._seen, self._read = seen, motion(self._robot, self._dynamics, seen)
-        return self._read._replace(targets=self._acted(self._effective))
+    def _correct(self, standing: Mask, wrench: Floats) -> None:
+        """Correct what was seen by what these feet let it be."""
+        if (before := self._read) is None:
+            return
+        shares, readings = self._shares(self._variances), self._seen[:, SENSED].copy()
+        step = response(self._robot, before, standing, wrench, self._period)
+        self._learn_delay(before, step, readings, self._variances)
+        self._seen[:, SENSED] = self._corrected(before, step, readings, shares)
 
     def ahead(self, wrench: Floats, touching: Mask, slope: Floats, planned: Floats | None = None) -> Motion:
         """Motion of the robots when their next targets take effect: after `read`, and knowing which feet touched the
         ground then, (n, 4), and its rise per metre forward and to the left, (2, n). Joints that are no later than they
         usually are keep near to what was `planned`, observations (n, k)."""
+        if self._late:
+            self._correct(touching, wrench)
+            self._read = motion(self._robot, self._dynamics, self._seen)
         assert self._read is not None
         now, seen, ground = self._read, self._seen.copy(), self._ground
         height = _above(now, slope)

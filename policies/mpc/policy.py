@@ -115,7 +115,8 @@ class Mpc(GaitedPolicy):
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
         p = self.parameters
         load = estimated_load(self.sense.wrench, p.load_height)
-        read = loaded(self.observer.read(observation, self.sense.wrench, self.sense), load)
+        observation = self.sense.calibrated(observation)
+        read = loaded(self.observer.read(observation, self.sense.wrench), load)
         forces = self.sense.estimate(read, load.pressing(read.rotation))
         planned = self._joints.now(observation).astype(np.float64)
         now = loaded(self.observer.ahead(self.sense.wrench, self.sense.touching, self.prints.slope, planned), load)

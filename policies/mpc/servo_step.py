@@ -34,7 +34,7 @@ class Servos:
     """
 
     def __init__(self, robot: Robot, actuator: Actuator, period: float) -> None:
-        self._stiffness, self._damping = robot.servo_stiffness, robot.servo_damping
+        self.stiffness, self._damping = robot.servo_stiffness, robot.servo_damping
         rated = np.full(len(robot.home_pose), robot.rated_torque)
         line = Line(rated, np.full_like(rated, np.inf), rated) if actuator.curve is None else actuator.curve.on(robot)
         self.limits = line.limits
@@ -52,7 +52,7 @@ class Servos:
 
     def torque(self, targets: Floats, angle: Floats, speed: Floats) -> Floats:
         """Torque of the joints by these effective targets, (n, 12), N·m."""
-        torque: Floats = self._stiffness * (targets - angle) - self._damping * speed
+        torque: Floats = self.stiffness * (targets - angle) - self._damping * speed
         return np.clip(torque, *self.limits(speed))
 
 

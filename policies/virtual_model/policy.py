@@ -125,7 +125,8 @@ class TrotVirtual(GaitedPolicy):
         control period, and the weight of their loads as a wrench, (n, 6)."""
         p, sense = self._senses, self.sense
         load = estimated_load(sense.wrench, p.load_height)
-        read = loaded(self.observer.read(observation, sense.wrench, sense), load)
+        observation = sense.calibrated(observation)
+        read = loaded(self.observer.read(observation, sense.wrench), load)
         forces = sense.estimate(read, load.pressing(read.rotation))
         planned = self._joints.now(observation).astype(np.float64)
         now = loaded(self.observer.ahead(sense.wrench, sense.touching, self.prints.slope, planned), load)

@@ -11,7 +11,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 DELAY = 0.005
 """s from a policy to the servos, rounded up to whole physics steps; the way back is that of the sensors."""
-SENSORS, ESTIMATOR = "typical", "complementary"
+SENSORS, ESTIMATOR = "typical", "kalman"
 """Names of `quad_env.SENSORS`, each reading a control step late, and of `quad_env.ESTIMATORS`: the one with which more
 validation episodes succeed under pushes, and as many on rough ground."""
 # Peak torques and speeds: unitreerobotics/unitree_ros, go1_description and go2_description, xacro/const.xacro; a calf's

@@ -13,6 +13,7 @@ from policies.mpc.contact import ContactSense, as_accelerations
 from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
+from quad_env import OBSERVATION
 from quad_env.actuation.hardware import hardware_profile
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.collisions import foot_geoms
@@ -177,6 +178,19 @@ def test_what_pushes_stays_where_it_is_in_the_world() -> None:
     cos, sin = np.cos(yaw_rate), np.sin(yaw_rate)  # the level frame has turned by this in a second
     world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ sense.wrench[0, :3]
     np.testing.assert_allclose(world, [40.0, 10.0, -20.0], atol=1e-9)
+
+
+def test_zeros_of_encoders_are_known_from_legs_in_the_air() -> None:
+    robot, sense = Trotting(), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD, encoders=True)
+    zero, angles = np.linspace(-0.01, 0.01, 12), robot.data.qpos[7:].copy()
+    for _ in range(250):
+        robot.step()
+        seen = robot.observation()[None].copy()
+        seen[:, OBSERVATION["joint_velocity"]] = (robot.data.qpos[7:] - angles) / PERIOD
+        seen[:, OBSERVATION["joint_position"]] += zero
+        angles = robot.data.qpos[7:].copy()
+        sense.estimate(motion(SIMPLE_QUAD, DYNAMICS, sense.calibrated(seen.astype(np.float32))), NO_LOAD)
+    np.testing.assert_allclose(sense.zeros[0], zero, atol=0.004)
 
 
 def test_contact_is_known_on_motors_and_encoders() -> None:
