@@ -128,7 +128,7 @@ class Mpc(GaitedPolicy):
         late = self.control_period * self.observer.delays
         earlier = self._gait.legs(self._phase - TURN * self._frequencies * late)
         contacts = contact_states(p, cycle, earlier, forces[..., 2], self._new, flies=self._gait.flies)
-        ground = self.prints.ground(now, contacts.landed)
+        ground = self._ground(now, contacts.landed)
         pushed = as_accelerations(now.bodies, now.rotation, push)
         height, stance = self._height, p.duty / self._frequencies
         aim = footholds(self.robot, p, now, pushed[:, :2], stance, height)
@@ -177,6 +177,10 @@ class Mpc(GaitedPolicy):
         wished = self.frequency + faster
         self._frequencies = self._frequencies + HURRY * (wished - self._frequencies)
         self._tick(self._frequencies - self.frequency)
+
+    def _ground(self, now: Motion, landed: Mask) -> Ground:
+        """The ground that the feet show."""
+        return self.prints.ground(now, landed)
 
     def _over(self, aim: Floats, ground: Ground) -> Terrain:
         """What the feet swing over to their footholds, (n, 4, 2): the plane, and higher where the ground is rough."""
