@@ -53,7 +53,7 @@ def policy(subject: Subject) -> Finding:
         if policies.is_reference(subject.policy):
             return _failing(str(error))
         seen, remedy = error.fault, error.remedy or NAME_ANOTHER
-        if " was trained for " in seen:
+        if " made for " in seen:
             cause = "a policy is of one robot and one control period"
             return problem(seen, cause, f"{remedy}, or name its robot with --robot")
         return problem(seen, "it is not the file that was saved, or was made for something else", remedy)

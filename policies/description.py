@@ -7,7 +7,7 @@ look as if it worked.
 import math
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn
 
@@ -103,6 +103,9 @@ def parsed(place: Path, content: bytes) -> Fields:
     for name, only in _REMOVED_FIELDS.items():
         if (value := found.pop(name, only)) != only:
             fail(place, f"its {name} is {value!r:.80}, which this version cannot do; an older one can")
+    needed = [each.name for each in fields(Fields) if each.default is MISSING and each.default_factory is MISSING]
+    if lacking := [name for name in needed if name not in found]:
+        fail(place, f"{DESCRIPTION} lacks {', '.join(lacking)}")
     inputs = {name: tuple(value) if isinstance(value, list) else value for name, value in inputs.items()}
     try:
         return Fields(**found | {"inputs": Inputs(**inputs)})

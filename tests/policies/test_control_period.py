@@ -64,7 +64,7 @@ def test_the_clock_advances_by_its_frequency_times_the_control_period(name):
 
 @pytest.mark.parametrize("name", IN_TIME)
 def test_a_policy_asks_for_the_same_at_the_same_time_whatever_its_control_period(name):
-    seconds = 1.6 if name == "mpc_wbc" else 0.8
+    seconds = 1.6 if name in ("mpc_wbc", "trot_virtual") else 0.8
     asked = (ask(policies.make(name, control_period=p), WALKING, seconds) for p in (0.01, 0.02))
     assert_the_same_in_time(*asked, SLACK_OF.get(name, SLACK), LEAPS_OF.get(name, LEAPS))
 

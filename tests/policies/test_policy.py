@@ -143,7 +143,7 @@ def test_names_are_sorted_and_every_one_can_be_made():
     ours = (
         "behaviour, bound, crouch, document, document_repaired, end_to_end, gaits, mpc, mpc_wbc, mpc_wbc_bound, "
         "mpc_wbc_pace, mpc_wbc_pronk, mpc_wbc_sighted, mpc_wbc_walk, pace, pronk, residual, residual_feedback, robust, "
-        "stand, trot, trot_feedback, trot_integral, walk"
+        "stand, trot, trot_feedback, trot_integral, trot_virtual, walk"
     )
     assert ", ".join(policies.names()) == ours
     for name in policies.names():

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -133,8 +134,8 @@ def run_each(
     """
     recorders = [Recorder(None, seeds, steps) for _ in scenarios]
     with ExitStack() as stack:
-        options = {"steps": steps, "nthread": nthread, "hardware": hardware}
-        envs = [batch_of(policy, scenario, len(seeds), **options) for scenario in scenarios]
+        batch = partial(batch_of, policy, count=len(seeds), steps=steps, nthread=nthread, hardware=hardware)
+        envs = [batch(scenario) for scenario in scenarios]
         for env in envs:
             stack.enter_context(closing(env))
             policy.check_fits(env.robot, env.dt)

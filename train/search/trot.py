@@ -96,7 +96,7 @@ def response(walk: Episodes, members: int) -> Floats:
     without a fall; zeros where these are too few."""
     measures = measure(walk)
     command, achieved = (each.reshape(members, -1, 3) for each in (measures.commands, measures.mean_velocities))
-    upright, found = np.isfinite(achieved).all(axis=-1), np.zeros((members, 4, 3))
+    upright, found = np.asarray(np.isfinite(achieved).all(axis=-1)), np.zeros((members, 4, 3))
     for member in np.flatnonzero(upright.sum(axis=1) >= MINIMUM_INTERVALS):
         rows = upright[member]
         inputs = np.column_stack((command[member, rows], np.ones(rows.sum())))
