@@ -79,7 +79,7 @@ def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Ro
     units = {each.name: each.metadata["unit"] for each in fields(kind)}
     ends = {name: [similarity.scaled(robot, end, units[name]) for end in bounds] for name, bounds in ranges.items()}
     if "frequency" in ranges:
-        ends["frequency"] = [end * (robot.mass / SIMPLE_QUAD.mass) ** STRIDES for end in ranges["frequency"]]
+        ends["frequency"] = [end * similarity.scaled(robot, 1.0, "kg") ** STRIDES for end in ranges["frequency"]]
     return {name: (min(both), max(both)) for name, both in ends.items()}
 
 

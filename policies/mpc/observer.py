@@ -184,13 +184,14 @@ class Observer(Memory):
         velocity, (n, 3), and of angle and speed into angle and speed, (n, 2, 2)."""
         doubt = self._doubt + UNFORESEEN[:3] ** 2
         share = doubt / (doubt + noise[:, :3])
-        self._doubt = (1.0 - share) * doubt
+        fresh = self.looks == 1  # nothing was predicted that could be doubted
+        self._doubt = np.where(fresh[:, None], self._doubt, (1.0 - share) * doubt)
         # A joint's angle is information on its speed, too; differences of encoders' samples are of no moment.
         step = np.array([[1.0, self._period], [0.0, 1.0]])
         unforeseen, least = (ENCODED, ENCODER_NOISE) if self._late else (UNFORESEEN[3:], np.zeros(2))
         joint_doubt = step @ self._joint_doubt @ step.T + np.diag(unforeseen**2)
         shares = joint_doubt @ np.linalg.inv(joint_doubt + (noise[:, 3:] + least**2)[:, None] * np.eye(2))
-        self._joint_doubt = joint_doubt - shares @ joint_doubt
+        self._joint_doubt = np.where(fresh[:, None, None], self._joint_doubt, joint_doubt - shares @ joint_doubt)
         return share, shares
 
     def _corrected(self, before: Motion, step: Response, readings: Floats, shares: tuple[Floats, Floats]) -> Floats:

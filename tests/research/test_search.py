@@ -130,8 +130,8 @@ def test_every_option_reaches_the_robots_and_the_files(tmp_path):
     assert (tmp_path / "TROT_INTEGRAL.md").is_file()
     first, _ = [json.loads(line) for line in (tmp_path / "found.trials.jsonl").read_text().splitlines()]
     assert first["mean"][fixed] == getattr(begin, fixed) != getattr(in_force, fixed)
-    low, high = ranges["duty"]
-    tried = [(each["duty"] - begin.duty) / (high - low) for each in first["tried"]]
+    low, high = ranges["integral_gain"]
+    tried = [(each["integral_gain"] - begin.integral_gain) / (high - low) for each in first["tried"]]
     assert np.abs(tried).max() < 4 * 0.02
 
 

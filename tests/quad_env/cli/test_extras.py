@@ -1,5 +1,6 @@
 """A package that an extra installs and that is missing: one line that names the extra, whatever command wants it."""
 
+import os
 import subprocess
 import sys
 import tomllib
@@ -9,13 +10,8 @@ import pytest
 
 from quad_env.cli.program import EXTRAS
 
-WITHOUT = """
-import runpy, sys
-if __name__ == "__main__":
-    sys.modules[sys.argv[1]] = None
-    sys.argv = sys.argv[2:]
-    runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
-"""
+WITHOUT = "import os, sys; sys.modules[os.environ['WITHOUT']] = None"
+"""What every Python process runs at its start, those of policies too."""
 COMMANDS = [
     ("tensorboard", "train --out {}/run"),
     ("cma", "train search trot --out {}/found.json"),
@@ -35,13 +31,16 @@ def files(folder: Path) -> set[Path]:
 def test_a_missing_package_is_one_line_that_names_its_extra(
     package: str, words: str, tmp_path: Path, repository: Path
 ) -> None:
-    script = tmp_path / "without.py"
-    script.write_text(WITHOUT, encoding="utf-8")
+    start = tmp_path / "start"
+    start.mkdir()
+    (start / "sitecustomize.py").write_text(WITHOUT, encoding="utf-8")
     for name in ("mine.onnx", "mine.zip"):
         (tmp_path / name).touch()
     before = files(tmp_path)
-    command = [sys.executable, str(script), package, *words.replace("{}", str(tmp_path)).split()]
-    done = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-B", "-m", *words.replace("{}", str(tmp_path)).split()]
+    search = os.pathsep.join((str(start), os.environ.get("PYTHONPATH", "")))
+    environment = os.environ | {"PYTHONPATH": search, "PYTHONDONTWRITEBYTECODE": "1", "WITHOUT": package}
+    done = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=False, env=environment)
     (line,) = done.stderr.splitlines()
     assert f"[{EXTRAS[package]}]" in line
     assert (done.returncode, done.stdout) == (2, "")
