@@ -99,9 +99,7 @@ class ContactSense(Memory):
 
         `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6).
         """
-        forces, wrench = self.explained(motion)
-        self._before = np.concatenate((motion.generalised, motion.angles, motion.targets), axis=1)
-        self._known = np.ones_like(self._known)
+        forces, wrench = self._explained(motion)
         firm = (forces[..., 2] > FIRM).sum(axis=1) >= 2
         telling = firm & (forces[..., 2].max(axis=1) < IMPACT) & (np.abs(motion.tilt).max(axis=1) < UPRIGHT)
         bounded = np.clip(wrench + weight, -LARGEST_WRENCH, LARGEST_WRENCH)
@@ -116,9 +114,9 @@ class ContactSense(Memory):
         self._estimate_friction(forces, motion.feet_velocity)
         return forces
 
-    def explained(self, motion: Motion) -> tuple[Floats, Floats]:
-        """Forces of the feet, (n, 4, 3), N, and the wrench that they leave unexplained, (n, 6), if the robots moved so
-        since the last estimate; renews `touching`.
+    def _explained(self, motion: Motion) -> tuple[Floats, Floats]:
+        """Forces of the feet, (n, 4, 3), N, and the wrench that they leave unexplained, (n, 6); renews `touching`
+        and, on encoders, `zeros`.
 
         Speeds of encoders are means over a period: a difference of two is the joints' mean acceleration over both
         periods, and so are the forces.
@@ -126,6 +124,7 @@ class ContactSense(Memory):
         period, bodies, now = self._period, motion.bodies, motion.generalised
         state = np.concatenate((now, motion.angles, motion.targets), axis=1)
         before = np.where(self._known[:, None], self._before, state)
+        self._before, self._known = state, np.ones_like(self._known)
         acceleration = (now - before[:, :18]) / period
         # The level frame has turned with the robot.
         acceleration[:, 0] -= motion.turning[:, 2] * now[:, 1]

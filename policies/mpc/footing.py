@@ -82,6 +82,12 @@ class Footprints(Memory):
         return Ground(under_the_trunk, forward, lateral)
 
 
+def passing(now: Motion, yaw_rate: Floats) -> Floats:
+    """Velocity of the ground under trunks that turn at a yaw rate, (n,), rad/s, at their feet, (n, 4, 2), m/s."""
+    feet, turn = now.bodies.feet, yaw_rate[:, None]
+    return np.stack((turn * feet[..., 1], -turn * feet[..., 0]), axis=-1) - now.bodies.centre_velocity[:, None, :2]
+
+
 def neutral_feet(robot: Robot, p: MpcParameters) -> Floats:
     """Footholds in place relative to the centre of mass, (4, 2), m."""
     before = np.sign(robot.hip_positions[:, 0])
@@ -135,9 +141,9 @@ def swing(
         z = ground(x, y, t) + p.step_height * arc * arc - p.landing_depth * smoothstep(t)
         return np.stack((x, y, z), axis=-1)
 
-    times = [t + near for t in (progress, progress + step) for near in (_NEAR, -_NEAR)]
-    place, *beside = at(np.stack((progress, *times)))
-    now, then = ((beside[i] - beside[i + 1]) / (2.0 * _NEAR * time[:, None, None]) for i in (0, 2))
+    times = [t + apart for t in (progress, progress + step) for apart in (_NEAR, -_NEAR)]
+    place, *near = at(np.stack((progress, *times)))
+    now, then = ((near[i] - near[i + 1]) / (2.0 * _NEAR * time[:, None, None]) for i in (0, 2))
     return place, now, (then - now) / period
 
 

@@ -7,16 +7,15 @@ period the joints have the torques that were found.
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
+from policies.base import CONTROL_PERIOD, Actions, to_actions
 from policies.behaviour.motion import Stop
-from policies.gait_cycle import TURN, Floats, Gait, LegCycle
+from policies.gait_cycle import TURN, Floats, LegCycle
 from policies.gaits.parameters import OFFSETS
 from policies.memory import per_robot
-from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
-from policies.mpc.footing import Footprints, Ground, Terrain, arms, footholds, swing
-from policies.mpc.joint_prediction import JointPrediction
-from policies.mpc.motion import Motion, Odometer, estimated_load, loaded
-from policies.mpc.observer import Observer
+from policies.mpc.contact import ContactStates, as_accelerations
+from policies.mpc.footing import Ground, Terrain, arms, footholds, passing, swing
+from policies.mpc.model_based import FASTEST_JOINT, ModelBased
+from policies.mpc.motion import Motion
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import Plans
 from policies.mpc.quadratic_program import Solver, solve
@@ -26,7 +25,6 @@ from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask, Rows
 from quad_env.config import GRAVITY
-from quad_env.physics.dynamics import Dynamics
 from quad_env.physics.rotations import cross
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -36,15 +34,11 @@ HORIZON = 10
 """Steps of the prediction."""
 USUAL_ERROR = 0.4
 """Velocity error, m/s, up to which it steps at its usual frequency."""
-HURRY = 0.3
-"""Of a change of frequency, what is made in a control period."""
 PATIENCE = 0.1
 """For how long a robot goes on without solutions, s: half a step of the gait."""
-FASTEST_JOINT = 2000.0
-"""Joint acceleration, rad/s², that the inverted PD law counts on at most."""
 
 
-class Mpc(GaitedPolicy):
+class Mpc(ModelBased):
     """Convex model-predictive control: each leg bears its planned force and follows its path by itself.
 
     Args:
@@ -57,17 +51,13 @@ class Mpc(GaitedPolicy):
     """
 
     name = "mpc"
-    stiff_servos = False  # targets carry their torques; soft servos yield at impacts
     failures: NDArray[np.int64] = per_robot(0)
     """Programs of each robot without a solution since its start, (n,); it then goes on with the last plan."""
     stopped: Mask = per_robot(False)
     """Robots that it has given up and stopped, (n,)."""
-    _new: Mask = per_robot(True)
     _lost: Mask = per_robot(False)
     _unsolved: NDArray[np.int64] = per_robot(0)
-    _swinging: Mask = per_robot(np.zeros(4, np.bool_))
     _start: Floats = per_robot(np.zeros((4, 2)))
-    _frequencies: Floats = per_robot(lambda policy: policy.frequency)
     _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
     _seen: NDArray[np.float32] = per_robot(lambda policy: policy._at_rest)
 
@@ -88,8 +78,7 @@ class Mpc(GaitedPolicy):
             self.name = f"{self.name}_{gait}"
         self.parameters = p = parameters if parameters is not None else in_force
         self.frequency, self.leg_offsets = p.frequency, robot.in_leg_order(OFFSETS[gait])
-        self._dynamics = Dynamics(robot)
-        self._gait = Gait(self.leg_offsets, p.duty)
+        self._equip(p, late, actuator, p.fastest_return)
         weights = Weights(
             np.array([p.roll_weight, p.pitch_weight, p.yaw_weight]),
             np.array([0.0, 0.0, p.height_weight]),
@@ -105,29 +94,14 @@ class Mpc(GaitedPolicy):
         self._at_rest = np.zeros(table.size, np.float32)
         self._at_rest[table.slices.get("height_scan", slice(0))] = UNSEEN
         self._at_rest[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
-        self.sense = ContactSense(robot, p, control_period, actuator, encoders=late > 0)
-        self._joints = JointPrediction(late, control_period)
-        self.observer = Observer(robot, self._dynamics, control_period, actuator, late)
-        self.prints = Footprints(p.slope_time, control_period)
-        self.odometer = Odometer(p.farthest_behind, control_period, p.fastest_return)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
         p = self.parameters
-        load = estimated_load(self.sense.wrench, p.load_height)
         observation = self.sense.calibrated(observation)
-        read = loaded(self.observer.read(observation, self.sense.wrench), load)
-        forces = self.sense.estimate(read, load.pressing(read.rotation))
-        planned = self._joints.now(observation).astype(np.float64)
-        now = loaded(self.observer.ahead(self.sense.wrench, self.sense.touching, self.prints.slope, planned), load)
-        now = self.odometer.catching_up(now, p.position_gain)
+        now, forces, push = self._motion(observation)
         self._hurry(now)
-        cycle = self._gait.legs(self._phase)
-        weight = load.pressing(now.rotation)
-        push = self.sense.wrench - weight
-        late = self.control_period * self.observer.delays
-        earlier = self._gait.legs(self._phase - TURN * self._frequencies * late)
-        contacts = contact_states(p, cycle, earlier, forces[..., 2], self._new, flies=self._gait.flies)
+        cycle, contacts = self._contacts(forces)
         ground = self._ground(now, contacts.landed)
         pushed = as_accelerations(now.bodies, now.rotation, push)
         height, stance = self._height, p.duty / self._frequencies
@@ -164,19 +138,12 @@ class Mpc(GaitedPolicy):
         self._lost[:] = ~np.isfinite(rows).all(axis=1)
         return np.where(self._lost[:, None], self._seen, rows)
 
-    @property
-    def _height(self) -> float:
-        """That the trunks are to have above the ground, m."""
-        return self.parameters.height - self.robot.hip_rise
-
     def _hurry(self, now: Motion) -> None:
         """Advance the clocks, faster where the velocity is far from the command."""
         p = self.parameters
         astray = np.hypot(*(now.velocity - now.command)[:, :2].T)
         faster = np.clip(p.frequency_gain * (astray - USUAL_ERROR), 0.0, p.most_faster)
-        wished = self.frequency + faster
-        self._frequencies = self._frequencies + HURRY * (wished - self._frequencies)
-        self._tick(self._frequencies - self.frequency)
+        self._step_at(self.frequency + faster)
 
     def _ground(self, now: Motion, landed: Mask) -> Ground:
         """The ground that the feet show."""
@@ -194,16 +161,12 @@ class Mpc(GaitedPolicy):
     def _feet(self, now: Motion, cycle: LegCycle, contacts: ContactStates, aim: Floats, ground: Terrain) -> Floats:
         """Accelerations that the feet are to have, level frame, (n, 4, 3), m/s²."""
         p, feet, velocity = self.parameters, now.bodies.feet, now.feet_velocity
-        lifted = cycle.swing & ~self._swinging
-        self._start = np.where(lifted[..., None], feet[..., :2], self._start)
-        self._swinging = cycle.swing
-        body, yaw_rate = now.bodies.centre_velocity[:, None, :2], now.command[:, 2, None]
-        passing = np.stack((yaw_rate * feet[..., 1], -yaw_rate * feet[..., 0]), axis=-1) - body
-        time = (1.0 - p.duty) / self._frequencies
+        self._start = np.where(self._lifted(cycle)[..., None], feet[..., :2], self._start)
+        leaving, time = passing(now, now.command[:, 2]), (1.0 - p.duty) / self._frequencies
         place, rate, acceleration = swing(
-            p, self._start, aim, passing, cycle.progress, time, self.control_period, ground
+            p, self._start, aim, leaving, cycle.progress, time, self.control_period, ground
         )
-        spin = now.turning[:, 2, None]
+        body, spin = now.bodies.centre_velocity[:, None, :2], now.turning[:, 2, None]
         carried_along = np.stack(
             (
                 body[..., 0] - spin * place[..., 1],

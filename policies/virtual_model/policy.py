@@ -7,22 +7,20 @@ paths to footholds that move with the velocity error. A foot that meets the grou
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, Mask, to_actions
-from policies.gait_cycle import TROT_OFFSETS, TURN, Floats, Gait, LegCycle, smoothstep
+from policies.base import CONTROL_PERIOD, Actions, Mask, to_actions
+from policies.gait_cycle import TROT_OFFSETS, Floats, LegCycle, smoothstep
 from policies.legs.foot_path import swung
 from policies.legs.kinematics import leg_angles
 from policies.memory import per_robot
-from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
-from policies.mpc.footing import Footprints, Ground
-from policies.mpc.joint_prediction import JointPrediction
-from policies.mpc.motion import Motion, Odometer, estimated_load, loaded
-from policies.mpc.observer import Observer
+from policies.mpc.contact import ContactStates, as_accelerations
+from policies.mpc.footing import LARGEST_SHIFT, Ground, neutral_feet, passing
+from policies.mpc.model_based import FASTEST_JOINT, ModelBased
+from policies.mpc.motion import Motion
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.forces import Aim, load, pulled, shared
 from policies.virtual_model.parameters import VirtualParameters, searched_parameters
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.config import GRAVITY
-from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -30,21 +28,15 @@ LARGEST_CORRECTION = np.array([0.5, 0.5, 0.8])
 """Largest correction of the wanted velocity by the integral of its error, m/s and rad/s."""
 SMALL_ERROR = np.array([1.0, 1.0, 1.6])
 """Error beyond which the integral waits: that is a push, not a bias."""
-FASTEST_JOINT = 2000.0
-"""Joint acceleration, rad/s², that the targets count on at most."""
 HURRY_RANGE = 0.6
 """Velocity error beyond `hold_error` at which it steps fastest, m/s."""
-HURRY = 0.3
-"""Of a change of frequency, what is made in a control period."""
-LARGEST_SHIFT = 0.2
-"""Farthest that a lasting force shifts the feet, m."""
 REACH_SHARE = 0.7
 """Reach of a foothold to the side, per that forward."""
 SHORTEST_DROP = 0.08
 """Least distance of a foot's path below the hip, m."""
 
 
-class TrotVirtual(GaitedPolicy):
+class TrotVirtual(ModelBased):
     """Command-following trot by virtual model control; steps in place at zero command.
 
     Args:
@@ -54,19 +46,15 @@ class TrotVirtual(GaitedPolicy):
     """
 
     name = "trot_virtual"
-    stiff_servos = False  # targets carry their torques; soft servos yield at impacts
     reference: Floats = per_robot(np.zeros(3))
     """Velocity to have now, m/s, m/s and rad/s, (n, 3)."""
     correction: Floats = per_robot(np.zeros(3))
     """Of the reference by the integral of its error, (n, 3)."""
     held: Mask = per_robot(np.zeros(4, np.bool_))
     """Swinging feet that are held where they met the ground, (n, 4)."""
-    _frequencies: Floats = per_robot(lambda policy: policy.frequency)
     yielding: Mask = per_robot(np.zeros(4, np.bool_))
     """Swinging feet that met the ground while the velocity was far off, and bear nothing, (n, 4)."""
-    _height: Floats = per_robot(0.0)
-    _new: Mask = per_robot(True)
-    _swinging: Mask = per_robot(np.zeros(4, np.bool_))
+    _reference_height: Floats = per_robot(0.0)
     _start: Floats = per_robot(np.zeros((4, 3)))
     _place: Floats = per_robot(np.zeros((4, 3)))
 
@@ -83,67 +71,38 @@ class TrotVirtual(GaitedPolicy):
         robot = self.robot
         self.parameters = p = parameters if parameters is not None else searched_parameters(robot)
         self.frequency, self.leg_offsets = p.frequency, robot.in_leg_order(TROT_OFFSETS)
-        self._senses, self._gait = p.senses, Gait(self.leg_offsets, p.duty)
+        self._equip(p.senses, late, actuator)
         self._quickest = np.array([p.acceleration, p.acceleration, p.yaw_acceleration]) * control_period
         self._integral = np.array([p.integral_gain, p.integral_gain, p.yaw_integral_gain]) * control_period
-        dynamics = Dynamics(robot)
-        self.sense = ContactSense(robot, self._senses, control_period, actuator, encoders=late > 0)
-        self._joints = JointPrediction(late, control_period)
-        self.observer = Observer(robot, dynamics, control_period, actuator, late)
-        self.prints = Footprints(p.slope_time, control_period)
-        self.odometer = Odometer(p.farthest_behind, control_period)
         self._higher = 0.0 if late else p.roughness_gain  # late joints show roughness where there is none
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        now, forces, weight = self._motion(observation)
+        now, forces, push = self._motion(self.sense.calibrated(observation))
         error = self._follow(now)
         self._hurry(np.hypot(error[:, 0], error[:, 1]))
-        cycle = self._gait.legs(self._phase)
-        late = self.control_period * self.observer.delays
-        earlier = self._gait.legs(self._phase - TURN * self._frequencies * late)
-        contacts = contact_states(self._senses, cycle, earlier, forces[..., 2], self._new, flies=self._gait.flies)
-        push = self.sense.wrench - weight
+        cycle, contacts = self._contacts(forces)
         pushed = as_accelerations(now.bodies, now.rotation, push)
         ground = self.prints.ground(now, contacts.landed)
         stance = self.parameters.duty / self._frequencies
-        passing = self._passing(now)
-        self._lift(now, cycle, contacts, error, passing)
+        ground_velocity = passing(now, self.reference[:, 2])
+        self._lift(now, cycle, contacts, error, ground_velocity)
         wanted = pulled(self.parameters, now, self._aim(now, ground), -ground.height)
         most = self.parameters.most_force * now.bodies.mass * GRAVITY
         bounds = Friction(np.full(self.num_envs, self.parameters.friction), most)
         share = load(self.parameters, cycle, stance, self.control_period)
         borne = shared(self.parameters, now, wanted - pushed, share, bounds)
         aim = self._footholds(now, pushed)
-        targets = self._targets(now, cycle, passing, borne, aim, ground)
+        targets = self._targets(now, cycle, ground_velocity, borne, aim, ground)
         self._new[:] = False
         self.observer.keep(~cycle.swing)
         targets = np.where(self.observer.listening[:, None], self.robot.home_pose, targets)
         return to_actions(self.robot, targets)
 
-    def _motion(self, observation: NDArray[np.float32]) -> tuple[Motion, Floats, Floats]:
-        """Motion of the robots when their next targets take effect, the forces of their feet, (n, 4, 3), N, in the last
-        control period, and the weight of their loads as a wrench, (n, 6)."""
-        p, sense = self._senses, self.sense
-        load = estimated_load(sense.wrench, p.load_height)
-        observation = sense.calibrated(observation)
-        read = loaded(self.observer.read(observation, sense.wrench), load)
-        forces = sense.estimate(read, load.pressing(read.rotation))
-        planned = self._joints.now(observation).astype(np.float64)
-        now = loaded(self.observer.ahead(sense.wrench, sense.touching, self.prints.slope, planned), load)
-        now = self.odometer.catching_up(now, self.parameters.position_gain)
-        return now, forces, load.pressing(now.rotation)
-
     def _hurry(self, astray: Floats) -> None:
         """Advance the clocks, faster where the velocity is far from the reference, by `astray`, (n,), m/s."""
         p = self.parameters
         beyond = np.clip(astray - p.hold_error, 0.0, HURRY_RANGE) / HURRY_RANGE
-        self._frequencies = self._frequencies + HURRY * (self.frequency + p.hurry * beyond - self._frequencies)
-        self._tick(self._frequencies - self.frequency)
-
-    @property
-    def _tall(self) -> float:
-        """Height that the trunks are to have above the ground, m."""
-        return self.parameters.height - self.robot.hip_rise
+        self._step_at(self.frequency + p.hurry * beyond)
 
     def _follow(self, now: Motion) -> Floats:
         """Move the reference velocity towards the command, and correct it; the velocity error, (n, 3)."""
@@ -160,40 +119,33 @@ class TrotVirtual(GaitedPolicy):
         """How the trunks are to be and to move now."""
         p = self.parameters
         most = p.rise * self.control_period
-        height = np.where(self._new, -ground.height, self._height)
-        self._height = height + np.clip(self._tall - height, -most, most)
+        height = np.where(self._new, -ground.height, self._reference_height)
+        self._reference_height = height + np.clip(self._height - height, -most, most)
         forward, lateral, yaw_rate = (self.reference + self.correction).T
         climb = ground.forward * forward + ground.lateral * lateral
         lean = p.slope_share * np.stack((np.arctan(ground.lateral), -np.arctan(ground.forward)), axis=-1)
-        return Aim(np.column_stack((forward, lateral, climb)), yaw_rate, self._height, lean)
+        return Aim(np.column_stack((forward, lateral, climb)), yaw_rate, self._reference_height, lean)
 
-    def _lift(self, now: Motion, cycle: LegCycle, contacts: ContactStates, error: Floats, passing: Floats) -> None:
+    def _lift(
+        self, now: Motion, cycle: LegCycle, contacts: ContactStates, error: Floats, ground_velocity: Floats
+    ) -> None:
         """Take note of where feet lift off, and hold those that have landed before their time, or let them yield
         where a step is to catch a push."""
         feet = now.bodies.feet
-        lifted = cycle.swing & ~self._swinging
-        self._swinging = cycle.swing
-        self._start = np.where(lifted[..., None], feet, self._start)
+        self._start = np.where(self._lifted(cycle)[..., None], feet, self._start)
         calm = np.hypot(error[:, 0], error[:, 1]) < self.parameters.hold_error
         early = cycle.swing & contacts.standing & calm[:, None]
         self._place = np.where((early & ~self.held)[..., None], feet, self._place)
         self.held = cycle.swing & (self.held | early)
         self.yielding = cycle.swing & ~self.held & (self.yielding | contacts.standing)
-        self._place[..., :2] += self.control_period * passing
-
-    def _passing(self, now: Motion) -> Floats:
-        """Velocity of the ground under the trunk at the feet, (n, 4, 2), m/s."""
-        feet, turn = now.bodies.feet, self.reference[:, 2, None]
-        return np.stack((turn * feet[..., 1], -turn * feet[..., 0]), axis=-1) - now.bodies.centre_velocity[:, None, :2]
+        self._place[..., :2] += self.control_period * ground_velocity
 
     def _footholds(self, now: Motion, pushed: Floats) -> Floats:
         """Where feet are to land, (n, 4, 2), m: Raibert's point and further out by the velocity error, shifted to
         where they bear a lasting acceleration, (n, 6), m/s² and rad/s²; within an ellipse."""
         p, velocity = self.parameters, now.bodies.centre_velocity[:, :2]
-        before = np.sign(self.robot.hip_positions[:, 0])
-        shift = np.clip(p.lean_gain * self._tall / GRAVITY * pushed[:, :2], -LARGEST_SHIFT, LARGEST_SHIFT)
-        neutral = np.stack((before * p.length / 2.0 + p.shift, self.robot.side * p.width / 2.0), axis=-1)
-        place = neutral + (now.bodies.centre[:, :2] + shift)[:, None]
+        shift = np.clip(p.lean_gain * self._height / GRAVITY * pushed[:, :2], -LARGEST_SHIFT, LARGEST_SHIFT)
+        place = neutral_feet(self.robot, self._senses) + (now.bodies.centre[:, :2] + shift)[:, None]
         wanted = self.reference + self.correction
         turned = wanted[:, 2, None, None] * np.stack((-place[..., 1], place[..., 0]), axis=-1)
         away = p.neutral_share * p.duty / self._frequencies[:, None, None] * (velocity[:, None] + turned)
@@ -201,30 +153,30 @@ class TrotVirtual(GaitedPolicy):
         size = np.hypot(away[..., 0], away[..., 1] / REACH_SHARE) / p.reach
         return place + away / np.maximum(size, 1.0)[..., None]
 
-    def _path(self, progress: Floats, aim: Floats, passing: Floats, ground: Ground) -> Floats:
+    def _path(self, progress: Floats, aim: Floats, ground_velocity: Floats, ground: Ground) -> Floats:
         """Places of swinging feet at that progress, (n, 4), relative to the trunk, level frame, (n, 4, 3), m.
 
-        They leave with the velocity of the ground, `passing`, (n, 4, 2), m/s, and have it again from `landing` on.
+        They leave with `ground_velocity`, (n, 4, 2), m/s, and have it again from `landing` on.
         """
         p = self.parameters
         t, time = np.clip(progress, 0.0, 1.0), ((1.0 - p.duty) / self._frequencies)[:, None, None]
         part, after = np.minimum(t / p.landing, 1.0)[..., None], np.maximum(t - p.landing, 0.0)[..., None] * time
         start, whole = self._start[..., :2], p.landing * time
-        over = aim - passing * (time - whole)
-        x, y = np.moveaxis(swung(start, over, passing * whole, part) + passing * after, -1, 0)
+        over = aim - ground_velocity * (time - whole)
+        x, y = np.moveaxis(swung(start, over, ground_velocity * whole, part) + ground_velocity * after, -1, 0)
         height = p.step_height + self._higher * self.prints.roughness[:, None]
         arc, down = 4.0 * t * (1.0 - t), smoothstep(t)
         z = self._start[..., 2] + down * (ground.at(x, y) - p.landing_depth - self._start[..., 2])
         return np.stack((x, y, z + height * arc * arc), axis=-1)
 
     def _targets(
-        self, now: Motion, cycle: LegCycle, passing: Floats, forces: Floats, aim: Floats, ground: Ground
+        self, now: Motion, cycle: LegCycle, ground_velocity: Floats, forces: Floats, aim: Floats, ground: Ground
     ) -> Floats:
         """Joint targets, (n, 12), rad: angles and speeds that the joints are to have halfway through the control
         period, and the torques, turned into offsets by the servos' law."""
         robot, period = self.robot, self.control_period
         ahead = 0.5 * period * self._frequencies[:, None] / (1.0 - self.parameters.duty)
-        places = (self._path(cycle.progress + k * ahead, aim, passing, ground) for k in (0.0, 1.0, 2.0))
+        places = (self._path(cycle.progress + k * ahead, aim, ground_velocity, ground) for k in (0.0, 1.0, 2.0))
         first, middle, last = (self._angles(now, np.where(self.held[..., None], self._place, each)) for each in places)
         swung = (last - first) / period
         bend = np.clip(4.0 * (last - 2.0 * middle + first) / period**2, -FASTEST_JOINT, FASTEST_JOINT)

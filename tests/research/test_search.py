@@ -34,7 +34,7 @@ def kind_of(name):
 
 
 def told(text, kind):
-    """The parameters before and after that an account tells of, with what was set by hand since."""
+    """The parameters before and after of an account, with what was set by hand since."""
     cells = [[cell.strip() for cell in line.split("|")] for line in text.splitlines()]
     rows = {row[1]: row for row in cells if len(row) == 6 and row[1] in limits_of(kind)}
     by_hand = next((line for line in text.splitlines() if line.startswith("Set by hand since:")), "").partition(". ")[0]

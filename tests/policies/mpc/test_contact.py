@@ -129,9 +129,10 @@ def test_a_robot_on_a_circle_is_pushed_to_the_centre(yaw_rate: float) -> None:
     sense, speed = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD), np.array([0.8, 0.3])
     sense.reset(1)
     circling = reading(1, linear_velocity=(*speed, 0.0), angular_velocity=(0.0, 0.0, yaw_rate))
-    forces, wrench = sense.explained(motion(SIMPLE_QUAD, DYNAMICS, circling))
+    forces, wrench = sense._explained(motion(SIMPLE_QUAD, DYNAMICS, circling))
     still = motion(SIMPLE_QUAD, DYNAMICS, reading(1, angular_velocity=(0.0, 0.0, yaw_rate)))
-    at_rest, left = sense.explained(still)
+    sense.reset(1)
+    at_rest, left = sense._explained(still)
     total = (forces - at_rest).sum(axis=1)[0] + (wrench - left)[0, :3]
     expected = SIMPLE_QUAD.mass * yaw_rate * np.array([-speed[1], speed[0], 0.0])
     np.testing.assert_allclose(total, expected, atol=0.5)
@@ -198,12 +199,12 @@ def test_contact_is_known_on_motors_and_encoders() -> None:
     of those that have left it in this period a few more are taken to stand, for the forces are of two periods."""
     real = hardware_profile(SIMPLE_QUAD)
     hardware = Hardware(real.actuator, real.sensors, real.estimator)  # type: ignore[arg-type]
-    policy, felt, true = hardware.policy("mpc_wbc", real=True), [], []
+    policy, estimated, true = hardware.policy("mpc_wbc", real=True), [], []
     assert isinstance(policy, MpcWbc)
     estimate = policy.sense.estimate
 
     def noted(*given: Any) -> np.ndarray:
-        felt.append((forces := estimate(*given))[..., 2])
+        estimated.append((forces := estimate(*given))[..., 2])
         return forces
 
     policy.sense.estimate = noted  # type: ignore[method-assign]
@@ -211,9 +212,9 @@ def test_contact_is_known_on_motors_and_encoders() -> None:
     watch = lambda step: true.append(step.infos["foot_impulse"] / PERIOD) if step.number else None  # noqa: E731
     roll_out(policy, practice("flat", "search"), seeds, watch, steps=200, hardware=hardware)
     late, settled = 1, 50
-    found = np.array(felt[settled + late + 1 :]) > policy.parameters.touch_force
-    pressed = np.array(true[settled : len(felt) - late - 1])
-    before = np.array(true[settled - 1 : len(felt) - late - 2])
+    found = np.array(estimated[settled + late + 1 :]) > policy.parameters.touch_force
+    pressed = np.array(true[settled : len(estimated) - late - 1])
+    before = np.array(true[settled - 1 : len(estimated) - late - 2])
     assert found[pressed > policy.parameters.touch_force].mean() >= 0.95
     assert found[(pressed == 0.0) & (before == 0.0)].mean() <= 0.05
     assert found[pressed == 0.0].mean() <= 0.07

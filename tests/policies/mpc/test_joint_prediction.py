@@ -5,7 +5,7 @@ import pytest
 
 import policies
 from evaluate.rollouts.hardware import Hardware
-from policies.mpc.joint_prediction import JointPrediction
+from policies.mpc.observer import JointPrediction
 from quad_env import OBSERVATION
 from tests.policies.readings import reading
 

@@ -8,7 +8,7 @@ import pytest
 import policies
 from policies.gait_cycle import LegCycle
 from policies.mpc.contact import ContactStates
-from policies.mpc.footing import Ground
+from policies.mpc.footing import Ground, passing
 from policies.mpc.motion import motion
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.forces import Aim, load, pulled, shared
@@ -112,9 +112,8 @@ def test_footholds_go_out_with_the_velocity_and_to_the_side_of_a_push() -> None:
 
 def test_the_ground_passes_backward_under_a_robot_that_goes_ahead() -> None:
     policy = acted(TrotVirtual(P))
-    assert policy._passing(standing(linear_velocity=(0.5, 0.2, 0.0)))[0] == pytest.approx(
-        np.tile([-0.5, -0.2], (4, 1)), abs=1e-6
-    )
+    now = standing(linear_velocity=(0.5, 0.2, 0.0))
+    assert passing(now, policy.reference[:, 2])[0] == pytest.approx(np.tile([-0.5, -0.2], (4, 1)), abs=1e-6)
 
 
 @pytest.mark.parametrize(("late", "higher"), [(0, 0.04), (2, 0.0)])
@@ -146,8 +145,8 @@ def test_a_foot_that_lands_early_is_held_but_yields_under_a_push(error: float, h
     swing = np.array([[True, False, False, True]])
     landed = np.array([[True, True, True, False]])
     cycle, contacts = LegCycle(swing, np.full((1, 4), 0.8)), ContactStates(landed, ~landed & ~swing, landed)
-    passing = policy._passing(now)
-    policy._lift(now, cycle, contacts, np.array([[error, 0.0, 0.0]]), passing)
+    ground_velocity = passing(now, policy.reference[:, 2])
+    policy._lift(now, cycle, contacts, np.array([[error, 0.0, 0.0]]), ground_velocity)
     assert policy.held[0].tolist() == [held, False, False, False]
     assert policy.yielding[0].tolist() == [not held, False, False, False]
     if held:  # it goes with the ground
