@@ -74,7 +74,7 @@ def response(robot: Robot, now: Motion, standing: Mask, wrench: Floats, period: 
     """Of a control period of `period` s in which these feet stand, (n, 4), and wrenches push the trunks, (n, 6)."""
     count, size = now.generalised.shape
     targets = np.zeros((count, size - 6, size - 5))
-    targets[:, :, 1:] = np.eye(size - 6)
+    targets[:, range(size - 6), range(1, size - 5)] = 1.0
     found, _ = _moved(robot, now, standing, wrench, period, targets, np.zeros(standing.shape))
     return Response(found[..., 0], found[..., 1:])
 
@@ -99,29 +99,34 @@ def _moved(
     robot: Robot, now: Motion, standing: Mask, wrench: Floats, period: float, targets: Floats, sinking: Floats
 ) -> tuple[Floats, Floats]:
     """Generalised velocities after `period` s by each of c columns of targets, (n, 12, c), to (n, 18, c), the first by
-    all else as well, and its impulses of the feet, (n, 12); standing feet sink at (n, 4), m/s."""
+    all else as well, and its impulses of the feet, (n, 12); standing feet sink at (n, 4), m/s.
+
+    Every implicit step is the same linear one of a state: velocity, errors of the servos, 1, and the step's number.
+    """
     bodies, step = now.bodies, period / SUBSTEPS
     count, size = now.generalised.shape
-    joints, feet, stands = np.arange(6, size), np.arange(size, size + 12), np.repeat(standing, 3, axis=1)
-    stiffness, damping = np.broadcast_to(robot.servo_stiffness, 12), robot.servo_damping
+    stands, still, stiffness = np.repeat(standing, 3, axis=1), size + 12, step * robot.servo_stiffness
+    system, known = np.zeros((count, still, still)), np.zeros((count, still, still + 2))
     jacobians = np.where(stands[..., None], bodies.jacobians.reshape(count, 12, size), 0.0)
-    system = np.zeros((count, size + 12, size + 12))
-    system[:, :size, :size] = bodies.inertia
-    system[:, joints, joints] += step * damping + step**2 * stiffness
+    system[:, :size, :size] = known[:, :size, :size] = bodies.inertia
     system[:, size:, :size], system[:, :size, size:] = jacobians, -jacobians.transpose(0, 2, 1)
-    system[:, feet, feet] = np.where(stands, _SOFT, 1.0)
-    inverse = np.linalg.inv(system)
-    velocity, angles = np.zeros((count, size, targets.shape[2])), np.zeros(targets.shape)
-    velocity[..., 0], angles[..., 0] = now.generalised, now.angles
-    impulses, known = np.zeros((count, 12)), np.zeros((count, size + 12, targets.shape[2]))
-    for number in range(1, SUBSTEPS + 1):
-        known[:, :size] = bodies.inertia @ velocity
-        known[:, 6:size] += step * stiffness[:, None] * (targets - angles)
-        known[:, :size, 0] -= step * bodies.bias
-        known[:, :6, 0] += step * wrench
-        known[:, size:, 0] = np.where(stands, -number * step * bodies.drift.reshape(count, 12), 0.0)
-        known[:, size + 2 :: 3, 0] += np.where(standing, sinking, 0.0)
-        found = inverse @ known
-        velocity, angles = found[:, :size], angles + step * found[:, 6:size]
-        impulses += found[:, size:, 0]
-    return velocity, impulses
+    diagonal = system.reshape(count, -1)[:, :: still + 1]
+    diagonal[:, 6:size] += step * (robot.servo_damping + stiffness)
+    diagonal[:, size:] = np.where(stands, _SOFT, 1.0)
+    known[:, 6:size, size:still] = np.diag(stiffness)
+    known[:, :size, still] = -step * bodies.bias
+    known[:, :6, still] += step * wrench
+    known[:, size + 2 :: 3, still] = np.where(standing, sinking, 0.0)
+    known[:, size:, -1] = np.where(stands, -step * bodies.drift.reshape(count, 12), 0.0)
+    found = np.linalg.solve(system, known)
+    change = np.zeros((count, still + 2, still + 2))
+    change[:, :size], change[:, size:still] = found[:, :size], -step * found[:, 6:size]
+    change[:, range(size, still + 2), range(size, still + 2)] += 1.0
+    change[:, -1, still] = 1.0
+    state, passed = np.zeros((count, still + 2, targets.shape[2])), np.zeros((count, still + 2))
+    state[:, :size, 0], state[:, size:still], state[:, still:, 0] = now.generalised, targets, 1.0
+    state[:, size:still, 0] -= now.angles
+    for _ in range(SUBSTEPS):
+        passed += state[..., 0]
+        state = change @ state
+    return state[:, :size], (found[:, size:] @ passed[..., None])[..., 0]
