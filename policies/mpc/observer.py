@@ -17,7 +17,7 @@ from policies.legs.ground_plane import above
 from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
 from policies.mpc.motion import Motion, motion
 from policies.mpc.reading_noise import GROUPS, SENSED, ReadingNoise
-from policies.mpc.servo_step import Response, Servos, landing, response
+from policies.mpc.servo_step import Servos, landing, response
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask, Rows
@@ -121,13 +121,18 @@ class Observer(Memory):
         return found._replace(targets=self._acted(self._effective))
 
     def _correct(self, standing: Mask, wrench: Floats) -> None:
-        """Correct what was seen by what these feet let it be."""
+        """Correct what was seen with noise by what these feet let it be."""
         if (before := self._read) is None:
             return
-        shares, readings = self._shares(self._variances), self._seen[:, SENSED].copy()
-        step = response(self._robot, before, standing, wrench, self._period)
-        self._learn_delay(before, step, readings, self._variances)
-        self._seen[:, SENSED] = self._corrected(before, step, readings, shares)
+        readings, noise = self._seen[:, SENSED], self._variances
+        velocities = response(self._robot, before, standing, wrench, self._period).velocities(self._effective)
+        self._learn_delay(before, velocities, readings, noise)
+        noisy = noise.any(axis=1) | bool(self._late)
+        if noisy.any():
+            corrected = self._corrected(before, self._acted(velocities), readings, self._shares(noise))
+            readings[noisy] = corrected[noisy]
+        self._doubt[~noisy], self._joint_doubt[~noisy] = 0.0, 0.0
+        _upright(readings)
 
     def ahead(self, wrench: Floats, touching: Mask, slope: Floats, planned: Floats | None = None) -> Motion:
         """Motion of the robots when their next targets take effect: after `read`, and knowing which feet touched the
@@ -166,9 +171,10 @@ class Observer(Memory):
         """Of what was kept, (LONGEST + 1, n, …), that which led to the readings."""
         return kept[self.delays, np.arange(len(self.delays))]
 
-    def _learn_delay(self, before: Motion, step: Response, readings: Floats, noise: Floats) -> None:
-        """Believe the delay whose targets explain the joints' speeds best, of readings (n, 33) with noise (n, 5)."""
-        speeds = step.velocity(self._effective)[..., 6:]
+    def _learn_delay(self, before: Motion, velocities: Floats, readings: Floats, noise: Floats) -> None:
+        """Believe the delay whose targets explain the joints' speeds best, of readings (n, 33) with noise (n, 5): by
+        generalised velocities, (LONGEST + 1, n, 18)."""
+        speeds = velocities[..., 6:]
         if self._late:  # what encoders show is the mean over the period
             speeds = 0.5 * (before.generalised[:, 6:] + speeds)
         missed = speeds - readings[:, SPEEDS]
@@ -196,10 +202,9 @@ class Observer(Memory):
         self._joint_doubt = np.where(fresh[:, None, None], self._joint_doubt, joint_doubt - shares @ joint_doubt)
         return share, shares
 
-    def _corrected(self, before: Motion, step: Response, readings: Floats, shares: tuple[Floats, Floats]) -> Floats:
-        """Readings, (n, 33), as the motion a control step before and that step let them be, corrected by those shares
-        of what they are."""
-        velocity = step.velocity(self._acted(self._effective))
+    def _corrected(self, before: Motion, velocity: Floats, readings: Floats, shares: tuple[Floats, Floats]) -> Floats:
+        """Readings, (n, 33), as the motion a control step before and the velocity now let them be, corrected by those
+        shares of what they are."""
         out = np.clip(carried(self._robot, before, velocity, self._period), -BOUNDS, BOUNDS)
         out = np.where((self.looks == 1)[:, None], readings, out)
         missed, (share, joint_shares) = readings - out, shares
@@ -208,7 +213,7 @@ class Observer(Memory):
         corrections = joint_shares @ np.stack((missed[:, ANGLES], missed[:, SPEEDS]), axis=1)
         out[:, ANGLES] += corrections[:, 0]
         out[:, SPEEDS] += corrections[:, 1]
-        return _upright(out)
+        return out
 
 
 class JointPrediction(Memory):

@@ -12,7 +12,7 @@ import numpy as np
 from policies.gait_cycle import Floats
 from policies.mpc.motion import Motion
 from quad_env.actuation.models import Actuator, Line
-from quad_env.columns import Mask
+from quad_env.columns import Mask, total
 from quad_env.robots.robot import Robot
 
 PASSES = 3
@@ -46,9 +46,7 @@ class Servos:
         """Mean targets that the motors went by in each of m control periods, newest first, (m, n, 12), rad, of those
         that were sent to them, (m + k - 1, n, 12)."""
         count = len(targets) - len(self.shares) + 1
-        acting = [share * targets[since : since + count] for since, share in enumerate(self.shares)]
-        mean: Floats = np.sum(acting, axis=0)
-        return mean
+        return total(share * targets[since : since + count] for since, share in enumerate(self.shares))
 
     def torque(self, targets: Floats, angle: Floats, speed: Floats) -> Floats:
         """Torque of the joints by these effective targets, (n, 12), N·m."""
@@ -64,10 +62,10 @@ class Response(NamedTuple):
     per_target: Floats
     """(n, 18, 12), per rad."""
 
-    def velocity(self, targets: Floats) -> Floats:
-        """By these targets, (…, n, 12), rad: (…, n, 18)."""
-        velocity: Floats = self.still + np.einsum("nij,...nj->...ni", self.per_target, targets)
-        return velocity
+    def velocities(self, targets: Floats) -> Floats:
+        """By each of these targets, (m, n, 12), rad: (m, n, 18)."""
+        velocities: Floats = self.still[..., None] + self.per_target @ targets.transpose(1, 2, 0)
+        return velocities.transpose(2, 0, 1)
 
 
 def response(robot: Robot, now: Motion, standing: Mask, wrench: Floats, period: float) -> Response:

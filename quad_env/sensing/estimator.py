@@ -115,6 +115,6 @@ def leg_velocity(robot: Robot, read: Read, turning: Array, gravity: Array, spaci
 
 def unit(vectors: Array) -> Array:
     """Vectors of length one in the last axis, (…, 3)."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     length = np.sqrt(x * x + y * y + z * z)
     return cast("Array", vectors / np.maximum(length, 1e-6)[..., None])
