@@ -9,11 +9,9 @@ from policies.gait_cycle import Floats
 from policies.legs.level_frame import level_frame
 from policies.memory import Memory, per_robot
 from quad_env import OBSERVATION
-from quad_env.columns import of_robots
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics, RigidBodies
 from quad_env.physics.rotations import cross, skew
-from quad_env.physics.state import rotation_matrix
 from quad_env.robots.robot import Robot
 
 LARGEST_LOAD = 40.0
@@ -52,10 +50,8 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
     """Motion of observations (n, k)."""
     rows = observation.astype(np.float64)
     frame = level_frame(rows[:, OBSERVATION["projected_gravity"]].T)
-    roll, pitch = frame.roll, frame.pitch
-    orientation = _quaternion(roll, pitch)
-    # In one layout for any number of robots: the last bits of a product depend on it.
-    rotation = np.ascontiguousarray(np.moveaxis(np.array(rotation_matrix(of_robots(orientation))), -1, 0))
+    tilt = np.array((frame.roll, frame.pitch))
+    orientation, rotation = _attitude(tilt)
     turning = rows[:, OBSERVATION["angular_velocity"]]
     velocity = np.einsum("nij,nj->ni", rotation, rows[:, OBSERVATION["linear_velocity"]])
     angles = rows[:, OBSERVATION["joint_position"]] + robot.home_pose
@@ -63,7 +59,7 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
     generalised = np.concatenate((velocity, turning, speeds), axis=1)
     bodies = dynamics.at(orientation, velocity, turning, angles, speeds)
     return Motion(
-        tilt=np.stack((roll, pitch), axis=-1),
+        tilt=tilt.T,
         rotation=rotation,
         velocity=velocity,
         turning=np.einsum("nij,nj->ni", rotation, turning),
@@ -76,10 +72,18 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
     )
 
 
-def _quaternion(roll: Floats, pitch: Floats) -> Floats:
-    """From the base to the level frame, (w, x, y, z), (n, 4): a turn by `roll` about x, then by `pitch` about y."""
-    (cr, sr), (cp, sp) = (np.cos(roll / 2), np.sin(roll / 2)), (np.cos(pitch / 2), np.sin(pitch / 2))
-    return np.stack((cp * cr, cp * sr, sp * cr, -sp * sr), axis=-1)
+def _attitude(tilt: Floats) -> tuple[Floats, Floats]:
+    """Quaternion (w, x, y, z), (n, 4), and rotation matrix, (n, 3, 3), from the base to the level frame, of roll and
+    pitch, (2, n): a turn by roll about x, then by pitch about y."""
+    (cr, cp), (sr, sp) = np.cos(0.5 * tilt), np.sin(0.5 * tilt)
+    quaternion = np.array((cp * cr, cp * sr, sp * cr, -sp * sr)).T
+    (cr, cp), (sr, sp) = np.cos(tilt), np.sin(tilt)
+    # In one layout for any number of robots: the last bits of a product depend on it.
+    rotation = np.zeros((tilt.shape[1], 3, 3))
+    rotation[:, 0] = np.array((cp, sp * sr, sp * cr)).T
+    rotation[:, 1, 1], rotation[:, 1, 2] = cr, -sr
+    rotation[:, 2] = np.array((-sp, cp * sr, cp * cr)).T
+    return quaternion, rotation
 
 
 class Odometer(Memory):
