@@ -21,18 +21,18 @@ Plane = tuple[Floats, Floats, Floats]
 def carried(prints: Floats, velocity: Vector | Floats, yaw_rate: Floats, period: float) -> Floats:
     """Footprints, (3, 4, n), m, one period of `period` s later: they pass under a trunk that moves and turns."""
     x, y, _ = prints
-    forward, lateral, vertical = velocity
-    passed = np.broadcast_arrays(forward - yaw_rate * y, lateral + yaw_rate * x, vertical)
-    return prints - period * np.stack(passed)
+    forward, lateral, passed = velocity[0], velocity[1], np.empty_like(prints)
+    passed[0], passed[1], passed[2] = forward - yaw_rate * y, lateral + yaw_rate * x, velocity[2]
+    return prints - period * passed
 
 
 def fitted(prints: Floats) -> Plane:
     """Least-squares plane through the footprints."""
-    x, y, z = prints
-    mean_x, mean_y, mean_z = (0.25 * total(values) for values in prints)
-    x, y, z = x - mean_x, y - mean_y, z - mean_z
-    xx, yy, xy = total(x * x) + _NARROW, total(y * y) + _NARROW, total(x * y)
-    xz, yz = total(x * z), total(y * z)
+    legs = prints.swapaxes(0, 1)
+    mean_x, mean_y, mean_z = mean = 0.25 * total(legs)
+    apart = legs - mean
+    xx, yy, xy, xz, yz = total(apart[:, [0, 1, 0, 0, 1]] * apart[:, [0, 1, 1, 2, 2]])
+    xx, yy = xx + _NARROW, yy + _NARROW
     determinant = np.maximum(xx * yy - xy * xy, _NARROW * _NARROW)
     forward = np.clip((xz * yy - yz * xy) / determinant, -STEEPEST, STEEPEST)
     lateral = np.clip((yz * xx - xz * xy) / determinant, -STEEPEST, STEEPEST)

@@ -1,6 +1,7 @@
 """Where the feet of a robot under model-predictive control go; level frame, arrays (n, 4, …)."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +31,8 @@ CROUCH = 0.05
 
 _NEAR = 1e-3
 """Progress of a swing over which its speed is taken."""
-
+_QUARTER = np.array([-1.0, 1.0])
+"""(y, x) times this is (x, y) turned by a quarter."""
 
 Terrain = Callable[[Floats, Floats, Floats], Floats]
 """What feet swing over: height, m, that a swing starts its lift from, by x, y and the swing's progress, (n, 4) each."""
@@ -76,7 +78,7 @@ class Footprints(Memory):
         _, *slope = plane = fitted(places)
         apart = np.abs(above(plane, places)).max(axis=0)
         self.roughness += taken_in(self._period, ROUGHNESS_TIME) * (apart - self.roughness)
-        self.slope = self.slope + self._share * (np.clip(np.stack(slope), -STEEPEST, STEEPEST) - self.slope)
+        self.slope = self.slope + self._share * (np.clip(slope, -STEEPEST, STEEPEST) - self.slope)
         forward, lateral = self.slope
         under_the_trunk = 0.25 * total(above((np.zeros(len(landed)), forward, lateral), places))
         return Ground(under_the_trunk, forward, lateral)
@@ -84,10 +86,18 @@ class Footprints(Memory):
 
 def passing(now: Motion, yaw_rate: Floats) -> Floats:
     """Velocity of the ground under trunks that turn at a yaw rate, (n,), rad/s, at their feet, (n, 4, 2), m/s."""
-    feet, turn = now.bodies.feet, yaw_rate[:, None]
-    return np.stack((turn * feet[..., 1], -turn * feet[..., 0]), axis=-1) - now.bodies.centre_velocity[:, None, :2]
+    return -along(now, yaw_rate, now.bodies.feet)
 
 
+def along(now: Motion, yaw_rate: Floats, places: Floats) -> Floats:
+    """Velocity, (n, 4, 2), m/s, of places, (n, 4, 2 or 3), m, that go with bodies and turn at a yaw rate, (n,), rad/s.
+    """
+    turned = yaw_rate[:, None, None] * (places[..., 1::-1] * _QUARTER)
+    velocity: Floats = now.bodies.centre_velocity[:, None, :2] + turned
+    return velocity
+
+
+@cache
 def neutral_feet(robot: Robot, p: MpcParameters) -> Floats:
     """Footholds in place relative to the centre of mass, (4, 2), m."""
     before = np.sign(robot.hip_positions[:, 0])
@@ -105,8 +115,7 @@ def footholds(
     velocity, centre, command = motion.bodies.centre_velocity, motion.bodies.centre, motion.command
     shift = np.clip(p.lean_gain * height / GRAVITY * pushed, -LARGEST_SHIFT, LARGEST_SHIFT)
     place = neutral_feet(robot, p) + (centre[:, :2] + shift)[:, None]
-    turned = command[:, 2, None, None] * np.stack((-place[..., 1], place[..., 0]), axis=-1)
-    reach = 0.5 * stance_time[:, None, None] * (velocity[:, None, :2] + turned)
+    reach = 0.5 * stance_time[:, None, None] * along(motion, command[:, 2], place)
     reach = reach + p.step_gain * (velocity[:, :2] - command[:, :2])[:, None]
     size = np.hypot(reach[..., 0], reach[..., 1])
     aim = place + reach * np.minimum(1.0, LARGEST_REACH / np.maximum(size, 1e-9))[..., None]
@@ -136,15 +145,15 @@ def swing(
     step = (period / time)[:, None]
 
     def at(t: Floats) -> Floats:
-        x, y = (swung(start[..., i], aim[..., i], slope[..., i], t) for i in range(2))
+        place = swung(start, aim, slope, t[..., None])
         arc = 4.0 * t * (1.0 - t)
-        z = ground(x, y, t) + p.step_height * arc * arc - p.landing_depth * smoothstep(t)
-        return np.stack((x, y, z), axis=-1)
+        z = ground(place[..., 0], place[..., 1], t) + p.step_height * arc * arc - p.landing_depth * smoothstep(t)
+        return np.concatenate((place, z[..., None]), axis=-1)
 
-    times = [t + apart for t in (progress, progress + step) for apart in (_NEAR, -_NEAR)]
-    place, *near = at(np.stack((progress, *times)))
-    now, then = ((near[i] - near[i + 1]) / (2.0 * _NEAR * time[:, None, None]) for i in (0, 2))
-    return place, now, (then - now) / period
+    times = [t + apart for apart in (_NEAR, -_NEAR) for t in (progress, progress + step)]
+    places = at(np.array((progress, *times)))
+    now, then = (places[1:3] - places[3:]) / (2.0 * _NEAR * time[:, None, None])
+    return places[0], now, (then - now) / period
 
 
 def arms(
@@ -163,10 +172,10 @@ def arms(
     `stands`: (n, N, 4); `since`: time since the landing, (n, N, 4), s; `times`: middle of each step, (N,), s; `z`: the
     ground below the centre of mass where the feet stand, m, of a shape that broadcasts to (n, N, 4).
     """
-    lasting = np.cumprod(stands, axis=1).astype(np.bool_)[..., None]
+    lasting = np.logical_and.accumulate(stands, axis=1)[..., None]
     away = velocity[:, None, None]
     stood = feet[:, None, :, :2] - away * times[:, None, None]
     landed = aim[:, None] - away * np.where(stands, since, 0.0)[..., None]
-    place = np.where(lasting, stood, landed) - centre[:, None, None, :2]
-    below = np.broadcast_to(z[..., None], (*place.shape[:-1], 1))
-    return np.concatenate((place, below), axis=-1)
+    found = np.empty((*stands.shape, 3))
+    found[..., :2], found[..., 2] = np.where(lasting, stood, landed) - centre[:, None, None, :2], z
+    return found

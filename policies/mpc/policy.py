@@ -13,7 +13,7 @@ from policies.gait_cycle import TURN, Floats, LegCycle
 from policies.gaits.parameters import OFFSETS
 from policies.memory import per_robot
 from policies.mpc.contact import ContactStates, as_accelerations
-from policies.mpc.footing import Ground, Terrain, arms, footholds, passing, swing
+from policies.mpc.footing import Ground, Terrain, along, arms, footholds, passing, swing
 from policies.mpc.model_based import FASTEST_JOINT, ModelBased
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
@@ -166,15 +166,8 @@ class Mpc(ModelBased):
         place, rate, acceleration = swing(
             p, self._start, aim, leaving, cycle.progress, time, self.control_period, ground
         )
-        body, spin = now.bodies.centre_velocity[:, None, :2], now.turning[:, 2, None]
-        carried_along = np.stack(
-            (
-                body[..., 0] - spin * place[..., 1],
-                body[..., 1] + spin * place[..., 0],
-                np.broadcast_to(now.velocity[:, 2:], (len(spin), 4)),
-            ),
-            axis=-1,
-        )
+        carried_along = np.empty_like(place)
+        carried_along[..., :2], carried_along[..., 2] = along(now, now.turning[:, 2], place), now.velocity[:, 2:]
         swinging = (
             acceleration + p.swing_stiffness * (place - feet) + p.swing_damping * (carried_along + rate - velocity)
         )

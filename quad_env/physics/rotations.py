@@ -4,6 +4,10 @@ import numpy as np
 
 from quad_env.columns import Array
 
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+_SKEW = np.cross(np.eye(3), -np.eye(3)[:, None]).transpose(1, 0, 2).reshape(3, 9)
+"""Matrices of the cross products of the three unit vectors."""
+
 
 def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
     """Quaternions of intrinsic yaw-pitch-roll rotations."""
@@ -15,16 +19,12 @@ def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Vectors a × b, (…, 3), to the bit as `np.cross`, which takes twice the time for a few."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.subtract(a[..., j] * b[..., k], a[..., k] * b[..., j], out=out[..., i])
-    return out
+    """Vectors a × b, (…, 3), to the bit as `np.cross`, which takes seven times the time for a few."""
+    product: Array = a.take(_NEXT, -1) * b.take(_LAST, -1) - a.take(_LAST, -1) * b.take(_NEXT, -1)
+    return product
 
 
 def skew(vectors: Array) -> Array:
     """Matrices of the cross products v × …, (…, 3, 3), of vectors v, (…, 3)."""
-    matrices = np.zeros((*vectors.shape, 3))
-    matrices[..., (2, 0, 1), (1, 2, 0)] = vectors
-    matrices[..., (1, 2, 0), (2, 0, 1)] = -vectors
+    matrices: Array = np.matmul(vectors, _SKEW).reshape(*vectors.shape, 3)
     return matrices
