@@ -79,13 +79,9 @@ class Mpc(ModelBased):
         self.parameters = p = parameters if parameters is not None else in_force
         self.frequency, self.leg_offsets = p.frequency, robot.in_leg_order(OFFSETS[gait])
         self._equip(p, late, actuator, p.fastest_return)
-        weights = Weights(
-            np.array([p.roll_weight, p.pitch_weight, p.yaw_weight]),
-            np.array([0.0, 0.0, p.height_weight]),
-            np.array([p.turn_weight, p.turn_weight, p.yaw_rate_weight]),
-            np.array([p.velocity_weight, p.velocity_weight, p.vertical_weight]),
-            p.force_weight,
-        )
+        pose = p.roll_weight, p.pitch_weight, p.yaw_weight, 0.0, 0.0, p.height_weight
+        turning, velocity = (p.turn_weight, p.turn_weight, p.yaw_rate_weight), (p.velocity_weight, p.velocity_weight)
+        weights = Weights(np.array(pose), np.array([*turning, *velocity, p.vertical_weight]), p.force_weight)
         self._horizon = Horizon(HORIZON, p.horizon_step, weights)
         self._plans = Plans(HORIZON, p.horizon_step, robot.mass * GRAVITY)
         self._stop = Stop(robot, control_period)
@@ -197,28 +193,22 @@ class Mpc(ModelBased):
         friction: Friction,
     ) -> Mask:
         """Renew the plans of these robots, (g,); which have none, (n,): they go on with the one before."""
-        horizon, bodies = self._horizon, now.bodies
-        forward, lateral, height = ground.forward[robots], ground.lateral[robots], ground.height[robots]
-        zero = np.zeros(len(robots))
-        body = Body(
-            angles=np.column_stack(
-                (now.tilt[robots, 0] - np.arctan(lateral), now.tilt[robots, 1] + np.arctan(forward), zero)
-            ),
-            position=np.column_stack((zero, zero, -(height + self._height))),
-            turning=now.turning[robots],
-            velocity=bodies.centre_velocity[robots],
-            mass=bodies.mass[robots],
-            inertia=bodies.rotational_inertia[robots],
-            acceleration=pushed[robots],
-        )
-        ahead, left, yaw_rate = now.command[robots].T
-        speed = np.column_stack((ahead, left, forward * ahead + lateral * left))[:, None]
-        turn = np.column_stack((zero, zero, yaw_rate))[:, None]
-        times, same = horizon.times[:, None], np.zeros((HORIZON, 3))
-        wanted = Reference(times * turn, times * speed, same + turn, same + speed)
+        horizon, bodies, command = self._horizon, now.bodies, now.command
+        pose, speed = np.zeros((2, self.num_envs, 6))
+        pose[:, 0], pose[:, 1] = now.tilt[:, 0] - np.arctan(ground.lateral), now.tilt[:, 1] + np.arctan(ground.forward)
+        pose[:, 5] = -(ground.height + self._height)
+        speed[:, 2], speed[:, 3:5] = command[:, 2], command[:, :2]
+        speed[:, 5] = ground.forward * command[:, 0] + ground.lateral * command[:, 1]
+        rate = np.concatenate((now.turning, bodies.centre_velocity), axis=1)
+        acceleration = np.concatenate((pushed[:, 3:], pushed[:, :3]), axis=1)
+        body = Body(pose, rate, bodies.mass, bodies.rotational_inertia, acceleration)
+        due: Ids = slice(None) if len(robots) == self.num_envs else robots
+        speed = speed[due, None]
+        wanted = Reference(horizon.times[:, None] * speed, speed)
+        body = Body(*(part[due] for part in body))
         failed = np.zeros(self.num_envs, np.bool_)
         failed[robots] = True
-        for rows, programs in horizon.programs(body, places[robots], stands[robots], wanted, friction.of(robots)):
+        for rows, programs in horizon.programs(body, places[due], stands[due], wanted, friction.of(due)):
             solutions = self._solver(programs)
             good, value = rows[solutions.solved], solutions.value[solutions.solved]
             which = robots[good]

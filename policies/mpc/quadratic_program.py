@@ -60,15 +60,14 @@ def solve(programs: Programs) -> Solutions:
         value[i], _, answers[i], _ = daqp.solve(
             hessian[i], gradient[i], rows[i], upper[i], lower[i], sense.copy(), iter_limit=MOST_ITERATIONS
         )
-    return Solutions(value, (answers == SOLVED) & (_violation(programs, value) < LARGEST_VIOLATION))
+    return Solutions(value, (answers == SOLVED) & _within(programs, value))
 
 
-def _violation(programs: Programs, value: Floats) -> Floats:
-    """How far these values, (g, k), are beyond the bounds of the worst row, see `LARGEST_VIOLATION`; NaN where a value
-    is; (g,)."""
+def _within(programs: Programs, value: Floats) -> NDArray[np.bool_]:
+    """Whether these values, (g, k), are within the bounds but for `LARGEST_VIOLATION`, and finite; (g,)."""
     reached = np.matmul(programs.rows, value[..., None])[..., 0]
-    beyond = np.maximum(np.maximum(reached - programs.upper, programs.lower - reached), 0.0)
+    beyond = np.maximum(reached - programs.upper, programs.lower - reached).max(axis=1, initial=0.0)
+    if (within := beyond < LARGEST_VIOLATION).all():
+        return within
     bounds = np.concatenate((programs.lower, programs.upper), axis=1)
-    largest = np.abs(np.where(np.isfinite(bounds), bounds, 0.0)).max(axis=1, initial=1.0)
-    violation: Floats = beyond.max(axis=1, initial=0.0) / largest
-    return violation
+    return beyond < LARGEST_VIOLATION * np.abs(np.where(np.isfinite(bounds), bounds, 0.0)).max(axis=1, initial=1.0)

@@ -24,6 +24,7 @@ from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 
 LEGS = 4
+_FALL = np.array([0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY])
 TOGETHER = 32
 """Robots whose programs are made at once: their matrices fit into a processor's cache."""
 
@@ -31,41 +32,33 @@ TOGETHER = 32
 class Body(NamedTuple):
     """Rigid bodies of n robots now, each in a level frame with its origin at the centre of mass, x ahead."""
 
-    angles: Floats
-    """Roll, pitch and yaw, (n, 3), rad."""
-    position: Floats
-    """Of the centre of mass, the origin being where it is to be; (n, 3), m."""
-    turning: Floats
-    """Angular velocity, (n, 3), rad/s."""
-    velocity: Floats
-    """(n, 3), m/s."""
+    pose: Floats
+    """Roll, pitch and yaw, rad, and the centre of mass, the origin being where it is to be, m; (n, 6)."""
+    rate: Floats
+    """Angular velocity, rad/s, and velocity, m/s, (n, 6)."""
     mass: Floats
     """(n,), kg."""
     inertia: Floats
     """About the centre of mass, (n, 3, 3), kg·m²."""
     acceleration: Floats
-    """What no foot explains: linear, m/s², and angular, rad/s², (n, 6)."""
+    """What no foot explains: angular, rad/s², and linear, m/s², (n, 6)."""
 
 
 class Weights(NamedTuple):
-    """Of the squares in the cost, (3,) each, and of the squared forces."""
+    """Of the squares in the cost, (6,) each, and of the squared forces."""
 
-    angles: Floats
-    position: Floats
-    turning: Floats
-    velocity: Floats
+    pose: Floats
+    rate: Floats
     force: float
     """Of the squared differences from forces that share the weight among the feet that stand: from none at all, and the
     plan sinks towards its end."""
 
 
 class Reference(NamedTuple):
-    """Where n bodies are to be after each step of the horizon, (n, N, 3) each."""
+    """Where n bodies are to be after each step of the horizon, and how they are to move; (n, N or 1, 6)."""
 
-    angles: Floats
-    position: Floats
-    turning: Floats
-    velocity: Floats
+    pose: Floats
+    rate: Floats
 
 
 class Friction(NamedTuple):
@@ -101,8 +94,7 @@ class Horizon:
         """Ends of the steps, (N,), s."""
         self.middles: Floats = self.times - 0.5 * period
         """Their middles, (N,), s."""
-        both = zip(np.ravel(weights[:2]), np.ravel(weights[2:4]), strict=True)
-        roots = [self._root(place, rate) for place, rate in both]
+        roots = [self._root(place, rate) for place, rate in zip(weights.pose, weights.rate, strict=True)]
         self._roots = np.stack(roots, axis=1).transpose(2, 1, 0).copy()  # (step, axis, row of the root)
 
     def _root(self, place: float, rate: float) -> Floats:
@@ -112,15 +104,8 @@ class Horizon:
 
     def free(self, body: Body) -> Reference:
         """Where the bodies go by themselves, gravity and what no foot explains included."""
-        linear, angular = body.acceleration[:, None, :3] - (0.0, 0.0, GRAVITY), body.acceleration[:, None, 3:]
-        t = self.times[:, None]
-        turning, velocity = body.turning[:, None], body.velocity[:, None]
-        return Reference(
-            body.angles[:, None] + t * turning + 0.5 * t * t * angular,
-            body.position[:, None] + t * velocity + 0.5 * t * t * linear,
-            turning + t * angular,
-            velocity + t * linear,
-        )
+        acceleration, rate, t = (body.acceleration - _FALL)[:, None], body.rate[:, None], self.times[:, None]
+        return Reference(body.pose[:, None] + t * rate + 0.5 * t * t * acceleration, rate + t * acceleration)
 
     def programs(
         self, body: Body, arms: Floats, standing: Mask, wanted: Reference, friction: Friction
@@ -135,12 +120,10 @@ class Horizon:
         moved: Floats = np.zeros((count, self.steps * LEGS, 3, 6))
         turned = np.matmul(skew(-arms).reshape(count, -1, 3), np.linalg.inv(body.inertia))  # which is symmetric
         moved[..., :3] = turned.reshape(count, -1, 3, 3)
-        moved[:, :, (0, 1, 2), (3, 4, 5)] = 1.0 / body.mass[:, None, None]
-        moved = moved.reshape(count, -1, 6)
-        parts = zip(weights[:4], self.free(body), wanted, strict=True)
-        missed = [weight * (free - goal) for weight, free, goal in parts]
-        pull = np.matmul(self.place.T, np.concatenate(missed[:2], axis=2))
-        pull += np.matmul(self.rate.T, np.concatenate(missed[2:], axis=2))
+        moved[..., 3:] = np.eye(3) / body.mass[:, None, None, None]
+        moved, free = moved.reshape(count, -1, 6), self.free(body)
+        pull = np.matmul(self.place.T, weights.pose * (free.pose - wanted.pose))
+        pull += np.matmul(self.rate.T, weights.rate * (free.rate - wanted.rate))
         gradient = np.matmul(moved.reshape(count, self.steps, 3 * LEGS, 6), pull[..., None]).reshape(count, -1)
         share = body.mass[:, None] * GRAVITY / np.maximum(standing.sum(axis=2), 1)
         gradient.reshape(count, self.steps, LEGS, 3)[..., 2] -= weights.force * share[..., None]
@@ -151,7 +134,7 @@ class Horizon:
             roots = self._roots[chosen // (3 * LEGS)] * moved[of_these, chosen][..., None]
             roots = roots.reshape(*chosen.shape, 6 * self.steps)
             hessian = np.matmul(roots, roots.transpose(0, 2, 1))
-            np.einsum("nii->ni", hessian)[:] += weights.force
+            hessian.reshape(len(robots), -1)[:, :: chosen.shape[1] + 1] += weights.force  # on the diagonals
             bounds = friction_rows(chosen.shape[1] // 3, friction.of(robots))
             yield robots, Programs(hessian, gradient[of_these, chosen], *bounds)
 
@@ -170,20 +153,18 @@ def alike(counts: NDArray[np.int64]) -> Iterator[Rows]:
 
 
 @cache
-def _pyramids(feet: int) -> tuple[Floats, Rows, Rows]:
-    """Rows of the forces of so many feet without friction, and where it stands in them: rows and columns."""
+def _pyramids(feet: int) -> tuple[Floats, Floats, Rows]:
+    """Rows of the forces of so many feet without friction, their lower bounds, and the flat places of the friction."""
     one = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0]])
-    across = np.arange(5 * feet).reshape(feet, 5)[:, :4]
-    return np.kron(np.eye(feet), one), across, 3 * np.arange(feet)[:, None] + 2
+    friction = np.kron(np.eye(feet), [[0, 0, 1]] * 4 + [[0, 0, 0]])
+    return np.kron(np.eye(feet), one), np.tile([*4 * [-np.inf], 0.0], feet), np.flatnonzero(friction)
 
 
 def friction_rows(feet: int, friction: Friction) -> tuple[Floats, Floats, Floats]:
     """Rows of the forces of so many feet of each robot, (n, 5 feet, 3 feet), with their bounds: a pyramid, and the
     vertical force."""
-    template, across, up = _pyramids(feet)
-    rows = np.repeat(template[None], len(friction.share), axis=0)
-    rows[:, across, up] = -friction.share[:, None, None]
-    lower, upper = np.full((2, len(rows), feet, 5), -np.inf)
-    upper[..., :4] = 0.0
-    lower[..., 4], upper[..., 4] = 0.0, friction.most[:, None]
-    return rows, lower.reshape(len(rows), -1), upper.reshape(len(rows), -1)
+    template, least, places = _pyramids(feet)
+    rows, upper = template[None].repeat(len(friction.share), axis=0), np.zeros((len(friction.share), 5 * feet))
+    rows.reshape(len(rows), -1)[:, places] = -friction.share[:, None]
+    upper[:, 4::5] = friction.most[:, None]
+    return rows, least[None].repeat(len(rows), axis=0), upper

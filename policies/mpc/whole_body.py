@@ -88,11 +88,12 @@ def programs(
         standing, group = wish.standing[robots], len(robots)
         contact = bodies.jacobians[robots][standing].reshape(group, -1, size)
         forces = slice(size, size + contact.shape[1])
-        diagonal = np.zeros(forces.stop)
-        diagonal[:size], diagonal[:6], diagonal[forces] = OF_JOINTS, OF_BASE, p.force_priority
+        hessian = np.zeros((group, forces.stop, forces.stop))
+        hessian[:, :size, :size] = following[robots, :, :size]
+        diagonal = np.full(forces.stop, OF_JOINTS)
+        diagonal[:6], diagonal[forces] = OF_BASE, p.force_priority
         diagonal[TRUNK] += p.turning_priority
-        hessian = np.tile(np.diag(diagonal), (group, 1, 1))
-        hessian[:, :size, :size] += following[robots, :, :size]
+        hessian.reshape(group, -1)[:, :: forces.stop + 1] += diagonal
         gradient = np.zeros((group, forces.stop))
         gradient[:, TRUNK] = -p.turning_priority * wish.turning[robots]
         gradient[:, :size] -= following[robots, :, size]

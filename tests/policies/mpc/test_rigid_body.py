@@ -8,22 +8,18 @@ from policies.mpc.rigid_body import TOGETHER, Body, Friction, Horizon, Reference
 from quad_env.config import GRAVITY
 
 STEPS, PERIOD, MASS = 6, 0.04, 14.2
-WEIGHTS = Weights(
-    np.array([10.0, 9.0, 2.0]), np.array([1.0, 2.0, 100.0]), np.array([0.1, 0.2, 0.3]), np.array([2.0, 3.0, 0.5]), 1e-5
-)
+WEIGHTS = Weights(np.array([10.0, 9.0, 2.0, 1.0, 2.0, 100.0]), np.array([0.1, 0.2, 0.3, 2.0, 3.0, 0.5]), 1e-5)
 HORIZON = Horizon(STEPS, PERIOD, WEIGHTS)
 FRICTION = Friction(np.array([0.6]), np.array([170.0]))
 
 
 def body() -> Body:
     return Body(
-        angles=np.array([[0.05, -0.04, 0.01]]),
-        position=np.array([[0.01, -0.02, -0.03]]),
-        turning=np.array([[0.3, 0.2, -0.1]]),
-        velocity=np.array([[0.5, 0.1, -0.05]]),
+        pose=np.array([[0.05, -0.04, 0.01, 0.01, -0.02, -0.03]]),
+        rate=np.array([[0.3, 0.2, -0.1, 0.5, 0.1, -0.05]]),
         mass=np.array([MASS]),
         inertia=np.array([[[0.97, 0.01, -0.07], [0.01, 1.17, 0.02], [-0.07, 0.02, 1.2]]]),
-        acceleration=np.array([[0.5, -0.2, 0.1, 0.3, -0.1, 0.05]]),
+        acceleration=np.array([[0.3, -0.1, 0.05, 0.5, -0.2, 0.1]]),
     )
 
 
@@ -39,9 +35,7 @@ def standing() -> np.ndarray:
 
 
 def wanted() -> Reference:
-    rows = np.ones((STEPS, 1))
-    aims = (0.01 * rows * [0, 0, 1], 0.02 * rows * [1, 0, 0], rows * [0, 0, 0.2], rows * [0.6, 0.0, 0.0])
-    return Reference(*(aim[None] for aim in aims))
+    return Reference(*(np.tile(aim, (1, STEPS, 1)) for aim in ([0, 0, 0.01, 0.02, 0, 0], [0, 0, 0.2, 0.6, 0, 0])))
 
 
 def of_one() -> Programs:
@@ -55,33 +49,28 @@ def predicted(forces: np.ndarray) -> Reference:
     """Where the body goes under these forces, (1, N, 4, 3), N."""
     free, linear = HORIZON.free(body()), forces.sum(axis=2) / MASS
     angular = np.linalg.solve(body().inertia, np.cross(arms(), forces).sum(axis=2)[..., None])[..., 0]
-    return Reference(
-        free.angles + HORIZON.place @ angular,
-        free.position + HORIZON.place @ linear,
-        free.turning + HORIZON.rate @ angular,
-        free.velocity + HORIZON.rate @ linear,
-    )
+    acceleration = np.concatenate((angular, linear), axis=-1)
+    return Reference(free.pose + HORIZON.place @ acceleration, free.rate + HORIZON.rate @ acceleration)
 
 
 def test_the_prediction_is_what_steps_of_newton_s_and_euler_s_laws_give() -> None:
     now, forces = body(), np.random.default_rng(0).normal(50.0, 20.0, (1, STEPS, 4, 3)) * standing()[..., None]
-    angles, position, turning, velocity = now.angles[0], now.position[0], now.turning[0], now.velocity[0]
+    pose, rate = now.pose[0], now.rate[0]
     for step, (arm, force) in enumerate(zip(arms()[0], forces[0], strict=True)):
-        linear = force.sum(axis=0) / MASS - [0.0, 0.0, GRAVITY] + now.acceleration[0, :3]
-        angular = np.linalg.solve(now.inertia[0], np.cross(arm, force).sum(axis=0)) + now.acceleration[0, 3:]
-        position = position + PERIOD * velocity + 0.5 * PERIOD**2 * linear
-        angles = angles + PERIOD * turning + 0.5 * PERIOD**2 * angular
-        velocity, turning = velocity + PERIOD * linear, turning + PERIOD * angular
+        linear = force.sum(axis=0) / MASS - [0.0, 0.0, GRAVITY]
+        angular = np.linalg.solve(now.inertia[0], np.cross(arm, force).sum(axis=0))
+        acceleration = np.concatenate((angular, linear)) + now.acceleration[0]
+        pose, rate = pose + PERIOD * rate + 0.5 * PERIOD**2 * acceleration, rate + PERIOD * acceleration
         found = predicted(forces)
-        for name, value in (("angles", angles), ("position", position), ("turning", turning), ("velocity", velocity)):
-            np.testing.assert_allclose(getattr(found, name)[0, step], value, atol=1e-10, err_msg=name)
+        np.testing.assert_allclose(found.pose[0, step], pose, atol=1e-10)
+        np.testing.assert_allclose(found.rate[0, step], rate, atol=1e-10)
 
 
 def cost(forces: np.ndarray) -> float:
     found, goal = predicted(forces), wanted()
     missed = sum(
         float((getattr(WEIGHTS, name) * (getattr(found, name) - getattr(goal, name)) ** 2).sum())
-        for name in ("angles", "position", "turning", "velocity")
+        for name in ("pose", "rate")
     )
     weight = np.zeros_like(forces)
     weight[..., 2] = standing() * 0.5 * MASS * GRAVITY
