@@ -23,7 +23,7 @@ from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Torques, Wish, leg_torques, torques
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
-from quad_env.columns import Mask, Rows
+from quad_env.columns import Ids, Mask, Rows
 from quad_env.config import GRAVITY
 from quad_env.physics.rotations import cross
 from quad_env.robots.robot import Robot

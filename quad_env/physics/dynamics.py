@@ -58,8 +58,12 @@ class _Model(NamedTuple):
     """The package, which is imported where it is needed, since that takes long."""
     model: Any
     data: Any
-    trunk: int
-    feet: list[int]
+    mass: float
+    feet: list[tuple[int, int]]
+    """Sites of the feet and the bodies that have them."""
+    views: tuple[Any, ...]
+    """Of `data`: positions and rates, which are written; sites, summed inertias, centre of mass and its velocity, bias
+    and passive forces."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +81,12 @@ class Dynamics:
 
         model = spec_of(self.robot).compile()
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
-        feet = [model.site(f"{leg}_foot").id for leg in self.robot.leg_names]
-        return _Model(mujoco, model, mujoco.MjData(model), model.body("base_link").id, feet)
+        data, trunk = mujoco.MjData(model), model.body("base_link").id
+        sites = [model.site(f"{leg}_foot").id for leg in self.robot.leg_names]
+        sums, centre, velocity = data.crb[trunk, :6], data.subtree_com[trunk], data.subtree_linvel[trunk]
+        views = data.qpos, data.qvel, data.site_xpos, sums, centre, velocity, data.qfrc_bias, data.qfrc_passive
+        feet = list(zip(sites, model.site_bodyid[sites].tolist(), strict=True))
+        return _Model(mujoco, model, data, float(np.round(model.body_subtreemass[trunk], 9)), feet, views)
 
     def at(self, orientation: Floats, velocity: Floats, turning: Floats, angles: Floats, speeds: Floats) -> RigidBodies:
         """Dynamics with the trunk's centre in the origin.
@@ -98,13 +106,9 @@ class Dynamics:
 
     def _fill(self, found: RigidBodies, places: Floats, rates: Floats) -> Floats:
         """Work out all but the drift; changes of the feet's Jacobians a second, (n, 4, 3, 18)."""
-        mujoco, model, data, trunk, sites = self._compiled
-        changes, links = np.empty_like(found.jacobians), model.site_bodyid[sites].tolist()
-        # Views, which MuJoCo writes to.
-        qpos, qvel, site_xpos, sums = data.qpos, data.qvel, data.site_xpos, data.crb[trunk, :6]
-        centre, centre_velocity = data.subtree_com[trunk], data.subtree_linvel[trunk]
-        bias, passive = data.qfrc_bias, data.qfrc_passive
-        found.mass[:] = np.round(model.body_subtreemass[trunk], 9)
+        mujoco, model, data, found.mass[:], feet, views = self._compiled
+        qpos, qvel, site_xpos, sums, centre, centre_velocity, bias, passive = views
+        changes = np.empty_like(found.jacobians)
         for i in range(len(places)):
             qpos[:], qvel[:] = places[i], rates[i]
             mujoco.mj_fwdPosition(model, data)
@@ -112,9 +116,11 @@ class Dynamics:
             mujoco.mj_subtreeVel(model, data)
             mujoco.mj_fullM(model, data, found.inertia[i])
             np.subtract(bias, passive, out=found.bias[i])
-            found.feet[i], found.rotational_inertia[i] = site_xpos[sites], sums[_SYMMETRIC]
+            found.rotational_inertia[i] = sums[_SYMMETRIC]
             found.centre[i], found.centre_velocity[i] = centre, centre_velocity
-            for leg, (site, link) in enumerate(zip(sites, links, strict=True)):
-                mujoco.mj_jacSite(model, data, found.jacobians[i, leg], None, site)
-                mujoco.mj_jacDot(model, data, changes[i, leg], None, found.feet[i, leg], link)
+            of_feet = zip(found.feet[i], found.jacobians[i], changes[i], feet, strict=True)
+            for place, jacobian, change, (site, link) in of_feet:
+                place[:] = site_xpos[site]
+                mujoco.mj_jacSite(model, data, jacobian, None, site)
+                mujoco.mj_jacDot(model, data, change, None, place, link)
         return changes
