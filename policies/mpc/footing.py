@@ -90,7 +90,7 @@ def passing(now: Motion, yaw_rate: Floats) -> Floats:
 
 
 def along(now: Motion, yaw_rate: Floats, places: Floats) -> Floats:
-    """Velocity, (n, 4, 2), m/s, of places, (n, 4, 2 or 3), m, that go with bodies and turn at yaw rates, (n,), rad/s."""
+    """Velocity, (n, 4, 2), m/s, of places, (n, 4, 2 or 3), m, that go with bodies and turn at (n,) rad/s."""
     turned = yaw_rate[:, None, None] * (places[..., 1::-1] * _QUARTER)
     velocity: Floats = now.bodies.centre_velocity[:, None, :2] + turned
     return velocity
