@@ -34,8 +34,8 @@ def fitted(prints: Floats) -> Plane:
     xx, yy, xy, xz, yz = total(apart[:, [0, 1, 0, 0, 1]] * apart[:, [0, 1, 1, 2, 2]])
     xx, yy = xx + _NARROW, yy + _NARROW
     determinant = np.maximum(xx * yy - xy * xy, _NARROW * _NARROW)
-    forward = np.clip((xz * yy - yz * xy) / determinant, -STEEPEST, STEEPEST)
-    lateral = np.clip((yz * xx - xz * xy) / determinant, -STEEPEST, STEEPEST)
+    forward = ((xz * yy - yz * xy) / determinant).clip(-STEEPEST, STEEPEST)
+    lateral = ((yz * xx - xz * xy) / determinant).clip(-STEEPEST, STEEPEST)
     return mean_z - forward * mean_x - lateral * mean_y, forward, lateral
 
 

@@ -90,6 +90,8 @@ class ContactSense(Memory):
 
     def calibrated(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The observations, (n, k), less what the encoders are known to show at zero."""
+        if not self._encoders:
+            return observation
         out = observation.copy()
         out[:, OBSERVATION["joint_position"]] -= self.zeros
         return out
@@ -102,7 +104,7 @@ class ContactSense(Memory):
         forces, wrench = self._explained(motion)
         firm = (forces[..., 2] > FIRM).sum(axis=1) >= 2
         telling = firm & (forces[..., 2].max(axis=1) < IMPACT) & (np.abs(motion.tilt).max(axis=1) < UPRIGHT)
-        bounded = np.clip(wrench + weight, -LARGEST_WRENCH, LARGEST_WRENCH)
+        bounded = (wrench + weight).clip(-LARGEST_WRENCH, LARGEST_WRENCH)
         bounded[:, 2] = np.minimum(bounded[:, 2], LARGEST_LIFT)
         # What pushes stays where it is in the world while the level frame turns with the robot.
         turned = self._period * motion.turning[:, 2]
@@ -138,12 +140,12 @@ class ContactSense(Memory):
         else:  # the mean of the cubic between both angles with both speeds
             angle = 0.5 * (motion.angles + before[:, 18:30]) - faster
             speed = (motion.angles - before[:, 18:30]) / period
-        needed = np.einsum("nij,nj->ni", bodies.inertia, acceleration) + bodies.bias
+        needed = np.matmul(bodies.inertia, acceleration[..., None])[..., 0] + bodies.bias
         needed[:, 6:] -= self._servos.torque(targets, angle, speed)
         legs = bodies.leg_jacobians
-        squares = np.einsum("nlxj,nlyj->nlxy", legs, legs) + _SINGULAR * np.eye(3)
-        aims = np.einsum("nlxj,nlj->nlx", legs, needed[:, 6:].reshape(-1, 4, 3))
-        forces = np.linalg.solve(squares, aims[..., None])[..., 0]
+        squares = np.matmul(legs, legs.swapaxes(2, 3)) + _SINGULAR * np.eye(3)
+        aims = np.matmul(legs, needed[:, 6:].reshape(-1, 4, 3, 1))
+        forces = np.linalg.solve(squares, aims)[..., 0]
         least = self._parameters.touch_force + np.where(self.touching, 0.0, self._unsure)
         self.touching = forces[..., 2] > least
         if self._encoders:
@@ -152,7 +154,8 @@ class ContactSense(Memory):
         # The ground does not pull: that is a joint at its limit, or two links that touch. Noise pulls as it presses.
         pressing = np.where(forces[..., 2:] < 0.0, 0.0, forces)
         explaining = forces if self._encoders else pressing
-        wrench = needed[:, :6] - np.einsum("nlxk,nlx->nk", bodies.jacobians[..., :6], explaining)
+        of_trunk = bodies.jacobians[..., :6].reshape(len(now), 12, 6).swapaxes(1, 2)
+        wrench = needed[:, :6] - np.matmul(of_trunk, explaining.reshape(len(now), 12, 1))[..., 0]
         return np.where(self.touching[..., None], forces, 0.0) if self._encoders else pressing, wrench
 
     def _estimate_friction(self, forces: Floats, velocity: Floats) -> None:
@@ -173,8 +176,8 @@ class ContactSense(Memory):
 def as_accelerations(bodies: RigidBodies, rotation: Floats, wrench: Floats) -> Floats:
     """Linear and angular acceleration of each robot as one rigid body by such wrenches, (n, 6), m/s² and rad/s²."""
     force = wrench[:, :3]
-    turn = np.einsum("nij,nj->ni", rotation, wrench[:, 3:]) - cross(bodies.centre, force)
-    angular = np.linalg.solve(bodies.rotational_inertia, turn[..., None])[..., 0]
+    turn = np.matmul(rotation, wrench[:, 3:, None]) - cross(bodies.centre, force)[..., None]
+    angular = np.linalg.solve(bodies.rotational_inertia, turn)[..., 0]
     return np.concatenate((force / bodies.mass[:, None], angular), axis=1)
 
 

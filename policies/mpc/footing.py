@@ -1,5 +1,6 @@
 """Where the feet of a robot under model-predictive control go; level frame, arrays (n, 4, …)."""
 
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
@@ -112,15 +113,15 @@ def footholds(
     `stance_time`: (n,), s; `height` that the trunk is to have above the ground, m.
     """
     velocity, centre, command = motion.bodies.centre_velocity, motion.bodies.centre, motion.command
-    shift = np.clip(p.lean_gain * height / GRAVITY * pushed, -LARGEST_SHIFT, LARGEST_SHIFT)
+    shift = (p.lean_gain * height / GRAVITY * pushed).clip(-LARGEST_SHIFT, LARGEST_SHIFT)
     place = neutral_feet(robot, p) + (centre[:, :2] + shift)[:, None]
     reach = 0.5 * stance_time[:, None, None] * along(motion, command[:, 2], place)
     reach = reach + p.step_gain * (velocity[:, :2] - command[:, :2])[:, None]
     size = np.hypot(reach[..., 0], reach[..., 1])
     aim = place + reach * np.minimum(1.0, LARGEST_REACH / np.maximum(size, 1e-9))[..., None]
     beside = robot.hip_positions[:, 1] + robot.side * robot.hip_offset
-    wide = (height - CROUCH) * np.tan(HIP_ANGLE)
-    aim[..., 1] = np.clip(aim[..., 1], beside - wide, beside + wide)
+    wide = (height - CROUCH) * math.tan(HIP_ANGLE)
+    aim[..., 1] = aim[..., 1].clip(beside - wide, beside + wide)
     return aim
 
 

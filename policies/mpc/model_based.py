@@ -61,7 +61,7 @@ class ModelBased(GaitedPolicy):
         """Where the legs are in their cycle, and which feet stand, by their forces, (n, 4, 3), N."""
         cycle = self._gait.legs(self._phase)
         late = self.control_period * self.observer.delays
-        earlier = self._gait.legs(self._phase - TURN * self._frequencies * late)
+        earlier = self._gait.legs(self._phase - TURN * self._frequencies * late) if late.any() else cycle
         p, flies = self._senses, self._gait.flies
         return cycle, contact_states(p, cycle, earlier, forces[..., 2], self._new, flies=flies)
 

@@ -53,7 +53,7 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
     tilt = np.array((frame.roll, frame.pitch))
     orientation, rotation = _attitude(tilt)
     turning = rows[:, OBSERVATION["angular_velocity"]]
-    velocity = np.einsum("nij,nj->ni", rotation, rows[:, OBSERVATION["linear_velocity"]])
+    velocity = np.matmul(rotation, rows[:, OBSERVATION["linear_velocity"], None])[..., 0]
     angles = rows[:, OBSERVATION["joint_position"]] + robot.home_pose
     speeds = rows[:, OBSERVATION["joint_velocity"]]
     generalised = np.concatenate((velocity, turning, speeds), axis=1)
@@ -62,13 +62,13 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
         tilt=tilt.T,
         rotation=rotation,
         velocity=velocity,
-        turning=np.einsum("nij,nj->ni", rotation, turning),
+        turning=np.matmul(rotation, turning[..., None])[..., 0],
         generalised=generalised,
         angles=angles,
         targets=rows[:, OBSERVATION["previous_action"]] + robot.home_pose,
         command=rows[:, OBSERVATION["command"]],
         bodies=bodies,
-        feet_velocity=np.einsum("nlxk,nk->nlx", bodies.jacobians, generalised),
+        feet_velocity=np.matmul(bodies.jacobians, generalised[:, None, :, None])[..., 0],
     )
 
 
@@ -106,13 +106,13 @@ class Odometer(Memory):
 
     def catching_up(self, now: Motion, gain: float) -> Motion:
         """The motion with a command that also makes up for the way lost; `gain`: velocity per distance, 1/s."""
-        velocity = np.column_stack((now.velocity[:, :2], now.turning[:, 2]))
+        velocity = np.concatenate((now.velocity[:, :2], now.turning[:, 2:]), axis=1)
         behind = self.behind + self._period * (now.command - velocity)
         same = (now.command == self._command).all(axis=1, keepdims=True)
-        self.behind = np.where(same, np.clip(behind, -self._farthest, self._farthest), 0.0)
+        self.behind = np.where(same, behind.clip(-self._farthest, self._farthest), 0.0)
         self._command = now.command
         wished = now.command + gain * self.behind
-        speed, own = (np.hypot(*each[:, :2].T) for each in (wished, now.command))
+        speed, own = (np.hypot(each[:, 0], each[:, 1]) for each in (wished, now.command))
         wished[:, :2] *= np.minimum(1.0, np.maximum(own, self._fastest) / np.maximum(speed, 1e-9))[:, None]
         return now._replace(command=wished)
 
@@ -138,11 +138,12 @@ class Load(NamedTuple):
 
 def estimated_load(wrench: Floats, height: float) -> Load:
     """The load whose weight is the downward force of a lasting wrench, (n, 6), `height` m above the trunk's centre."""
-    mass = np.clip(-wrench[:, 2] / GRAVITY, 0.0, LARGEST_LOAD)
+    mass = (-wrench[:, 2] / GRAVITY).clip(0.0, LARGEST_LOAD)
     mass = np.where(mass < LEAST_LOAD, 0.0, mass)
-    weight = GRAVITY * np.maximum(mass, LEAST_LOAD)
-    ahead, left = (np.clip(moment / weight, -LOAD_REACH, LOAD_REACH) for moment in (wrench[:, 4], -wrench[:, 3]))
-    return Load(mass, np.stack((ahead, left, np.full_like(mass, height)), axis=-1))
+    weight, place = GRAVITY * np.maximum(mass, LEAST_LOAD), np.full((len(mass), 3), height)
+    place[:, 0], place[:, 1] = wrench[:, 4] / weight, -wrench[:, 3] / weight
+    place[:, :2] = place[:, :2].clip(-LOAD_REACH, LOAD_REACH)
+    return Load(mass, place)
 
 
 def loaded(motion: Motion, load: Load) -> Motion:

@@ -160,7 +160,7 @@ class Observer(Memory):
             for group, most in ((ANGLES, self._period * UNPLANNED), (SPEEDS, UNPLANNED)):
                 plan = planned[rows, group]
                 seen[rows, group] = plan + PREDICTED * np.clip(seen[rows, group] - plan, -most, most)
-        rows = np.flatnonzero(self.delays)
+        rows = self.delays.nonzero()[0]
         return now if not len(rows) else _replaced(now, rows, motion(self._robot, self._dynamics, seen[rows]))
 
     def keep(self, standing: Mask) -> None:

@@ -37,8 +37,10 @@ class Plans(Memory):
 
     def due(self, standing: Mask, interval: float) -> Mask:
         """Which robots need another plan, (n,): after `interval` s, or where other feet stand than was planned."""
+        if (old := self.age > interval - _TICK).all():
+            return old
         others: Mask = (self._stands[self._robots, self._step] != standing).any(axis=1)
-        return others | (self.age > interval - _TICK)
+        return others | old
 
     def renew(self, robots: Ids, forces: Floats, stands: Mask, arms: Floats) -> None:
         """Plans from now on of g robots: forces (g, N, 4, 3), which feet stand, (g, N, 4), and the feet from the centre

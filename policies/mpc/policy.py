@@ -121,7 +121,7 @@ class Mpc(ModelBased):
             due &= self.needed
         failed = np.zeros(self.num_envs, np.bool_)
         if due.any():
-            failed = self._plan(np.flatnonzero(due), now, ground, pushed, places, stands, friction)
+            failed = self._plan(due.nonzero()[0], now, ground, pushed, places, stands, friction)
         failed |= self._aim(now, push, pushed, places[:, 0], wished, contacts.standing, friction)
         self._give_way(failed | lost, observation, now.angles)
         self._new[:] = False
@@ -138,7 +138,7 @@ class Mpc(ModelBased):
         """Advance the clocks, faster where the velocity is far from the command."""
         p = self.parameters
         astray = np.hypot(*(now.velocity - now.command)[:, :2].T)
-        faster = np.clip(p.frequency_gain * (astray - USUAL_ERROR), 0.0, p.most_faster)
+        faster = (p.frequency_gain * (astray - USUAL_ERROR)).clip(0.0, p.most_faster)
         self._step_at(self.frequency + faster)
 
     def _ground(self, now: Motion, landed: Mask) -> Ground:
@@ -237,9 +237,9 @@ class Mpc(ModelBased):
         forces = self._plans.now(standing, places, friction)
         torque = cross(places, forces).sum(axis=1)[..., None]
         turning = np.linalg.solve(now.bodies.rotational_inertia, torque)[..., 0] + pushed[:, 3:]
-        turn = np.einsum("nij,ni->nj", now.rotation, turning)
+        turn = np.matmul(turning[:, None], now.rotation)[:, 0]
         found = self._torques(now, Wish(turn, feet, forces, standing), push, friction)
-        acceleration = np.clip(found.acceleration, -FASTEST_JOINT, FASTEST_JOINT)
+        acceleration = found.acceleration.clip(-FASTEST_JOINT, FASTEST_JOINT)
         self._joints.keep(acceleration)
         angle = now.angles + half * now.generalised[:, 6:] + 0.5 * half**2 * acceleration
         speed = now.generalised[:, 6:] + half * acceleration
@@ -260,9 +260,10 @@ class Mpc(ModelBased):
         """Hand robots over to a controlled stop, until a reset, whose programs have failed for `PATIENCE`."""
         self._unsolved = np.where(failed, self._unsolved + 1, 0)
         giving_up = np.greater(self._unsolved * self.control_period, PATIENCE) & ~self.stopped
-        self._stop.start(giving_up, self._targets[giving_up])
-        self.stopped |= giving_up
-        if len(rows := np.flatnonzero(self.stopped)):
+        if giving_up.any():
+            self._stop.start(giving_up, self._targets[giving_up])
+            self.stopped |= giving_up
+        if len(rows := self.stopped.nonzero()[0]):
             self._targets[rows] = self._stop.targets(rows, observation[rows].astype(np.float64), joints[rows])
 
 

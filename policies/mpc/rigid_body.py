@@ -148,7 +148,7 @@ class Horizon:
 def alike(counts: NDArray[np.int64]) -> Iterator[Rows]:
     """Robots with the same count, (n,), of feet that stand, the smallest count first, at most `TOGETHER` at once."""
     for count in sorted(set(counts.tolist())):
-        robots = np.flatnonzero(counts == count)
+        robots = (counts == count).nonzero()[0]
         yield from (robots[start : start + TOGETHER] for start in range(0, len(robots), TOGETHER))
 
 

@@ -51,7 +51,7 @@ class Servos:
     def torque(self, targets: Floats, angle: Floats, speed: Floats) -> Floats:
         """Torque of the joints by these effective targets, (n, 12), N·m."""
         torque: Floats = self.stiffness * (targets - angle) - self._damping * speed
-        return np.clip(torque, *self.limits(speed))
+        return torque.clip(*self.limits(speed))
 
 
 class Response(NamedTuple):

@@ -70,7 +70,7 @@ class Line(NamedTuple):
     def limits(self, speed: Array) -> tuple[Array, Array]:
         """Least and largest torque at these joint speeds, rad/s, (…, 12), N·m."""
         lost, peak = self.slope * speed, self.peak_torque
-        return np.clip(-self.stall_torque - lost, -peak, peak), np.clip(self.stall_torque - lost, -peak, peak)
+        return (-self.stall_torque - lost).clip(-peak, peak), (self.stall_torque - lost).clip(-peak, peak)
 
 
 def _each(value: EachJoint, own: float) -> Array:

@@ -48,7 +48,7 @@ class RigidBodies(NamedTuple):
     def leg_jacobians(self) -> Floats:
         """Of each foot by the joints of its own leg, world frame, (n, 4, 3, 3)."""
         by_leg = self.jacobians[..., 6:].reshape(*self.feet.shape, -1, 3)
-        return np.ascontiguousarray(np.einsum("nlxlj->nlxj", by_leg))
+        return np.ascontiguousarray(by_leg.diagonal(0, 1, 3).transpose(0, 3, 1, 2))
 
 
 class _Model(NamedTuple):
