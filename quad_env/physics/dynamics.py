@@ -5,6 +5,7 @@ frame, m/s, its angular velocity in the base frame, rad/s, and the joint speeds,
 any level one, such as that at the trunk's centre with x ahead.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -66,6 +67,17 @@ class _Model(NamedTuple):
     and passive forces."""
 
 
+def _prepared(mujoco: Any, model: Any, legs: Sequence[str]) -> _Model:
+    """That model with its contacts off."""
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
+    data, trunk = mujoco.MjData(model), model.body("base_link").id
+    sites = [model.site(f"{leg}_foot").id for leg in legs]
+    sums, centre, velocity = data.crb[trunk, :6], data.subtree_com[trunk], data.subtree_linvel[trunk]
+    views = data.qpos, data.qvel, data.site_xpos, sums, centre, velocity, data.qfrc_bias, data.qfrc_passive
+    feet = list(zip(sites, model.site_bodyid[sites].tolist(), strict=True))
+    return _Model(mujoco, model, data, float(np.round(model.body_subtreemass[trunk], 9)), feet, views)
+
+
 @dataclass(frozen=True)
 class Dynamics:
     """Works out the dynamics of a robot without a payload, with ideal servos, on no ground."""
@@ -79,14 +91,7 @@ class Dynamics:
     def _compiled(self) -> _Model:
         import mujoco
 
-        model = spec_of(self.robot).compile()
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
-        data, trunk = mujoco.MjData(model), model.body("base_link").id
-        sites = [model.site(f"{leg}_foot").id for leg in self.robot.leg_names]
-        sums, centre, velocity = data.crb[trunk, :6], data.subtree_com[trunk], data.subtree_linvel[trunk]
-        views = data.qpos, data.qvel, data.site_xpos, sums, centre, velocity, data.qfrc_bias, data.qfrc_passive
-        feet = list(zip(sites, model.site_bodyid[sites].tolist(), strict=True))
-        return _Model(mujoco, model, data, float(np.round(model.body_subtreemass[trunk], 9)), feet, views)
+        return _prepared(mujoco, spec_of(self.robot).compile(), self.robot.leg_names)
 
     def at(self, orientation: Floats, velocity: Floats, turning: Floats, angles: Floats, speeds: Floats) -> RigidBodies:
         """Dynamics with the trunk's centre in the origin.

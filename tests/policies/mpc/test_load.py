@@ -9,7 +9,7 @@ from policies.mpc.motion import LARGEST_LOAD, LEAST_LOAD, Load, Motion, estimate
 from policies.mpc.policy import MpcWbc
 from quad_env import Scenario
 from quad_env.config import GRAVITY
-from quad_env.physics.dynamics import Dynamics, RigidBodies
+from quad_env.physics.dynamics import Dynamics, RigidBodies, _prepared
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Payload
 
@@ -37,10 +37,7 @@ def with_point_mass(state: dict[str, np.ndarray]) -> RigidBodies:
     load = {"name": "load", "pos": PLACE, "mass": MASS, "inertia": [tiny] * 3, "explicitinertial": True}
     spec.body("base_link").add_body(ipos=[0.0, 0.0, 0.0], **load)
     carrying = Dynamics(SIMPLE_QUAD)
-    bare = carrying._compiled
-    model = spec.compile()
-    model.opt.disableflags = bare.model.opt.disableflags
-    carrying.__dict__["_compiled"] = bare._replace(model=model, data=mujoco.MjData(model))
+    carrying.__dict__["_compiled"] = _prepared(mujoco, spec.compile(), SIMPLE_QUAD.leg_names)
     return carrying.at(**state)
 
 
