@@ -188,7 +188,7 @@ def to_actions(robot: Robot, targets: Floats) -> Actions:
 def within_limits(robot: Robot, actions: Actions) -> Actions:
     """Actions (n, 12), rad, clipped to the joint limits."""
     lower, upper = robot.joint_lower.astype(np.float32), robot.joint_upper.astype(np.float32)
-    return np.clip(actions, lower, upper)
+    return actions.clip(lower, upper)
 
 
 def flat_joints(legs: Floats) -> Floats:

@@ -102,8 +102,9 @@ class ContactSense(Memory):
         `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6).
         """
         forces, wrench = self._explained(motion)
-        firm = (forces[..., 2] > FIRM).sum(axis=1) >= 2
-        telling = firm & (forces[..., 2].max(axis=1) < IMPACT) & (np.abs(motion.tilt).max(axis=1) < UPRIGHT)
+        up = forces[..., 2]
+        firm = (up > FIRM).sum(axis=1) >= 2
+        telling = firm & (up.max(axis=1) < IMPACT) & (np.abs(motion.tilt).max(axis=1) < UPRIGHT)
         bounded = (wrench + weight).clip(-LARGEST_WRENCH, LARGEST_WRENCH)
         bounded[:, 2] = np.minimum(bounded[:, 2], LARGEST_LIFT)
         # What pushes stays where it is in the world while the level frame turns with the robot.

@@ -178,7 +178,7 @@ class Observer(Memory):
         if self._late:  # what encoders show is the mean over the period
             speeds = 0.5 * (before.generalised[:, 6:] + speeds)
         missed = speeds - readings[:, SPEEDS]
-        missed = (missed * missed).mean(axis=2)
+        missed = (missed * missed).sum(axis=2) / missed.shape[2]
         known = self.looks - FIRST_PREDICTED
         share = at_first_a_mean(taken_in(self._period, DELAY_TIME), known)
         self._unexplained += np.where(known > 0, share * (missed - self._unexplained), 0.0)

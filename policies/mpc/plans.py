@@ -26,7 +26,7 @@ class Plans(Memory):
     age: Floats = per_robot(np.inf)
     """Time since the forces were found, (n,), s."""
     _stands: Mask = per_robot(lambda plans: np.ones((plans._steps, 4), np.bool_))
-    _moments: Floats = per_robot(lambda plans: np.zeros((plans._steps, 3)))
+    _arms: Floats = per_robot(lambda plans: np.zeros((plans._steps, 4, 3)))
 
     def __init__(self, steps: int, period: float, weight: float) -> None:
         self._steps, self._period, self._weight = steps, period, weight
@@ -45,8 +45,7 @@ class Plans(Memory):
     def renew(self, robots: Ids, forces: Floats, stands: Mask, arms: Floats) -> None:
         """Plans from now on of g robots: forces (g, N, 4, 3), which feet stand, (g, N, 4), and the feet from the centre
         of mass, (g, N, 4, 3), m."""
-        self.forces[robots], self._stands[robots], self.age[robots] = forces, stands, 0.0
-        self._moments[robots] = cross(arms, forces).sum(axis=2)
+        self.forces[robots], self._stands[robots], self._arms[robots], self.age[robots] = forces, stands, arms, 0.0
 
     def now(self, standing: Mask, arms: Floats, friction: Friction) -> Floats:
         """Forces of the feet now, (n, 4, 3), N. `arms`: of the feet from the centre of mass, (n, 4, 3), m."""
@@ -55,7 +54,8 @@ class Plans(Memory):
         as_planned = (self._stands[robots, step] == standing).all(axis=1)
         if as_planned.all():
             return forces
-        wrench = np.concatenate((forces.sum(axis=1), self._moments[robots, step]), axis=1)
+        moment = cross(self._arms[robots, step], forces).sum(axis=1)
+        wrench = np.concatenate((forces.sum(axis=1), moment), axis=1)
         return np.where(as_planned[:, None, None], forces, shared(wrench, standing, arms, friction))
 
     @property

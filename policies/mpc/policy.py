@@ -167,11 +167,11 @@ class Mpc(ModelBased):
         swinging = (
             acceleration + p.swing_stiffness * (place - feet) + p.swing_damping * (carried_along + rate - velocity)
         )
-        down = np.zeros_like(velocity)
-        down[..., 2] = now.velocity[:, None, 2] - p.search_speed
-        searching = p.swing_damping * (down - velocity)
-        in_the_air = np.where(contacts.late[..., None], searching, swinging)
-        return np.where(contacts.standing[..., None], -p.stance_damping * velocity, in_the_air)
+        if contacts.late.any():
+            down = np.zeros_like(velocity)
+            down[..., 2] = now.velocity[:, None, 2] - p.search_speed
+            swinging = np.where(contacts.late[..., None], p.swing_damping * (down - velocity), swinging)
+        return np.where(contacts.standing[..., None], -p.stance_damping * velocity, swinging)
 
     def _schedule(self, standing: Mask) -> tuple[Mask, Floats]:
         """Which feet stand over the horizon, (n, N, 4), and since when, s: now as they do, then by the gait."""

@@ -71,7 +71,7 @@ class Friction(NamedTuple):
 
     def of(self, robots: Ids) -> "Friction":
         """Those of some robots."""
-        return Friction(*(bound[robots] for bound in self))
+        return Friction(self.share[robots], self.most[robots])
 
 
 @dataclass(eq=False)
@@ -127,7 +127,7 @@ class Horizon:
         gradient = np.matmul(moved.reshape(count, self.steps, 3 * LEGS, 6), pull[..., None]).reshape(count, -1)
         share = body.mass[:, None] * GRAVITY / np.maximum(standing.sum(axis=2), 1)
         gradient.reshape(count, self.steps, LEGS, 3)[..., 2] -= weights.force * share[..., None]
-        kept = np.repeat(standing.reshape(count, -1), 3, axis=1)
+        kept = standing.reshape(count, -1).repeat(3, axis=1)
         for robots in alike(standing.sum(axis=(1, 2))):
             chosen = np.nonzero(kept[robots])[1].reshape(len(robots), -1)
             of_these = robots[:, None]

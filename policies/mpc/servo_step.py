@@ -22,6 +22,8 @@ FASTEST_LANDING = 0.5
 """At which a foot comes down to the ground within a step, m/s."""
 SUBSTEPS = 5
 """Implicit steps within a control period: a single one of 10 ms damps the joints, by 5 to 10 % of their speed."""
+_EACH = np.eye(12, 13, 1)[None]
+"""Targets of zero, and each target alone at 1 rad."""
 _SOFT = 1e-6
 """Velocity of a foot on the ground per impulse, 1/kg: how four feet share a weight is undetermined."""
 
@@ -70,10 +72,7 @@ class Response(NamedTuple):
 
 def response(robot: Robot, now: Motion, standing: Mask, wrench: Floats, period: float) -> Response:
     """Of a control period of `period` s in which these feet stand, (n, 4), and wrenches push the trunks, (n, 6)."""
-    count, size = now.generalised.shape
-    targets = np.zeros((count, size - 6, size - 5))
-    targets[:, range(size - 6), range(1, size - 5)] = 1.0
-    found, _ = _moved(robot, now, standing, wrench, period, targets, np.zeros(standing.shape))
+    found, _ = _moved(robot, now, standing, wrench, period, _EACH, np.zeros(standing.shape))
     return Response(found[..., 0], found[..., 1:])
 
 
@@ -96,14 +95,14 @@ def landing(robot: Robot, now: Motion, gaps: Floats, targets: Floats, wrench: Fl
 def _moved(
     robot: Robot, now: Motion, standing: Mask, wrench: Floats, period: float, targets: Floats, sinking: Floats
 ) -> tuple[Floats, Floats]:
-    """Generalised velocities after `period` s by each of c columns of targets, (n, 12, c), to (n, 18, c), the first by
-    all else as well, and its impulses of the feet, (n, 12); standing feet sink at (n, 4), m/s.
+    """Generalised velocities after `period` s by each of c columns of targets, (n or 1, 12, c), to (n, 18, c), the
+    first by all else as well, and its impulses of the feet, (n, 12); standing feet sink at (n, 4), m/s.
 
     Every implicit step is the same linear one of a state: velocity, errors of the servos, 1, and the step's number.
     """
     bodies, step = now.bodies, period / SUBSTEPS
     count, size = now.generalised.shape
-    stands, still, stiffness = np.repeat(standing, 3, axis=1), size + 12, step * robot.servo_stiffness
+    stands, still, stiffness = standing.repeat(3, axis=1), size + 12, step * robot.servo_stiffness
     system, known = np.zeros((count, still, still)), np.zeros((count, still, still + 2))
     jacobians = np.where(stands[..., None], bodies.jacobians.reshape(count, 12, size), 0.0)
     system[:, :size, :size] = known[:, :size, :size] = bodies.inertia
@@ -119,7 +118,7 @@ def _moved(
     found = np.linalg.solve(system, known)
     change = np.zeros((count, still + 2, still + 2))
     change[:, :size], change[:, size:still] = found[:, :size], -step * found[:, 6:size]
-    change[:, range(size, still + 2), range(size, still + 2)] += 1.0
+    change.reshape(count, -1)[:, size * (still + 3) :: still + 3] += 1.0  # on the diagonals
     change[:, -1, still] = 1.0
     state, passed = np.zeros((count, still + 2, targets.shape[2])), np.zeros((count, still + 2))
     state[:, :size, 0], state[:, size:still], state[:, still:, 0] = now.generalised, targets, 1.0

@@ -78,7 +78,7 @@ def programs(
     bias = bodies.bias.copy()
     bias[:, :6] -= wrench
     feet = bodies.jacobians.reshape(len(bias), -1, size)
-    weight = np.repeat(np.where(wish.standing, p.standing_priority, p.swinging_priority), 3, axis=1)[..., None]
+    weight = np.where(wish.standing, p.standing_priority, p.swinging_priority).repeat(3, axis=1)[..., None]
     aims = (wish.feet - bodies.drift).reshape(weight.shape)
     following = np.matmul(feet.transpose(0, 2, 1), np.concatenate((weight * feet, weight * aims), axis=2))
     least, most = -bias, -bias.copy()  # the floating base has no motor
