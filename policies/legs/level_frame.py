@@ -38,7 +38,8 @@ class LevelFrame(NamedTuple):
     @property
     def pitch(self) -> Floats:
         """Turn about +y, rad: positive with the nose down; (n,)."""
-        return -np.arcsin(self.up_x.clip(-1.0, 1.0))
+        pitch: Floats = -np.arcsin(self.up_x.clip(-1.0, 1.0))
+        return pitch
 
     def to_level(self, vector: Vector | Floats) -> Vector:
         """A base-frame vector in the level frame.

@@ -118,7 +118,7 @@ def footholds(
     reach = 0.5 * stance_time[:, None, None] * along(motion, command[:, 2], place)
     reach = reach + p.step_gain * (velocity[:, :2] - command[:, :2])[:, None]
     size = np.hypot(reach[..., 0], reach[..., 1])
-    aim = place + reach * np.minimum(1.0, LARGEST_REACH / np.maximum(size, 1e-9))[..., None]
+    aim: Floats = place + reach * np.minimum(1.0, LARGEST_REACH / np.maximum(size, 1e-9))[..., None]
     beside = robot.hip_positions[:, 1] + robot.side * robot.hip_offset
     wide = (height - CROUCH) * math.tan(HIP_ANGLE)
     aim[..., 1] = aim[..., 1].clip(beside - wide, beside + wide)

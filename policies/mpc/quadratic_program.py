@@ -66,8 +66,10 @@ def solve(programs: Programs) -> Solutions:
 def _within(programs: Programs, value: Floats) -> NDArray[np.bool_]:
     """Whether these values, (g, k), are within the bounds but for `LARGEST_VIOLATION`, and finite; (g,)."""
     reached = np.matmul(programs.rows, value[..., None])[..., 0]
-    beyond = np.maximum(reached - programs.upper, programs.lower - reached).max(axis=1, initial=0.0)
-    if (within := beyond < LARGEST_VIOLATION).all():
+    beyond: Floats = np.maximum(reached - programs.upper, programs.lower - reached).max(axis=1, initial=0.0)
+    within = beyond < LARGEST_VIOLATION
+    if within.all():
         return within
     bounds = np.concatenate((programs.lower, programs.upper), axis=1)
-    return beyond < LARGEST_VIOLATION * np.abs(np.where(np.isfinite(bounds), bounds, 0.0)).max(axis=1, initial=1.0)
+    largest: Floats = np.abs(np.where(np.isfinite(bounds), bounds, 0.0)).max(axis=1, initial=1.0)
+    return beyond < LARGEST_VIOLATION * largest

@@ -18,7 +18,7 @@ al., State estimation for legged robots, RSS 2012, in the form of a filter with 
     v ← v + dt (f + G g - ω × v),    v ← v + dt/VELOCITY_TIME (v_legs - v(when the legs say so))
 """
 
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -117,4 +117,4 @@ def unit(vectors: Array) -> Array:
     """Vectors of length one in the last axis, (…, 3)."""
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     length = np.sqrt(x * x + y * y + z * z)
-    return cast("Array", vectors / np.maximum(length, 1e-6)[..., None])
+    return vectors / np.maximum(length, 1e-6)[..., None]
