@@ -148,20 +148,23 @@ class Observer(Memory):
         fallen = ground - self._period * now.velocity[:, 2]
         ground[:] = np.where(count, (height * touching).sum(axis=1) / np.maximum(count, 1), fallen)
         ground, uneven = ground.copy(), np.where(touching, height - ground[:, None], 0.0)
-        for steps in range(self.delays.max(initial=0), 0, -1):
-            rows = np.flatnonzero(self.delays >= steps)
-            then = motion(self._robot, self._dynamics, seen[rows])
+        for steps in range(longest := self.delays.max(initial=0), 0, -1):
+            rows = (self.delays >= steps).nonzero()[0]
+            first = steps == longest and len(rows) == len(seen)
+            then = now if first else motion(self._robot, self._dynamics, seen[rows])
             gaps = _above(then, slope[:, rows]) - ground[rows, None] - uneven[rows]
             velocity = landing(self._robot, then, gaps, self._effective[steps - 1, rows], wrench[rows], self._period)
             ground[rows] -= 0.5 * self._period * (then.velocity + velocity[:, :3])[:, 2]
-            seen[rows, SENSED] = np.clip(carried(self._robot, then, velocity, self._period), -BOUNDS, BOUNDS)
+            seen[rows, SENSED] = carried(self._robot, then, velocity, self._period).clip(-BOUNDS, BOUNDS)
         if planned is not None and self._late:
-            rows = np.flatnonzero(self.delays == self._late)
+            rows = (self.delays == self._late).nonzero()[0]
             for group, most in ((ANGLES, self._period * UNPLANNED), (SPEEDS, UNPLANNED)):
                 plan = planned[rows, group]
                 seen[rows, group] = plan + PREDICTED * np.clip(seen[rows, group] - plan, -most, most)
-        rows = self.delays.nonzero()[0]
-        return now if not len(rows) else _replaced(now, rows, motion(self._robot, self._dynamics, seen[rows]))
+        if not len(rows := self.delays.nonzero()[0]):
+            return now
+        then = motion(self._robot, self._dynamics, seen[rows])
+        return then if len(rows) == len(seen) else _replaced(now, rows, then)
 
     def keep(self, standing: Mask) -> None:
         """Take note of the feet that stand in the control period that begins, (n, 4)."""
@@ -205,7 +208,7 @@ class Observer(Memory):
     def _corrected(self, before: Motion, velocity: Floats, readings: Floats, shares: tuple[Floats, Floats]) -> Floats:
         """Readings, (n, 33), as the motion a control step before and the velocity now let them be, corrected by those
         shares of what they are."""
-        out = np.clip(carried(self._robot, before, velocity, self._period), -BOUNDS, BOUNDS)
+        out = carried(self._robot, before, velocity, self._period).clip(-BOUNDS, BOUNDS)
         out = np.where((self.looks == 1)[:, None], readings, out)
         missed, (share, joint_shares) = readings - out, shares
         for number, group in enumerate(GROUPS[:3]):
@@ -261,7 +264,7 @@ def carried(robot: Robot, now: Motion, velocity: Floats, period: float) -> Float
     mean = 0.5 * (now.generalised + velocity)
     turned = period * mean[:, 3:6]
     down = -now.rotation[:, 2]
-    along = np.einsum("nji,nj->ni", now.rotation, velocity[:, :3])
+    along = np.matmul(velocity[:, None, :3], now.rotation)[:, 0]
     out = np.empty((len(mean), SENSED.stop))
     out[:, GRAVITY], out[:, VELOCITY] = down - cross(turned, down), along - cross(turned, along)
     out[:, TURNING], out[:, SPEEDS] = velocity[:, 3:6], velocity[:, 6:]

@@ -80,11 +80,11 @@ def landing(robot: Robot, now: Motion, gaps: Floats, targets: Floats, wrench: Fl
     """Generalised velocity after `period` s by these targets, (n, 18), of robots whose feet are these gaps above the
     ground, (n, 4), m: feet that come down to it stay there."""
     touching, velocity = np.zeros(gaps.shape, np.bool_), now.generalised
-    sinking = np.clip(-gaps / period, -FASTEST_LANDING, 0.0)
+    sinking = (-gaps / period).clip(-FASTEST_LANDING, 0.0)
     for _ in range(PASSES):
         found, impulses = _moved(robot, now, touching, wrench, period, targets[..., None], sinking)
-        velocity = found[..., 0].astype(np.float64, copy=False)
-        down = np.einsum("nlk,nk->nl", now.bodies.jacobians[:, :, 2], velocity)
+        velocity = found[..., 0]
+        down = np.matmul(now.bodies.jacobians[:, :, 2], velocity[..., None])[..., 0]
         wanted = np.where(touching, impulses[:, 2::3] > 0.0, gaps + period * down < 0.0)
         if (wanted == touching).all():
             break
