@@ -157,14 +157,7 @@ def swing(
 
 
 def arms(
-    feet: Floats,
-    aim: Floats,
-    centre: Floats,
-    velocity: Floats,
-    stands: Mask,
-    since: Floats,
-    times: Floats,
-    z: Floats,
+    feet: Floats, aim: Floats, centre: Floats, velocity: Floats, stands: Mask, since: Floats, times: Floats, z: Floats
 ) -> Floats:
     """Feet from the centre of mass over a horizon of N steps, (n, N, 4, 3), m.
 

@@ -23,7 +23,7 @@ from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Torques, Wish, leg_torques, torques
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
-from quad_env.columns import Ids, Mask, Rows
+from quad_env.columns import Ids, Mask
 from quad_env.config import GRAVITY
 from quad_env.physics.rotations import cross
 from quad_env.robots.robot import Robot
@@ -121,7 +121,7 @@ class Mpc(ModelBased):
             due &= self.needed
         failed = np.zeros(self.num_envs, np.bool_)
         if due.any():
-            failed = self._plan(due.nonzero()[0], now, ground, pushed, places, stands, friction)
+            failed = self._plan(due, now, ground, pushed, places, stands, friction)
         failed |= self._aim(now, push, pushed, places[:, 0], wished, contacts.standing, friction)
         self._give_way(failed | lost, observation, now.angles)
         self._new[:] = False
@@ -183,16 +183,9 @@ class Mpc(ModelBased):
         return stands, cycle.progress * (self.parameters.duty / self._frequencies)[:, None, None]
 
     def _plan(
-        self,
-        robots: Rows,
-        now: Motion,
-        ground: Ground,
-        pushed: Floats,
-        places: Floats,
-        stands: Mask,
-        friction: Friction,
+        self, due: Mask, now: Motion, ground: Ground, pushed: Floats, places: Floats, stands: Mask, friction: Friction
     ) -> Mask:
-        """Renew the plans of these robots, (g,); which have none, (n,): they go on with the one before."""
+        """Renew the plans that are due, (n,); which robots have none, (n,): they go on with the one before."""
         horizon, bodies, command = self._horizon, now.bodies, now.command
         pose, speed = np.zeros((2, self.num_envs, 6))
         pose[:, 0], pose[:, 1] = now.tilt[:, 0] - np.arctan(ground.lateral), now.tilt[:, 1] + np.arctan(ground.forward)
@@ -202,13 +195,11 @@ class Mpc(ModelBased):
         rate = np.concatenate((now.turning, bodies.centre_velocity), axis=1)
         acceleration = np.concatenate((pushed[:, 3:], pushed[:, :3]), axis=1)
         body = Body(pose, rate, bodies.mass, bodies.rotational_inertia, acceleration)
-        due: Ids = slice(None) if len(robots) == self.num_envs else robots
-        speed = speed[due, None]
+        robots, failed = due.nonzero()[0], due.copy()
+        these: Ids = slice(None) if due.all() else robots
+        body, speed = Body(*(part[these] for part in body)), speed[these, None]
         wanted = Reference(horizon.times[:, None] * speed, speed)
-        body = Body(*(part[due] for part in body))
-        failed = np.zeros(self.num_envs, np.bool_)
-        failed[robots] = True
-        for rows, programs in horizon.programs(body, places[due], stands[due], wanted, friction.of(due)):
+        for rows, programs in horizon.programs(body, places[these], stands[these], wanted, friction.of(these)):
             solutions = self._solver(programs)
             good, value = rows[solutions.solved], solutions.value[solutions.solved]
             which = robots[good]
