@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from policies.gait_cycle import Floats, LegCycle
 from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
 from policies.mpc.motion import Motion
-from policies.mpc.parameters import MpcParameters
+from policies.mpc.parameters import ModelParameters
 from policies.mpc.servo_step import Servos
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
@@ -75,7 +75,7 @@ class ContactSense(Memory):
     def __init__(
         self,
         robot: Robot,
-        parameters: MpcParameters,
+        parameters: ModelParameters,
         period: float,
         actuator: Actuator = IDEAL,
         *,
@@ -196,7 +196,7 @@ class ContactStates(NamedTuple):
 
 
 def contact_states(
-    p: MpcParameters, cycle: LegCycle, earlier: LegCycle, force: Floats, new: Mask, *, flies: bool
+    p: ModelParameters, cycle: LegCycle, earlier: LegCycle, force: Floats, new: Mask, *, flies: bool
 ) -> ContactStates:
     """Contacts by the gait now and `earlier`, when the estimated vertical forces of the feet, (n, 4), N, acted.
 

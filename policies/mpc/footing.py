@@ -10,7 +10,7 @@ from policies.legs.foot_path import swung
 from policies.legs.ground_plane import above, at, carried, fitted
 from policies.memory import Memory, per_robot, taken_in
 from policies.mpc.motion import Motion
-from policies.mpc.parameters import MpcParameters
+from policies.mpc.parameters import ModelParameters
 from quad_env.columns import Mask, total
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
@@ -88,14 +88,14 @@ def passing(now: Motion, yaw_rate: Floats) -> Floats:
     return np.stack((turn * feet[..., 1], -turn * feet[..., 0]), axis=-1) - now.bodies.centre_velocity[:, None, :2]
 
 
-def neutral_feet(robot: Robot, p: MpcParameters) -> Floats:
+def neutral_feet(robot: Robot, p: ModelParameters) -> Floats:
     """Footholds in place relative to the centre of mass, (4, 2), m."""
     before = np.sign(robot.hip_positions[:, 0])
     return np.stack((before * p.length / 2.0 + p.shift, robot.side * p.width / 2.0), axis=-1)
 
 
 def footholds(
-    robot: Robot, p: MpcParameters, motion: Motion, pushed: Floats, stance_time: Floats, height: float
+    robot: Robot, p: ModelParameters, motion: Motion, pushed: Floats, stance_time: Floats, height: float
 ) -> Floats:
     """Footholds, (n, 4, 2), m: under the body halfway through the stance, further out by the velocity error, and to
     where they bear a lasting acceleration `pushed`, (n, 2), m/s².
@@ -117,7 +117,7 @@ def footholds(
 
 
 def swing(
-    p: MpcParameters,
+    p: ModelParameters,
     start: Floats,
     aim: Floats,
     passing: Floats,
