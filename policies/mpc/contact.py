@@ -94,12 +94,13 @@ class ContactSense(Memory):
         out[:, OBSERVATION["joint_position"]] -= self.zeros
         return out
 
-    def estimate(self, motion: Motion, weight: Floats) -> Floats:
+    def estimate(self, motion: Motion, weight: Floats, away: Mask | bool = False) -> Floats:
         """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`.
 
-        `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6).
+        `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6); `away`: feet that cannot
+        touch the ground by the gait, (n, 4).
         """
-        forces, wrench = self._explained(motion)
+        forces, wrench = self._explained(motion, away)
         firm = (forces[..., 2] > FIRM).sum(axis=1) >= 2
         telling = firm & (forces[..., 2].max(axis=1) < IMPACT) & (np.abs(motion.tilt).max(axis=1) < UPRIGHT)
         bounded = np.clip(wrench + weight, -LARGEST_WRENCH, LARGEST_WRENCH)
@@ -114,7 +115,7 @@ class ContactSense(Memory):
         self._estimate_friction(forces, motion.feet_velocity)
         return forces
 
-    def _explained(self, motion: Motion) -> tuple[Floats, Floats]:
+    def _explained(self, motion: Motion, away: Mask | bool = False) -> tuple[Floats, Floats]:
         """Forces of the feet, (n, 4, 3), N, and the wrench that they leave unexplained, (n, 6); renews `touching`
         and, on encoders, `zeros`.
 
@@ -145,7 +146,7 @@ class ContactSense(Memory):
         aims = np.einsum("nlxj,nlj->nlx", legs, needed[:, 6:].reshape(-1, 4, 3))
         forces = np.linalg.solve(squares, aims[..., None])[..., 0]
         least = self._parameters.touch_force + np.where(self.touching, 0.0, self._unsure)
-        self.touching = forces[..., 2] > least
+        self.touching = (forces[..., 2] > least) & ~np.asarray(away)
         if self._encoders:
             shown = np.clip(needed[:, 6:] / self._servos.stiffness, -LARGEST_ZERO, LARGEST_ZERO)
             self.zeros += np.where(np.repeat(self.touching, 3, axis=1), 0.0, self._zero_share * shown)
@@ -180,8 +181,13 @@ def as_accelerations(bodies: RigidBodies, rotation: Floats, wrench: Floats) -> F
 
 LATEST = 0.5
 """Share of a stance up to which a foot in the air is still on its way down; later the gait goes on without it."""
-EARLIEST = 0.6
-"""Share of a swing from which on a foot may land."""
+LEAVING, EARLIEST = 0.1, 0.6
+"""Share of a swing up to which a foot may still be on the ground, and from which on it may land."""
+
+
+def away(cycle: LegCycle) -> Mask:
+    """Feet that have left the ground and cannot land yet, (n, 4)."""
+    return cycle.swing & (cycle.progress > LEAVING) & (cycle.progress < EARLIEST)
 
 
 class ContactStates(NamedTuple):

@@ -76,6 +76,8 @@ class Footprints(Memory):
         _, *slope = plane = fitted(places)
         apart = np.abs(above(plane, places)).max(axis=0)
         self.roughness += taken_in(self._period, ROUGHNESS_TIME) * (apart - self.roughness)
+        turned = self._period * now.turning[:, 2] * np.stack((self.slope[1], -self.slope[0]))
+        self.slope = self.slope + turned  # with the level frame, which turns with the robot
         self.slope = self.slope + self._share * (np.clip(np.stack(slope), -STEEPEST, STEEPEST) - self.slope)
         forward, lateral = self.slope
         under_the_trunk = 0.25 * total(above((np.zeros(len(landed)), forward, lateral), places))

@@ -14,7 +14,7 @@ from policies.base import Actions, GaitedPolicy, Mask, to_actions
 from policies.behaviour.motion import Stop
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.memory import per_robot
-from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
+from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, away, contact_states
 from policies.mpc.footing import Footprints, Ground, Terrain, footholds, passing, swing
 from policies.mpc.motion import Motion, Odometer, estimated_load, loaded
 from policies.mpc.observer import JointPrediction, Observer
@@ -130,7 +130,7 @@ class ModelBased(GaitedPolicy):
         p, sense = self._model, self.sense
         load = estimated_load(sense.wrench, p.load_height)
         read = loaded(self.observer.read(observation, sense.wrench), load)
-        forces = sense.estimate(read, load.pressing(read.rotation))
+        forces = sense.estimate(read, load.pressing(read.rotation), away(self._earlier()))
         planned = self._joints.now(observation).astype(np.float64)
         now = loaded(self.observer.ahead(sense.wrench, sense.touching, self.prints.slope, planned), load)
         now = self.odometer.catching_up(now, p.position_gain)
@@ -146,11 +146,13 @@ class ModelBased(GaitedPolicy):
 
     def _contacts(self, forces: Floats) -> tuple[LegCycle, ContactStates]:
         """Where the legs are in their cycle, and which feet stand, by their forces, (n, 4, 3), N."""
-        cycle = self._gait.legs(self._phase)
+        cycle, p, flies = self._gait.legs(self._phase), self._model, self._gait.flies
+        return cycle, contact_states(p, cycle, self._earlier(), forces[..., 2], self._new, flies=flies)
+
+    def _earlier(self) -> LegCycle:
+        """Where the legs were in their cycle when the readings were taken."""
         late = self.control_period * self.observer.delays
-        earlier = self._gait.legs(self._phase - TURN * self._frequencies * late)
-        p, flies = self._model, self._gait.flies
-        return cycle, contact_states(p, cycle, earlier, forces[..., 2], self._new, flies=flies)
+        return self._gait.legs(self._phase - TURN * self._frequencies * late)
 
     @property
     def _height(self) -> float:
