@@ -90,7 +90,8 @@ class Mpc(ModelBased):
         failed = np.zeros(self.num_envs, np.bool_)
         if due.any():
             failed = self._plan(np.flatnonzero(due), now, ground, pushed, places, stands, friction)
-        return Borne(self._plans.now(standing, places, friction), places[:, 0], failed)
+        arms_now = places[:, 0]
+        return Borne(self._plans.now(standing, arms_now, friction), arms_now, failed)
 
     def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:
         """Height of the ground where each foot stands over the horizon, m, (n, 1 or N, 1 or 4)."""
