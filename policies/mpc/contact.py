@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from policies.gait_cycle import Floats, LegCycle
 from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
 from policies.mpc.motion import Motion
-from policies.mpc.parameters import MpcParameters
+from policies.mpc.parameters import ModelParameters
 from policies.mpc.servo_step import Servos
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
@@ -75,7 +75,7 @@ class ContactSense(Memory):
     def __init__(
         self,
         robot: Robot,
-        parameters: MpcParameters,
+        parameters: ModelParameters,
         period: float,
         actuator: Actuator = IDEAL,
         *,
@@ -96,12 +96,13 @@ class ContactSense(Memory):
         out[:, OBSERVATION["joint_position"]] -= self.zeros
         return out
 
-    def estimate(self, motion: Motion, weight: Floats) -> Floats:
+    def estimate(self, motion: Motion, weight: Floats, away: Mask | bool = False) -> Floats:
         """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`.
 
-        `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6).
+        `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6); `away`: feet that cannot
+        touch the ground by the gait, (n, 4).
         """
-        forces, wrench = self._explained(motion)
+        forces, wrench = self._explained(motion, away)
         up = forces[..., 2]
         firm = (up > FIRM).sum(axis=1) >= 2
         telling = firm & (up.max(axis=1) < IMPACT) & (np.abs(motion.tilt).max(axis=1) < UPRIGHT)
@@ -117,7 +118,7 @@ class ContactSense(Memory):
         self._estimate_friction(forces, motion.feet_velocity)
         return forces
 
-    def _explained(self, motion: Motion) -> tuple[Floats, Floats]:
+    def _explained(self, motion: Motion, away: Mask | bool = False) -> tuple[Floats, Floats]:
         """Forces of the feet, (n, 4, 3), N, and the wrench that they leave unexplained, (n, 6); renews `touching`
         and, on encoders, `zeros`.
 
@@ -148,7 +149,7 @@ class ContactSense(Memory):
         aims = np.matmul(legs, needed[:, 6:].reshape(-1, 4, 3, 1))
         forces = np.linalg.solve(squares, aims)[..., 0]
         least = self._parameters.touch_force + np.where(self.touching, 0.0, self._unsure)
-        self.touching = forces[..., 2] > least
+        self.touching = (forces[..., 2] > least) & ~np.asarray(away)
         if self._encoders:
             shown = np.clip(needed[:, 6:] / self._servos.stiffness, -LARGEST_ZERO, LARGEST_ZERO)
             self.zeros += np.where(np.repeat(self.touching, 3, axis=1), 0.0, self._zero_share * shown)
@@ -184,8 +185,13 @@ def as_accelerations(bodies: RigidBodies, rotation: Floats, wrench: Floats) -> F
 
 LATEST = 0.5
 """Share of a stance up to which a foot in the air is still on its way down; later the gait goes on without it."""
-EARLIEST = 0.6
-"""Share of a swing from which on a foot may land."""
+LEAVING, EARLIEST = 0.1, 0.6
+"""Share of a swing up to which a foot may still be on the ground, and from which on it may land."""
+
+
+def away(cycle: LegCycle) -> Mask:
+    """Feet that have left the ground and cannot land yet, (n, 4)."""
+    return cycle.swing & (cycle.progress > LEAVING) & (cycle.progress < EARLIEST)
 
 
 class ContactStates(NamedTuple):
@@ -200,7 +206,7 @@ class ContactStates(NamedTuple):
 
 
 def contact_states(
-    p: MpcParameters, cycle: LegCycle, earlier: LegCycle, force: Floats, new: Mask, *, flies: bool
+    p: ModelParameters, cycle: LegCycle, earlier: LegCycle, force: Floats, new: Mask, *, flies: bool
 ) -> ContactStates:
     """Contacts by the gait now and `earlier`, when the estimated vertical forces of the feet, (n, 4), N, acted.
 

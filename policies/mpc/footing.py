@@ -12,7 +12,7 @@ from policies.legs.foot_path import swung
 from policies.legs.ground_plane import above, at, carried, fitted
 from policies.memory import Memory, per_robot, taken_in
 from policies.mpc.motion import Motion
-from policies.mpc.parameters import MpcParameters
+from policies.mpc.parameters import ModelParameters
 from quad_env.columns import Mask, total
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
@@ -79,6 +79,8 @@ class Footprints(Memory):
         _, *slope = plane = fitted(places)
         apart = np.abs(above(plane, places)).max(axis=0)
         self.roughness += taken_in(self._period, ROUGHNESS_TIME) * (apart - self.roughness)
+        turned = self._period * now.turning[:, 2] * np.array((self.slope[1], -self.slope[0]))
+        self.slope = self.slope + turned  # with the level frame, which turns with the robot
         self.slope = self.slope + self._share * (np.clip(slope, -STEEPEST, STEEPEST) - self.slope)
         forward, lateral = self.slope
         under_the_trunk = 0.25 * total(above((np.zeros(len(landed)), forward, lateral), places))
@@ -98,14 +100,14 @@ def along(now: Motion, yaw_rate: Floats, places: Floats) -> Floats:
 
 
 @cache
-def neutral_feet(robot: Robot, p: MpcParameters) -> Floats:
+def neutral_feet(robot: Robot, p: ModelParameters) -> Floats:
     """Footholds in place relative to the centre of mass, (4, 2), m."""
     before = np.sign(robot.hip_positions[:, 0])
     return np.stack((before * p.length / 2.0 + p.shift, robot.side * p.width / 2.0), axis=-1)
 
 
 def footholds(
-    robot: Robot, p: MpcParameters, motion: Motion, pushed: Floats, stance_time: Floats, height: float
+    robot: Robot, p: ModelParameters, motion: Motion, pushed: Floats, stance_time: Floats, height: float
 ) -> Floats:
     """Footholds, (n, 4, 2), m: under the body halfway through the stance, further out by the velocity error, and to
     where they bear a lasting acceleration `pushed`, (n, 2), m/s².
@@ -126,7 +128,7 @@ def footholds(
 
 
 def swing(
-    p: MpcParameters,
+    p: ModelParameters,
     start: Floats,
     aim: Floats,
     passing: Floats,

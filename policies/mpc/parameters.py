@@ -10,8 +10,8 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
-class MpcParameters(Parameters):
-    """Gait, cost and gains; the defaults were set by hand on a few search episodes, those in force were searched."""
+class ModelParameters(Parameters):
+    """Gait, footholds, swing and senses of the controllers that know the robot's model."""
 
     frequency: float = number(2.5, limits=(0.05, 50.0), search=(1.8, 4.5), unit="Hz")
     """Gait cycles a second, Hz."""
@@ -41,37 +41,12 @@ class MpcParameters(Parameters):
     """Distance that is made up for at most, m; the same number of an angle, rad."""
     fastest_return: float = number(1.2, limits=(0.0, 100.0), search=(0.5, 2.0), unit="m/s")
     """Largest planar speed that is asked for to make up for it, m/s; where the command is faster, that one's."""
-    horizon_step: float = number(0.04, limits=(0.001, 1.0), unit="s")
-    """Of the prediction, s."""
-    plan_period: float = number(0.0, limits=(0.0, 1.0), unit="s")
-    """Between two plans while the feet stand as planned, s; 0 for one at every control step."""
-    roll_weight: float = number(10.0, limits=(0.0, 1e6))
-    pitch_weight: float = number(10.0, limits=(0.0, 1e6))
-    yaw_weight: float = number(2.0, limits=(0.0, 1e6))
-    height_weight: float = number(100.0, limits=(0.0, 1e6), unit="1/m²")
-    turn_weight: float = number(0.1, limits=(0.0, 1e6), unit="s²")
-    """Of the rates of roll and pitch."""
-    yaw_rate_weight: float = number(0.3, limits=(0.0, 1e6), unit="s²")
-    velocity_weight: float = number(2.0, limits=(0.0, 1e6), unit="s²/m²")
-    """Of the horizontal velocity error."""
-    vertical_weight: float = number(0.5, limits=(0.0, 1e6), unit="s²/m²")
-    """Of the vertical velocity."""
-    force_weight: float = number(1e-5, limits=(1e-12, 1000.0), unit="1/N²")
-    """Per squared newton."""
     friction: float = number(0.65, limits=(0.01, 2.0), search=(0.2, 0.7))
     """Horizontal force of a foot along each axis, per vertical."""
     swing_stiffness: float = number(300.0, limits=(0.0, 1000000.0), search=(100.0, 1500.0), unit="1/s²")
     """Acceleration of a swinging foot per distance from its path, 1/s²."""
     swing_damping: float = number(30.0, limits=(0.0, 1e4), search=(10.0, 80.0), unit="1/s")
     """The same per velocity error, 1/s."""
-    turning_priority: float = number(1.0, limits=(1e-6, 1e6), search=(0.1, 20.0), unit="s⁴")
-    """Weight of the trunk's angular acceleration in the whole body's program, s⁴/rad²."""
-    standing_priority: float = number(10.0, limits=(1e-6, 1e6), search=(0.1, 25.0), unit="s⁴/m²")
-    """The same of the accelerations of standing feet, s⁴/m²."""
-    swinging_priority: float = number(0.2, limits=(1e-6, 1e6), search=(0.02, 2.0), unit="s⁴/m²")
-    """The same of swinging feet."""
-    force_priority: float = number(0.2, limits=(1e-09, 1000000000.0), search=(0.005, 2.0), unit="1/N²")
-    """The same of the feet's forces, 1/N²."""
     stance_damping: float = number(20.0, limits=(0.0, 1e4), unit="1/s")
     """Deceleration asked of a standing foot, 1/s."""
     disturbance_time: float = number(0.3, limits=(0.02, 1e6), search=(0.1, 2.0), unit="s")
@@ -98,6 +73,37 @@ class MpcParameters(Parameters):
     """Horizontal speed of a loaded foot that is taken for slipping, m/s."""
     grip_memory: float = number(3.0, limits=(0.01, 1e6), search=(0.5, 20.0), unit="s")
     """Time constant with which a slip is forgotten, s."""
+
+
+@dataclass(frozen=True)
+class MpcParameters(ModelParameters):
+    """Gait, cost and gains; the defaults were set by hand on a few search episodes, those in force were searched."""
+
+    horizon_step: float = number(0.04, limits=(0.001, 1.0), unit="s")
+    """Of the prediction, s."""
+    plan_period: float = number(0.0, limits=(0.0, 1.0), unit="s")
+    """Between two plans while the feet stand as planned, s; 0 for one at every control step."""
+    roll_weight: float = number(10.0, limits=(0.0, 1e6))
+    pitch_weight: float = number(10.0, limits=(0.0, 1e6))
+    yaw_weight: float = number(2.0, limits=(0.0, 1e6))
+    height_weight: float = number(100.0, limits=(0.0, 1e6), unit="1/m²")
+    turn_weight: float = number(0.1, limits=(0.0, 1e6), unit="s²")
+    """Of the rates of roll and pitch."""
+    yaw_rate_weight: float = number(0.3, limits=(0.0, 1e6), unit="s²")
+    velocity_weight: float = number(2.0, limits=(0.0, 1e6), unit="s²/m²")
+    """Of the horizontal velocity error."""
+    vertical_weight: float = number(0.5, limits=(0.0, 1e6), unit="s²/m²")
+    """Of the vertical velocity."""
+    force_weight: float = number(1e-5, limits=(1e-12, 1000.0), unit="1/N²")
+    """Per squared newton."""
+    turning_priority: float = number(1.0, limits=(1e-6, 1e6), search=(0.1, 20.0), unit="s⁴")
+    """Weight of the trunk's angular acceleration in the whole body's program, s⁴/rad²."""
+    standing_priority: float = number(10.0, limits=(1e-6, 1e6), search=(0.1, 25.0), unit="s⁴/m²")
+    """The same of the accelerations of standing feet, s⁴/m²."""
+    swinging_priority: float = number(0.2, limits=(1e-6, 1e6), search=(0.02, 2.0), unit="s⁴/m²")
+    """The same of swinging feet."""
+    force_priority: float = number(0.2, limits=(1e-09, 1000000000.0), search=(0.005, 2.0), unit="1/N²")
+    """The same of the feet's forces, 1/N²."""
 
 
 TROT = "trot"

@@ -5,14 +5,14 @@ of the trunk is shared by the feet that stand as the smallest weighted forces; w
 out of reach, and the weights say which.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from policies.gait_cycle import Floats, LegCycle
+from policies.gait_cycle import Floats
+from policies.mpc.footing import Ground
 from policies.mpc.motion import Motion
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.parameters import VirtualParameters
+from quad_env.columns import Mask
 from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 
@@ -24,58 +24,38 @@ _SINGULAR = 1e-5
 """Added to the squared accelerations per force."""
 
 
-class Aim(NamedTuple):
-    """How n trunks are to be and to move now, level frame."""
-
-    velocity: Floats
-    """Forward, lateral and vertical, (n, 3), m/s."""
-    yaw_rate: Floats
-    """(n,), rad/s."""
-    height: Floats
-    """Above the ground, (n,), m."""
-    tilt: Floats
-    """Roll and pitch, (n, 2), rad."""
-
-
-def pulled(p: VirtualParameters, now: Motion, aim: Aim, height: Floats) -> Floats:
+def pulled(p: VirtualParameters, now: Motion, ground: Ground, height: float) -> Floats:
     """Accelerations by the virtual springs and dampers, level frame, (n, 6), m/s² and rad/s².
 
-    `height`: of the trunks above the ground, (n,), m.
+    `height`: that the trunks are to have above the ground, to which they keep parallel, m.
     """
-    velocity = aim.velocity - np.column_stack((now.bodies.centre_velocity[:, :2], now.velocity[:, 2]))
-    linear = velocity * (p.forward_damping, p.lateral_damping, p.height_damping)
-    linear[:, 2] += p.height_stiffness * (aim.height - height)
-    tilt = p.tilt_stiffness * (aim.tilt - now.tilt) - p.tilt_damping * now.turning[:, :2]
-    yaw = p.yaw_damping * (aim.yaw_rate - now.turning[:, 2])
+    forward, lateral, yaw_rate = now.command.T
+    climb = ground.forward * forward + ground.lateral * lateral
+    velocity = np.column_stack((now.bodies.centre_velocity[:, :2], now.velocity[:, 2]))
+    damping = p.forward_damping, p.lateral_damping, p.height_damping
+    linear = damping * (np.column_stack((forward, lateral, climb)) - velocity)
+    linear[:, 2] += p.height_stiffness * (height + ground.height)
+    level = np.stack((np.arctan(ground.lateral), -np.arctan(ground.forward)), axis=-1)
+    tilt = p.tilt_stiffness * (level - now.tilt) - p.tilt_damping * now.turning[:, :2]
+    yaw = p.yaw_damping * (yaw_rate - now.turning[:, 2])
     return np.clip(np.column_stack((linear, tilt, yaw)), LEAST, LARGEST)
 
 
-def load(p: VirtualParameters, cycle: LegCycle, stance_time: Floats, period: float) -> Floats:
-    """Share of its load that each foot bears, (n, 4): none in swing, and little just after landing and before lift-off.
-
-    `stance_time`: (n,), s.
-    """
-    stance = stance_time[:, None]
-    ramp = max(p.load_time, 1e-9)
-    since, rest = cycle.progress * stance + period, (1.0 - cycle.progress) * stance
-    return np.where(cycle.swing, 0.0, np.clip(since / ramp, 0.0, 1.0) * np.clip(rest / ramp, 0.05, 1.0))
-
-
-def shared(p: VirtualParameters, now: Motion, wanted: Floats, load: Floats, friction: Friction) -> Floats:
-    """Forces of the feet, level frame, (n, 4, 3), N, that together give the wanted acceleration, (n, 6), m/s² and
-    rad/s², as near as may be, each by its share of load, (n, 4); then drawn into the friction's cone."""
-    bodies, count = now.bodies, len(load)
+def shared(p: VirtualParameters, now: Motion, wanted: Floats, standing: Mask, friction: Friction) -> Floats:
+    """Forces of the standing feet, level frame, (n, 4, 3), N, that together give the wanted acceleration, (n, 6), m/s²
+    and rad/s², as near as may be; then drawn into the friction's cone."""
+    bodies, count = now.bodies, len(standing)
     arms = skew(bodies.feet - bodies.centre[:, None])
     linear = np.broadcast_to(np.eye(3), arms.shape) / bodies.mass[:, None, None, None]
     angular = np.linalg.solve(bodies.rotational_inertia[:, None], arms)
-    flat, upright, turn = p.planar_priority, p.tilt_priority, p.yaw_priority
-    weights = np.array([flat, flat, 1.0, upright, upright, turn])
-    per_force = np.concatenate((linear, angular), axis=2) * load[..., None, None] * weights[:, None]
+    planar, tilt, yaw = p.planar_priority, p.tilt_priority, p.yaw_priority
+    weights = np.array([planar, planar, 1.0, tilt, tilt, yaw])
+    per_force = np.concatenate((linear, angular), axis=2) * standing[..., None, None] * weights[:, None]
     per_force = np.ascontiguousarray(per_force.transpose(0, 2, 1, 3)).reshape(count, 6, 12)
     square = np.matmul(per_force, per_force.transpose(0, 2, 1)) + _SINGULAR * np.eye(6)
     wanted = wanted + np.array([0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0])
     share = np.linalg.solve(square, (weights * wanted)[..., None])
-    forces = np.matmul(per_force.transpose(0, 2, 1), share).reshape(count, 4, 3) * load[..., None]
+    forces = np.matmul(per_force.transpose(0, 2, 1), share).reshape(count, 4, 3)
     up = np.clip(forces[..., 2], 0.0, friction.most[:, None])
     across = np.hypot(forces[..., 0], forces[..., 1])
     drawn = np.minimum(1.0, friction.share[:, None] * up / np.maximum(across, 1e-9))

@@ -11,9 +11,10 @@ from evaluate.measures.metrics import Measures, measure
 from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import rollout
 from policies.mpc.contact import ContactSense
+from policies.mpc.model_based import PATIENCE
 from policies.mpc.motion import motion
 from policies.mpc.parameters import MpcParameters
-from policies.mpc.policy import PATIENCE, Mpc, MpcWbc
+from policies.mpc.policy import Mpc, MpcWbc
 from policies.mpc.quadratic_program import Programs, Solutions, solve
 from policies.mpc.sighted import SCAN, SightedMpcWbc
 from quad_env import OBSERVATION_SIZE
