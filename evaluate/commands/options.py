@@ -18,8 +18,6 @@ DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES
 DEFAULT_BATTERY = ("default",)
 EPISODES = {None: 20, "settled": 96}
 """Usual number of episodes by `until`; in a run until settled the most."""
-GONE = {"trace": "none"}
-"""Options of older versions, as they usually were."""
 CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "trust")
 """Options that --resume may change."""
 
@@ -119,7 +117,7 @@ def changed(then: Options, now: Options) -> list[str]:
 
 def command(chosen: Mapping[str, Any]) -> str:
     """The command of a run, from what `of_the_run` gave, without what is as usual."""
-    usual = Options().of_the_run() | GONE
+    usual = Options().of_the_run()
     words = PROGRAM.split()
     for name, value in chosen.items():
         if value != usual.get(name, False):

@@ -17,7 +17,7 @@ class Options:
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation")
     """Folder of an evaluation, finished or not."""
-    success: Literal["success/2", "success/1", "success-half", "success-double", "survival", "isaac-lab"] | None = None
+    success: Literal["success/2", "success-half", "success-double", "survival", "isaac-lab"] | None = None
     """Print the table by another rule of success, such as Isaac Lab's thresholds; no file changes."""
     gate: tuple[str, ...] = ()
     """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
@@ -34,7 +34,7 @@ def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
     from evaluate.commands.outputs import Terminal, analysed, conclude
     from evaluate.commands.plan import check_baseline, check_gates
-    from evaluate.measures.outcomes import RULES
+    from evaluate.measures.outcomes import RULES, SUCCESS_RULE
     from evaluate.records.store import read_run, remove_chunks
     from evaluate.report.table import print_results
     from evaluate.rollouts.experiment import rescored
@@ -57,7 +57,7 @@ def main(options: Options) -> int:
         rule = RULES[options.success]
         scored = replace(run, cells=tuple(rescored(cell, rule) for cell in run.cells))
         print_results(analysed(scored, options.baseline), Terminal())
-        print(f"success by {rule.name}: {rule.words}; the files stay by {run.manifest.success_rule}")
+        print(f"success by {rule.name}: {rule.words}; the files stay by {SUCCESS_RULE}")
         return 0
     try:
         with sole_use(options.folder):

@@ -7,8 +7,6 @@ from typing import Any
 
 from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
-from evaluate.measures.effort import ENERGY_1, ENERGY_RULE
-from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
@@ -107,14 +105,14 @@ def _notes(results: Results) -> str:
     return section(
         "How it was measured",
         f"<ul>{notes}</ul>",
-        fold("Every measure: unit, frame, formula, source", definitions(results.success_rule), printed=True),
+        fold("Every measure: unit, frame, formula, source", definitions(), printed=True),
         note(f"Made with {made_with}."),
         note("In the same folder: results.json (these figures), episodes.parquet (a row an episode)."),
     )
 
 
 def warnings(results: Results) -> list[str]:
-    """What a reader has to know first: policies with errors, and outcomes by an older rule of success."""
+    """What a reader has to know first: policies with errors, and why a run until settled ended."""
     lines = [
         f"{each.policy} failed in {each.failed} of {counted(each.episodes, 'episode')}; in the first it {each.first}"
         for each in results.policy_errors
@@ -124,16 +122,6 @@ def warnings(results: Results) -> list[str]:
         lines.append(
             f"--until settled ended this run after {results.episodes} of at most {limit} episodes: {why}, by a "
             "sequential test corrected for all looks; intervals are those of a fixed number of episodes"
-        )
-    if results.success_rule != SUCCESS_RULE:
-        lines.append(
-            f"Success is by the older rule {results.success_rule}, under which these episodes ran: standing still can "
-            f"succeed at slow commands. python -m evaluate report FOLDER --success {SUCCESS_RULE} prints today's"
-        )
-    if results.versions["energy_rule"] != ENERGY_RULE:
-        lines.append(
-            f"Energy and torques are by the older rule {ENERGY_1}, one reading a control step, and depend on the time "
-            f"step; they do not compare with those by {ENERGY_RULE}"
         )
     return lines
 

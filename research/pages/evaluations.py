@@ -10,7 +10,7 @@ from evaluate.analysis.pareto import Pareto, ParetoPoint, place_of_cost
 from evaluate.analysis.results import with_nan
 from evaluate.analysis.score import FLAT, SCORES, WORDS, Score
 from evaluate.commands.options import command
-from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
+from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FEW, FIRST, figure_of_effort
 from evaluate.report.plots import drawing, pareto, success
 from evaluate.rollouts.battery import BATTERIES, resolve
@@ -84,7 +84,7 @@ def made_by(found: dict[str, Any]) -> str:
         "seed": found["seed"],
     }
     words = command(chosen | provenance.get("hardware", {}))
-    rule = versions.get("success_rule") or SUCCESS_1
+    rule = versions.get("success_rule") or "success/1"
     older = "" if rule == SUCCESS_RULE else f"; success by the older rule {rule}"
     return f"`{words}`; MuJoCo {versions['mujoco']}, Python {versions['python']}{older}."
 
