@@ -23,7 +23,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig
 from train.curriculum import next_shares
-from train.learning_curves import by_seed, read_curve, write_picture
+from train.learning_curve import write_curve
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, CURVE_FILE, LAST
 from train.run_record import decode, to_dict, write_validations
@@ -208,7 +208,7 @@ class BetweenRollouts(BaseCallback):
         if better := state.best == self.num_timesteps:
             self._save(policy, BEST)
         write_validations(config.folder, state.best, state.validations)
-        write_picture(by_seed([read_curve(config.folder)]), config.folder / CURVE_FILE, config.folder.name)
+        write_curve(state.validations, config.folder / CURVE_FILE)
         each = ", ".join(f"{name} {figures['success_rate']:.0%}" for name, figures in results.items())
         line = f"{means['success']:.0%} succeed ({each}), cost of transport {means['cost_of_transport']:.2f}"
         self._display.note(f"{state.validated:>10,} validation: {line}{'  best so far' if better else ''}")
