@@ -104,7 +104,7 @@ class Manifest:
     def provenance(self) -> dict[str, Any]:
         """All but the options, the date and the fingerprint, as JSON values."""
         kept = {name: value for name, value in vars(self).items() if name not in _OF_NO_FIGURE}
-        return kept | {"hardware": self.hardware.as_json(), "scenarios": to_plain(self.scenarios)}
+        return kept | {"hardware": asdict(self.hardware), "scenarios": to_plain(self.scenarios)}
 
     def write(self, folder: Path) -> None:
         """Write the file."""

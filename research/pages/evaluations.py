@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from evaluate.analysis.pareto import Pareto, ParetoPoint, place_of_cost
 from evaluate.analysis.results import with_nan
-from evaluate.analysis.score import FLAT, SCORES, WORDS, Score
+from evaluate.analysis.score import SCORES, Score
 from evaluate.commands.options import command
 from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FEW, FIRST, figure_of_effort
@@ -36,6 +36,13 @@ from research.pages.markdown import table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+FLAT = "flat"
+"""Scenario whose success is shown of a policy without a score."""
+SCORE_WORDS = (
+    "The score is the mean success over the axes, each axis and each of its severities alike; its interval counts "
+    "episodes, each with all of its scenarios. p is not corrected. The hardware score is that of the scenarios with "
+    "the robot's hardware profile."
+)
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
 """The figure's text for readers who do not see it."""
 HARDWARE_SCORES = "hardware_scores"
@@ -148,7 +155,7 @@ def score_table(
             rows[each.policy] |= _score_cells(each, baseline, name)
     names = {policy: (called or {}).get(policy, f"`{policy}`") for policy in rows}
     full = ({"policy": names[policy], **dict.fromkeys([*heads][1:], ABSENT), **row} for policy, row in rows.items())
-    return [WORDS, "", *table(heads, list(full)).splitlines()]
+    return [SCORE_WORDS, "", *table(heads, list(full)).splitlines()]
 
 
 def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:
