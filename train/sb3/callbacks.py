@@ -55,10 +55,9 @@ class CallbackState:
 
     @classmethod
     def read(cls, remembered: Mapping[str, Any]) -> "CallbackState":
-        """The state in a checkpoint, of older versions too. Raises UsageError where it is not one."""
-        older = ("best", "best_steps", "validated")  # of which the validations say the same
+        """The state in a checkpoint. Raises UsageError where it is not one."""
         try:
-            return cast(CallbackState, decode(cls, {k: v for k, v in remembered.items() if k not in older}))
+            return cast(CallbackState, decode(cls, remembered))
         except (TypeError, ValueError, OverflowError) as error:
             raise UsageError(f"the checkpoint does not fit this run: {error}") from None
 
