@@ -18,7 +18,7 @@ DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES
 DEFAULT_BATTERY = ("default",)
 EPISODES = {None: 20, "settled": 96}
 """Usual number of episodes by `until`; in a run until settled the most."""
-CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "trust")
+CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "baseline", "trust")
 """Options that --resume may change."""
 
 
@@ -66,8 +66,6 @@ class Options:
     """Folder for results.json, episodes.parquet, report.html and manifest.json; files of these names are replaced."""
     resume: Flag = False
     """Continue the interrupted run in the folder --out with its options, to the results of an uninterrupted run."""
-    gate: tuple[str, ...] = ()
-    """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
     threads: int = available_cores()

@@ -1,11 +1,9 @@
 """The whole page, section by section."""
 
-from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
 
-from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
@@ -48,9 +46,7 @@ def write_report(results: Results, path: Path, **about: Any) -> None:
     write_atomically(path, render(results, folder=path.parent, **about).encode())
 
 
-def render(
-    results: Results, *, gates: Sequence[GateResult] = (), made_by: Origin = ("", ""), folder: Path = Path()
-) -> str:
+def render(results: Results, *, made_by: Origin = ("", ""), folder: Path = Path()) -> str:
     """The whole page, to be in that folder."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings():
@@ -60,7 +56,6 @@ def render(
             causes(results),
             failures(results, folder),
             effort(results),
-            _gates(gates),
         ]
         axes = disturbances(results)
         details = [overview(results), contents(axes, "Axes"), axes, _about(results), _notes(results)]
@@ -90,13 +85,6 @@ def _about(results: Results) -> str:
     about = {name: f": {escape(text)}" for name, text in explained(results.policies).items()}
     legend = (f"<li>{policy_label(results, p)}{roles.get(p, '')}{about.get(p, '')}</li>" for p in results.policies)
     return section("Policies", f'<ul class="legend">{"".join(legend)}</ul>')
-
-
-def _gates(gates: Sequence[GateResult]) -> str:
-    """A line a gate; empty without gates."""
-    kinds = {True: "better", False: "worse"}
-    lines = "".join(f'<li class="{kinds[each.passed]}">{escape(each.line)}</li>' for each in gates)
-    return section("Gates", f"<ul>{lines}</ul>") if gates else ""
 
 
 def _notes(results: Results) -> str:

@@ -30,8 +30,8 @@ class Options(EpisodeOptions):
     record: Path | None = None
     """File to record into, .mcap, which may not exist."""
     network: Flag = False
-    """Let other machines in, as ROS_DOMAIN_ID and its other variables say: anyone who reaches the ports drives the robot,
-    for ROS has no passwords. Without it the node listens on this machine alone."""
+    """Let other machines in, as ROS_DOMAIN_ID and others say: anyone who reaches the ports drives the robot, for ROS
+    has no passwords. Without it the node listens on this machine alone."""
 
 
 def main(options: Options) -> int:

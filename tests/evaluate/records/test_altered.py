@@ -52,7 +52,6 @@ def contents(folder: Path) -> dict[str, bytes]:
 def commands_on(folder: Path) -> Iterator[tuple[object, ...]]:
     """Every command that reads a run's folder."""
     yield "report", folder
-    yield "report", folder, "--gate", "trot falls <= 1"
     yield "compare", folder, folder.with_name("intact")
     yield "compare", folder.with_name("intact"), folder
     yield "replay", folder, 0

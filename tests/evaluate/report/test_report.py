@@ -10,7 +10,6 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from evaluate.analysis.gates import evaluate, parse
 from evaluate.analysis.results import Results, analyse, as_json
 from evaluate.measures.outcomes import OUTCOMES
 from evaluate.report.page import render
@@ -134,8 +133,7 @@ def odd_one(made: Results) -> Results:
 def odd(made) -> tuple[Results, str]:
     """Its results and its page."""
     results = odd_one(made)
-    gates = [evaluate(parse(gate), made) for gate in ("other falls <= 50 %", "trot diverged <= 0")]
-    return results, render(results, gates=gates)
+    return results, render(results)
 
 
 def test_what_a_reader_has_to_know_first_stands_at_the_top(odd, page) -> None:
@@ -150,13 +148,6 @@ def test_what_a_reader_has_to_know_first_stands_at_the_top(odd, page) -> None:
     ):
         assert said in top
     assert not re.search("Interrupted|failed in|Motors:", page[: page.index("<section")])
-
-
-def test_a_gate_has_a_line(odd, page) -> None:
-    text = unescape(odd[1]).replace("\u00a0", " ")
-    assert "failed: other falls <= 50 % (70 % on push:6)" in text
-    assert "passed: trot diverged <= 0 (0.000 on flat)" in text
-    assert "Gates" not in page
 
 
 def test_outcomes_are_those_of_the_rule(page, run) -> None:
