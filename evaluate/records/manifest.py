@@ -8,10 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from evaluate.causes.rules import CAUSE_RULE
-from evaluate.measures.effort import ENERGY_RULE
-from evaluate.measures.outcomes import SUCCESS_RULE
-from evaluate.records.provenance import code_digest, cpu_model, model_of, policy_digest, versions
+from evaluate.records.provenance import RULES, code_digest, cpu_model, model_of, policy_digest, versions
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
@@ -28,8 +25,6 @@ FILES = ("results.json", "episodes.parquet", "report.html", NAME)
 CHUNKS = "parts"
 """Folder of the chunks of cells, while a run is going on."""
 SCHEMA = 1
-RULES = {"success_rule": SUCCESS_RULE, "energy_rule": ENERGY_RULE, "cause_rule": CAUSE_RULE}
-"""Versions with which alone results can be read."""
 OLDER = "revision 02bbde28"
 """Version that reads results by success/1 and energy/1, as of 0.2.0 and before, and without causes."""
 _SHA256 = "sha256"

@@ -118,17 +118,11 @@ def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
 
 
 def _stored(path: Path, manifest: Manifest) -> pa.Table:
-    """The rows of episodes.parquet, none if there is no such file; ValueError unless they are whole cells of the run,
-    as they were written."""
+    """The rows of episodes.parquet, none if there is no such file; ValueError unless they are whole cells of the run
+    in its order, as they were written; an interrupted run has not come to all."""
     if not path.exists():
         return pa.table({})
     rows = read_table(path, manifest.fingerprint)
-    _check_whole(manifest, rows)
-    return rows
-
-
-def _check_whole(manifest: Manifest, rows: pa.Table) -> None:
-    """ValueError unless the rows are whole cells of the run in its order; an interrupted run has not come to all."""
     if lacking := sorted(NEEDED - set(rows.column_names)):
         raise ValueError(f"it lacks the columns {', '.join(lacking)}")
     found = list(zip(*(rows.column(name).to_pylist() for name in ("scenario", "policy", "episode")), strict=True))
@@ -137,6 +131,7 @@ def _check_whole(manifest: Manifest, rows: pa.Table) -> None:
     wanted = [(*cell, number) for cell in cells if cell in there for number in range(manifest.episodes)]
     if found != wanted:
         raise ValueError("episodes are missing, there twice, not of this run or not in their order")
+    return rows
 
 
 def rows_of(rows: pa.Table, policy: str, scenario: str) -> pa.Table:
