@@ -6,7 +6,6 @@ from typing import Any
 
 from quad_env.actuation.models import Actuator, Thermal, TorqueSpeed
 from quad_env.config import AnyPose, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, HeightField, Slope, SmoothRandom, Stairs
@@ -51,27 +50,23 @@ def from_plain(value: Any) -> Any:
     """
     if isinstance(value, Mapping):
         fields = {name: from_plain(entry) for name, entry in value.items() if name != TYPE}
-        kind, of_2026 = _kind(value)
-        if of_2026 and kind is Motors and fields.get("torque_limit") == SIMPLE_QUAD.rated_torque:
-            fields["torque_limit"] = None  # what then was said of the only robot's own
         try:
-            return kind(**fields)
+            return _kind(value)(**fields)
         except TypeError as error:
             raise ValueError(f"this version has no {value.get(TYPE)} of that kind ({error})") from error
     return tuple(map(from_plain, value)) if isinstance(value, list) else value
 
 
-def _kind(value: Mapping[str, Any]) -> tuple[Any, bool]:
-    """The type of an object, and whether it is written as in results up to 2026: as quad_env.conditions.Scenario."""
+def _kind(value: Mapping[str, Any]) -> Any:
+    """The type of an object."""
     if TYPE not in value:
         fitting = [kind for kind in _KINDS.values() if _names(kind).issuperset(value)]
         if not value or not fitting:
             raise ValueError(f"the {TYPE} of {dict(value)} is missing; valid: {', '.join(_KINDS)}")
-        return min(fitting, key=lambda kind: len(_names(kind))), False
-    package, _, name = str(value[TYPE]).rpartition(".")
-    if name not in _KINDS or package.partition(".")[0] not in ("", "quad_env"):
+        return min(fitting, key=lambda kind: len(_names(kind)))
+    if value[TYPE] not in _KINDS:
         raise ValueError(f"{value[TYPE]} is no part of quad_env; valid: {', '.join(_KINDS)}")
-    return _KINDS[name], bool(package)
+    return _KINDS[value[TYPE]]
 
 
 def _names(kind: Any) -> set[str]:

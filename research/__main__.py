@@ -28,6 +28,7 @@ COMMANDS = {
     "leaderboard": Command("research.pages.leaderboard", "policies of a list evaluated, and the page of their results"),
     "readme": Command("research.pages.readme", "the README's scores and table of robots"),
     "search": Command("research.training.search", "parameters of policies with feedback, searched by CMA-ES"),
+    "curves": Command("research.training.curves", "learning curves of runs as a picture, with a band over seeds"),
     "ablations": Command("research.training.ablations", "the effect of each choice of the training"),
     "publish": Command("research.training.publish", "finished runs evaluated, and that of seed 0 shipped"),
 }

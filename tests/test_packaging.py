@@ -114,12 +114,12 @@ def empty_environment(wheel: zipfile.ZipFile, tmp_path_factory: pytest.TempPathF
     return next(path for path in folder.glob("*/python*") if path.stem == "python")
 
 
-def test_the_wheel_holds_quad_env_alone_with_the_robot_and_the_type_marker(wheel: zipfile.ZipFile) -> None:
+def test_the_wheel_holds_quad_env_alone_with_the_robot_and_its_types(wheel: zipfile.ZipFile) -> None:
     top_level = {name.partition("/")[0] for name in wheel.namelist()}
     assert {name for name in top_level if not name.endswith(".dist-info")} == {"quad_env"}
     data = {name for name in wheel.namelist() if name.startswith("quad_env/") and not name.endswith(".py")}
     robot = "quad_env/robots/simple_quad/simple_quad"
-    assert data == {"quad_env/py.typed", f"{robot}.xml", f"{robot}.urdf"}
+    assert data == {"quad_env/__init__.pyi", "quad_env/py.typed", f"{robot}.xml", f"{robot}.urdf"}
 
 
 def test_the_source_distribution_holds_what_a_clone_does(source: Path, repository: Path) -> None:

@@ -1,5 +1,5 @@
-"""Records of a run: its settings as JSON, in its config.json and in bundles, those of version 0.1.0 included, and their
-differences; the command that repeats it, packages, validations.
+"""Records of a run: its settings as JSON, in its config.json and in bundles, and their differences; the command that
+repeats it, packages, validations.
 """
 
 import dataclasses
@@ -15,11 +15,10 @@ from typing import Any, Literal, NamedTuple
 from evaluate.analysis.results import without_nan
 from evaluate.records.provenance import model_of, versions
 from evaluate.rollouts.hardware import Hardware
-from policies.network import ACTIVATION
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
-from train.config import DEFAULTS, PUSHES, TIMESTEP, TrainConfig, for_robot
+from train.config import DEFAULTS, TrainConfig, for_robot
 from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 
@@ -29,29 +28,12 @@ def to_dict(config: TrainConfig) -> dict[str, Any]:
     return {key: value for key, value in settings.items() if key not in ("out", "resume", "threads")}
 
 
-_REMOVED: Mapping[str, Mapping[str, Any]] = {
-    "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0, "hardness": 1.0}
-    | {"foothold_authority": 0.0, "reward_terms": [], "pushes": PUSHES, "timestep": TIMESTEP}
-    | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}},
-    "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
-    | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
-    "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
-}
-"""Settings of older versions, by group, and the only value with which a run still loads; None: any."""
-
-
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
-    """The inverse of `to_dict`, of older versions too. Raises UsageError on what is no configuration."""
+    """The inverse of `to_dict`. Raises UsageError on what is no configuration of this version."""
     try:
-        found = {**settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
-        for group, removed in _REMOVED.items():
-            values = found.get(group, {}) if group else found
-            for name, only in removed.items():
-                if values.pop(name, only) != only and only is not None:
-                    raise ValueError(f"{name} was removed")
-        return typing.cast(TrainConfig, decode(TrainConfig, found))
+        return typing.cast(TrainConfig, decode(TrainConfig, settings))
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise UsageError(f"not a training configuration: {error}") from None
+        raise UsageError(f"not a training configuration of this version: {error}") from None
 
 
 def load_config(folder: Path) -> TrainConfig:

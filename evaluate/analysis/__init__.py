@@ -1,1 +1,1 @@
-"""What the episodes of a run show: figures, paired differences, breaking points and gates."""
+"""What the episodes of a run show: figures, paired differences and breaking points."""

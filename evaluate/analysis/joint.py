@@ -13,7 +13,7 @@ from evaluate.analysis.pareto import ParetoPoint, pareto
 from evaluate.analysis.rank_correlation import LEAST_POLICIES, RankCorrelation, rank_correlation
 from evaluate.analysis.ranking import Ranking, claims, ranking
 from evaluate.analysis.score import Counted, counted, scores
-from evaluate.records.episode_table import MEASURES, cell_of
+from evaluate.records.episode_table import cell_of
 from evaluate.records.store import rows_of
 from evaluate.rollouts.experiment import Cell
 
@@ -75,10 +75,8 @@ def _correlation(found: Sequence[Match], whole: Counted, labels: tuple[Labels, L
 
 
 def _cells(run: Stored, other: Stored, labels: Labels) -> list[Cell]:
-    """Cells of a run on the scenarios and with the seeds that the other has too; measures that it lacks are NaN."""
+    """Cells of a run on the scenarios and with the seeds that the other has too."""
     (manifest, rows), (_, others) = run, other
-    for name in {*MEASURES} - {*rows.column_names}:
-        rows = rows.append_column(name, pa.nulls(len(rows), pa.float64()))
     seeds = np.intersect1d(rows.column("seed").to_numpy(), others.column("seed").to_numpy())
     kept = rows.filter(pc.is_in(rows.column("seed"), pa.array(seeds))).sort_by("seed")
     there = {*others.column("scenario").to_pylist()}

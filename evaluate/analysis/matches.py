@@ -9,7 +9,6 @@ import pyarrow.compute as pc
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, SUCCESS_RATE, MetricDifference, differences_of
 from evaluate.analysis.effort import effort_by_episode
-from evaluate.measures.catalogue import EFFORT
 from evaluate.measures.episodes import weight
 from evaluate.measures.outcomes import SUCCEEDED
 from evaluate.records.manifest import Manifest
@@ -71,12 +70,10 @@ def _match(scenario: str, pair: tuple[str, str], a: Stored, b: Stored) -> Match 
 
 
 def _values(rows: pa.Table, weighs: float) -> dict[str, Floats]:
-    """Metric -> value of each episode, of those that the run has; the robot weighs so much, N."""
-    errors = {name: rows.column(name).to_numpy() for name in ERRORS if name in rows.column_names}
+    """Metric -> value of each episode; the robot weighs so much, N."""
+    errors = {name: rows.column(name).to_numpy() for name in ERRORS}
     rates = {SUCCESS_RATE: rows.column("outcome").to_numpy() == SUCCEEDED, FALL_RATE: rows.column("fell").to_numpy()}
-    effort: dict[str, Floats] = {}
-    if {*EFFORT, "energy", "distance"} <= set(rows.column_names):
-        effort = effort_by_episode(lambda name: np.array(rows.column(name).to_pylist(), np.float64), weighs)
+    effort = effort_by_episode(lambda name: np.array(rows.column(name).to_pylist(), np.float64), weighs)
     return {name: held.astype(np.float64) for name, held in rates.items()} | errors | effort
 
 

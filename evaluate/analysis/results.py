@@ -15,10 +15,8 @@ from evaluate.analysis.pareto import Pareto, pareto
 from evaluate.analysis.ranking import Ranking, claims, ranking
 from evaluate.analysis.score import Score, counted, scores
 from evaluate.analysis.summary import Summary, summarise
-from evaluate.measures.effort import ENERGY_1
-from evaluate.measures.outcomes import RULES, SUCCESS_1
 from evaluate.records.provenance import versions
-from evaluate.rollouts.experiment import Cell, failure_reasons
+from evaluate.rollouts.experiment import Cell
 from evaluate.rollouts.hardware import Hardware
 from quad_env.files.writing import write_atomically
 
@@ -72,16 +70,11 @@ class Results:
         return _hardware(self.provenance)
 
     @property
-    def success_rule(self) -> str:
-        """Rule of success that the outcomes are by."""
-        return str(self.versions["success_rule"])
-
-    @property
     def policy_errors(self) -> list[PolicyErrors]:
         """Every policy that failed in an episode."""
         found = []
         for policy in self.policies:
-            reasons = np.concatenate([failure_reasons(cell) for cell in self.cells if cell.policy == policy])
+            reasons = np.concatenate([cell.failure for cell in self.cells if cell.policy == policy])
             if known := [reason for reason in reasons if reason is not None]:
                 found.append(PolicyErrors(policy, len(known), len(reasons), " ".join(known[0].split())))
         return found
@@ -110,10 +103,7 @@ def analyse(
     made_with = dict(provenance or {"versions": versions()})
     against = baseline or usual_baseline([cell.policy for cell in cells])
     robot = _hardware(made_with).quadruped
-    made_by = dict(made_with.pop("versions"))
-    made_by["success_rule"] = made_by.get("success_rule") or SUCCESS_1
-    made_by["energy_rule"] = made_by.get("energy_rule") or ENERGY_1
-    names = RULES[made_by["success_rule"]].outcomes
+    made_by = made_with.pop("versions")
     ideal, real = (tuple(scores(cells, against, hardware=hardware)) for hardware in (False, True))
     fronts = [
         pareto([cell for cell in cells if cell.scenario.hardware == each[0]], each[1], robot)
@@ -130,7 +120,7 @@ def analyse(
         cells=tuple(cells),
         baseline=against,
         ranking=ranked,
-        summaries={(cell.scenario.name, cell.policy): summarise(cell, robot, names) for cell in cells},
+        summaries={(cell.scenario.name, cell.policy): summarise(cell, robot) for cell in cells},
         comparisons=tuple(comparisons),
         breaking_points=tuple(breaking_points(cells)),
         scores=ideal,

@@ -19,13 +19,6 @@ from quad_env.scenarios.scenario import HARDWARE, Scenario
 
 SCORES = "score", "hardware score"
 """What tables call the two."""
-FLAT = "flat"
-"""Scenario whose success is shown of a policy without a score."""
-WORDS = (
-    "The score is the mean success over the axes, each axis and each of its severities alike; its interval counts "
-    "episodes, each with all of its scenarios. p is not corrected. The hardware score is that of the scenarios with "
-    "the robot's hardware profile."
-)
 
 
 @dataclass(frozen=True)

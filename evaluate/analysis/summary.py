@@ -1,6 +1,5 @@
 """The figures of one cell: rates and means with their 95 % intervals."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -72,8 +71,8 @@ class Summary:
     effort_intervals: dict[str, Interval]
 
 
-def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> Summary:
-    """All figures of a cell of that robot; `outcomes` are those of its rule of success."""
+def summarise(cell: Cell, robot: Robot) -> Summary:
+    """All figures of a cell of that robot."""
     measures = cell.measures
     falls, successes = int(measures.fell.sum()), int(measures.succeeded.sum())
     carried = weight(robot, cell.scenario)
@@ -88,7 +87,7 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
         successes=successes,
         success_rate=successes / cell.episodes,
         success_rate_ci=wilson_interval(successes, cell.episodes),
-        outcomes={name: int((measures.outcome == name).sum()) for name in outcomes},
+        outcomes={name: int((measures.outcome == name).sum()) for name in OUTCOMES},
         causes={name: count for name in CAUSES if (count := int((measures.cause == name).sum()))},
         falls=falls,
         fall_rate=falls / cell.episodes,

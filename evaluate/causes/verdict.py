@@ -45,11 +45,10 @@ def with_causes(measures: Measures, episodes: Episodes) -> Measures:
 
 def verdict(record: Record, measures: Measures) -> Verdict:
     """Why that episode failed."""
-    failures, steps = record.episodes.failure, record.episodes.failure_step
-    if measures.outcome[record.number] != outcomes.POLICY_ERROR or failures is None:
+    if measures.outcome[record.number] != outcomes.POLICY_ERROR:
         return _of_fall(record) if record.fell else _of_upright(record, measures)
-    words = f"the policy {' '.join(str(failures[record.number]).split())[:120]}"
-    return Verdict(Event(rules.POLICY, 0 if steps is None else int(steps[record.number]), 1.0, words), True)
+    failure, step = (of[record.number] for of in (record.episodes.failure, record.episodes.failure_step))
+    return Verdict(Event(rules.POLICY, int(step), 1.0, f"the policy {' '.join(str(failure).split())[:120]}"), True)
 
 
 def _of_fall(record: Record) -> Verdict:

@@ -16,8 +16,6 @@ from evaluate.analysis.joint import Joint, joint
 from evaluate.analysis.matches import Match, Stored, matches, without_profile
 from evaluate.analysis.rank_correlation import LEAST_POLICIES, RankCorrelation
 from evaluate.analysis.results import without_nan
-from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
-from evaluate.records.episode_table import by_energy_rule, by_success_rule
 from evaluate.records.manifest import Manifest, differences
 from evaluate.records.store import read_rows
 from evaluate.report.console import FittedTable, console_table, row_name
@@ -47,11 +45,6 @@ def main(options: Options) -> int:
     if options.json is not None:
         make_folder_of(options.json, "--json")
     a, b = map(_read, (options.a, options.b))
-    rules = a[0].success_rule, b[0].success_rule
-    if rules[0] != rules[1]:
-        a, b = ((manifest, by_success_rule(rows, manifest.success_rule)) for manifest, rows in (a, b))
-    if a[0].energy_rule != b[0].energy_rule:
-        a, b = ((manifest, by_energy_rule(rows, manifest.energy_rule)) for manifest, rows in (a, b))
     pairs, changed = _pairs(options, a[0], b[0]), differences(a[0], b[0])
     if {each.name for each in a[0].scenarios}.isdisjoint(each.name for each in b[0].scenarios):
         changed = [*changed, "the hardware profile, which one of them has"]
@@ -66,7 +59,7 @@ def main(options: Options) -> int:
     for heads in (NARROW_DIFFERENCES, FEW):
         if any(each.metric in heads for match in found for each in match.contrasts):
             console.print(_table(options, found, heads))
-    said = [*_survives(both.correlation, found), *_notes(a, b, found, rules), *_left_out(a, b)]
+    said = [*_survives(both.correlation, found), *_notes(a, b, found), *_left_out(a, b)]
     said.append(f"A and B differ in: {'; '.join(changed) or 'nothing that is known'}")
     console.print("\n".join(said), highlight=False, markup=False, soft_wrap=True)
     if options.json is not None:
@@ -146,18 +139,13 @@ def _shown(found: MetricDifference, corrected: float) -> str:
     return f"{value(found.difference)}\n{shown}{claim}"
 
 
-def _notes(a: Stored, b: Stored, found: Sequence[Match], rules: tuple[str, str]) -> Iterator[str]:
-    """How the episodes were compared, and by which rule of success where it is not today's in both."""
+def _notes(a: Stored, b: Stored, found: Sequence[Match]) -> Iterator[str]:
+    """How the episodes were compared."""
     seeds = [{*rows.column("seed").to_pylist()} for _, rows in (a, b)]
     count = counted(len(seeds[0] & seeds[1]), "episode")
     yield f"paired by episode: {count} of the same seeds, of A's {len(seeds[0])} and B's {len(seeds[1])}"
     if same := sum(match.identical for match in found):
         yield f"(=): the same to the bit in every episode; {same} of {len(found)}"
-    if rules[0] != rules[1]:
-        old = "A" if rules[0] == SUCCESS_1 else "B"
-        yield f"success and outcomes of both by {SUCCESS_RULE}: {old} ran under {SUCCESS_1} and was rescored, exactly"
-    elif rules[0] != SUCCESS_RULE:
-        yield f"success and outcomes of both by {rules[0]}, the older rule that they ran under"
 
 
 def _left_out(a: Stored, b: Stored) -> Iterator[str]:

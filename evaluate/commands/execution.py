@@ -39,12 +39,12 @@ def execute(plan: Plan, show: Show = print_results) -> int:
 
 def _execute(plan: Plan, show: Show) -> int:
     out, manifest = plan.options.out, plan.manifest
-    ending = plan.gates, plan.options.baseline, show
+    ending = plan.options.baseline, show
     if plan.options.resume and (run := read_run(out)).complete:
         print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
-        code = conclude(run, out, *ending)
+        conclude(run, out, *ending)
         remove_chunks(out)
-        return code
+        return 0
     if not plan.options.resume:  # else it was done as the run began
         if is_unfinished(out):
             print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
@@ -56,14 +56,15 @@ def _execute(plan: Plan, show: Show) -> int:
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
     run, interrupted = _simulate(plan, store)
     try:
-        code = conclude(run, out, *ending) if run.cells else 0
+        if run.cells:
+            conclude(run, out, *ending)
     except Exception as error:
         if not launcher.is_out_of_memory(error):
             raise
         raise UsageError(f"{launcher.OUT_OF_MEMORY}; {_then(store)}") from error
     if not interrupted:
         remove_chunks(out)
-        return code
+        return 0
     parts = f"{len(run.cells)} finished parts of {len(manifest.cells)}"
     parts += f", of {run.manifest.episodes} episodes each," * run.manifest.open
     kept = f"wrote the {parts}" if run.cells else "kept what was done"

@@ -18,9 +18,7 @@ DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES
 DEFAULT_BATTERY = ("default",)
 EPISODES = {None: 20, "settled": 96}
 """Usual number of episodes by `until`; in a run until settled the most."""
-GONE = {"trace": "none"}
-"""Options of older versions, as they usually were."""
-CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "trust")
+CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "baseline", "trust")
 """Options that --resume may change."""
 
 
@@ -68,8 +66,6 @@ class Options:
     """Folder for results.json, episodes.parquet, report.html and manifest.json; files of these names are replaced."""
     resume: Flag = False
     """Continue the interrupted run in the folder --out with its options, to the results of an uninterrupted run."""
-    gate: tuple[str, ...] = ()
-    """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
     threads: int = available_cores()
@@ -119,7 +115,7 @@ def changed(then: Options, now: Options) -> list[str]:
 
 def command(chosen: Mapping[str, Any]) -> str:
     """The command of a run, from what `of_the_run` gave, without what is as usual."""
-    usual = Options().of_the_run() | GONE
+    usual = Options().of_the_run()
     words = PROGRAM.split()
     for name, value in chosen.items():
         if value != usual.get(name, False):

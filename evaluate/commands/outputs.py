@@ -1,6 +1,6 @@
 """The end of a comparison: the table on the terminal, then the files."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +10,6 @@ import matplotlib.figure  # noqa: F401
 import scipy.stats  # noqa: F401
 from rich.console import Console
 
-from evaluate.analysis.gates import Gate, evaluate
 from evaluate.analysis.results import Results, analyse, write_json
 from evaluate.commands.options import command
 from evaluate.records.episode_table import write_parquet
@@ -22,8 +21,6 @@ from quad_env.cli.launcher import silence_stdout
 
 Show = Callable[[Results, Console], None]
 """Prints an outcome."""
-GATE_FAILED = 1
-"""Exit code."""
 
 
 class Terminal(Console):
@@ -41,22 +38,18 @@ def analysed(run: Run, baseline: str | None = None) -> Results:
     return analyse(run.cells, **numbers, complete=run.complete, provenance=provenance, baseline=baseline)
 
 
-def conclude(
-    run: Run, folder: Path, gates: Sequence[Gate] = (), baseline: str | None = None, show: Show = print_results
-) -> int:
-    """Print the table and write the files, the slowest last; the exit code: 0, or 1 if a gate does not hold. Gates are
-    evaluated if the run is complete.
+def conclude(run: Run, folder: Path, baseline: str | None = None, show: Show = print_results) -> None:
+    """Print the table and write the files, the slowest last.
 
     The table comes first and no failure keeps the rest from being tried: simulating took long. Raises UsageError, which
     names what could not be written.
     """
     results, console = analysed(run, baseline), Terminal()
-    found = [evaluate(gate, results) for gate in gates] if run.complete else []
     say = partial(console.print, highlight=False, markup=False, soft_wrap=True)
 
     def table() -> None:
         show(results, console)
-        for line in (*warnings(results), *(f"gate {each.line}" for each in found)):
+        for line in warnings(results):
             say(line)
 
     if failures := _tried("the table", table):
@@ -65,13 +58,12 @@ def conclude(
     for name, write in (
         ("results.json", partial(write_json, results)),
         *([] if run.stored else [("episodes.parquet", partial(write_parquet, run.cells, run=fingerprint))]),
-        ("report.html", partial(write_report, results, gates=found, made_by=made_by)),
+        ("report.html", partial(write_report, results, made_by=made_by)),
     ):
         path = folder / name
         failures += _tried(str(path), partial(write, path)) or _tried("its name", partial(say, str(path)))
     if failures:
         raise UsageError(f"cannot write {'; '.join(failures)}; once it can be: python -m evaluate report {folder}")
-    return 0 if all(each.passed for each in found) else GATE_FAILED
 
 
 def _tried(what: str, write: Callable[[], object]) -> list[str]:

@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import policies
-from evaluate.analysis import gates
-from evaluate.analysis.gates import Gate
 from evaluate.commands.looks import check_ranked
 from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, Options, changed, restored
 from evaluate.records import manifest as manifests
@@ -31,7 +29,6 @@ class Plan:
     policies: tuple[LabelledPolicy, ...]
     scenarios: tuple[Scenario, ...]
     manifest: Manifest
-    gates: tuple[Gate, ...]
     options: Options
 
 
@@ -62,7 +59,6 @@ def check(options: Options) -> Plan:
     labels = [policy.label for policy in compared]
     if options.until:
         check_ranked(compared, scenarios)
-    found = check_gates(options.gate, labels, scenarios)
     check_baseline(options.baseline, labels)
     _check_folder(options.out)
     manifest = manifests.manifest(
@@ -77,7 +73,7 @@ def check(options: Options) -> Plan:
     )
     if options.resume:
         manifest = _carried_on(manifest, options)
-    return Plan(compared, scenarios, manifest, found, options)
+    return Plan(compared, scenarios, manifest, options)
 
 
 def scenarios_asked_for(options: Options) -> tuple[Scenario, ...]:
@@ -154,16 +150,6 @@ def _check_scenarios(asked: list[tuple[str, tuple[str, ...]]], scenarios: list[s
         if unknown := [name for name in only_on if name not in scenarios]:
             there = ", ".join(scenarios)
             raise UsageError(f"--policies: {label}@{','.join(unknown)} is not among the scenarios of this run: {there}")
-
-
-def check_gates(sentences: Sequence[str], labels: Sequence[str], scenarios: Sequence[Scenario]) -> tuple[Gate, ...]:
-    """The gates of these sentences, about these policies and scenarios. Raises UsageError."""
-    try:
-        found = tuple(map(gates.parse, sentences))
-        gates.check(found, labels, [scenario.name for scenario in scenarios])
-    except ValueError as error:
-        raise UsageError(f"--gate: {error}") from error
-    return found
 
 
 def check_baseline(baseline: str | None, labels: Sequence[str]) -> None:

@@ -16,7 +16,7 @@ from evaluate.film.page import write_page
 from evaluate.film.shooting import Progress, Take, film
 from evaluate.measures.episodes import Episodes
 from evaluate.records import manifest as manifests
-from evaluate.records.episode_table import by_cause_rule, by_energy_rule, by_success_rule, table
+from evaluate.records.episode_table import table
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
 from evaluate.rollouts import rollout
@@ -151,9 +151,7 @@ def simulated_again(manifest: Manifest, found: Found, policy: LabelledPolicy) ->
 def differences(manifest: Manifest, found: Found, again: Cell) -> list[str]:
     """`velocity_error: 0.31 then, 0.32 now` for each column in which the episode is not the stored one."""
     numbers = np.array([found.number])
-    rows = by_energy_rule(by_success_rule(table(found.cell), manifest.success_rule), manifest.energy_rule)
-    rows = by_cause_rule(rows, manifest.versions.get("cause_rule"))
-    then = rows.slice(found.number, 1).to_pylist()[0]
+    then = table(found.cell).slice(found.number, 1).to_pylist()[0]
     now = table(again, numbers).to_pylist()[0]
     # Not ==, for which 0.0 and -0.0 are the same.
     return [f"{name}: {then[name]} then, {now[name]} now" for name in then if repr(then[name]) != repr(now[name])]

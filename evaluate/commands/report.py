@@ -17,10 +17,8 @@ class Options:
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation")
     """Folder of an evaluation, finished or not."""
-    success: Literal["success/2", "success/1", "success-half", "success-double", "survival", "isaac-lab"] | None = None
+    success: Literal["success/2", "success-half", "success-double", "survival", "isaac-lab"] | None = None
     """Print the table by another rule of success, such as Isaac Lab's thresholds; no file changes."""
-    gate: tuple[str, ...] = ()
-    """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
     pages: Flag = False
@@ -33,8 +31,8 @@ class Options:
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
     from evaluate.commands.outputs import Terminal, analysed, conclude
-    from evaluate.commands.plan import check_baseline, check_gates
-    from evaluate.measures.outcomes import RULES
+    from evaluate.commands.plan import check_baseline
+    from evaluate.measures.outcomes import RULES, SUCCESS_RULE
     from evaluate.records.store import read_run, remove_chunks
     from evaluate.report.table import print_results
     from evaluate.rollouts.experiment import rescored
@@ -43,29 +41,23 @@ def main(options: Options) -> int:
     run = read_run(options.folder)
     if not run.cells:
         raise UsageError(f"{options.folder} holds no finished part of a comparison yet")
-    if options.gate and not run.complete:
-        raise UsageError(f"--gate: {options.folder} holds an unfinished run; carry it on with --resume")
-    gates = check_gates(options.gate, list(run.manifest.policies), run.manifest.scenarios)
     check_baseline(options.baseline, list(run.manifest.policies))
     if options.pages:
         from evaluate.commands.pages import make_pages
 
         make_pages(run, options.folder, options.trust)
     if options.success is not None:
-        if options.gate:
-            raise UsageError("--gate is by the run's own rule of success: leave out --success or --gate")
         rule = RULES[options.success]
         scored = replace(run, cells=tuple(rescored(cell, rule) for cell in run.cells))
         print_results(analysed(scored, options.baseline), Terminal())
-        print(f"success by {rule.name}: {rule.words}; the files stay by {run.manifest.success_rule}")
+        print(f"success by {rule.name}: {rule.words}; the files stay by {SUCCESS_RULE}")
         return 0
     try:
         with sole_use(options.folder):
-            code = conclude(run, options.folder, gates, options.baseline)
+            conclude(run, options.folder, options.baseline)
             if run.complete:
                 remove_chunks(options.folder)
-            return code
     except FolderInUse:
         print_results(analysed(run, options.baseline), Terminal())
         print(f"{options.folder} belongs to a run that is going on, which writes the files itself", file=sys.stderr)
-        return 0
+    return 0

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from evaluate.measures import effort, footfalls, gait_quality, pushes, tracking
-from evaluate.measures.outcomes import LEAST_SHARE, REFUSED, RULES, SUCCESS_RULE, SuccessRule
+from evaluate.measures.outcomes import LEAST_SHARE, RULES, SUCCESS_RULE
 
 Scope = Literal["whole episode", "while upright"]
 
@@ -40,20 +40,12 @@ CAP, YAW_CAP = f"{tracking.VELOCITY_CAP:g} m/s", f"{tracking.YAW_RATE_CAP:g} rad
 FOOTFALL = f"contact sensors; a swing lasts at least {footfalls.SHORTEST_SWING:g} s"
 
 
-def outcome(rule: SuccessRule) -> Measure:
-    """The outcome by a rule of success."""
-    failed = "the policy raised, gave no answer in time or none that is finite"
-    names = f"{REFUSED}: {failed}, or" if REFUSED in rule.outcomes else f"policy_error: {failed}; stalled:"
-    formula = (
-        f"succeeded: {rule.words}; {names} upright and less than {100 * LEAST_SHARE:g} % of the commanded distance "
-        f"{'in such an interval or ' * rule.stalls}in all (of the turn where none was commanded), or stopped by a "
-        "safety layer; else off_command, fell or diverged"
-    )
-    return Measure("outcome", "outcome", "", "heading", formula, f"rule {rule.name}", WHOLE)
-
-
 MEASURES = (
-    outcome(RULES[SUCCESS_RULE]),
+    Measure("outcome", "outcome", "", "heading",
+            f"succeeded: {RULES[SUCCESS_RULE].words}; policy_error: the policy raised, gave no answer in time or none "
+            f"that is finite; stalled: upright and less than {100 * LEAST_SHARE:g} % of the commanded distance in such "
+            "an interval or in all (of the turn where none was commanded), or stopped by a safety layer; else "
+            "off_command, fell or diverged", f"rule {SUCCESS_RULE}", WHOLE),
     Measure("fell", "falls", "", "", "the fall rule held, or the simulation diverged, before the time limit",
             "rule simple-quad/1", WHOLE),
     Measure("diverged", "diverged", "", "", "MuJoCo warned of a bad state, or a state is not finite",
@@ -122,7 +114,7 @@ MEASURES = (
 BY_NAME = {measure.name: measure for measure in MEASURES}
 _LISTS = ("duty_factor", "commands", "mean_velocities")
 OF_CAUSES = ("cause", "cause_time", "cause_detail")
-"""Measures that results lack which were written before failures had causes."""
+"""Measures that only failed episodes have."""
 FIGURES = tuple(
     name
     for name in BY_NAME
@@ -134,10 +126,3 @@ EFFORT = (
     *("speed_share", "torque_rate", "touchdown_impulse", "flight"),
 )
 """Measures of effort that are shown next to success everywhere."""
-OF_ENERGY_1 = "energy", "cost_of_transport", "mechanical_power", "peak_torque", "mean_torque"
-"""Measures that the rule energy/1 defined otherwise."""
-SINCE_ENERGY_2 = (
-    *("positive_work", "regeneration", "joule_heat", "torque_share", "speed_share", "torque_rate"),
-    *("step_rate", "touchdown_impulse", "flight", "trunk_height"),
-)
-"""Measures that results under energy/1 lack."""

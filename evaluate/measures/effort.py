@@ -8,9 +8,9 @@ import numpy as np
 from evaluate.measures.averages import Bools, Floats, Recorded, count, quotient, total, upright_mean, upright_share
 from evaluate.measures.episodes import Episodes
 
-ENERGY_RULE, ENERGY_1 = "energy/2", "energy/1"
-"""How energy, torques and their shares are measured: of every physics step, with torques as the joints received them;
-before, of one reading a control step, without what implicitly integrated damping adds."""
+ENERGY_RULE = "energy/2"
+"""How energy, torques and their shares are measured: of every physics step, with torques as the joints received them.
+"""
 SHORTEST_DISTANCE = 1.0
 """Below this distance an episode has no cost of transport, m: it would be a quotient by nearly nothing."""
 LIMIT_MARGIN = 0.01

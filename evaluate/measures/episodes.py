@@ -106,11 +106,11 @@ class Episodes:
     """Weight of the robot and what it carries, N."""
     torque_limit: Limits
     """Largest torque of each joint, N·m."""
-    speed_limit: Limits = float("nan")
+    speed_limit: Limits
     """Speed of each joint's motor without load, or its rated one, rad/s."""
-    failure: NDArray[np.object_] | None = None
-    """Why the policy failed each robot before any fall, (n,), None where it did not; None of what cannot fail."""
-    failure_step: NDArray[np.int64] | None = None
+    failure: NDArray[np.object_]
+    """Why the policy failed each robot before any fall, (n,); None where it did not."""
+    failure_step: NDArray[np.int64]
     """First control step by which it had, (n,); `steps` where it never did."""
     scenario: Scenario | None = None
     """What the robots had to cope with; None where it is not known."""
@@ -138,8 +138,7 @@ class Episodes:
     @property
     def failed(self) -> Bools:
         """Which robots the policy failed before any fall, (n,)."""
-        reasons = [None] * self.count if self.failure is None else self.failure.tolist()
-        return np.array([reason is not None for reason in reasons], np.bool_)
+        return np.array([reason is not None for reason in self.failure], np.bool_)
 
     @property
     def diverged(self) -> Bools:

@@ -105,7 +105,7 @@ def measure(episodes: Episodes) -> Measures:
 def outcome(
     episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE], following: dict[str, Floats] | None = None
 ) -> NDArray[np.object_]:
-    """What came of each episode under a rule of success, one of the rule's outcomes, (n,); `following` are its measures
+    """What came of each episode under a rule of success, one of OUTCOMES, (n,); `following` are its measures
     of tracking where they are known."""
     upright = upright_steps(episodes.fall_step, episodes.steps)
     following = following or _tracking(episodes, upright)[0]

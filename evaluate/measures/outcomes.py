@@ -1,7 +1,6 @@
 """Outcome of an episode: whether the robot did what it was asked to do, and if not, what became of it.
 
-RULES say what success is. Older results are by `success/1`: standing still could succeed within the tolerance, and
-`refused` was what is now `stalled` or `policy_error`.
+RULES say what success is.
 """
 
 from dataclasses import dataclass
@@ -12,11 +11,9 @@ from numpy.typing import NDArray
 from evaluate.measures.averages import Bools, Floats, planar, quotient
 
 SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR = "succeeded", "off_command", "stalled", "policy_error"
-FELL, DIVERGED, REFUSED = "fell", "diverged", "refused"
+FELL, DIVERGED = "fell", "diverged"
 OUTCOMES = (SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR, FELL, DIVERGED)
 """Every outcome; an episode has exactly one."""
-OUTCOMES_1 = (SUCCEEDED, OFF_COMMAND, REFUSED, FELL, DIVERGED)
-"""Every outcome of the rule `success/1`."""
 LEAST_SHARE = 0.25
 """Share of the commanded distance below which an upright robot has stalled."""
 MOVING = 0.05
@@ -38,8 +35,6 @@ class SuccessRule:
     """Whether a stalled interval is no success, though it is within tolerance."""
     of_steps: bool = False
     """Whether the tolerances are of the mean error of the episode's steps, and not of each interval's mean velocity."""
-    outcomes: tuple[str, ...] = OUTCOMES
-    """Every outcome by this rule."""
 
     @property
     def words(self) -> str:
@@ -88,8 +83,8 @@ class SuccessRule:
         return np.asarray((within & ~self.stalled(commands, velocities)).all(axis=1))
 
 
-SUCCESS_RULE, SUCCESS_1 = "success/2", "success/1"
-"""The rule that an evaluation runs under, and the one of results that name none."""
+SUCCESS_RULE = "success/2"
+"""The rule that an evaluation runs under."""
 ISAAC_LAB = "isaac-lab"
 """Thresholds of Isaac Lab's `Metrics/success_rate` for quadrupeds: `vel_xy_success_threshold` and
 `vel_yaw_success_threshold` of `UniformVelocityCommandCfg`, isaac-sim/IsaacLab#5415.
@@ -100,7 +95,6 @@ RULES = {
     rule.name: rule
     for rule in (
         SuccessRule(SUCCESS_RULE, linear=0.15, angular=0.15, share=0.2),
-        SuccessRule(SUCCESS_1, linear=0.15, angular=0.15, share=0.2, stalls=False, outcomes=OUTCOMES_1),
         SuccessRule("success-half", linear=0.075, angular=0.075, share=0.1),
         SuccessRule("success-double", linear=0.3, angular=0.3, share=0.4),
         SuccessRule("survival", linear=np.inf, angular=np.inf, share=0.0, stalls=False),
@@ -121,7 +115,7 @@ def outcomes(
     durations: Floats,
     rule: SuccessRule = RULES[SUCCESS_RULE],
 ) -> NDArray[np.object_]:
-    """Outcome of each episode, one of the rule's, (n,).
+    """Outcome of each episode, one of OUTCOMES, (n,).
 
     Args:
         fell: which ended by the fall rule or a divergence, (n,).
@@ -143,23 +137,6 @@ def outcomes(
     out[fell & stopped] = STALLED
     out[failed] = POLICY_ERROR
     out[diverged] = DIVERGED
-    if REFUSED in rule.outcomes:
-        out[(out == STALLED) | (out == POLICY_ERROR)] = REFUSED
-    return out
-
-
-def from_success_1(
-    found: NDArray[np.object_], *, failed: Bools, commands: Floats, velocities: Floats
-) -> NDArray[np.object_]:
-    """Outcomes by SUCCESS_RULE, (n,), of episodes whose outcomes by `success/1` are given; see `outcomes` for the rest.
-
-    Exact: `success/2` changes an outcome of `success/1` only in a stalled interval, and divides what was refused.
-    """
-    out = found.copy()
-    refused, upright = found == REFUSED, (found == SUCCEEDED) | (found == OFF_COMMAND)
-    out[upright & RULES[SUCCESS_RULE].stalled(commands, velocities).any(axis=1)] = STALLED
-    out[refused] = STALLED
-    out[refused & failed] = POLICY_ERROR
     return out
 
 

@@ -12,18 +12,16 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from evaluate.causes.rules import CAUSE_RULE
-from evaluate.measures.catalogue import OF_CAUSES, OF_ENERGY_1, SINCE_ENERGY_2
-from evaluate.measures.effort import ENERGY_RULE
 from evaluate.measures.metrics import Measures
-from evaluate.measures.outcomes import SUCCESS_RULE, from_success_1
 from evaluate.records import parquet
-from evaluate.rollouts.experiment import Cell, failure_reasons
+from evaluate.rollouts.experiment import Cell
 from quad_env.scenarios.named import Scenario
 
 MEASURES = tuple(field.name for field in fields(Measures))
 FIRST = ("outcome", "fell", "fall_reason", "failure", "fall_time", "diverged")
 """Columns that stand before the other measures."""
+NEEDED = {"policy", "scenario", "episode", "seed", "fall_reason", "failure", *MEASURES}
+"""Columns that no file may lack."""
 RUN = b"run"
 """Key of the table's metadata: the fingerprint of the run that its rows belong to."""
 _WIDTH = b"width"
@@ -36,7 +34,7 @@ def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> pa.Table:
     Measures of an interval are lists: `commands` and `mean_velocities` hold forward m/s, lateral m/s, yaw rate rad/s.
     """
     count, named = cell.episodes, {name: getattr(cell.measures, name) for name in MEASURES}
-    named |= {"fall_reason": cell.fall_reason, "failure": failure_reasons(cell)}
+    named |= {"fall_reason": cell.fall_reason, "failure": cell.failure}
     columns = {
         "policy": pa.array([cell.policy] * count, pa.string()),
         "scenario": pa.array([cell.scenario.name] * count, pa.string()),
@@ -52,15 +50,9 @@ def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> pa.Table:
 
 
 def cell_of(rows: pa.Table, scenario: Scenario) -> Cell:
-    """The cell of a table's rows, which are of one policy and this scenario; ValueError names the columns it lacks."""
-    needed = {"policy", "seed", "fall_reason", *MEASURES} - {*SINCE_ENERGY_2, *OF_CAUSES}
-    if missing := sorted(needed - set(rows.column_names)):
-        raise ValueError(f"it lacks the columns {', '.join(missing)}")
+    """The cell of a table's rows, which are of one policy and this scenario. Raises ValueError."""
     try:
-        absent: dict[str, NDArray[Any]] = dict.fromkeys(SINCE_ENERGY_2, np.full(len(rows), np.nan))
-        absent |= dict.fromkeys(OF_CAUSES, np.full(len(rows), None)) | {"cause_time": np.full(len(rows), np.nan)}
-        present = {name: _values(rows, name) for name in MEASURES if name in rows.column_names}
-        measures = Measures(**absent | present)
+        measures = Measures(**{name: _values(rows, name) for name in MEASURES})
     except (TypeError, ValueError) as error:
         raise ValueError(f"its lists are not all of one length ({error})") from error
     return Cell(
@@ -69,7 +61,7 @@ def cell_of(rows: pa.Table, scenario: Scenario) -> Cell:
         seeds=rows.column("seed").to_numpy(),
         fall_reason=np.array(rows.column("fall_reason").to_pylist(), dtype=object),
         measures=measures,
-        failure=np.array(rows.column("failure").to_pylist(), dtype=object) if "failure" in rows.column_names else None,
+        failure=np.array(rows.column("failure").to_pylist(), dtype=object),
     )
 
 
@@ -90,30 +82,6 @@ def read_table(path: Path, run: str | None = None) -> pa.Table:
     if run is not None and (rows.schema.metadata or {}).get(RUN) != run.encode():
         raise ValueError(f"{path} is of another run")
     return rows
-
-
-def by_success_rule(rows: pa.Table, rule: str) -> pa.Table:
-    """Rows of a run under that rule of success with the outcomes of SUCCESS_RULE, exactly."""
-    if rule == SUCCESS_RULE:
-        return rows
-    place = rows.column_names.index("outcome")
-    failed = np.zeros(len(rows), np.bool_)
-    if "failure" in rows.column_names:
-        failed = np.array([reason is not None for reason in rows.column("failure").to_pylist()], np.bool_)
-    commands, velocities = _values(rows, "commands"), _values(rows, "mean_velocities")
-    found = from_success_1(_values(rows, "outcome"), failed=failed, commands=commands, velocities=velocities)
-    return rows.set_column(place, rows.schema.field(place), pa.array(found.tolist(), pa.string()))
-
-
-def by_energy_rule(rows: pa.Table, rule: str) -> pa.Table:
-    """Rows of a run under that rule of energy without the measures that are defined otherwise today."""
-    other: set[str] = set() if rule == ENERGY_RULE else {*OF_ENERGY_1, *SINCE_ENERGY_2}
-    return rows.select([name for name in rows.column_names if name not in other])
-
-
-def by_cause_rule(rows: pa.Table, rule: str | None) -> pa.Table:
-    """Rows of a run under that rule of causes, without causes where they are by other rules than today's."""
-    return rows if rule == CAUSE_RULE else rows.select([name for name in rows.column_names if name not in OF_CAUSES])
 
 
 def _array(values: NDArray[Any]) -> pa.Array:

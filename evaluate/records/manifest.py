@@ -8,9 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from evaluate.measures.effort import ENERGY_1
-from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
-from evaluate.records.provenance import code_digest, cpu_model, model_of, policy_digest, versions
+from evaluate.records.provenance import RULES, code_digest, cpu_model, model_of, policy_digest, versions
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
@@ -27,6 +25,8 @@ FILES = ("results.json", "episodes.parquet", "report.html", NAME)
 CHUNKS = "parts"
 """Folder of the chunks of cells, while a run is going on."""
 SCHEMA = 1
+OLDER = "revision 02bbde28"
+"""Version that reads results by success/1 and energy/1, as of 0.2.0 and before, and without causes."""
 _SHA256 = "sha256"
 """Key of the hash of all else in the file."""
 _OF_NO_FIGURE = ("options", "date", "fingerprint")
@@ -86,16 +86,6 @@ class Manifest:
         """Whether it is a run --until settled that has not ended."""
         return bool(self.limit) and not self.ended
 
-    @property
-    def success_rule(self) -> str:
-        """Rule of success that its outcomes are by."""
-        return self.versions.get("success_rule") or SUCCESS_1
-
-    @property
-    def energy_rule(self) -> str:
-        """Rule that energy and torques are by."""
-        return self.versions.get("energy_rule") or ENERGY_1
-
     def begun(self) -> "Manifest":
         """With its fingerprint."""
         return replace(self, fingerprint=_fingerprint(self.provenance()))
@@ -109,7 +99,7 @@ class Manifest:
     def provenance(self) -> dict[str, Any]:
         """All but the options, the date and the fingerprint, as JSON values."""
         kept = {name: value for name, value in vars(self).items() if name not in _OF_NO_FIGURE}
-        return kept | {"hardware": self.hardware.as_json(), "scenarios": to_plain(self.scenarios)}
+        return kept | {"hardware": asdict(self.hardware), "scenarios": to_plain(self.scenarios)}
 
     def write(self, folder: Path) -> None:
         """Write the file."""
@@ -156,6 +146,9 @@ def read(folder: Path) -> Manifest:
         found = parse_json(read_bytes(path))
         if type(found["schema"]) is not int or found["schema"] != SCHEMA:
             raise ValueError("it is of another schema")
+        if not RULES.items() <= dict(found["versions"]).items():
+            rules = ", ".join(RULES.values())
+            raise UsageError(f"{path}: its figures are not by {rules}, this version's rules; {OLDER} reads older ones")
         if _is_changed(found):
             raise UsageError(f"{path} has been changed since it was written: restore it, or run the evaluation again")
         values = {name: value for name, value in found.items() if name not in ("schema", _SHA256)}
@@ -164,19 +157,15 @@ def read(folder: Path) -> Manifest:
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise UsageError(f"{path} is no manifest of this version ({error})") from error
     hardware_of(manifest.hardware.robot, f"{path}: its robot")
-    if manifest.success_rule not in (SUCCESS_RULE, SUCCESS_1):
-        known = f"this version knows {SUCCESS_RULE} and {SUCCESS_1}"
-        raise UsageError(f"{path}: its success rule is {manifest.success_rule}; {known}")
     return manifest
 
 
 def _is_changed(found: dict[str, Any]) -> bool:
-    """Whether the contents of a file are other than those that its fingerprint and its hash, which older files lack,
-    are of."""
+    """Whether the contents of a file are other than those that its fingerprint and its hash are of."""
     contents = {name: value for name, value in found.items() if name != _SHA256}
     provenance = {name: value for name, value in contents.items() if name not in ("schema", *_OF_NO_FIGURE)}
     digest = _digest(contents)
-    return bool(found["fingerprint"] != _fingerprint(provenance) or found.get(_SHA256, digest) != digest)
+    return bool(found["fingerprint"] != _fingerprint(provenance) or found.get(_SHA256) != digest)
 
 
 def _fingerprint(provenance: Mapping[str, Any]) -> str:
@@ -197,9 +186,8 @@ def differences(then: Manifest, now: Manifest) -> list[str]:
 
 
 def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
-    before, after = ({"energy_rule": ENERGY_1, **each.versions} for each in (then, now))
-    for name, version in before.items():
-        new = after.get(name, version)  # older results do not name all that newer ones do
+    for name, version in then.versions.items():
+        new = now.versions.get(name, version)  # older results do not name all that newer ones do
         if name not in _NOT_COMPARED and new != version:
             yield f"{name} was {version} and is {new}"
     if then.code != now.code:

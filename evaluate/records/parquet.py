@@ -27,26 +27,17 @@ def write(rows: pa.Table, path: Path, about: Mapping[bytes, bytes]) -> None:
 
 
 def read(path: Path) -> pa.Table:
-    """A file's rows; ValueError if it is damaged or has been changed, OSError if it cannot be read.
-
-    Files that were written before there were hashes are read as they are: see `is_hashed`.
-    """
+    """A file's rows; ValueError if it is damaged or has been changed, OSError if it cannot be read."""
     content = read_bytes(path, LARGEST)
     try:
         rows = pq.ParquetFile(pa.py_buffer(content), page_checksum_verification=True).read()
         rows.validate(full=True)
-        stored = (rows.schema.metadata or {}).get(SHA256)
-        changed = stored is not None and stored.decode() != content_hash(rows)
+        changed = (rows.schema.metadata or {}).get(SHA256) != content_hash(rows).encode()
     except (pa.ArrowException, LookupError, MemoryError, OSError, TypeError, ValueError) as error:
         raise ValueError(f"{path} is damaged ({(str(error).splitlines() or [type(error).__name__])[0]})") from error
     if changed:
         raise ValueError(f"{path} has been changed since it was written (its content hash differs)")
     return rows
-
-
-def is_hashed(rows: pa.Table) -> bool:
-    """Whether rows were read with the hash of their content."""
-    return SHA256 in (rows.schema.metadata or {})
 
 
 def content_hash(rows: pa.Table) -> str:

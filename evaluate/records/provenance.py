@@ -24,6 +24,8 @@ from quad_env.config import FallRule
 REPOSITORY = Path(__file__).resolve().parents[2]
 SOURCES = ("quad_env", "policies", "evaluate")
 """Packages that the figures depend on."""
+RULES = {"success_rule": SUCCESS_RULE, "energy_rule": ENERGY_RULE, "cause_rule": CAUSE_RULE}
+"""Versions with which alone results can be read."""
 DIGEST = "2-"
 """Start of every policy's digest: by which rule it was made."""
 _KINDS = {".py", ".xml", ".json"}
@@ -40,9 +42,7 @@ def versions() -> dict[str, str | None]:
         "libc": " ".join(platform.libc_ver()).strip(),
         "quad_env": _version_of("simple-quad"),
         "fall_rule": FallRule().name,
-        "success_rule": SUCCESS_RULE,
-        "energy_rule": ENERGY_RULE,
-        "cause_rule": CAUSE_RULE,
+        **RULES,
         "git_revision": git_revision(REPOSITORY),
     }
 

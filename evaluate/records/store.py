@@ -11,9 +11,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from evaluate.records import manifest as manifests
-from evaluate.records.episode_table import cell_of, read_table, table, write_table
+from evaluate.records.episode_table import NEEDED, cell_of, read_table, table, write_table
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
-from evaluate.records.parquet import is_hashed
 from evaluate.rollouts.experiment import Cell, Chunk, evaluation_seeds, join
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import counted
@@ -119,21 +118,12 @@ def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
 
 
 def _stored(path: Path, manifest: Manifest) -> pa.Table:
-    """The rows of episodes.parquet, none if there is no such file; ValueError unless they are whole cells of the run,
-    as they were written. What cannot be checked is reported on stderr."""
+    """The rows of episodes.parquet, none if there is no such file; ValueError unless they are whole cells of the run
+    in its order, as they were written; an interrupted run has not come to all."""
     if not path.exists():
         return pa.table({})
     rows = read_table(path, manifest.fingerprint)
-    _check_whole(manifest, rows)
-    if not is_hashed(rows):
-        said = f"{path} is of a version that wrote no content hash: whether its rows have been changed is not known"
-        print(said, file=sys.stderr)
-    return rows
-
-
-def _check_whole(manifest: Manifest, rows: pa.Table) -> None:
-    """ValueError unless the rows are whole cells of the run in its order; an interrupted run has not come to all."""
-    if lacking := sorted({"policy", "scenario", "episode", "seed"} - set(rows.column_names)):
+    if lacking := sorted(NEEDED - set(rows.column_names)):
         raise ValueError(f"it lacks the columns {', '.join(lacking)}")
     found = list(zip(*(rows.column(name).to_pylist() for name in ("scenario", "policy", "episode")), strict=True))
     there = {(scenario, policy) for scenario, policy, _ in found}
@@ -141,6 +131,7 @@ def _check_whole(manifest: Manifest, rows: pa.Table) -> None:
     wanted = [(*cell, number) for cell in cells if cell in there for number in range(manifest.episodes)]
     if found != wanted:
         raise ValueError("episodes are missing, there twice, not of this run or not in their order")
+    return rows
 
 
 def rows_of(rows: pa.Table, policy: str, scenario: str) -> pa.Table:

@@ -8,8 +8,7 @@ from quad_env.cli.format import ABSENT, interval, number
 FIRST = ""
 """Name of the column that says what a row is of, in tables whose other columns are named by the user."""
 TITLES = {SUCCESS_RATE: "success", FALL_RATE: "falls"} | {name: BY_NAME[name].title for name in ERRORS}
-UNITS = dict.fromkeys(RATES, "") | {name: BY_NAME[name].unit for name in ERRORS}
-"""Titles and units by the METRICS."""
+"""Titles by the METRICS."""
 NARROW = TITLES | {
     "velocity_error": "velocity\nerror m/s",
     "yaw_rate_error": "yaw-rate\nerror rad/s",

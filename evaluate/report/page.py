@@ -1,14 +1,10 @@
 """The whole page, section by section."""
 
-from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
 
-from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
-from evaluate.measures.effort import ENERGY_1, ENERGY_RULE
-from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.html import contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
@@ -50,9 +46,7 @@ def write_report(results: Results, path: Path, **about: Any) -> None:
     write_atomically(path, render(results, folder=path.parent, **about).encode())
 
 
-def render(
-    results: Results, *, gates: Sequence[GateResult] = (), made_by: Origin = ("", ""), folder: Path = Path()
-) -> str:
+def render(results: Results, *, made_by: Origin = ("", ""), folder: Path = Path()) -> str:
     """The whole page, to be in that folder."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings():
@@ -62,7 +56,6 @@ def render(
             causes(results),
             failures(results, folder),
             effort(results),
-            _gates(gates),
         ]
         axes = disturbances(results)
         details = [overview(results), contents(axes, "Axes"), axes, _about(results), _notes(results)]
@@ -94,27 +87,20 @@ def _about(results: Results) -> str:
     return section("Policies", f'<ul class="legend">{"".join(legend)}</ul>')
 
 
-def _gates(gates: Sequence[GateResult]) -> str:
-    """A line a gate; empty without gates."""
-    kinds = {True: "better", False: "worse"}
-    lines = "".join(f'<li class="{kinds[each.passed]}">{escape(each.line)}</li>' for each in gates)
-    return section("Gates", f"<ul>{lines}</ul>") if gates else ""
-
-
 def _notes(results: Results) -> str:
     notes = "".join(f"<li>{escape(text)}</li>" for text in NOTES)
     made_with = "; ".join(f"{name} {version or 'unknown'}" for name, version in results.versions.items())
     return section(
         "How it was measured",
         f"<ul>{notes}</ul>",
-        fold("Every measure: unit, frame, formula, source", definitions(results.success_rule), printed=True),
+        fold("Every measure: unit, frame, formula, source", definitions(), printed=True),
         note(f"Made with {made_with}."),
         note("In the same folder: results.json (these figures), episodes.parquet (a row an episode)."),
     )
 
 
 def warnings(results: Results) -> list[str]:
-    """What a reader has to know first: policies with errors, and outcomes by an older rule of success."""
+    """What a reader has to know first: policies with errors, and why a run until settled ended."""
     lines = [
         f"{each.policy} failed in {each.failed} of {counted(each.episodes, 'episode')}; in the first it {each.first}"
         for each in results.policy_errors
@@ -124,16 +110,6 @@ def warnings(results: Results) -> list[str]:
         lines.append(
             f"--until settled ended this run after {results.episodes} of at most {limit} episodes: {why}, by a "
             "sequential test corrected for all looks; intervals are those of a fixed number of episodes"
-        )
-    if results.success_rule != SUCCESS_RULE:
-        lines.append(
-            f"Success is by the older rule {results.success_rule}, under which these episodes ran: standing still can "
-            f"succeed at slow commands. python -m evaluate report FOLDER --success {SUCCESS_RULE} prints today's"
-        )
-    if results.versions["energy_rule"] != ENERGY_RULE:
-        lines.append(
-            f"Energy and torques are by the older rule {ENERGY_1}, one reading a control step, and depend on the time "
-            f"step; they do not compare with those by {ENERGY_RULE}"
         )
     return lines
 

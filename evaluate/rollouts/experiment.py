@@ -73,8 +73,8 @@ class Cell:
     seeds: NDArray[np.int64]
     fall_reason: NDArray[np.object_]
     measures: Measures
-    failure: NDArray[np.object_] | None = None
-    """Why the policy failed in each episode, (n,), None where it did not; None where nothing is known of it."""
+    failure: NDArray[np.object_]
+    """Why the policy failed in each episode, (n,); None where it did not."""
 
     @property
     def episodes(self) -> int:
@@ -270,19 +270,14 @@ def join(chunks: Sequence[Chunk]) -> Cell:
         seeds=np.concatenate([cell.seeds for cell in cells])[order],
         fall_reason=np.concatenate([cell.fall_reason for cell in cells])[order],
         measures=Measures(**joined),
-        failure=np.concatenate([failure_reasons(cell) for cell in cells])[order],
+        failure=np.concatenate([cell.failure for cell in cells])[order],
     )
-
-
-def failure_reasons(cell: Cell) -> NDArray[np.object_]:
-    """Why the policy failed in each episode of a cell, (n,); None where it did not."""
-    return np.full(cell.episodes, None, dtype=object) if cell.failure is None else cell.failure
 
 
 def rescored(cell: Cell, rule: SuccessRule) -> Cell:
     """The same episodes by another rule of success: exactly those that succeed by it; what no longer does is off its
     command."""
-    had, failed = cell.measures, np.array([reason is not None for reason in failure_reasons(cell)], np.bool_)
+    had, failed = cell.measures, np.array([reason is not None for reason in cell.failure], np.bool_)
     errors = np.stack([had.velocity_error, had.yaw_rate_error], axis=-1)
     succeeds = rule.on_command(had.commands, had.mean_velocities, errors) & ~had.fell & ~failed
     found = np.where(had.succeeded, OFF_COMMAND, had.outcome)

@@ -1,7 +1,7 @@
 """What the robots of a run are built of. It imports no package, for the options are to be shown quickly."""
 
 import sys
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -46,11 +46,6 @@ class Hardware:
         own = self.quadruped.with_servo(robot.servo_stiffness, robot.servo_damping)
         names = ("actuator", "sensors", "estimator", "simulator")
         return {name: getattr(self, name) for name in names} | {"robot": own}
-
-    def as_json(self) -> dict[str, str]:
-        """The names; later ones only where they are not the usual ones, as before there were others."""
-        names, later = asdict(self), ("estimator", "robot", "servo", "simulator")
-        return {name: value for name, value in names.items() if name not in later or value != getattr(IDEAL, name)}
 
     def policy(self, name_or_path: str, trust: bool = False, *, real: bool = False, **given: Any) -> "Policy":
         """A fresh policy for that robot, by name or path, see `policies.resolve`; PolicyError if there is none.

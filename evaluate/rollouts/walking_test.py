@@ -10,11 +10,10 @@ from evaluate.measures.outcomes import RULES, SUCCESS_RULE
 from evaluate.rollouts.hardware import Hardware
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
-from policies.base import Policy
+from policies.base import Floats, Policy
 from quad_env.config import FALL_REASONS
 from quad_env.robots.similarity import ratio
 
-Floats = NDArray[np.float64]
 Command = tuple[float, float, float]
 UNITS, AXES = ("m/s", "m/s", "rad/s"), ("forward", "to the left", "of yaw rate")
 SECONDS, SETTLING = 4.0, 2.0

@@ -10,7 +10,7 @@ from live.imu import Imu
 from live.ros.link import Packet
 from live.ros.node import IMU, JOINT_STATE_PERIOD, JOINT_STATES, JOINT_TARGETS, RESET, VELOCITY
 from live.session import Session
-from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, to_actions
+from policies.base import Actions, Floats, Mask, Policy, to_actions
 from quad_env.config import COMMAND_BOUND, FALL_REASONS
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -25,8 +25,8 @@ class Driven(Policy):
     name = "driven"
     stiff_servos = True
 
-    def __init__(self, *, robot: Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
-        super().__init__(robot=robot, control_period=control_period)
+    def __init__(self, robot: Robot = SIMPLE_QUAD) -> None:
+        super().__init__(robot=robot)
         self._following = False
         self._allocate(1)
 

@@ -13,12 +13,9 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from quad_env.robots.feet import Foot, extremes, find_foot
-from quad_env.robots.shapes import Bools, corners, descendants, geoms_of, grounded, welded
-
-Floats = NDArray[np.float64]
+from quad_env.robots.shapes import Bools, Floats, corners, descendants, geoms_of, grounded, welded
 
 LEGS, JOINTS_PER_LEG = 4, 3
 LINKS = "hip", "thigh", "calf"

@@ -10,7 +10,6 @@ as `settotalmass`: each body gets the mass and inertia that MuJoCo's compilation
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from quad_env.robots.anatomy import LINKS, Anatomy, Leg
 from quad_env.robots.collisions import (
@@ -29,7 +28,6 @@ from quad_env.robots.figures import REFERENCE, Figures
 from quad_env.robots.model_file import read
 from quad_env.robots.shapes import surface
 
-Floats = NDArray[np.float64]
 _SENSOR = "name", "type", "objtype", "objname", "reftype", "refname", "intprm"
 """Fields of a sensor."""
 

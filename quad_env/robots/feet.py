@@ -8,11 +8,8 @@ when the leg is tilted is worked out from `points`, see `kinematics.foot_depths`
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from quad_env.robots.shapes import balls, box, surface
-
-Floats = NDArray[np.float64]
+from quad_env.robots.shapes import Floats, balls, box, surface
 
 _LEVEL = 1e-3
 """Height above the lowest point up to which another geom is part of the foot too, m."""

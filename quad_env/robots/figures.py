@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from quad_env.robots.feet import depths
+from quad_env.robots.shapes import Floats as Floats
 
-Floats = NDArray[np.float64]
 T = TypeVar("T")
 
 

@@ -6,15 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from quad_env.files.reading import read_bytes
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError
 from quad_env.robots.figures import REFERENCE, REFERENCE_MASS, Figures
 from quad_env.robots.model_file import read
-from quad_env.robots.shapes import corners, geoms_of
-
-Floats = NDArray[np.float64]
+from quad_env.robots.shapes import Floats, corners, geoms_of
 
 FIGURES = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness"
 """Fields of a robot that may be given instead of being inferred."""

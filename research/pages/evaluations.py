@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from evaluate.analysis.pareto import Pareto, ParetoPoint, place_of_cost
 from evaluate.analysis.results import with_nan
-from evaluate.analysis.score import FLAT, SCORES, WORDS, Score
+from evaluate.analysis.score import SCORES, Score
 from evaluate.commands.options import command
-from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
+from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FEW, FIRST, figure_of_effort
 from evaluate.report.plots import drawing, pareto, success
 from evaluate.rollouts.battery import BATTERIES, resolve
@@ -36,6 +36,13 @@ from research.pages.markdown import table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+FLAT = "flat"
+"""Scenario whose success is shown of a policy without a score."""
+SCORE_WORDS = (
+    "The score is the mean success over the axes, each axis and each of its severities alike; its interval counts "
+    "episodes, each with all of its scenarios. p is not corrected. The hardware score is that of the scenarios with "
+    "the robot's hardware profile."
+)
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
 """The figure's text for readers who do not see it."""
 HARDWARE_SCORES = "hardware_scores"
@@ -84,7 +91,7 @@ def made_by(found: dict[str, Any]) -> str:
         "seed": found["seed"],
     }
     words = command(chosen | provenance.get("hardware", {}))
-    rule = versions.get("success_rule") or SUCCESS_1
+    rule = versions.get("success_rule") or "success/1"
     older = "" if rule == SUCCESS_RULE else f"; success by the older rule {rule}"
     return f"`{words}`; MuJoCo {versions['mujoco']}, Python {versions['python']}{older}."
 
@@ -148,7 +155,7 @@ def score_table(
             rows[each.policy] |= _score_cells(each, baseline, name)
     names = {policy: (called or {}).get(policy, f"`{policy}`") for policy in rows}
     full = ({"policy": names[policy], **dict.fromkeys([*heads][1:], ABSENT), **row} for policy, row in rows.items())
-    return [WORDS, "", *table(heads, list(full)).splitlines()]
+    return [SCORE_WORDS, "", *table(heads, list(full)).splitlines()]
 
 
 def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable, Mapping
 
-from evaluate.analysis.comparison import METRICS
-from evaluate.report.headings import TITLES, UNITS
+from evaluate.analysis.comparison import ERRORS, METRICS
+from evaluate.measures.catalogue import BY_NAME
+from evaluate.report.headings import TITLES
 
-IN_A_LINE = {metric: f"{TITLES[metric]}, {UNITS[metric]}".removesuffix(", ") for metric in METRICS}
+IN_A_LINE = {each: TITLES[each] + (f", {BY_NAME[each].unit}" if each in ERRORS else "") for each in METRICS}
 """Heading of each metric."""
 
 

@@ -64,7 +64,7 @@ evaluation uses.
 
 {results.episodes} episodes of 10 s a scenario, the same for every policy (`--seed {results.seed}`); in brackets 95 % \
 intervals and p-values, which are paired by episode and corrected by Holm's method over the comparisons of a column. \
-Success is by the rule `{results.success_rule}`; every step after a fall counts with the largest error.
+Success is by the rule `{results.versions["success_rule"]}`; every step after a fall counts with the largest error.
 
 {tables}
 

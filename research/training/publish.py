@@ -6,10 +6,10 @@ the old facts of its training and the new results.
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -20,6 +20,7 @@ from evaluate.commands.options import Options as Evaluation
 from evaluate.commands.plan import check
 from evaluate.records.store import read_run
 from policies import bundle
+from policies.network import ACTIVATION
 from policies.parameters import limits_of, number
 from policies.residual_bases import describe
 from policies.shipped import folder_of
@@ -29,6 +30,7 @@ from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.scenarios.named import scaled_name
 from research.training.model_card import TrainedRun, model_card
+from train.config import PUSHES, TIMESTEP
 from train.run_folder import BEST, CHECKPOINTS
 from train.run_record import differences, from_dict, load_config
 
@@ -136,11 +138,33 @@ def trained_run(folder: Path) -> TrainedRun:
     return TrainedRun(str(folder), config, minutes, description["git_revision"], folder / BEST)
 
 
+_REMOVED: Mapping[str, Mapping[str, Any]] = {
+    "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0, "hardness": 1.0}
+    | {"foothold_authority": 0.0, "reward_terms": [], "pushes": PUSHES, "timestep": TIMESTEP}
+    | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}},
+    "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
+    | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
+    "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
+}
+"""Settings of shipped policies of older versions, by group, and the only value that they may have; None: any."""
+
+
+def todays(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a shipped policy without those that were removed since. Raises ValueError for another value."""
+    found = {**settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
+    for group, removed in _REMOVED.items():
+        values = found.get(group, {}) if group else found
+        for name, only in removed.items():
+            if values.pop(name, only) != only and only is not None:
+                raise ValueError(f"{name} was removed")
+    return found
+
+
 def _shipped(folder: Path) -> TrainedRun:
     """The run that a shipped policy comes from, by its bundle and its card. Raises UsageError."""
     try:
         description = json.loads(read_bytes(folder / "policy.json"))
-        config = from_dict(description["training"])
+        config = from_dict(todays(description["training"]))
         minutes = re.search(r"([\d.]+) min, source", read_bytes(folder / CARD).decode())
         policies.load(folder, config.hardware.quadruped)
         return TrainedRun(str(folder), config, float(minutes[1]), description["git_revision"], folder)  # type: ignore[index]

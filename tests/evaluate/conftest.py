@@ -79,7 +79,7 @@ def outcomes(policy: str, fell, error=None, scenario: Scenario = NOMINAL["flat"]
     nothing = np.full(len(fell), np.nan)
     measures = Measures(**{field.name: known.get(field.name, nothing) for field in dataclasses.fields(Measures)})
     reasons = np.full(len(fell), None, dtype=object)
-    return Cell(policy, scenario, np.arange(first_seed, first_seed + len(fell)), reasons, measures)
+    return Cell(policy, scenario, np.arange(first_seed, first_seed + len(fell)), reasons, measures, reasons)
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from research.training.curves import SeedBand, by_seed, draw, read_curve
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
-from tests.train.test_learning_curves import folder_of_run
+from tests.research.test_curves import folder_of_run
 from train.config import PpoConfig, TrainConfig
-from train.learning_curves import SeedBand, by_seed, draw, read_curve
 from train.sb3.progress import Pace
 
 
@@ -50,7 +50,7 @@ def over_one_run(self: SeedBand) -> Any:
 
 FAULTS: Faults = {
     "a curve from another run's file": (
-        lambda patch: patch.setattr("train.learning_curves.VALIDATIONS_FILE", "../a/validations.json"),
+        lambda patch: patch.setattr("research.training.curves.VALIDATIONS_FILE", "../a/validations.json"),
         check_a_curve_is_that_of_its_run_and_its_band_goes_from_seed_to_seed,
     ),
     "a band over one run's validations": (

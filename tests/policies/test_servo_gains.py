@@ -92,8 +92,6 @@ def test_a_bundle_has_the_gains_that_it_was_trained_with(soft: quad_env.Robot, t
 def test_the_option_servo_is_for_every_controller_of_ours() -> None:
     hardware = Hardware(servo="35/0.5")
     assert hardware.policy("trot").robot.servo == GAINS
-    assert hardware.as_json()["servo"] == "35/0.5"
-    assert "servo" not in Hardware().as_json()
     with pytest.raises(ValueError, match=r"such as 35/0\.5"):
         _ = Hardware(servo="35").quadruped
 

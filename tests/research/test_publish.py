@@ -1,6 +1,7 @@
 """Seed 0 ships, the card shows the other seeds too, and its command repeats the run."""
 
 import dataclasses
+import json
 import shutil
 from pathlib import Path
 
@@ -11,14 +12,15 @@ from evaluate.analysis.comparison import Comparison
 from evaluate.analysis.results import analyse
 from evaluate.analysis.score import Score
 from evaluate.records.store import ChunkStore
+from policies.shipped import MODELS
 from quad_env.cli.command_line import UsageError
 from research.__main__ import main
 from research.training.model_card import TrainedRun, difference, does, model_card, scores
-from research.training.publish import choose
+from research.training.publish import choose, todays
 from train.__main__ import main as train
 from train.commands.run import parse
 from train.config import DEFAULTS
-from train.run_record import command, to_dict
+from train.run_record import command, from_dict, to_dict
 
 OPTIONS = (
     "--threads 1 --mixture flat 1.0 --validation.episodes 1 --validation.scenarios flat --steps 64 "
@@ -44,6 +46,15 @@ def test_seed_0_ships_whatever_the_order_and_company_and_each_seed_is_one_run():
     ):
         with pytest.raises(UsageError, match=complaint):
             choose(others, "residual")
+
+
+@pytest.mark.parametrize("file", sorted(MODELS.rglob("policy.json")), ids=lambda file: file.parent.name)
+def test_the_settings_of_every_shipped_policy_can_be_read(file):
+    """Older ones have settings that are gone, with the only value that is left."""
+    settings = json.loads(file.read_text(encoding="utf-8"))["training"]
+    assert from_dict(todays(settings)).steps == settings["steps"]
+    with pytest.raises(ValueError, match="space was removed"):
+        todays(settings | {"space": "feet"})
 
 
 def test_the_command_of_the_card_repeats_the_run():

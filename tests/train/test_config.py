@@ -42,13 +42,6 @@ def test_settings_from_before_there_was_a_reward_of_the_feet_give_it_no_weight(t
     assert parse(["--resume", "--out", str(tmp_path)]).rewards == TrainConfig().rewards
 
 
-def test_settings_that_were_removed_may_be_there_with_the_only_value_that_is_left():
-    older = to_dict(TrainConfig()) | {"hardness": 1.0, "pushes": 4, "timestep": 0.005, "space": "joints"}
-    older |= {"foothold_authority": 0.0, "rewards": older["rewards"] | {"foot_slip": 0.0}}
-    older["ppo"] |= {"privileged": True, "activation": "elu", "clip_range": 0.2, "symmetry": False}
-    assert from_dict(older) == TrainConfig()
-
-
 @pytest.mark.parametrize(
     "settings",
     [

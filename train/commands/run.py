@@ -21,10 +21,12 @@ NAME = "python -m train"
 COMMANDS = {
     "robot": Command("train.commands.robot", "all steps for your own robot: describe, search, train, evaluate, report"),
     "search": Command("train.search.trot", "parameters of a robot's trot, by CMA-ES"),
-    "curves": Command("train.commands.curves", "learning curves of runs as a picture, with a band over seeds"),
     "export": Command("train.commands.export", "a trained residual as an ONNX file"),
 }
-MOVED = {name: f"now `python -m research {name.split()[0]}`" for name in ("ablations", "publish", "search feedback")}
+MOVED = {
+    name: f"now `python -m research {name.split()[0]}`"
+    for name in ("ablations", "curves", "publish", "search feedback")
+}
 MOVED |= {name: f"gone: revision 59ce5e8 has it as `python -m research {name}`" for name in ("sweep", "trials")}
 """Where commands of older versions are."""
 

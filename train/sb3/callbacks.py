@@ -23,7 +23,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig
 from train.curriculum import next_shares
-from train.learning_curves import by_seed, read_curve, write_picture
+from train.learning_curve import write_curve
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, CURVE_FILE, LAST
 from train.run_record import decode, to_dict, write_validations
@@ -55,10 +55,9 @@ class CallbackState:
 
     @classmethod
     def read(cls, remembered: Mapping[str, Any]) -> "CallbackState":
-        """The state in a checkpoint, of older versions too. Raises UsageError where it is not one."""
-        older = ("best", "best_steps", "validated")  # of which the validations say the same
+        """The state in a checkpoint. Raises UsageError where it is not one."""
         try:
-            return cast(CallbackState, decode(cls, {k: v for k, v in remembered.items() if k not in older}))
+            return cast(CallbackState, decode(cls, remembered))
         except (TypeError, ValueError, OverflowError) as error:
             raise UsageError(f"the checkpoint does not fit this run: {error}") from None
 
@@ -208,7 +207,7 @@ class BetweenRollouts(BaseCallback):
         if better := state.best == self.num_timesteps:
             self._save(policy, BEST)
         write_validations(config.folder, state.best, state.validations)
-        write_picture(by_seed([read_curve(config.folder)]), config.folder / CURVE_FILE, config.folder.name)
+        write_curve(state.validations, config.folder / CURVE_FILE)
         each = ", ".join(f"{name} {figures['success_rate']:.0%}" for name, figures in results.items())
         line = f"{means['success']:.0%} succeed ({each}), cost of transport {means['cost_of_transport']:.2f}"
         self._display.note(f"{state.validated:>10,} validation: {line}{'  best so far' if better else ''}")

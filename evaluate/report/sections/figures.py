@@ -6,9 +6,7 @@ from html import escape
 from evaluate.analysis.comparison import RATES, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
-from evaluate.measures import catalogue
 from evaluate.measures.catalogue import BY_NAME, FIGURES, KEY, MEASURES
-from evaluate.measures.outcomes import RULES
 from evaluate.report.headings import FIRST, TITLES
 from evaluate.report.html import breakable, heading, mark, note, table
 from evaluate.report.plots.drawing import MARKS, style
@@ -63,8 +61,8 @@ def _figure(of: Summary, name: str) -> str:
     return _four_digits(of.figures[name]) + (f"<small>{low} … {high}</small>" if ABSENT not in (low, high) else "")
 
 
-def definitions(success_rule: str) -> str:
-    """The table of measures, the outcome by that rule."""
+def definitions() -> str:
+    """The table of measures."""
     rows = [
         {
             "measure": f"{escape(m.title)}<small>{m.name}</small>",
@@ -74,7 +72,7 @@ def definitions(success_rule: str) -> str:
             "source": escape(m.source) or "this project",
             "over": m.scope,
         }
-        for m in (catalogue.outcome(RULES[success_rule]), *MEASURES[1:])
+        for m in MEASURES
     ]
     return note(KEY) + table({column: column for column in rows[0]}, rows, "text")
 

@@ -25,7 +25,6 @@ from policies.shipped import MODELS
         ("trot --actuator moter", ("actuator", "moter", "ideal, torque_speed, motor")),
         ("trot --nonsense", ("--nonsense", "--help")),
         ("trot stand --scenarios flat --baseline gallop", ("--baseline: gallop is not among the policies",)),
-        ("trot --scenarios flat --gate 'stand falls <= 1'", ("--gate: ", "stand")),
         ("repaly", ("did you mean the command replay?",)),
         ("trot --resume", ("leave --resume out",)),
         ("rescore results", ("gone", "report FOLDER --success")),

@@ -6,9 +6,7 @@ import pytest
 
 import policies
 from evaluate.__main__ import main
-from evaluate.measures.catalogue import OF_CAUSES
 from evaluate.records import manifest
-from evaluate.records.episode_table import by_cause_rule
 from tests.evaluate.altered import other, with_value
 
 
@@ -33,12 +31,6 @@ def test_a_row_is_found_by_its_place_in_the_file(run, capsys) -> None:
         assert row["outcome"].replace("_", " ") in story[-1]
         if row["cause"] is not None:
             assert f"cause: {row['cause'].replace('_', ' ')}" in story[-1]
-
-
-def test_causes_by_other_rules_are_left_out_of_the_comparison(run) -> None:
-    rows = pq.read_table(run.folder / "episodes.parquet")
-    assert by_cause_rule(rows, manifest.versions()["cause_rule"]) is rows
-    assert set(rows.column_names) - set(by_cause_rule(rows, "").column_names) == set(OF_CAUSES)
 
 
 def test_a_value_that_differs_in_its_last_bit_is_named(run, tmp_path, capsys) -> None:

@@ -11,11 +11,8 @@ from evaluate.measures.outcomes import (
     ISAAC_LAB,
     MOVING,
     OUTCOMES,
-    OUTCOMES_1,
     RULES,
-    SUCCESS_1,
     SUCCESS_RULE,
-    from_success_1,
     outcomes,
     share_of_way,
 )
@@ -115,24 +112,12 @@ def test_an_outcome_is_one_of_the_rules_whatever_happened():
     episodes = anything()
     found = outcomes(**episodes)
     assert set(found) == set(OUTCOMES)
-    assert set(outcomes(**episodes, rule=RULES[SUCCESS_1])) == set(OUTCOMES_1)
     fell = np.isin(found, ("fell", "diverged", "policy_error")) | ~episodes["fell"] | episodes["stopped"]
     assert fell.all()
     over = np.hypot(*np.moveaxis(episodes["commands"][..., :2], -1, 0)) > MOVING
     still = outcomes(**episodes | {"velocities": np.zeros_like(episodes["velocities"])})
     assert not (over.any(axis=1) & (still == "succeeded")).any(), "standing still is a success nowhere"
     assert ((~over).all(axis=1) & (still == "succeeded")).any()
-
-
-def test_outcomes_by_success_1_give_those_by_success_2_exactly():
-    episodes = anything()
-    old, new = (outcomes(**episodes, rule=RULES[name]) for name in (SUCCESS_1, SUCCESS_RULE))
-    known = {"failed": episodes["failed"], "commands": episodes["commands"], "velocities": episodes["velocities"]}
-    np.testing.assert_array_equal(from_success_1(old, **known), new)
-    assert ((old == "succeeded") & (new == "stalled")).any()
-    assert ((old == "off_command") & (new == "stalled")).any()
-    assert set(new[old == "refused"]) == {"stalled", "policy_error"}
-    assert (old[new == "succeeded"] == "succeeded").all()
 
 
 def asked(forward):
@@ -194,7 +179,7 @@ def test_isaac_labs_thresholds_are_of_the_mean_errors_of_the_steps(errors, expec
 def test_kept_episodes_succeed_by_another_rule_as_their_record_does(policy, forward, by_isaac_lab):
     """What `report --success` shows of a run, against the rule on the steps themselves."""
     episodes = run(policies.make(policy), asked(forward), SEED, steps=STEPS)
-    cell = Cell(policy, asked(forward), SEED, episodes.fall_reason, measure(episodes))
+    cell = Cell(policy, asked(forward), SEED, episodes.fall_reason, measure(episodes), episodes.failure)
     for rule in RULES.values():
         succeeds = outcome(episodes, rule) == "succeeded"
         np.testing.assert_array_equal(rescored(cell, rule).measures.succeeded, succeeds, err_msg=rule.name)

@@ -27,5 +27,7 @@ def uneventful(
         "weight": robot.mass * GRAVITY,
         "torque_limit": robot.rated_torque,
         "speed_limit": robot.rated_speed,
+        "failure": np.full(count, None, dtype=object),
+        "failure_step": np.full(count, steps, np.int64),
     }
     return Episodes(**nothing | {"dt": dt, "command_steps": command_steps} | changes)

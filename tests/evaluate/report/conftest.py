@@ -74,7 +74,8 @@ def cell_of(policy: str, scenario: Scenario, generator: np.random.Generator) -> 
     """The later a policy is named, the earlier it breaks on push."""
     place = POLICIES.index(policy)
     measures = measured(generator, *{"push:1": (11, 1), "push:3": (2, 10)}.get(scenario.name, (8 - place, 3 + place)))
-    return Cell(policy, scenario, np.arange(EPISODES), np.where(measures.fell, "tilt", None), measures)
+    unfailing = np.full(EPISODES, None, dtype=object)
+    return Cell(policy, scenario, np.arange(EPISODES), np.where(measures.fell, "tilt", None), measures, unfailing)
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from evaluate.analysis.gates import evaluate, parse
 from evaluate.analysis.results import Results, analyse, as_json
-from evaluate.measures.outcomes import OUTCOMES, OUTCOMES_1
+from evaluate.measures.outcomes import OUTCOMES
 from evaluate.report.page import render
 from policies import summary
 from quad_env.cli.format import listed
@@ -117,7 +116,7 @@ def test_every_plot_says_what_it_shows(page) -> None:
 
 
 def odd_one(made: Results) -> Results:
-    """Part of a run under success/1, on motors: other ran on flat and rough alone, and raised in three episodes."""
+    """Part of a run on motors: other ran on flat and rough alone, and raised in three episodes."""
     cells = []
     for cell in made.cells:
         if cell.policy == "other" and cell.scenario.name in ("flat", "rough"):
@@ -134,8 +133,7 @@ def odd_one(made: Results) -> Results:
 def odd(made) -> tuple[Results, str]:
     """Its results and its page."""
     results = odd_one(made)
-    gates = [evaluate(parse(gate), made) for gate in ("other falls <= 50 %", "trot diverged <= 0")]
-    return results, render(results, gates=gates)
+    return results, render(results)
 
 
 def test_what_a_reader_has_to_know_first_stands_at_the_top(odd, page) -> None:
@@ -146,28 +144,15 @@ def test_what_a_reader_has_to_know_first_stands_at_the_top(odd, page) -> None:
     for said in (
         "Interrupted: this page shows the part",
         escape("other failed in 3 of 80 episodes; in the first it raised ValueError: a_b <c> second line"),
-        "Success is by the older rule success/1",
         "Motors: motor; sensors: typical.",
     ):
         assert said in top
-    assert not re.search("Interrupted|failed in|older rule|Motors:", page[: page.index("<section")])
+    assert not re.search("Interrupted|failed in|Motors:", page[: page.index("<section")])
 
 
-def test_a_gate_has_a_line(odd, page) -> None:
-    text = unescape(odd[1]).replace("\u00a0", " ")
-    assert "failed: other falls <= 50 % (70 % on push:6)" in text
-    assert "passed: trot diverged <= 0 (0.000 on flat)" in text
-    assert "Gates" not in page
-
-
-def test_outcomes_are_those_of_the_rule(odd, page, run) -> None:
-    results, text = odd
-    assert set(results.summaries["flat", "trot"].outcomes) == set(OUTCOMES_1)
+def test_outcomes_are_those_of_the_rule(page, run) -> None:
     assert set(run.results["policies"]["trot"]["scenarios"]["flat"]["outcomes"]) == set(OUTCOMES)
-    definitions = [each.split("Every measure: unit")[-1] for each in (text, page)]
-    assert [("rule success/1" in each, "rule success/2" in each) for each in definitions] == [
-        (True, False), (False, True)
-    ]  # fmt: skip
+    assert "rule success/2" in page.split("Every measure: unit")[-1]
 
 
 def test_a_policy_stands_only_where_it_ran(odd) -> None:

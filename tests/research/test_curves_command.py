@@ -1,11 +1,11 @@
-"""`python -m train curves`: pictures of runs, and one line for what is none."""
+"""`python -m research curves`: pictures of runs, and one line for what is none."""
 
 from pathlib import Path
 
 import pytest
 
-from tests.train.test_learning_curves import folder_of_run
-from train.__main__ import main
+from research.__main__ import main
+from tests.research.test_curves import folder_of_run
 
 
 def test_the_picture_is_written_and_each_curve_ends_on_a_line(

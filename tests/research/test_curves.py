@@ -10,8 +10,8 @@ import pytest
 
 from evaluate.report.plots.drawing import COLOURS
 from quad_env.cli.command_line import UsageError
+from research.training.curves import RunCurve, SeedBand, by_seed, draw, read_curve, write_picture
 from train.config import TrainConfig
-from train.learning_curves import RunCurve, SeedBand, by_seed, draw, read_curve, write_picture
 from train.run_folder import CONFIG_FILE, VALIDATIONS_FILE
 from train.run_record import to_dict
 

@@ -1,20 +1,27 @@
-"""Learning curves: validations of training runs, those that differ in their seed alone together, and their picture."""
+"""Learning curves of training runs, success and cost of transport over steps: `python -m research curves RUN [RUN …]`.
+
+Runs that differ in their seed alone are one curve, their mean, with a band from the lowest seed to the highest.
+"""
 
 import io
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+import tyro
 
 from evaluate.report.plots.drawing import COLOURS, MARKS, settings
 from policies.base import Floats
-from quad_env.cli.command_line import UsageError
+from quad_env.cli.command_line import UsageError, make_folder_of
+from quad_env.cli.format import number
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
+from train.learning_curve import PANELS, axes_of
 from train.run_folder import VALIDATIONS_FILE
 from train.run_record import flat, load_settings, words
 
@@ -24,6 +31,36 @@ if TYPE_CHECKING:
 
 LONGEST = 48
 """Characters of a label."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Draw learning curves."""
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Folders of training runs, finished or not, such as runs/residual-*."""
+    out: Path = Path("results/learning_curves.svg")
+    """Picture to write, an .svg, .png or .pdf; replaced if it is there."""
+
+
+def main(options: Options) -> int:
+    """Write the picture, and print the last point of each curve; the exit code. Raises UsageError or OSError."""
+    if options.out.suffix not in DATES:
+        raise UsageError(f"--out must end in {', '.join(DATES)}, unlike {options.out}")
+    runs = [read_curve(folder) for folder in options.runs]
+    for run in runs:
+        if not len(run.steps):
+            print(f"{run.folder} has no validation yet: left out", file=sys.stderr)
+    if not (drawn := [run for run in runs if len(run.steps)]):
+        raise UsageError("no run with a validation to draw: name the folders of training runs, such as runs/residual-0")
+    bands = by_seed(drawn)
+    make_folder_of(options.out, "--out")
+    write_picture(bands, options.out)
+    for band in bands:
+        for steps, (success, cost) in list(zip(band.steps, band.over_seeds()[0].T, strict=True))[-1:]:
+            print(f"{band.label}: success {success:.0%}, cost of transport {number(cost, 2)} after {steps:,.0f} steps")
+    print(options.out)
+    return 0
 
 
 @dataclass(frozen=True)
@@ -92,38 +129,23 @@ def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
 
 DATES = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"}
 """Formats, each with the name of its date, which is left out: the same runs give the same file."""
-PANELS = ("success in validation, %", 100.0), ("cost of transport", 1.0)
-"""Label and scale of each figure of a curve."""
-WIDTH, PANEL, LINE = 5.6, 2.3, 0.2
-"""Width of the picture, height of a pair of axes and of a line of the legend, in."""
 
 
-def write_picture(bands: Sequence[SeedBand], out: Path, title: str = "") -> None:
+def write_picture(bands: Sequence[SeedBand], out: Path) -> None:
     """Write the curves to a file of one of those formats, whole or not at all. Raises OSError."""
     content, dateless = io.BytesIO(), {DATES[out.suffix]: None}
     with settings():
-        draw(bands, title).savefig(content, format=out.suffix[1:], dpi=160, facecolor="white", metadata=dateless)
+        draw(bands).savefig(content, format=out.suffix[1:], dpi=160, facecolor="white", metadata=dateless)
     write_atomically(out, content.getvalue())
 
 
-def draw(bands: Sequence[SeedBand], title: str = "") -> "Figure":
+def draw(bands: Sequence[SeedBand]) -> "Figure":
     """Success, and below it cost of transport if any run has it."""
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import EngFormatter
-
-    costs = np.concatenate([run.figures[1] for band in bands for run in band.runs])
-    count = 1 + int(np.isfinite(costs).any())
-    drawn = Figure(figsize=(WIDTH, PANEL * count + LINE * (len(bands) + 2)), layout="constrained")
-    panels = drawn.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    whole = np.concatenate([run.figures for band in bands for run in band.runs], axis=1)
+    drawn, panels = axes_of(whole, "", len(bands))
     for row, axes in enumerate(panels):
-        for number, band in enumerate(bands):
-            _draw_band(axes, band, row, COLOURS[number % len(COLOURS)], list(MARKS)[number % len(MARKS)])
-        axes.set_ylabel(PANELS[row][0])
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(color="#dddddd", linewidth=0.6)
-    panels[0].set_title(title)
-    panels[-1].set_xlabel("steps of the learner, all robots together")
-    panels[-1].xaxis.set_major_formatter(EngFormatter(sep=""))
+        for place, band in enumerate(bands):
+            _draw_band(axes, band, row, COLOURS[place % len(COLOURS)], list(MARKS)[place % len(MARKS)])
     several, entries = any(len(band.runs) > 1 for band in bands), panels[0].get_legend_handles_labels()
     note = "mean of the seeds, and their range" if several else None
     drawn.legend(*entries, loc="outside lower left", frameon=False, title=note, alignment="left")

@@ -1,0 +1,54 @@
+"""Names of the package; its `__init__.py` loads the module of each when it is asked for."""
+
+from quad_env.actuation.models import ACTUATORS as ACTUATORS
+from quad_env.actuation.models import Actuator as Actuator
+from quad_env.actuation.models import Thermal as Thermal
+from quad_env.actuation.models import TorqueSpeed as TorqueSpeed
+from quad_env.config import FALL_REASONS as FALL_REASONS
+from quad_env.config import FALL_RULE as FALL_RULE
+from quad_env.config import AnyPose as AnyPose
+from quad_env.config import CommandRanges as CommandRanges
+from quad_env.config import FallRule as FallRule
+from quad_env.config import RewardWeights as RewardWeights
+from quad_env.config import StartNoise as StartNoise
+from quad_env.config import TaskConfig as TaskConfig
+from quad_env.envs.home_pose import HomePoseActions as HomePoseActions
+from quad_env.envs.home_pose import HomePoseSpace as HomePoseSpace
+from quad_env.envs.home_pose import VectorHomePoseActions as VectorHomePoseActions
+from quad_env.registration import ENV_ID as ENV_ID
+from quad_env.registration import MAX_EPISODE_STEPS as MAX_EPISODE_STEPS
+from quad_env.robots.anatomy import ModelError as ModelError
+from quad_env.robots.named import ROBOTS as ROBOTS
+from quad_env.robots.robot import Robot as Robot
+from quad_env.robots.simple_quad import JOINT_NAMES as JOINT_NAMES
+from quad_env.robots.simple_quad import SIMPLE_QUAD as SIMPLE_QUAD
+from quad_env.scenarios.axes import AXES as AXES
+from quad_env.scenarios.axes import Axis as Axis
+from quad_env.scenarios.disturbances import Dropouts as Dropouts
+from quad_env.scenarios.disturbances import Ground as Ground
+from quad_env.scenarios.disturbances import Latency as Latency
+from quad_env.scenarios.disturbances import Motors as Motors
+from quad_env.scenarios.disturbances import Payload as Payload
+from quad_env.scenarios.disturbances import Pushes as Pushes
+from quad_env.scenarios.disturbances import SensorNoise as SensorNoise
+from quad_env.scenarios.disturbances import SteadyForce as SteadyForce
+from quad_env.scenarios.named import SCENARIOS as SCENARIOS
+from quad_env.scenarios.named import scenario as scenario
+from quad_env.scenarios.scenario import Scenario as Scenario
+from quad_env.scenarios.terrain import Flat as Flat
+from quad_env.scenarios.terrain import HeightField as HeightField
+from quad_env.scenarios.terrain import Slope as Slope
+from quad_env.scenarios.terrain import SmoothRandom as SmoothRandom
+from quad_env.scenarios.terrain import Stairs as Stairs
+from quad_env.sensing.estimators import ESTIMATORS as ESTIMATORS
+from quad_env.sensing.height_scan import HeightScan as HeightScan
+from quad_env.sensing.suite import SENSORS as SENSORS
+from quad_env.sensing.suite import Encoders as Encoders
+from quad_env.sensing.suite import FootContact as FootContact
+from quad_env.sensing.suite import Imu as Imu
+from quad_env.sensing.suite import JointTorque as JointTorque
+from quad_env.sensing.suite import SensorSuite as SensorSuite
+from quad_env.task.observations import OBSERVATION as OBSERVATION
+from quad_env.task.observations import OBSERVATION_SIZE as OBSERVATION_SIZE
+
+__version__: str
