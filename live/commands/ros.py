@@ -4,6 +4,7 @@ import os
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from evaluate.commands.options import Flag
 from live.commands.episode import EpisodeOptions
@@ -29,9 +30,11 @@ class Options(EpisodeOptions):
     """Simulated s a second, as far as this machine can."""
     record: Path | None = None
     """File to record into, .mcap, which may not exist."""
+    version: Literal["1", "2"] | None = None
+    """Version of ROS; by default the one that is sourced, else the first that is found."""
     network: Flag = False
-    """Let other machines in, as ROS_DOMAIN_ID and others say: anyone who reaches the ports drives the robot, for ROS
-    has no passwords. Without it the node listens on this machine alone."""
+    """Let other machines in, as ROS_IP, ROS_MASTER_URI and ROS_DOMAIN_ID say: anyone who reaches the ports drives the
+    robot, for ROS has no passwords. Without it the node listens on this machine alone."""
 
 
 def main(options: Options) -> int:
@@ -39,14 +42,14 @@ def main(options: Options) -> int:
     options.check(real_time_factor=(0.01, 100.0))
     if options.record is not None:
         check(options.record)
-    python = interpreter.find()
+    version, python = interpreter.find(options.version)
     environment = interpreter.environment(os.environ, options.network)
     hardware, scenario = options.resolve()
     robot = hardware.quadruped
     policy: Policy = Driven(robot=robot)
     if options.policy is not None:
         policy = hardware.policy(options.policy, options.trust, real=scenario.hardware)
-    command = [python, "-m", "live.ros.node", *robot.joint_names]
+    command = [python, "-m", "live.ros.node", version, *robot.joint_names]
     raise_on_interrupt()
     recording = nullcontext(None) if options.record is None else recorder_for(options.record, policy)
     with (

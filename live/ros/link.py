@@ -16,7 +16,7 @@ START_TIMEOUT = 30.0
 PACKETS_A_STEP = 500
 """Packets that are read in one go; a faster sender waits."""
 ENDING_TIME = 2.0
-"""For the process to leave the network, s."""
+"""For the process to sign off from its master, s."""
 
 Packet = dict[str, Any]
 

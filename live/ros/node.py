@@ -1,4 +1,4 @@
-"""The process that speaks ROS: `python3 -m live.ros.node JOINT…`.
+"""The process that speaks ROS: `python3 -m live.ros.node VERSION JOINT…`.
 
 Its standard input is a socket to the simulation. It runs under whichever Python has ROS, 3.8 or later, and imports
 nothing that does not come with that.
@@ -34,15 +34,27 @@ LARGEST_PACKET = 65_536
 """Bytes."""
 
 
-def main(joints: list[str]) -> None:
+def main(version: str, joints: list[str]) -> None:
     """Be a node until the simulation closes the socket."""
-    from live.ros.ros2 import Ros2
-
     link = socket.socket(fileno=os.dup(0))
-    transport = Ros2(NODE, lambda why: _tell(link, {"ended": why}))
+    try:
+        transport = _transport(version)(NODE, lambda why: _tell(link, {"ended": why}))
+    except OSError as error:
+        _tell(link, {"ended": str(error)})
+        return
     Node(link, transport, joints).run()
     transport.close()
     os._exit(0)  # whatever threads ROS still has
+
+
+def _transport(version: str) -> Any:
+    if version == "1":
+        from live.ros.ros1 import Ros1
+
+        return Ros1
+    from live.ros.ros2 import Ros2
+
+    return Ros2
 
 
 class Node:
@@ -116,4 +128,4 @@ def _tell(link: socket.socket, packet: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(sys.argv[1], sys.argv[2:])

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -25,12 +26,19 @@ NODES = Path(__file__).with_name("nodes")
 TIMEOUT = 60.0
 
 
-def python_with_ros() -> str:
-    """The Python that has ROS; the test is skipped where there is none."""
+def python_with_ros(version: str) -> str:
+    """The Python that has ROS of that version; the test is skipped where there is none."""
     try:
-        return interpreter.find()
+        return interpreter.find(version)[1]
     except UsageError as error:
         pytest.skip(str(error))
+
+
+def free_port() -> int:
+    """A port of the loopback interface that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def march(path: Path) -> np.ndarray:
@@ -43,16 +51,23 @@ def march(path: Path) -> np.ndarray:
 
 
 class Robot:
-    """The command, in a domain of its own."""
+    """The command, with a master of its own on a free port, or in a domain of its own."""
 
-    def __init__(self, folder: Path, *options: str) -> None:
-        self.python = python_with_ros()
+    def __init__(
+        self, folder: Path, *options: str, version: str = "1", port: int | None = None, **variables: str
+    ) -> None:
+        self.python, self.port = python_with_ros(version), port or free_port()
+        home = {
+            "ROS_HOME": str(folder / "ros"),
+            "ROS_MASTER_URI": f"http://localhost:{self.port}",
+            "ROS_DOMAIN_ID": str(1 + self.port % 100),
+        }
         others = {name: value for name, value in os.environ.items() if not name.startswith("ROS_")}
-        self.environment = others | {"ROS_HOME": str(folder / "ros"), "ROS_DOMAIN_ID": str(1 + os.getpid() % 100)}
+        self.environment = others | home | variables
         self._said = folder / "said"
         with self._said.open("w", encoding="utf-8") as said:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "quad_env", "ros", *options],
+                [sys.executable, "-m", "quad_env", "ros", "--version", version, *options],
                 stdout=said,
                 stderr=subprocess.STDOUT,
                 env=self.environment,
@@ -75,8 +90,16 @@ class Robot:
     def node(self, name: str, *arguments: str) -> Node:
         """A node of `nodes`, run by the Python that has ROS, as its user would on the same machine."""
         command = [self.python, str(NODES / f"{name}.py"), *arguments]
-        here = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        here = {"ROS_IP": "127.0.0.1", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         return subprocess.Popen(command, env=self.environment | here, stderr=subprocess.DEVNULL)
+
+    def ports(self) -> list[int]:
+        """Ports that the process which speaks ROS listens on."""
+        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+        (child,) = children.read_text(encoding="utf-8").split()[:1]
+        inodes = {os.readlink(entry) for entry in Path(f"/proc/{child}/fd").iterdir()}
+        rows = [line.split() for line in Path("/proc/net/tcp").read_text(encoding="utf-8").splitlines()[1:]]
+        return [int(row[1].partition(":")[2], 16) for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in inodes]
 
     def end(self) -> int:
         """End it by Ctrl-C, which a terminal sends to all processes of a command; the exit code."""
@@ -118,5 +141,5 @@ def recorded(path: Path) -> Walk:
 
 
 def received(path: Path, topic: str) -> list[dict[str, list[float]]]:
-    """What `nodes/march.py` wrote of a topic."""
+    """What `nodes/listen.py` wrote of a topic."""
     return [fields for name, _, fields in json.loads(path.read_text(encoding="utf-8")) if name == topic]

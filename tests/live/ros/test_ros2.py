@@ -1,4 +1,4 @@
-"""A robot behind ROS 2; skipped where there is none."""
+"""The same robot behind ROS 2, which shares all but its connection with ROS 1."""
 
 from pathlib import Path
 
@@ -8,12 +8,12 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.live.ros.robot import Robot, march, received, recorded
 
 
-def test_a_node_marches_and_receives_what_the_robot_does(tmp_path: Path) -> None:
+def test_a_node_of_ros_2_marches_and_receives_what_the_robot_does(tmp_path: Path) -> None:
     march(tmp_path / "table")
-    robot = Robot(tmp_path, "--record", str(tmp_path / "walk.mcap"))
+    robot = Robot(tmp_path, "--record", str(tmp_path / "walk.mcap"), version="2")
     try:
         robot.wait_for("Ctrl-C ends it")
-        assert robot.node("march", str(tmp_path / "table"), "2", str(tmp_path / "received")).wait(30) == 0
+        assert robot.node("march_ros2", str(tmp_path / "table"), "2", str(tmp_path / "received")).wait(30) == 0
         robot.wait_for("nothing good on /position_controller/command")
         robot.wait_for("reset, seed 1")
         assert robot.end() == 130
