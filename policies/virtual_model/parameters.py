@@ -23,6 +23,8 @@ class VirtualParameters(ModelParameters):
     """Share of the cycle that a foot is on the ground."""
     height: float = number(0.445, limits=(0.01, 5.0), search=(0.44, 0.54), unit=HIGH)
     """Hip joints above the ground, m; of SimpleQuad the trunk's centre too."""
+    step_height: float = number(0.05, limits=(0.0, 2.0), search=(0.035, 0.12), unit="m")
+    """Lift of a swinging foot, m."""
     forward_damping: float = number(6.0, limits=(0.0, 1e4), search=(2.0, 15.0), unit="1/s")
     """Acceleration per error of the forward velocity, 1/s."""
     lateral_damping: float = number(8.0, limits=(0.0, 1e4), search=(2.0, 15.0), unit="1/s")
