@@ -55,4 +55,4 @@ def axes_of(figures: Floats, title: str, legend: int = 0) -> "tuple[Figure, Sequ
     panels[0].set_title(title)
     panels[-1].set_xlabel("steps of the learner, all robots together")
     panels[-1].xaxis.set_major_formatter(EngFormatter(sep=""))
-    return drawn, panels
+    return drawn, list(panels)
