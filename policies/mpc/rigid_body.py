@@ -24,6 +24,7 @@ from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 
 LEGS = 4
+_EYE = np.eye(3)
 _FALL = np.array([0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY])
 TOGETHER = 32
 """Robots whose programs are made at once: their matrices fit into a processor's cache."""
@@ -120,7 +121,7 @@ class Horizon:
         moved: Floats = np.zeros((count, self.steps * LEGS, 3, 6))
         turned = np.matmul(skew(-arms).reshape(count, -1, 3), np.linalg.inv(body.inertia))  # which is symmetric
         moved[..., :3] = turned.reshape(count, -1, 3, 3)
-        moved[..., 3:] = np.eye(3) / body.mass[:, None, None, None]
+        moved[..., 3:] = _EYE / body.mass[:, None, None, None]
         moved, free = moved.reshape(count, -1, 6), self.free(body)
         pull = np.matmul(self.place.T, weights.pose * (free.pose - wanted.pose))
         pull += np.matmul(self.rate.T, weights.rate * (free.rate - wanted.rate))

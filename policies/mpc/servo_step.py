@@ -47,6 +47,8 @@ class Servos:
     def effective(self, targets: Floats) -> Floats:
         """Mean targets that the motors went by in each of m control periods, newest first, (m, n, 12), rad, of those
         that were sent to them, (m + k - 1, n, 12)."""
+        if len(self.shares) == 1:
+            return targets
         count = len(targets) - len(self.shares) + 1
         return total(share * targets[since : since + count] for since, share in enumerate(self.shares))
 

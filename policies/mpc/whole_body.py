@@ -85,26 +85,27 @@ def programs(
     least[:, 6:] += limits[0]
     most[:, 6:] += limits[1]
     for robots in alike(wish.standing.sum(axis=1)):
-        standing, group = wish.standing[robots], len(robots)
-        contact = bodies.jacobians[robots][standing].reshape(group, -1, size)
+        group, these = len(robots), slice(None) if len(robots) == len(bias) else robots
+        standing = wish.standing[these]
+        contact = bodies.jacobians[these][standing].reshape(group, -1, size)
         forces = slice(size, size + contact.shape[1])
         hessian = np.zeros((group, forces.stop, forces.stop))
-        hessian[:, :size, :size] = following[robots, :, :size]
+        hessian[:, :size, :size] = following[these, :, :size]
         diagonal = np.full(forces.stop, OF_JOINTS)
         diagonal[:6], diagonal[forces] = OF_BASE, p.force_priority
         diagonal[TRUNK] += p.turning_priority
         hessian.reshape(group, -1)[:, :: forces.stop + 1] += diagonal
         gradient = np.zeros((group, forces.stop))
-        gradient[:, TRUNK] = -p.turning_priority * wish.turning[robots]
-        gradient[:, :size] -= following[robots, :, size]
-        gradient[:, forces] = -p.force_priority * wish.forces[robots][standing].reshape(group, -1)
-        pyramid, lower, upper = friction_rows(contact.shape[1] // 3, friction.of(robots))
+        gradient[:, TRUNK] = -p.turning_priority * wish.turning[these]
+        gradient[:, :size] -= following[these, :, size]
+        gradient[:, forces] = -p.force_priority * wish.forces[these][standing].reshape(group, -1)
+        pyramid, lower, upper = friction_rows(contact.shape[1] // 3, friction.of(these))
         rows = np.zeros((group, size + pyramid.shape[1], forces.stop))
-        rows[:, :size, :size] = bodies.inertia[robots]
+        rows[:, :size, :size] = bodies.inertia[these]
         rows[:, :size, forces] = -contact.transpose(0, 2, 1)  # less bias: what the motors have to give
         rows[:, size:, forces] = pyramid
-        lower = np.concatenate((least[robots], lower), axis=1)
-        upper = np.concatenate((most[robots], upper), axis=1)
+        lower = np.concatenate((least[these], lower), axis=1)
+        upper = np.concatenate((most[these], upper), axis=1)
         yield robots, Programs(hessian, gradient, rows, lower, upper, equalities=6)
 
 

@@ -40,6 +40,13 @@ def test_a_plan_is_due_where_other_feet_stand_than_planned() -> None:
     assert not plans.due(~FIRST[None], 0.1)
 
 
+def test_plans_are_due_by_their_age_and_by_their_feet_each_robot_s_alone() -> None:
+    plans, standing = Plans(STEPS, PERIOD, WEIGHT), np.ones((3, 4), np.bool_)
+    plans.reset(3)
+    plans.age[:], standing[1, 0] = (0.2, 0.0, 0.0), False
+    assert plans.due(standing, 0.1).tolist() == [True, True, False]
+
+
 def test_other_feet_share_the_wrench_that_was_planned() -> None:
     plans, forces = planned()
     standing = np.ones((1, 4), np.bool_)

@@ -52,3 +52,12 @@ def test_a_solver_that_is_content_with_a_wrong_answer_is_not_believed(
 def test_a_program_beyond_the_limit_of_iterations_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(quadratic_program, "MOST_ITERATIONS", 2)
     assert not solve(programs()).solved.any()
+
+
+def test_of_two_answers_only_the_one_beyond_its_bounds_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A violation counts by the largest bound: 0.05 of 1000 N is none, 0.05 of 1 N is one."""
+    answer = np.array([1000.05, 0.0]), 0.0, SOLVED, {}
+    monkeypatch.setattr(quadratic_program.daqp, "solve", lambda *_, **__: answer)
+    parts = [np.repeat(part, 3, axis=0) for part in small([[1.0, 0.0]], [-np.inf], [1000.0])[:5]]
+    parts[4][:, 0] = 1000.0, 2000.0, 999.0
+    assert solve(Programs(*parts)).solved.tolist() == [True, True, False]
