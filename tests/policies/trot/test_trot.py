@@ -160,7 +160,7 @@ def test_it_follows_commands_over_the_whole_range_without_falling():
     assert measures.yaw_rate_error.mean() <= 0.35
 
 
-def test_shipped_trot_gives_the_actions_that_the_shipped_residual_stands_on():
+def test_the_shipped_trot_gives_these_actions():
     """On any machine: the last bits differ between processors, parameters and formulas show long before them."""
     rng = np.random.default_rng(11)
     policy = policies.make("trot")
