@@ -185,11 +185,6 @@ LEAVING, EARLIEST = 0.1, 0.6
 """Share of a swing up to which a foot may still be on the ground, and from which on it may land."""
 
 
-def away(cycle: LegCycle) -> Mask:
-    """Feet that have left the ground and cannot land yet, (n, 4)."""
-    return cycle.swing & (cycle.progress > LEAVING) & (cycle.progress < EARLIEST)
-
-
 class ContactStates(NamedTuple):
     """Which feet stand, and why; (n, 4)."""
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from policies.base import GaitedPolicy, Mask
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.memory import per_robot
-from policies.mpc.contact import ContactSense, ContactStates, away, contact_states
+from policies.mpc.contact import EARLIEST, LEAVING, ContactSense, ContactStates, contact_states
 from policies.mpc.footing import Footprints
 from policies.mpc.motion import Motion, Odometer, estimated_load, loaded
 from policies.mpc.observer import JointPrediction, Observer
@@ -51,7 +51,8 @@ class ModelBased(GaitedPolicy):
         p, sense = self._senses, self.sense
         load = estimated_load(sense.wrench, p.load_height)
         read = loaded(self.observer.read(observation, sense.wrench), load)
-        forces = sense.estimate(read, load.pressing(read.rotation), away(self._earlier()))
+        away = (cycle := self._earlier()).swing & (cycle.progress > LEAVING) & (cycle.progress < EARLIEST)
+        forces = sense.estimate(read, load.pressing(read.rotation), away)
         planned = self._joints.now(observation).astype(np.float64)
         now = loaded(self.observer.ahead(sense.wrench, sense.touching, self.prints.slope, planned), load)
         now = self.odometer.catching_up(now, p.position_gain)

@@ -129,7 +129,7 @@ class Mpc(ModelBased):
         failed |= self._aim(now, push, pushed, places[:, 0], wished, contacts.standing, friction)
         self._give_way(failed | lost, observation, now.angles)
         self._new[:] = False
-        self._targets = np.where(self.observer.listening[:, None], self.robot.home_pose, self._targets)
+        self._targets = self.observer.at_first(self._targets)
         self.observer.keep(contacts.standing)
         return to_actions(self.robot, self._targets)
 

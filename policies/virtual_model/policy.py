@@ -95,7 +95,7 @@ class TrotVirtual(ModelBased):
         targets = self._targets(now, cycle, ground_velocity, borne, aim, ground)
         self._new[:] = False
         self.observer.keep(~cycle.swing)
-        targets = np.where(self.observer.listening[:, None], self.robot.home_pose, targets)
+        targets = self.observer.at_first(targets)
         return to_actions(self.robot, targets)
 
     def _hurry(self, astray: Floats) -> None:
