@@ -49,6 +49,8 @@ class ModelBased(GaitedPolicy):
         `observation`: calibrated, see `ContactSense`.
         """
         p, sense = self._senses, self.sense
+        if (listening := self.observer.listening).any():
+            sense.reset_where(listening)  # noise and delays that are not known yet look like pushes and loads
         load = estimated_load(sense.wrench, p.load_height)
         read = loaded(self.observer.read(observation, sense.wrench), load)
         away = (cycle := self._earlier()).swing & (cycle.progress > LEAVING) & (cycle.progress < EARLIEST)

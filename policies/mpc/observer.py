@@ -160,8 +160,8 @@ class Observer(Memory):
 
     def at_first(self, targets: Floats) -> Floats:
         """The targets, (n, 12), rad, once noise and delay are known; before, the home pose, and then bent legs."""
-        pose = np.where(self._still, 1.0, BENT)[:, None] * self._robot.home_pose
-        return np.where(self.listening[:, None], pose, targets)
+        bent = np.where(self._still, 1.0, BENT)[:, None]
+        return np.where(self.listening[:, None], bent * self._robot.home_pose, targets)
 
     def keep(self, standing: Mask) -> None:
         """Take note of the feet that stand in the control period that begins, (n, 4)."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,8 +114,7 @@ class Scanner:
 
     def _sampled(self, state: QuadState[Column], clock: Clock, rows: Rows, which: Rows) -> Array:
         """Fresh samples of some of the robots, whose rows of the state are `which`, (k, p)."""
-        east: Any = (1.0, 0.0)
-        cos, minus_sin = to_heading(state.rotation, east)
+        cos, minus_sin = to_heading(state.rotation, cast("Any", (1.0, 0.0)))
         x, y, z, cos, sin = (np.reshape(each, (-1, 1))[which] for each in (*state.position, cos, -minus_sin))
         ahead, left = self._points.T
         values: Array = self._terrain.height(x + (cos * ahead - sin * left), y + (sin * ahead + cos * left)) - z
