@@ -97,8 +97,7 @@ class ContactSense(Memory):
     def estimate(self, motion: Motion, weight: Floats, away: Mask | bool = False) -> Floats:
         """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`.
 
-        `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6); `away`: feet that cannot
-        touch the ground by the gait, (n, 4).
+        `weight`: of the bodies' loads, as a wrench, (n, 6); `away`: feet in mid-swing by the gait, (n, 4).
         """
         forces, wrench = self._explained(motion, away)
         firm = (forces[..., 2] > FIRM).sum(axis=1) >= 2

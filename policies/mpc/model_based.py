@@ -49,10 +49,10 @@ class ModelBased(GaitedPolicy):
         `observation`: calibrated, see `ContactSense`.
         """
         p, sense = self._senses, self.sense
-        if (listening := self.observer.listening).any():
-            sense.reset_where(listening)  # noise and delays that are not known yet look like pushes and loads
         load = estimated_load(sense.wrench, p.load_height)
         read = loaded(self.observer.read(observation, sense.wrench), load)
+        if (unsure := self.observer.unsure).any():
+            sense.reset_where(unsure)  # noise looks like pushes and loads
         away = (cycle := self._earlier()).swing & (cycle.progress > LEAVING) & (cycle.progress < EARLIEST)
         forces = sense.estimate(read, load.pressing(read.rotation), away)
         planned = self._joints.now(observation).astype(np.float64)

@@ -43,9 +43,11 @@ MODEL_ERROR = 0.05
 """Mean square of the joints' speeds that no delay explains, rad²/s²."""
 FIRST_PREDICTED = 2
 """Readings until one has been predicted from another predicted one."""
-LISTENING, BENT = 8, 1.1
-"""Control steps at the start in which the noise of the readings is measured. Then the robot bends its legs, to so many
-times the joint angles of the home pose, until these move: one that walked on a delay of 0.08 s would fall first."""
+DELAY_LOOKS = 16
+"""Control steps before another delay is believed, but where the legs were bent to see it."""
+LISTENING, BENT = (4, 8), 1.1
+"""Control steps at the start in which the noise of the readings is measured, of little and of more. Then a robot whose
+encoders' delay is not known bends its legs, to so many times the joint angles of the home pose, until these move."""
 UNFORESEEN = np.array([0.004, 0.15, 0.04, 0.003, 0.6])
 """What a control step brings of each group beyond the prediction, standard deviations."""
 ENCODED, ENCODER_NOISE = np.array([0.0005, 0.1]), np.array([0.0011, 1e3])
@@ -110,8 +112,10 @@ class Observer(Memory):
         self._targets = np.concatenate((targets[None], self._targets[:-1]))
         self._effective = self.servos.effective(self._targets)
         noise = self._noise.variances(seen[:, SENSED])
-        self._still = self.looks <= LISTENING
-        self.listening = self._still | ~self._moved & (self.looks <= LISTENING + LONGEST)
+        since = self.looks - np.where(noise.any(axis=1), LISTENING[1], LISTENING[0])
+        self._still = since <= 0
+        self.listening = self._still | ~self._moved & (since <= (0 if self._late else LONGEST))
+        self.unsure = self.listening & noise.any(axis=1)
         self._seen, self._variances = seen, noise
         if not self._late:
             self._correct(self._acted(self._standing), wrench)
@@ -185,8 +189,8 @@ class Observer(Memory):
         best, left = self._unexplained.argmin(axis=0), self._acted(self._unexplained)
         least = LEAST_GAIN * np.maximum(left - noise[:, -1], MODEL_ERROR) + NOISE_GAIN * noise[:, -1]
         explained = self._unexplained[-1] - self._unexplained.min(axis=0) > MODEL_ERROR + NOISE_GAIN * noise[:, -1]
-        self._moved |= explained & ~self._still
-        better = (left - self._unexplained.min(axis=0) > least) & ~self.listening
+        self._moved |= explained & ~self._still & (self._late == 0)
+        better = (left - self._unexplained.min(axis=0) > least) & (self._moved | (self.looks > DELAY_LOOKS))
         self.delays = np.where(better, best, self.delays)
 
     def _shares(self, noise: Floats) -> tuple[Floats, Floats]:

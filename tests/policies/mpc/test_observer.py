@@ -66,7 +66,7 @@ def test_delays_show(scenario: str, delay: int) -> None:
 def test_a_robot_walks_once_it_knows_its_delay(scenario: str, late: int) -> None:
     """It stands, then bends its legs until they move: by then the delay is known."""
     policy = MpcWbc()
-    roll_out(policy, practice(scenario, "search"), SEEDS, steps=LISTENING + late + 3)
+    roll_out(policy, practice(scenario, "search"), SEEDS, steps=LISTENING[0] + late + 3)
     np.testing.assert_array_equal(policy.observer.listening, False)
     np.testing.assert_array_equal(policy.observer.delays, late)
 
