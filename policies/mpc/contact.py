@@ -99,8 +99,7 @@ class ContactSense(Memory):
     def estimate(self, motion: Motion, weight: Floats, away: Mask | bool = False) -> Floats:
         """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`.
 
-        `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6); `away`: feet that cannot
-        touch the ground by the gait, (n, 4).
+        `weight`: of the bodies' loads, as a wrench, (n, 6); `away`: feet in mid-swing by the gait, (n, 4).
         """
         forces, wrench = self._explained(motion, away)
         up = forces[..., 2]
@@ -187,11 +186,6 @@ LATEST = 0.5
 """Share of a stance up to which a foot in the air is still on its way down; later the gait goes on without it."""
 LEAVING, EARLIEST = 0.1, 0.6
 """Share of a swing up to which a foot may still be on the ground, and from which on it may land."""
-
-
-def away(cycle: LegCycle) -> Mask:
-    """Feet that have left the ground and cannot land yet, (n, 4)."""
-    return cycle.swing & (cycle.progress > LEAVING) & (cycle.progress < EARLIEST)
 
 
 class ContactStates(NamedTuple):

@@ -14,7 +14,7 @@ from policies.base import Actions, GaitedPolicy, Mask, to_actions
 from policies.behaviour.motion import Stop
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.memory import per_robot
-from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, away, contact_states
+from policies.mpc.contact import EARLIEST, LEAVING, ContactSense, ContactStates, as_accelerations, contact_states
 from policies.mpc.footing import Footprints, Ground, Terrain, along, footholds, passing, swing
 from policies.mpc.motion import Motion, Odometer, estimated_load, loaded
 from policies.mpc.observer import JointPrediction, Observer
@@ -105,7 +105,7 @@ class ModelBased(GaitedPolicy):
         failed = borne.failed | self._aim(now, found)
         self._give_way(failed | lost, observation, now.angles)
         self._new[:] = False
-        self._targets = np.where(self.observer.listening[:, None], self.robot.home_pose, self._targets)
+        self._targets = self.observer.at_first(self._targets)
         self.observer.keep(contacts.standing)
         return to_actions(self.robot, self._targets)
 
@@ -130,7 +130,10 @@ class ModelBased(GaitedPolicy):
         p, sense = self._model, self.sense
         load = estimated_load(sense.wrench, p.load_height)
         read = loaded(self.observer.read(observation, sense.wrench), load)
-        forces = sense.estimate(read, load.pressing(read.rotation), away(self._earlier()))
+        if (unsure := self.observer.unsure).any():
+            sense.reset_where(unsure)  # noise looks like pushes and loads
+        away = (cycle := self._earlier()).swing & (cycle.progress > LEAVING) & (cycle.progress < EARLIEST)
+        forces = sense.estimate(read, load.pressing(read.rotation), away)
         planned = self._joints.now(observation).astype(np.float64)
         now = loaded(self.observer.ahead(sense.wrench, sense.touching, self.prints.slope, planned), load)
         now = self.odometer.catching_up(now, p.position_gain)

@@ -31,7 +31,7 @@ P = TypeVar("P", bound=Any)
 
 GRAVITY, TURNING, VELOCITY, ANGLES, SPEEDS = GROUPS
 
-LONGEST = 17
+LONGEST = 19
 """Longest delay that is looked for, control steps."""
 DELAY_TIME = 1.0
 """Time constant with which it is taken in how well a delay explains the joints' speeds, s; at first it is a mean."""
@@ -44,9 +44,10 @@ MODEL_ERROR = 0.05
 FIRST_PREDICTED = 2
 """Readings until one has been predicted from another predicted one."""
 DELAY_LOOKS = 16
-"""Control steps before another delay is believed."""
-LISTENING = 4, 8
-"""Control steps at the start in which the noise of the readings is measured."""
+"""Control steps before another delay is believed, but where the legs were bent to see it."""
+LISTENING, BENT = (4, 8), 1.1
+"""Control steps at the start in which the noise of the readings is measured, of little and of more. Then a robot whose
+encoders' delay is not known bends its legs, to so many times the joint angles of the home pose, until these move."""
 UNFORESEEN = np.array([0.004, 0.15, 0.04, 0.003, 0.6])
 """What a control step brings of each group beyond the prediction, standard deviations."""
 ENCODED, ENCODER_NOISE = np.array([0.0005, 0.1]), np.array([0.0011, 1e3])
@@ -71,9 +72,10 @@ class Observer(Memory):
     """
 
     listening: Mask = per_robot(True)
-    """Robots that stand until the noise of their readings is known, (n,)."""
+    """Robots that stand until noise and delay of their readings are known, (n,)."""
     delays: NDArray[np.int64] = per_robot(lambda observer: observer._late)
     """Control steps from the reading on which a target rests to when it takes effect, (n,)."""
+    _moved: Mask = per_robot(False)
     _unexplained: Floats = per_robot(np.zeros(LONGEST + 1), axis=1)
     _targets: Floats = per_robot(
         lambda observer: np.tile(observer._robot.home_pose, (LONGEST + len(observer.servos.shares), 1)), axis=1
@@ -110,8 +112,10 @@ class Observer(Memory):
         self._targets = np.concatenate((targets[None], self._targets[:-1]))
         self._effective = self.servos.effective(self._targets)
         noise = self._noise.variances(seen[:, SENSED])
-        shortly, longer = LISTENING
-        self.listening = self.looks <= np.where(noise.any(axis=1), longer, shortly)
+        since = self.looks - np.where(noise.any(axis=1), LISTENING[1], LISTENING[0])
+        self._still = since <= 0
+        self.listening = self._still | ~self._moved & (since <= (0 if self._late else LONGEST))
+        self.unsure = self.listening & noise.any(axis=1)
         self._seen, self._variances = seen, noise
         if not self._late:
             self._correct(self._acted(self._standing), wrench)
@@ -166,8 +170,14 @@ class Observer(Memory):
         then = motion(self._robot, self._dynamics, seen[rows])
         return then if len(rows) == len(seen) else _replaced(now, rows, then)
 
+    def at_first(self, targets: Floats) -> Floats:
+        """The targets, (n, 12), rad, once noise and delay are known; before, the home pose, and then bent legs."""
+        bent = np.where(self._still, 1.0, BENT)[:, None]
+        return np.where(self.listening[:, None], bent * self._robot.home_pose, targets)
+
     def keep(self, standing: Mask) -> None:
         """Take note of the feet that stand in the control period that begins, (n, 4)."""
+        standing = standing | self.listening[:, None]
         self._standing = np.concatenate((standing[None], self._standing[:-1]))
 
     def _acted(self, kept: NDArray[T]) -> NDArray[T]:
@@ -187,7 +197,9 @@ class Observer(Memory):
         self._unexplained += np.where(known > 0, share * (missed - self._unexplained), 0.0)
         best, left = self._unexplained.argmin(axis=0), self._acted(self._unexplained)
         least = LEAST_GAIN * np.maximum(left - noise[:, -1], MODEL_ERROR) + NOISE_GAIN * noise[:, -1]
-        better = (left - self._unexplained.min(axis=0) > least) & (self.looks > DELAY_LOOKS)
+        explained = self._unexplained[-1] - self._unexplained.min(axis=0) > MODEL_ERROR + NOISE_GAIN * noise[:, -1]
+        self._moved |= explained & ~self._still & (self._late == 0)
+        better = (left - self._unexplained.min(axis=0) > least) & (self._moved | (self.looks > DELAY_LOOKS))
         self.delays = np.where(better, best, self.delays)
 
     def _shares(self, noise: Floats) -> tuple[Floats, Floats]:

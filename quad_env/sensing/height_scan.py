@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,17 +88,6 @@ def table_with(robot: Robot, scan: HeightScan | None) -> ObservationTable:
     return observation_table(robot) if scan is None else observation_table(robot, scan.term)
 
 
-def ground_heights(terrain: Terrain, x: Array, y: Array, z: Array, heading: Array, points: Array) -> Array:
-    """Ground below or above points (p, 2), heading frame, minus the height of the trunks' centres, (k, p), m.
-
-    The centres are at `x`, `y` and `z`, world frame, (k,); `heading` holds the cosine and the sine of each robot's,
-    (2, k).
-    """
-    (cos, sin), (ahead, left) = heading[..., None], points.T
-    world_x, world_y = x[:, None] + (cos * ahead - sin * left), y[:, None] + (sin * ahead + cos * left)
-    return np.asarray(terrain.height(world_x, world_y) - z[:, None])
-
-
 class Scanner:
     """Noise, rate and delay of n robots' height scans; `latency` and `noise` come on top, s and m."""
 
@@ -125,10 +114,10 @@ class Scanner:
 
     def _sampled(self, state: QuadState[Column], clock: Clock, rows: Rows, which: Rows) -> Array:
         """Fresh samples of some of the robots, whose rows of the state are `which`, (k, p)."""
-        east: Any = (1.0, 0.0)
-        cos, minus_sin = to_heading(state.rotation, east)
-        x, y, z, cos, sin = (np.reshape(np.asarray(each), -1)[which] for each in (*state.position, cos, -minus_sin))
-        values = ground_heights(self._terrain, x, y, z, np.stack((cos, sin)), self._points)
+        cos, minus_sin = to_heading(state.rotation, cast("Any", (1.0, 0.0)))
+        x, y, z, cos, sin = (np.reshape(each, (-1, 1))[which] for each in (*state.position, cos, -minus_sin))
+        ahead, left = self._points.T
+        values: Array = self._terrain.height(x + (cos * ahead - sin * left), y + (sin * ahead + cos * left)) - z
         if self._noise is not None:
             values += self._noise.at(clock // self._channel.period, rows)
         return np.clip(values, UNSEEN, -UNSEEN, out=values)

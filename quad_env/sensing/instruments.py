@@ -12,12 +12,6 @@ from quad_env.sensing.channel import Channel, Clock, Noise, steps_late
 from quad_env.sensing.suite import SensorSuite
 
 
-def widths(robot: Robot) -> dict[str, int]:
-    """Entries of each sensor, in the order in which their biases and noise are drawn."""
-    joints, feet = robot.num_joints, len(robot.leg_names)
-    return {"gyro": 3, "accelerometer": 3, "joint_position": joints, "foot_contact": feet, "joint_torque": joints}
-
-
 class Instruments:
     """Bias, noise, range, resolution, rate and delay of n robots' sensors.
 
@@ -27,14 +21,15 @@ class Instruments:
 
     def __init__(self, robot: Robot, suite: SensorSuite, num_envs: int, control_rate: float) -> None:
         imu, encoders, feet, torque = suite.imu, suite.encoders, suite.feet, suite.torque
-        self._widths = widths(robot)
+        n, legs = robot.num_joints, len(robot.leg_names)
+        self._widths = {"gyro": 3, "accelerometer": 3, "joint_position": n, "foot_contact": legs, "joint_torque": n}
         largest_torque = robot.rated_torque if torque.range is None else torque.range
         self._bias_deviation = self._each(imu.gyro_bias, imu.accelerometer_bias, encoders.zero_offset, 0.0, torque.bias)
         deviation = self._each(imu.gyro_noise, imu.accelerometer_noise, encoders.noise, feet.noise, torque.noise)
         self._range = self._each(imu.gyro_range, imu.accelerometer_range, np.inf, np.inf, largest_torque)
         self._step, self._threshold = encoders.step, feet.threshold
         self.bias = np.zeros((num_envs, len(deviation)))
-        """Biases of each robot's present episode, in the order of `widths`."""
+        """Biases of each robot's present episode, in the order of the channels."""
         self._noise = Noise(num_envs, deviation.astype(np.float32))
         makers = dict(zip(self._widths, (imu, imu, encoders, feet, torque), strict=True))
         self.aligned = max(steps_late(each.delay, control_rate) for each in (imu, encoders, feet))

@@ -10,7 +10,6 @@ from quad_env.columns import Rows
 from quad_env.physics.probe import Probe
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.robot import Robot
-from quad_env.scenarios.disturbances import SensorNoise
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 from quad_env.sensing.channel import Channel, Clock, Noise
@@ -18,7 +17,7 @@ from quad_env.sensing.estimator import Read
 from quad_env.sensing.estimators import make_estimator
 from quad_env.sensing.instruments import Instruments
 from quad_env.sensing.suite import SensorSuite
-from quad_env.task.observations import ObservationTable, observation_table
+from quad_env.task.observations import observation_table
 
 
 class Sensors:
@@ -29,7 +28,12 @@ class Sensors:
         self._sensed, self._bound = table.sensed, table.bound[table.sensed]
         late = 0 if scenario.latency is None else round(scenario.latency.observation / dt)
         self._readings = Channel(num_envs, len(self._bound), None, late * dt, 1 / dt) if late else None
-        self._noise = None if scenario.noise is None else Noise(num_envs, _deviations(scenario.noise, table))
+        self._noise = None
+        if scenario.noise is not None:
+            deviations = np.zeros(table.sensed.stop, np.float32)
+            for term, deviation in scenario.noise.deviations.items():
+                deviations[table.slices[term]] = deviation
+            self._noise = Noise(num_envs, deviations)
 
     def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
         """Start these episodes of those robots."""
@@ -46,14 +50,6 @@ class Sensors:
         if self._readings is not None:
             self._readings.take(sensed, clock, rows)
             sensed[:] = self._readings.value(clock, rows)
-
-
-def _deviations(noise: SensorNoise, table: ObservationTable) -> NDArray[np.float32]:
-    """Standard deviation of each sensed entry, (33,)."""
-    out = np.zeros(table.sensed.stop, np.float32)
-    for term, deviation in noise.deviations.items():
-        out[table.slices[term]] = deviation
-    return out
 
 
 class SensedObservation:

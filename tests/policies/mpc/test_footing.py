@@ -10,7 +10,7 @@ from tests.policies.readings import reading
 
 
 def test_the_slope_turns_with_the_heading_frame() -> None:
-    """A robot that turns at 1.5 rad/s on a slope: a mean in a frame that turns would be 0.1 off, uphill where it was."""
+    """A robot that turns at 1.5 rad/s on a slope: a mean in a frame that turns would be 0.1 off."""
     prints, yaw_rate, period, rise = Footprints(slope_time=0.3, period=0.01), 1.5, 0.01, 0.25
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1, angular_velocity=(0.0, 0.0, yaw_rate)))
     uphill = np.zeros(2)

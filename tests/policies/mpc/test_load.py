@@ -5,13 +5,16 @@ import mujoco
 import numpy as np
 import pytest
 
+from evaluate.rollouts.rollout import roll_out
 from policies.mpc.motion import LARGEST_LOAD, LEAST_LOAD, Load, Motion, estimated_load, loaded
+from policies.mpc.observer import LISTENING
 from policies.mpc.policy import MpcWbc
 from quad_env import Scenario
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics, RigidBodies, _prepared
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Payload
+from quad_env.seeding import episode_seeds
 
 MASS, PLACE = 12.0, np.array([0.13, -0.08, 0.17])
 DYNAMICS = Dynamics(SIMPLE_QUAD)
@@ -84,3 +87,10 @@ def test_a_walking_robot_feels_what_it_carries() -> None:
         felt.append(estimated_load(policy.sense.wrench, policy.parameters.load_height))
     assert np.mean([load.mass for load in felt[100:]]) == pytest.approx(15.0, rel=0.1)
     assert np.abs(np.mean([load.place[0, :2] for load in felt[100:]], axis=0)).max() < 0.03
+
+
+def test_noise_is_no_load() -> None:
+    """Readings whose noise is not known yet give 100 N and more at the first look."""
+    policy = MpcWbc()
+    roll_out(policy, "noise=0.8", episode_seeds("search", 0, 4), steps=LISTENING[1])
+    assert np.abs(policy.sense.wrench[:, 2]).max() < 50.0

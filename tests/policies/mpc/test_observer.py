@@ -10,6 +10,7 @@ import pytest
 from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import roll_out
 from policies.mpc.motion import Motion
+from policies.mpc.observer import LISTENING
 from policies.mpc.policy import MpcWbc
 from policies.mpc.reading_noise import GROUPS, QUIET, SENSED, ReadingNoise
 from quad_env import OBSERVATION
@@ -59,6 +60,15 @@ def error(ahead: list[Motion], read: list[Motion], late: int, part: str) -> floa
 def test_delays_show(scenario: str, delay: int) -> None:
     """Of actions and of readings together, in control steps."""
     np.testing.assert_array_equal(walked(scenario).observer.delays, delay)
+
+
+@pytest.mark.parametrize(("scenario", "late"), [("flat", 0), ("latency=0.08", 16)])
+def test_a_robot_walks_once_it_knows_its_delay(scenario: str, late: int) -> None:
+    """It stands, then bends its legs until they move: by then the delay is known."""
+    policy = MpcWbc()
+    roll_out(policy, practice(scenario, "search"), SEEDS, steps=LISTENING[0] + late + 3)
+    np.testing.assert_array_equal(policy.observer.listening, False)
+    np.testing.assert_array_equal(policy.observer.delays, late)
 
 
 def test_late_readings_are_carried_on_to_where_the_robot_is_by_then() -> None:
