@@ -32,13 +32,13 @@ def pulled(p: VirtualParameters, now: Motion, ground: Ground, height: float) -> 
     forward, lateral, yaw_rate = now.command.T
     climb = ground.forward * forward + ground.lateral * lateral
     velocity = np.column_stack((now.bodies.centre_velocity[:, :2], now.velocity[:, 2]))
-    damping = p.forward_damping, p.lateral_damping, p.height_damping
+    damping = np.array([p.forward_damping, p.lateral_damping, p.height_damping])
     linear = damping * (np.column_stack((forward, lateral, climb)) - velocity)
     linear[:, 2] += p.height_stiffness * (height + ground.height)
     level = np.stack((np.arctan(ground.lateral), -np.arctan(ground.forward)), axis=-1)
     tilt = p.tilt_stiffness * (level - now.tilt) - p.tilt_damping * now.turning[:, :2]
     yaw = p.yaw_damping * (yaw_rate - now.turning[:, 2])
-    return np.clip(np.column_stack((linear, tilt, yaw)), LEAST, LARGEST)
+    return np.column_stack((linear, tilt, yaw)).clip(LEAST, LARGEST)
 
 
 def shared(p: VirtualParameters, now: Motion, wanted: Floats, standing: Mask, friction: Friction) -> Floats:

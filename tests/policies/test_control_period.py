@@ -28,7 +28,7 @@ SLACK_OF = {"trot_feedback": 0.1, "mpc_wbc": 0.042}
 LEAPS = 0.05
 """Share of the times at which a motion begins with a leap that may come a step later."""
 LEAPS_OF = {"mpc_wbc_bound": 0.2, "mpc_wbc": 0.1, "trot_virtual": 0.1}
-"""The same of a gait that lifts its feet twice in a cycle of which a half is no whole number of such steps, and of those
+"""The same of a gait that lifts its feet twice in a cycle of which a half is no whole number of such steps, and of gaits
 whose feet land by what they feel."""
 IN_TIME = [*LEAPS_OF, *(name for name in UNTRAINED if not name.startswith(("stand", "crouch", "mpc")))]
 
