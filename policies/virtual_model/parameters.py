@@ -21,7 +21,7 @@ class VirtualParameters(ModelParameters):
     """Gait cycles a second, Hz."""
     duty: float = number(0.5, limits=(0.05, 0.95), search=(0.5, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    height: float = number(0.445, limits=(0.01, 5.0), search=(0.44, 0.54), unit=HIGH)
+    height: float = number(0.43, limits=(0.01, 5.0), search=(0.42, 0.54), unit=HIGH)
     """Hip joints above the ground, m; of SimpleQuad the trunk's centre too."""
     step_height: float = number(0.05, limits=(0.0, 2.0), search=(0.035, 0.12), unit="m")
     """Lift of a swinging foot, m."""
