@@ -55,6 +55,7 @@ class ModelBased(GaitedPolicy):
     A robot without torques, or without a finite observation, goes on with what it had, and after `PATIENCE` stops.
     """
 
+    parameters: ModelParameters
     stiff_servos = False  # targets carry their torques; soft servos yield at impacts
     stopped: Mask = per_robot(False)
     """Robots that it has given up and stopped, (n,)."""
@@ -67,13 +68,13 @@ class ModelBased(GaitedPolicy):
     _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
     _seen: NDArray[np.float32] = per_robot(lambda policy: policy._at_rest)
 
-    def _equip(self, p: ModelParameters, late: int, actuator: Actuator) -> None:
-        """Make the gait and the senses, by those of the parameters that are theirs.
+    def _equip(self, late: int, actuator: Actuator) -> None:
+        """Make the gait and the senses by the parameters.
 
         `late`: control steps by which joints are older than the moment at which they are shown.
         """
-        robot, period = self.robot, self.control_period
-        self._model, self._gait = p, Gait(self.leg_offsets, p.duty)
+        robot, period, p = self.robot, self.control_period, self.parameters
+        self._gait = Gait(self.leg_offsets, p.duty)
         self.sense = ContactSense(robot, p, period, actuator, encoders=late > 0)
         self._joints = JointPrediction(late, period)
         self.observer = Observer(robot, Dynamics(robot), period, actuator, late)
@@ -87,7 +88,7 @@ class ModelBased(GaitedPolicy):
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
-        p = self._model
+        p = self.parameters
         observation = self.sense.calibrated(observation)
         now, felt, push = self._motion(observation)
         self._hurry(now)
@@ -127,7 +128,7 @@ class ModelBased(GaitedPolicy):
 
         `observation`: calibrated, see `ContactSense`.
         """
-        p, sense = self._model, self.sense
+        p, sense = self.parameters, self.sense
         load = estimated_load(sense.wrench, p.load_height)
         read = loaded(self.observer.read(observation, sense.wrench), load)
         if (unsure := self.observer.unsure).any():
@@ -141,7 +142,7 @@ class ModelBased(GaitedPolicy):
 
     def _hurry(self, now: Motion) -> None:
         """Advance the clocks, faster where the velocity is far from the command."""
-        p = self._model
+        p = self.parameters
         astray = np.hypot(*(now.velocity - now.command)[:, :2].T)
         faster = (p.frequency_gain * (astray - USUAL_ERROR)).clip(0.0, p.most_faster)
         self._frequencies = self._frequencies + HURRY * (self.frequency + faster - self._frequencies)
@@ -149,7 +150,7 @@ class ModelBased(GaitedPolicy):
 
     def _contacts(self, forces: Floats) -> tuple[LegCycle, ContactStates]:
         """Where the legs are in their cycle, and which feet stand, by their forces, (n, 4, 3), N."""
-        cycle, p, flies = self._gait.legs(self._phase), self._model, self._gait.flies
+        cycle, p, flies = self._gait.legs(self._phase), self.parameters, self._gait.flies
         earlier = self._earlier() if self.observer.delays.any() else cycle
         return cycle, contact_states(p, cycle, earlier, forces[..., 2], self._new, flies=flies)
 
@@ -161,7 +162,7 @@ class ModelBased(GaitedPolicy):
     @property
     def _height(self) -> float:
         """That the trunks are to have above the ground, m."""
-        return self._model.height - self.robot.hip_rise
+        return self.parameters.height - self.robot.hip_rise
 
     def _ground(self, now: Motion, landed: Mask) -> Ground:
         """The ground that the feet show."""
@@ -169,12 +170,12 @@ class ModelBased(GaitedPolicy):
 
     def _over(self, aim: Floats, ground: Ground) -> Terrain:
         """What the feet swing over to their footholds, (n, 4, 2): the plane, and higher where the ground is rough."""
-        higher = 16.0 * self._model.roughness_gain * self.prints.roughness[:, None]
+        higher = 16.0 * self.parameters.roughness_gain * self.prints.roughness[:, None]
         return lambda x, y, t: ground.at(x, y) + higher * (t * (1.0 - t)) ** 2
 
     def _feet(self, now: Motion, cycle: LegCycle, contacts: ContactStates, aim: Floats, ground: Terrain) -> Floats:
         """Accelerations that the feet are to have, level frame, (n, 4, 3), m/s²."""
-        p, feet, velocity = self._model, now.bodies.feet, now.feet_velocity
+        p, feet, velocity = self.parameters, now.bodies.feet, now.feet_velocity
         lifted, self._swinging = cycle.swing & ~self._swinging, cycle.swing
         self._start = np.where(lifted[..., None], feet[..., :2], self._start)
         leaving, time = passing(now, now.command[:, 2]), (1.0 - p.duty) / self._frequencies

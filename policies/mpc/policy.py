@@ -36,6 +36,7 @@ class Mpc(ModelBased):
     """
 
     name = "mpc"
+    parameters: MpcParameters
     failures: NDArray[np.int64] = per_robot(0)
     """Programs of each robot without a solution since its start, (n,); it then goes on with the last plan."""
 
@@ -56,7 +57,7 @@ class Mpc(ModelBased):
             self.name = f"{self.name}_{gait}"
         self.parameters = p = parameters if parameters is not None else in_force
         self.frequency, self.leg_offsets = p.frequency, robot.in_leg_order(OFFSETS[gait])
-        self._equip(p, late, actuator)
+        self._equip(late, actuator)
         pose = p.roll_weight, p.pitch_weight, p.yaw_weight, 0.0, 0.0, p.height_weight
         turning, velocity = (p.turn_weight, p.turn_weight, p.yaw_rate_weight), (p.velocity_weight, p.velocity_weight)
         weights = Weights(np.array(pose), np.array([*turning, *velocity, p.vertical_weight]), p.force_weight)

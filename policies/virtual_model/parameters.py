@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from policies.mpc.parameters import ModelParameters
-from policies.parameters import ParameterFile, number, scaled_ranges, search_ranges_of
+from policies.parameters import ParameterFile, number
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import HIGH
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -54,10 +54,3 @@ def searched_parameters(robot: Robot = SIMPLE_QUAD) -> VirtualParameters:
     """The robot's parameters, see `ParameterFile.in_force`; it steps at most `FASTEST`."""
     found = FILE.in_force(robot)
     return replace(found, frequency=min(found.frequency, FASTEST))
-
-
-def ranges_of(robot: Robot = SIMPLE_QUAD) -> dict[str, tuple[float, float]]:
-    """Bounds of a search for that robot, within which every trot is a slow, upright one."""
-    ranges = scaled_ranges(search_ranges_of(VirtualParameters), VirtualParameters, robot)
-    slow, fast = ranges["frequency"]
-    return ranges | {"frequency": (slow, min(fast, FASTEST))}

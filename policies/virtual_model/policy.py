@@ -25,6 +25,7 @@ class TrotVirtual(ModelBased):
     """
 
     name = "trot_virtual"
+    parameters: VirtualParameters
 
     def __init__(
         self,
@@ -38,7 +39,7 @@ class TrotVirtual(ModelBased):
         super().__init__(robot=robot, control_period=control_period)
         self.parameters = p = parameters if parameters is not None else searched_parameters(self.robot)
         self.frequency, self.leg_offsets = p.frequency, self.robot.in_leg_order(TROT_OFFSETS)
-        self._equip(p, late, actuator)
+        self._equip(late, actuator)
 
     def _borne(
         self, now: Motion, standing: Mask, aim: Floats, ground: Ground, pushed: Floats, friction: Friction
