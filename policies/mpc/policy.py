@@ -52,10 +52,9 @@ class Mpc(ModelBased):
     ) -> None:
         super().__init__(robot=robot, control_period=control_period)
         robot = self.robot
-        in_force = parameters_of(gait, robot)
         if gait != TROT:
             self.name = f"{self.name}_{gait}"
-        self.parameters = p = parameters if parameters is not None else in_force
+        self.parameters = p = parameters_of(gait, robot) if parameters is None else parameters
         self.frequency, self.leg_offsets = p.frequency, robot.in_leg_order(OFFSETS[gait])
         self._equip(late, actuator)
         pose = p.roll_weight, p.pitch_weight, p.yaw_weight, 0.0, 0.0, p.height_weight
