@@ -71,13 +71,21 @@ class Plans(Memory):
 def shared(wrench: Floats, standing: Mask, arms: Floats, friction: Friction) -> Floats:
     """The smallest forces of the standing feet, (n, 4, 3), N, that together have that wrench about the centre of mass,
     (n, 6), N and N·m, as near as may be; then drawn into the friction's bounds."""
-    count = len(arms)
-    per_force = np.concatenate((np.broadcast_to(np.eye(3), (count, 4, 3, 3)), skew(arms)), axis=2)
-    per_force = np.where(standing[..., None, None], per_force, 0.0).transpose(0, 2, 1, 3).reshape(count, 6, 12)
-    square = np.matmul(per_force, per_force.transpose(0, 2, 1)) + _SINGULAR * np.eye(6)
-    share = np.linalg.solve(square, wrench[..., None])
-    forces = np.matmul(per_force.transpose(0, 2, 1), share).reshape(count, 4, 3)
+    effects = np.concatenate((np.broadcast_to(np.eye(3), (len(arms), 4, 3, 3)), skew(arms)), axis=2)
+    forces = smallest(effects, wrench, standing, _SINGULAR)
     up = np.clip(forces[..., 2], 0.0, friction.most[:, None])
     across = friction.share[:, None, None] * up[..., None]
     drawn = np.concatenate((np.clip(forces[..., :2], -across, across), up[..., None]), axis=-1)
     return np.where(standing[..., None], drawn, 0.0)
+
+
+def smallest(effects: Floats, wanted: Floats, standing: Mask, least: float) -> Floats:
+    """The smallest forces of the standing feet, (n, 4, 3), that together do what is wanted, (n, 6), as near as may be.
+
+    `effects`: of each force, (n, 4, 6, 3); `least`: added to their squares, for what the feet cannot do.
+    """
+    per_force = np.where(standing[..., None, None], effects, 0.0).transpose(0, 2, 1, 3).reshape(len(wanted), 6, 12)
+    square = np.matmul(per_force, per_force.transpose(0, 2, 1)) + least * np.eye(6)
+    share = np.linalg.solve(square, wanted[..., None])
+    forces: Floats = np.matmul(per_force.transpose(0, 2, 1), share).reshape(*standing.shape, 3)
+    return forces

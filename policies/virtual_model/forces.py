@@ -10,6 +10,7 @@ import numpy as np
 from policies.gait_cycle import Floats
 from policies.mpc.footing import Ground
 from policies.mpc.motion import Motion
+from policies.mpc.plans import smallest
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.parameters import VirtualParameters
 from quad_env.columns import Mask
@@ -44,18 +45,15 @@ def pulled(p: VirtualParameters, now: Motion, ground: Ground, height: float) -> 
 def shared(p: VirtualParameters, now: Motion, wanted: Floats, standing: Mask, friction: Friction) -> Floats:
     """Forces of the standing feet, level frame, (n, 4, 3), N, that together give the wanted acceleration, (n, 6), m/s²
     and rad/s², as near as may be; then drawn into the friction's cone."""
-    bodies, count = now.bodies, len(standing)
+    bodies = now.bodies
     arms = skew(bodies.feet - bodies.centre[:, None])
     linear = np.broadcast_to(np.eye(3), arms.shape) / bodies.mass[:, None, None, None]
     angular = np.linalg.solve(bodies.rotational_inertia[:, None], arms)
     planar, tilt, yaw = p.planar_priority, p.tilt_priority, p.yaw_priority
     weights = np.array([planar, planar, 1.0, tilt, tilt, yaw])
-    per_force = np.concatenate((linear, angular), axis=2) * standing[..., None, None] * weights[:, None]
-    per_force = np.ascontiguousarray(per_force.transpose(0, 2, 1, 3)).reshape(count, 6, 12)
-    square = np.matmul(per_force, per_force.transpose(0, 2, 1)) + _SINGULAR * np.eye(6)
-    wanted = wanted + np.array([0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0])
-    share = np.linalg.solve(square, (weights * wanted)[..., None])
-    forces = np.matmul(per_force.transpose(0, 2, 1), share).reshape(count, 4, 3)
+    effects = np.concatenate((linear, angular), axis=2) * weights[:, None]
+    borne = weights * (wanted + np.array([0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0]))
+    forces = smallest(effects, borne, standing, _SINGULAR)
     up = np.clip(forces[..., 2], 0.0, friction.most[:, None])
     across = np.hypot(forces[..., 0], forces[..., 1])
     drawn = np.minimum(1.0, friction.share[:, None] * up / np.maximum(across, 1e-9))
