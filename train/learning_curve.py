@@ -1,7 +1,8 @@
 """Learning curve of a training run: success and cost of transport of its validations, as a picture."""
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,11 +22,20 @@ WIDTH, PANEL, LINE = 5.6, 2.3, 0.2
 """Width of the picture, height of a pair of axes and of a line of the legend, in."""
 
 
+DATES = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"}
+"""Formats, each with the name of its date, which is left out: the same runs give the same file."""
+
+
 def write_curve(validations: Sequence[Mapping[str, Any]], out: Path) -> None:
-    """Write the curve of a run's validations as an SVG, titled as its folder, whole or not at all. Raises OSError."""
-    content = io.BytesIO()
+    """Write the curve of a run's validations, titled as its folder, see `write_drawn`. Raises OSError."""
+    write_drawn(partial(draw, validations, out.parent.name), out)
+
+
+def write_drawn(draw: "Callable[[], Figure]", out: Path) -> None:
+    """Write what is drawn to a file of one of those formats, whole or not at all. Raises OSError."""
+    content, dateless = io.BytesIO(), {DATES[out.suffix]: None}
     with settings():
-        draw(validations, out.parent.name).savefig(content, format="svg", facecolor="white", metadata={"Date": None})
+        draw().savefig(content, format=out.suffix[1:], dpi=160, facecolor="white", metadata=dateless)
     write_atomically(out, content.getvalue())
 
 

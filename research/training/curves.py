@@ -3,25 +3,23 @@
 Runs that differ in their seed alone are one curve, their mean, with a band from the lowest seed to the highest.
 """
 
-import io
 import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import tyro
 
-from evaluate.report.plots.drawing import COLOURS, MARKS, settings
+from evaluate.report.plots.drawing import COLOURS, MARKS
 from policies.base import Floats
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import number
 from quad_env.files.reading import LARGEST, read_bytes
-from quad_env.files.writing import write_atomically
-from train.learning_curve import PANELS, axes_of
+from train.learning_curve import DATES, PANELS, axes_of, write_drawn
 from train.run_folder import VALIDATIONS_FILE
 from train.run_record import flat, load_settings, words
 
@@ -55,7 +53,7 @@ def main(options: Options) -> int:
         raise UsageError("no run with a validation to draw: name the folders of training runs, such as runs/residual-0")
     bands = by_seed(drawn)
     make_folder_of(options.out, "--out")
-    write_picture(bands, options.out)
+    write_drawn(partial(draw, bands), options.out)
     for band in bands:
         for steps, (success, cost) in list(zip(band.steps, band.over_seeds()[0].T, strict=True))[-1:]:
             print(f"{band.label}: success {success:.0%}, cost of transport {number(cost, 2)} after {steps:,.0f} steps")
@@ -125,18 +123,6 @@ def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
     said = ", ".join(f"{name} {words(runs[0].settings.get(name))}" for name in options)
     seeds = f"{len(runs)} seeds" if len(runs) > 1 else f"seed {runs[0].seed}"
     return f"{said if len(said) <= LONGEST else runs[0].folder} ({seeds})"
-
-
-DATES = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"}
-"""Formats, each with the name of its date, which is left out: the same runs give the same file."""
-
-
-def write_picture(bands: Sequence[SeedBand], out: Path) -> None:
-    """Write the curves to a file of one of those formats, whole or not at all. Raises OSError."""
-    content, dateless = io.BytesIO(), {DATES[out.suffix]: None}
-    with settings():
-        draw(bands).savefig(content, format=out.suffix[1:], dpi=160, facecolor="white", metadata=dateless)
-    write_atomically(out, content.getvalue())
 
 
 def draw(bands: Sequence[SeedBand]) -> "Figure":
