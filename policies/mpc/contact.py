@@ -117,7 +117,7 @@ class ContactSense(Memory):
         self._estimate_friction(forces, motion.feet_velocity)
         return forces
 
-    def _explained(self, motion: Motion, away: Mask | bool = False) -> tuple[Floats, Floats]:
+    def _explained(self, motion: Motion, away: Mask | bool) -> tuple[Floats, Floats]:
         """Forces of the feet, (n, 4, 3), N, and the wrench that they leave unexplained, (n, 6); renews `touching`
         and, on encoders, `zeros`.
 
@@ -148,7 +148,7 @@ class ContactSense(Memory):
         aims = np.matmul(legs, needed[:, 6:].reshape(-1, 4, 3, 1))
         forces = np.linalg.solve(squares, aims)[..., 0]
         least = self._parameters.touch_force + np.where(self.touching, 0.0, self._unsure)
-        self.touching = (forces[..., 2] > least) & ~np.asarray(away)
+        self.touching = (forces[..., 2] > least) & np.logical_not(away)
         if self._encoders:
             shown = np.clip(needed[:, 6:] / self._servos.stiffness, -LARGEST_ZERO, LARGEST_ZERO)
             self.zeros += np.where(np.repeat(self.touching, 3, axis=1), 0.0, self._zero_share * shown)

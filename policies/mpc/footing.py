@@ -121,9 +121,9 @@ def footholds(
     reach = reach + p.step_gain * (velocity[:, :2] - command[:, :2])[:, None]
     size = np.hypot(reach[..., 0], reach[..., 1])
     aim: Floats = place + reach * np.minimum(1.0, LARGEST_REACH / np.maximum(size, 1e-9))[..., None]
-    beside = robot.hip_positions[:, 1] + robot.side * robot.hip_offset
+    below_hip = robot.hip_positions[:, 1] + robot.side * robot.hip_offset
     wide = (height - CROUCH) * math.tan(HIP_ANGLE)
-    aim[..., 1] = aim[..., 1].clip(beside - wide, beside + wide)
+    aim[..., 1] = aim[..., 1].clip(below_hip - wide, below_hip + wide)
     return aim
 
 

@@ -90,9 +90,9 @@ class ModelBased(GaitedPolicy):
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
         p = self.parameters
         observation = self.sense.calibrated(observation)
-        now, felt, push = self._motion(observation)
+        now, ground_forces, push = self._motion(observation)
         self._hurry(now)
-        cycle, contacts = self._contacts(felt)
+        cycle, contacts = self._contacts(ground_forces)
         ground = self._ground(now, contacts.landed)
         pushed = as_accelerations(now.bodies, now.rotation, push)
         aim = footholds(self.robot, p, now, pushed[:, :2], p.duty / self._frequencies, self._height)

@@ -196,10 +196,11 @@ class Observer(Memory):
         share = at_first_a_mean(taken_in(self._period, DELAY_TIME), known)
         self._unexplained += np.where(known > 0, share * (missed - self._unexplained), 0.0)
         best, left = self._unexplained.argmin(axis=0), self._acted(self._unexplained)
-        least = LEAST_GAIN * np.maximum(left - noise[:, -1], MODEL_ERROR) + NOISE_GAIN * noise[:, -1]
-        explained = self._unexplained[-1] - self._unexplained.min(axis=0) > MODEL_ERROR + NOISE_GAIN * noise[:, -1]
+        by_best, of_noise = self._unexplained.min(axis=0), NOISE_GAIN * noise[:, -1]
+        explained = self._unexplained[-1] - by_best > MODEL_ERROR + of_noise
         self._moved |= explained & ~self._still & (self._late == 0)
-        better = (left - self._unexplained.min(axis=0) > least) & (self._moved | (self.looks > DELAY_LOOKS))
+        least = LEAST_GAIN * np.maximum(left - noise[:, -1], MODEL_ERROR) + of_noise
+        better = (left - by_best > least) & (self._moved | (self.looks > DELAY_LOOKS))
         self.delays = np.where(better, best, self.delays)
 
     def _shares(self, noise: Floats) -> tuple[Floats, Floats]:

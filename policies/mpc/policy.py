@@ -86,8 +86,7 @@ class Mpc(ModelBased):
         failed = np.zeros(self.num_envs, np.bool_)
         if due.any():
             failed = self._plan(due, now, ground, pushed, places, stands, friction)
-        arms_now = places[:, 0]
-        return Borne(self._plans.now(standing, arms_now, friction), arms_now, failed)
+        return Borne(self._plans.now(standing, places[:, 0], friction), places[:, 0], failed)
 
     def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:
         """Height of the ground where each foot stands over the horizon, m, (n, 1 or N, 1 or 4)."""

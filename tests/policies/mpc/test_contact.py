@@ -129,10 +129,10 @@ def test_a_robot_on_a_circle_is_pushed_to_the_centre(yaw_rate: float) -> None:
     sense, speed = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD), np.array([0.8, 0.3])
     sense.reset(1)
     circling = reading(1, linear_velocity=(*speed, 0.0), angular_velocity=(0.0, 0.0, yaw_rate))
-    forces, wrench = sense._explained(motion(SIMPLE_QUAD, DYNAMICS, circling))
+    forces, wrench = sense._explained(motion(SIMPLE_QUAD, DYNAMICS, circling), False)
     still = motion(SIMPLE_QUAD, DYNAMICS, reading(1, angular_velocity=(0.0, 0.0, yaw_rate)))
     sense.reset(1)
-    at_rest, left = sense._explained(still)
+    at_rest, left = sense._explained(still, False)
     total = (forces - at_rest).sum(axis=1)[0] + (wrench - left)[0, :3]
     expected = SIMPLE_QUAD.mass * yaw_rate * np.array([-speed[1], speed[0], 0.0])
     np.testing.assert_allclose(total, expected, atol=0.5)
