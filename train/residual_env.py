@@ -6,6 +6,7 @@ Any learner that takes a `VectorEnv` with same-step autoreset can train on it:
     env = ResidualVectorEnv(robots, policies.make("trot"))
 """
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,11 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         self.authority = authority if authority is not None else authority_of(base.robot)
         self._hold = hold
         self._features = Features(base, inputs)
+        self._fresh = copy.deepcopy(base)
+        """Of the robots that begin an episode, which the base then takes over: all are asked for an action on the last
+        observation of their old episode, and these on the first one of their new, without the others' clocks running
+        twice."""
+        self._fresh_features = Features(self._fresh, inputs)
         self.single_observation_space = Box(-np.inf, np.inf, (self._features.width,), np.float32)
         self.single_action_space = Box(-1.0, 1.0, (base.robot.num_joints,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
@@ -70,13 +76,10 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         if options and "reset_mask" in options:
             raise ValueError("finished robots restart by themselves: leave options['reset_mask'] out")
         observation, infos = self.env.reset(seed=seed, options=options)
-        # Two rows of the base a robot, its episode's and a spare one for its next: where an episode ends and the next
-        # begins, both are asked for an action in one tick, and no clock runs twice.
-        self.base.reset(2 * self.num_envs)
-        self._features.reset(2 * self.num_envs)
-        self._row, self._spare = np.split(np.arange(2 * self.num_envs), 2)
-        self._tick(observation, observation)
-        return self._seen[self._row], infos
+        self.base.reset(self.num_envs)
+        self._features.reset(self.num_envs)
+        self._tick(observation)
+        return self._seen, infos
 
     def step(self, actions: FloatArray) -> Step:
         """Move the robots by `hold` control steps; rewards are summed. Raises ValueError for actions of another shape.
@@ -88,41 +91,46 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
             raise ValueError(f"corrections have shape {self.action_space.shape}, not {correction.shape}")
         observation, rewards, terminated, truncated, infos = self._move(correction)
         for _ in range(self._hold - 1):
-            self._tick(observation, observation)
+            self._tick(observation)
             observation, more, terminated, truncated, infos = self._move(correction)
             rewards += more
         if (finished := terminated | truncated).any():
             infos = self._restart(observation, finished, infos)
         else:
-            self._tick(observation, observation)
-        return self._seen[self._row], rewards, terminated, truncated, infos
+            self._tick(observation)
+        return self._seen, rewards, terminated, truncated, infos
 
     def _move(self, correction: FloatArray) -> Step:
         """One control step of the robots, their joints corrected."""
-        return self.env.step(compose(self.base.robot, self._base_action[self._row], correction, self.authority))
+        return self.env.step(compose(self.base.robot, self._base_action, correction, self.authority))
 
     def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> Infos:
         """Restart the finished robots; the infos with the end of their episodes."""
         observation, fresh = self.env.reset(options={"reset_mask": finished})
-        begun = np.isin(np.arange(2 * self.num_envs), self._spare[finished])
-        self.base.reset_where(begun)
-        self._features.reset_where(begun)
-        self._tick(final, observation)
+        self._tick(final)
         ends = {
-            "final_obs": np.where(finished[:, None], self._seen[self._row], np.float32(0.0)),
+            "final_obs": np.where(finished[:, None], self._seen, np.float32(0.0)),
             "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
         }
-        self._row, self._spare = np.where(finished, (self._spare, self._row), (self._row, self._spare))
+        self._begin(finished, observation[finished])
         masks = {f"_{key}": finished.copy() for key in ends}
         return _merged(finished, fresh, infos) | ends | masks
 
-    def _tick(self, observation: FloatArray, following: FloatArray) -> None:
-        """Ask the base for its actions on the present episodes' observations and, in the spare rows, on others."""
-        rows = np.empty((2 * self.num_envs, observation.shape[1]), np.float32)
-        rows[self._row], rows[self._spare] = observation, following
-        self.base.needed = None if following is not observation else np.isin(np.arange(len(rows)), self._row)
-        self._base_action = self.base.act(rows)
-        self._seen = self._features.see(rows, self._base_action)
+    def _begin(self, robots: BoolArray, observation: FloatArray) -> None:
+        """Start the base of those robots, (n,), with the first observations of their new episodes, (k, m)."""
+        self._fresh.reset(len(observation))
+        self._fresh_features.reset(len(observation))
+        action = self._fresh.act(observation)
+        seen = self._fresh_features.see(observation, action)
+        self.base.take_over(robots, self._fresh)
+        self._features.take_over(robots, self._fresh_features)
+        self._base_action, self._seen = self._base_action.copy(), self._seen.copy()
+        self._base_action[robots], self._seen[robots] = action, seen
+
+    def _tick(self, observation: FloatArray) -> None:
+        """Ask the base for its actions on these observations."""
+        self._base_action = self.base.act(observation)
+        self._seen = self._features.see(observation, self._base_action)
 
 
 def _merged(mask: BoolArray, fresh: Infos, infos: Infos) -> Infos:

@@ -98,6 +98,12 @@ class Observer(Memory):
         super().reset(num_envs)
         self._read: Motion | None = None
 
+    def take_over(self, mask: Mask, other: "Observer") -> None:
+        """Go on where the mask, (n,), is true with the robots of another observer, as many as these."""
+        super().take_over(mask, other)
+        assert self._read is not None and other._read is not None
+        self._read = _replaced(self._read, mask.nonzero()[0], other._read)
+
     @property
     def looks(self) -> NDArray[np.int64]:
         """Readings that each robot has had since its start, (n,)."""
