@@ -20,6 +20,7 @@ from policies.network import ACTIVATION, Network
 from policies.residual import ResidualPolicy
 from policies.residual_bases import describe, described
 from quad_env import ENV_ID
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.config import Bounds, Settings
 from quad_env.files.reading import parse_json
 from quad_env.robots.named import ROBOTS
@@ -113,8 +114,15 @@ def parsed(place: Path, content: bytes) -> Fields:
         fail(place, f"{DESCRIPTION} is none of this version: {error}")
 
 
-def assembled(place: Path, description: Fields, network: Network, robot: Robot | None = None) -> ResidualPolicy:
-    """The policy of a description with its network; `robot` as in `load`. Raises PolicyError."""
+def assembled(
+    place: Path,
+    description: Fields,
+    network: Network,
+    robot: Robot | None = None,
+    late: int = 0,
+    actuator: Actuator = IDEAL,
+) -> ResidualPolicy:
+    """The policy of a description with its network; `robot`, `late` and `actuator` as in `load`. Raises PolicyError."""
     robot = _made_for(place, description, robot)
     for name, here in _of_environment(robot).items():
         if (there := getattr(description, name)) != here:
@@ -123,7 +131,7 @@ def assembled(place: Path, description: Fields, network: Network, robot: Robot |
         fail(place, f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)")
     authority = np.array(description.authority, dtype=np.float32)
     try:
-        base = described(description.base, robot, float(description.control_period))
+        base = described(description.base, robot, float(description.control_period), late, actuator)
         return ResidualPolicy(base, network, authority, description.name, description.inputs, description.hold)
     except ValueError as error:
         fail(place, str(error))

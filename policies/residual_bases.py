@@ -11,6 +11,7 @@ from policies.article import Document, DocumentRepaired, PrintedGait
 from policies.base import Policy
 from policies.gaits.parameters import GAITS, GaitParameters
 from policies.gaits.policy import Gaits
+from policies.mpc.model_based import ModelBased
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import Mpc, MpcWbc
 from policies.parameters import Parameters, from_json
@@ -21,6 +22,7 @@ from policies.trot.integral import IntegralParameters, TrotIntegral
 from policies.trot.open_loop import Trot, TrotParameters
 from policies.virtual_model.parameters import VirtualParameters
 from policies.virtual_model.policy import TrotVirtual
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.robots.robot import Robot
 
 
@@ -38,6 +40,11 @@ class Base(NamedTuple):
         kind = self.make.func if isinstance(self.make, partial) else self.make
         assert isinstance(kind, type)
         return kind
+
+    @property
+    def predicts(self) -> bool:
+        """Whether it is made with an `actuator` and by how many control steps the observed joints are `late`."""
+        return issubclass(self.kind, ModelBased)
 
 
 BASES: dict[str, Base] = {
@@ -73,8 +80,11 @@ def describe(policy: Policy) -> dict[str, Any]:
     return {"name": policy.name, "parameters": parameters, "sha256": _digest(parameters)}
 
 
-def described(description: Any, robot: Robot, control_period: float) -> Policy:
-    """The policy of a description, for that robot and control period, s. Raises ValueError, one line."""
+def described(
+    description: Any, robot: Robot, control_period: float, late: int = 0, actuator: Actuator = IDEAL
+) -> Policy:
+    """The policy of a description, for that robot and control period, s, and where it predicts for joints that are read
+    so many control steps `late` and driven by that actuator. Raises ValueError, one line."""
     if not isinstance(description, dict) or set(description) != {"name", "parameters", "sha256"}:
         raise ValueError("base must have name and parameters, and a sha256 of these")
     name, parameters = description["name"], description["parameters"]
@@ -85,6 +95,8 @@ def described(description: Any, robot: Robot, control_period: float) -> Policy:
     arguments = _arguments(BASES[name], parameters)
     if description["sha256"] != _digest(parameters):
         raise ValueError("the base's parameters are not those that it was trained on (SHA-256 differs)")
+    if BASES[name].predicts:
+        arguments |= {"late": late, "actuator": actuator}
     return BASES[name].make(robot=robot, control_period=control_period, **arguments)
 
 

@@ -169,6 +169,7 @@ class RewardWeights(Settings):
     tilt: float = -0.5
     action_rate: float = -0.02
     torque: float = -2e-5
+    mechanical_power: float = 0.0
     foot_air_time: float = 0.0
     fall: float = -1.0
 

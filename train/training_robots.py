@@ -11,6 +11,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+import policies
+from policies.base import Policy
+from quad_env.actuation.hardware import hardware_profile
 from quad_env.columns import Array, of_robots
 from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -194,14 +197,36 @@ def make_robots(config: TrainConfig) -> TrainingRobots:
 
 
 def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
-    """Number of robots on each scenario: shares rounded by largest remainder, scenarios without robots left out."""
+    """Number of robots on each scenario: shares rounded by largest remainder, scenarios without robots left out; those
+    on the hardware profile last."""
     total = sum(share for _, share in config.mixture)
     exact = [(name, share / total * config.ppo.envs) for name, share in config.mixture]
-    counts = {name: int(amount) for name, amount in exact}
+    counts = {name: int(amount) for name, amount in sorted(exact, key=lambda entry: _real(config, entry[0]))}
     by_remainder = sorted(exact, key=lambda entry: int(entry[1]) - entry[1])
     for name, _ in by_remainder[: config.ppo.envs - sum(counts.values())]:
         counts[name] += 1
     return {name: count for name, count in counts.items() if count}
+
+
+def base_of(config: TrainConfig, real: bool = False) -> Policy:
+    """A fresh base of a run; a `real` one is for scenarios on the hardware profile, with the same servo gains."""
+    base = config.hardware.policy(config.base)
+    if not real:
+        return base
+    profile = hardware_profile(config.hardware.quadruped)
+    return policies.make(config.base, robot=base.robot, actuator=profile.actuator, sensors=profile.sensors)
+
+
+def bases_of(config: TrainConfig) -> list[tuple[Policy, int]]:
+    """The bases of the robots of a run, each with the number of its robots."""
+    counts = [0, 0]
+    for name, count in robots_per_scenario(config).items():
+        counts[_real(config, name)] += count
+    return [(base_of(config, bool(real)), count) for real, count in enumerate(counts) if count]
+
+
+def _real(config: TrainConfig, name: str) -> bool:
+    return find_scenario(name, config.hardware.quadruped).hardware
 
 
 def side_by_side(config: TrainConfig) -> bool:
@@ -217,7 +242,7 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
     task = TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards)
     return SimpleQuadVectorEnv(
         count, _pushed(scenario), 1 if side_by_side(config) else config.threads, AutoresetMode.DISABLED,
-        max_episode_steps=config.max_episode_steps, config=task, **config.hardware.environment(robot.stiffer),
+        max_episode_steps=config.max_episode_steps, config=task, **config.hardware.environment(base_of(config).robot),
     )  # fmt: skip
 
 

@@ -72,6 +72,11 @@ def torque(state: QuadState[Column]) -> Column:
     return sum_of_squares(state.joint_torque)
 
 
+def mechanical_power(state: QuadState[Column]) -> Column:
+    """Σ |torque · joint speed|, W."""
+    return state.mechanical_power
+
+
 def foot_air_time(state: QuadState[Column]) -> Column:
     """Σ (swing time - AIR_TIME) over the feet that touch down in this step, s; 0 where the command is to stand, and
     where swings are not looked at, since the term has no weight.

@@ -135,7 +135,7 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
     "joint_authority": (of_both(lambda each: authority(each)[1:]), [[0.2, 0.2]] * 2),
     "hip_authority": (of_both(lambda each: authority(each)[0]), [0.1] * 2),
     "inputs": (
-        lambda ran: [ran.env._features.inputs, ran.policy.features.inputs],
+        lambda ran: [ran.env.bases[0]._features.inputs, ran.policy.features.inputs],
         [Inputs(lags=(0.03,), averages=(0.2,), clock=4.0)] * 2,
     ),
     "mixture": (

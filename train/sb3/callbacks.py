@@ -15,7 +15,6 @@ import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
-import policies
 from evaluate.records.provenance import REPOSITORY, git_revision
 from policies import ResidualPolicy
 from policies.bundle import save as save_bundle
@@ -31,7 +30,7 @@ from train.sb3 import checkpoint
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.progress import Display
 from train.sb3.vec_env import TrainingVecEnv
-from train.training_robots import TrainingRobots, make_batch, segment_steps, training_seeds
+from train.training_robots import TrainingRobots, base_of, make_batch, segment_steps, training_seeds
 from train.validation import cost_of_transport, rank, score, success, validate
 
 FIRST_CHECKPOINT = 30.0
@@ -103,12 +102,11 @@ class BetweenRollouts(BaseCallback):
         """Whether the last segment is complete."""
         return self.num_timesteps >= self._end
 
-    def _policy(self) -> ResidualPolicy:
-        """The policy of a bundle: the actor on a new base, without exploration noise."""
-        env, config = cast(ResidualVectorEnv, self._env.env), self._config
-        base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
+    def _policy(self, real: bool = False) -> ResidualPolicy:
+        """The policy of a bundle: the actor on a new base, see `base_of`, without exploration noise."""
+        config, authority = self._config, cast(ResidualVectorEnv, self._env.env).authority
         actor = actor_network(self._learner)
-        return ResidualPolicy(base, actor, env.authority, config.policy, config.inputs, config.ppo.hold)
+        return ResidualPolicy(base_of(config, real), actor, authority, config.policy, config.inputs, config.ppo.hold)
 
     def _on_step(self) -> bool:
         return True
@@ -198,7 +196,7 @@ class BetweenRollouts(BaseCallback):
         """Validate the policy, and save it if it is the best so far."""
         policy, state, config = self._policy(), self._state, self._config
         with self._display.pace.validation(self.num_timesteps):
-            results = validate(policy, config.complete_validation, config.threads, config.hardware)
+            results = validate(policy, config.complete_validation, config.threads, config.hardware, self._policy(True))
         means = {"success": success(results), "score": score(results), "cost_of_transport": cost_of_transport(results)}
         state.validations.append({"steps": self.num_timesteps, **means, "scenarios": results})
         for scenario, figures in {"": means, **results}.items():
