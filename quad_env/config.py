@@ -171,6 +171,7 @@ class RewardWeights(Settings):
     torque: float = -2e-5
     mechanical_power: float = 0.0
     foot_air_time: float = 0.0
+    touchdown_speed: float = 0.0
     fall: float = -1.0
 
 

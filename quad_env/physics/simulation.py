@@ -102,7 +102,6 @@ class Simulation:
             self.torque = self.probe.copy(self.torque)
         self._trunk_contacts = self._sensed(trunk)
         self._foot_contacts = [self._sensed(names) for names in soles]
-        self._footsteps = Footsteps(period, self._foot_contacts) if feet else None
         self._link_contacts = self._sensed(itertools.chain(*links))
         self._warnings = self.batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in robot.leg_names]
@@ -116,6 +115,7 @@ class Simulation:
         if servo is not None:
             give_servo_gains(self.model, self.batch.expand, servo)
         self._sites, self._bodies = self.batch.bind("site_xpos"), self.batch.bind("xpos")
+        self._footsteps = Footsteps(period, self._foot_contacts, self._sites, self._feet) if feet else None
         self._filtered = self.batch.bind("act") if self.model.na else None
         load = None if scenario.payload is None else self.model.body(PAYLOAD).id
         self._load = None if load is None else self.batch.expand("body_pos")[:, load, :2]
@@ -261,6 +261,7 @@ class Simulation:
             action=columns(self._action),
             previous_action=columns(self._previous_action),
             swing_time=None if self._footsteps is None else columns(self._footsteps.swing_time),
+            touchdown_speed=None if self._footsteps is None else columns(self._footsteps.touchdown_speed),
         )
 
     @property

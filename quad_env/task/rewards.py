@@ -90,6 +90,12 @@ def foot_air_time(state: QuadState[Column]) -> Column:
     return cast("Column", where(sum_of_squares(state.command) > MOVING * MOVING, swings, 0.0))
 
 
+def touchdown_speed(state: QuadState[Column]) -> Column:
+    """Σ of the squared downward speeds of the feet that touch down in this step, (m/s)²; 0 where they are not looked
+    at, since the term has no weight."""
+    return 0.0 * abs(state.height) if state.touchdown_speed is None else sum_of_squares(state.touchdown_speed)
+
+
 REWARD = "reward_"
 """Begins the key of every term in the infos."""
 TERMS: dict[str, Callable[..., Any]] = {
