@@ -19,7 +19,6 @@ from policies.bundle import DESCRIPTION, load
 from policies.foreign import Foreign, is_reference, unsupported
 from policies.mpc.parameters import OTHER_GAITS
 from policies.mpc.policy import MpcWbc
-from policies.mpc.sighted import SightedMpcWbc
 from policies.poses import Stand
 from policies.residual import ResidualPolicy
 from policies.residual_bases import BASES
@@ -60,11 +59,10 @@ _MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: base.make for name, base in BASES.items()},
     "behaviour": Behaviour,
     **_OTHER_GAITS,
-    "mpc_wbc_sighted": SightedMpcWbc,
     **{name: partial(_shipped, name) for name in TRAINED},
 }
 """What makes a policy for a `robot` and a `control_period`, s, by its name."""
-_PREDICTING = (*(name for name, base in BASES.items() if base.predicts), "mpc_wbc_sighted", *_OTHER_GAITS, *TRAINED)
+_PREDICTING = (*(name for name, base in BASES.items() if base.predicts), *_OTHER_GAITS, *TRAINED)
 """Those that are given by how many control steps the observed joints are `late`, and the actuator."""
 
 SAFE = "safe:"

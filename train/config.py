@@ -19,8 +19,8 @@ from quad_env.scenarios.named import scaled_name, scenario
 
 PolicyKind = Literal["residual", "end-to-end"]
 BaseName = Literal[
-    "bound", "crouch", "document", "document_repaired", "gaits", "mpc", "mpc_wbc", "pace", "pronk", "stand", "trot",
-    "trot_feedback", "trot_integral", "trot_virtual", "walk",
+    "bound", "crouch", "document", "document_repaired", "gaits", "mpc", "mpc_wbc", "mpc_wbc_sighted", "pace", "pronk",
+    "stand", "trot", "trot_feedback", "trot_integral", "trot_virtual", "walk",
 ]  # fmt: skip
 """A name of `policies.residual_bases.BASES`; written out, so that --help lists them at once."""
 

@@ -237,12 +237,13 @@ def side_by_side(config: TrainConfig) -> bool:
 def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVectorEnv:
     """The batch of a run's scenario of that number, at that share of its severity."""
     name, count = list(robots_per_scenario(config).items())[number]
-    robot = config.hardware.quadruped
+    robot, base = config.hardware.quadruped, base_of(config)
     scenario = practice(eased(find_scenario(name, robot), share, robot), "training", config.seed)
     task = TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards)
     return SimpleQuadVectorEnv(
         count, _pushed(scenario), 1 if side_by_side(config) else config.threads, AutoresetMode.DISABLED,
-        max_episode_steps=config.max_episode_steps, config=task, **config.hardware.environment(base_of(config).robot),
+        max_episode_steps=config.max_episode_steps, config=task, height_scan=base.height_scan,
+        **config.hardware.environment(base.robot),
     )  # fmt: skip
 
 

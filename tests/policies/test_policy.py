@@ -91,21 +91,21 @@ def test_reset_where_starts_the_masked_robots_anew_and_leaves_the_others(make):
     assert later[:, mask].tobytes() == fresh[:, mask].tobytes()
 
 
-def walk(steps, n):
-    """Observations (steps, n, k) of robots that trot."""
-    env, trot = gym.make_vec("SimpleQuad-v0", num_envs=n, nthread=1), policies.make("trot")
+def walk(steps, n, scan):
+    """Observations (steps, n, k) of robots that trot, with a height scan or None."""
+    env, trot = gym.make_vec("SimpleQuad-v0", num_envs=n, nthread=1, height_scan=scan), policies.make("trot")
     observation, _ = env.reset(seed=0)
     trot.reset(n)
     seen = [observation]
     for _ in range(steps - 1):
-        seen.append(env.step(trot.act(seen[-1]))[0])
+        seen.append(env.step(trot.act(seen[-1][:, :OBSERVATION_SIZE]))[0])
     return np.stack(seen)
 
 
 @pytest.mark.parametrize("name", BASES)
 def test_robots_that_a_base_takes_over_go_on_as_they_would_have_and_leave_the_others(name):
-    observations, mask = walk(40, 3), np.array([False, True, False])
     policy, restarted, fresh = (policies.make(name, sensors="typical") for _ in range(3))
+    observations, mask = walk(40, 3, policy.height_scan), np.array([False, True, False])
     actions(policy, observations[:20]), actions(restarted, observations[:20])
     restarted.reset_where(mask)
     expected = [restarted.act(observations[20])]
