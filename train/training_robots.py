@@ -22,7 +22,7 @@ from quad_env.scenarios.named import Scenario
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.seeding import episode_seeds
 from quad_env.task.rewards import REWARD
-from train.config import PUSHES, TIMESTEP, TrainConfig
+from train.config import EFFORT, PUSHES, TIMESTEP, TrainConfig
 from train.curriculum import Intervals, eased, practice
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 
@@ -192,7 +192,10 @@ def make_robots(config: TrainConfig) -> TrainingRobots:
     def cuts(seeds: Sequence[int] | None) -> NDArray[np.int64]:
         return np.random.default_rng(seeds).integers(1, config.max_episode_steps, config.ppo.envs, endpoint=True)
 
-    batches = [make_batch(config, number, config.curriculum) for number in range(len(robots_per_scenario(config)))]
+    batches = [
+        make_batch(config, number, config.curriculum, effort_at(config, 0))
+        for number in range(len(robots_per_scenario(config)))
+    ]
     return TrainingRobots(batches, cuts, config.threads if side_by_side(config) else 1)
 
 
@@ -234,12 +237,19 @@ def side_by_side(config: TrainConfig) -> bool:
     return len(robots_per_scenario(config)) >= config.threads
 
 
-def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVectorEnv:
-    """The batch of a run's scenario of that number, at that share of its severity."""
+def effort_at(config: TrainConfig, steps: int) -> float:
+    """Share of the reward weights of effort after so many steps of a run, 0 … 1."""
+    ramp = config.effort_ramp * config.steps
+    return min(steps / ramp, 1.0) if ramp else 1.0
+
+
+def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1.0) -> SimpleQuadVectorEnv:
+    """The batch of a run's scenario of that number, at that share of its severity and of the weights of effort."""
     name, count = list(robots_per_scenario(config).items())[number]
     robot, base = config.hardware.quadruped, base_of(config)
     scenario = practice(eased(find_scenario(name, robot), share, robot), "training", config.seed)
-    task = TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards)
+    rewards = dataclasses.replace(config.rewards, **{name: effort * getattr(config.rewards, name) for name in EFFORT})
+    task = TaskConfig(timestep=TIMESTEP, reward_weights=rewards)
     return SimpleQuadVectorEnv(
         count, _pushed(scenario), 1 if side_by_side(config) else config.threads, AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps, config=task, height_scan=base.height_scan,
