@@ -12,8 +12,18 @@ from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
-from quad_env.scenarios.named import SCENARIOS, STEADY, TERRAIN, WRITTEN, find, is_combination, scenarios_of
-from quad_env.scenarios.scenario import HARDWARE, Scenario, on_hardware
+from quad_env.scenarios.named import (
+    ENDINGS,
+    SCENARIOS,
+    STEADY,
+    TERRAIN,
+    WRITTEN,
+    find,
+    is_combination,
+    scenarios_of,
+    split,
+)
+from quad_env.scenarios.scenario import Scenario, on_hardware
 from quad_env.serialisation import from_plain, to_plain
 
 NOMINAL = ("flat", "push", "rough")
@@ -66,14 +76,16 @@ def one(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 def of_file(name: str) -> bool:
     """Whether a name stands for what a file of the user's makes."""
-    return _FILE in name or name.removesuffix(HARDWARE).endswith(TERRAIN)
+    plain, end = split(name)
+    return of_file(plain) if end else _FILE in name or name.endswith(TERRAIN)
 
 
 def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if name in BATTERIES:
         return BATTERIES[name](robot)
-    if name.endswith(HARDWARE):
-        return with_profile(_named(name.removesuffix(HARDWARE), robot))
+    plain, end = split(name)
+    if end:
+        return _once(ENDINGS[end](each, robot) for each in _named(plain, robot))
     if _FILE in name:
         return _from_file(name)
     axis, colon, level = name.partition(":")
@@ -92,7 +104,11 @@ def _real(robot: Robot) -> tuple[Scenario, ...]:
 
 def with_profile(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
     """The scenarios with the robot's hardware profile, none twice."""
-    return tuple({each.name: each for each in map(on_hardware, scenarios)}.values())
+    return _once(map(on_hardware, scenarios))
+
+
+def _once(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
+    return tuple({each.name: each for each in scenarios}.values())
 
 
 def _battery(
