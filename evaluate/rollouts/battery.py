@@ -12,17 +12,7 @@ from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
-from quad_env.scenarios.named import (
-    ENDINGS,
-    SCENARIOS,
-    STEADY,
-    TERRAIN,
-    WRITTEN,
-    find,
-    is_combination,
-    scenarios_of,
-    split,
-)
+from quad_env.scenarios.named import SCENARIOS, STEADY, TERRAIN, WRITTEN, find, is_combination, scenarios_of, split
 from quad_env.scenarios.scenario import Scenario, on_hardware
 from quad_env.serialisation import from_plain, to_plain
 
@@ -76,16 +66,15 @@ def one(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 def of_file(name: str) -> bool:
     """Whether a name stands for what a file of the user's makes."""
-    plain, end = split(name)
-    return of_file(plain) if end else _FILE in name or name.endswith(TERRAIN)
+    return _FILE in name or split(split(name)[0])[0].endswith(TERRAIN)
 
 
 def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if name in BATTERIES:
         return BATTERIES[name](robot)
-    plain, end = split(name)
-    if end:
-        return _once(ENDINGS[end](each, robot) for each in _named(plain, robot))
+    plain, with_ending = split(name)
+    if with_ending is not None:
+        return _once(with_ending(each, robot) for each in _named(plain, robot))
     if _FILE in name:
         return _from_file(name)
     axis, colon, level = name.partition(":")

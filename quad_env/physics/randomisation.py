@@ -12,11 +12,12 @@ from quad_env.scenarios.randomisation import Drawn
 class RandomisedModels:
     """Writes what an episode has drawn into the robot's own model; `set_const` has to follow.
 
-    `expand` gives a field's values of each robot, `limits` are their torque limits, (n, 12, 2), N·m. The trunk is the
-    heaviest of the bodies that are welded to the one with the free joint, the payload left out.
+    `expand` gives a field's values of each robot; `limits`, (n, 12, 2), N·m, are the motors' where these are not what
+    MuJoCo has. The trunk is the heaviest of the bodies welded to the one with the free joint, but for the payload.
     """
 
-    def __init__(self, model: Any, expand: Callable[[str], Array], limits: Array) -> None:
+    def __init__(self, model: Any, expand: Callable[[str], Array], limits: Array | None = None) -> None:
+        limits = expand("actuator_forcerange") if limits is None else limits
         stiffness, damping = servo_fields(model, expand)
         bodies = [body for body in welded(model, model.body("base_link").id) if model.body(body).name != PAYLOAD]
         trunk, ground = max(bodies, key=lambda body: float(model.body_mass[body])), slice(model.body_geomnum[0])

@@ -125,10 +125,9 @@ class Simulation:
         self._past = history_of(self.model, robot.home_pose) if self.model.nhistory else None
         rows, timestep = (self.batch.bind, self.batch.expand), self.model.opt.timestep
         self._actuators = actuator_models_of(robot, scenario.motors, actuator, *rows, self.substeps, timestep)
-        limits = None if self._actuators is None else self._actuators.full_range
         self._randomised = None
         if scenario.randomisation is not None:
-            limits = self.batch.expand("actuator_forcerange") if limits is None else limits
+            limits = None if self._actuators is None else self._actuators.full_range
             self._randomised = RandomisedModels(self.model, self.batch.expand, limits)
         self._force: Array | None = None
         self._alignment = slope_quaternion(self.terrain) if isinstance(self.terrain, Slope) else None

@@ -31,11 +31,8 @@ TERRAIN = ".toml"
 """End of the path of a user's terrain."""
 LARGEST = 1e6
 """Severity beyond which no unit of an axis means anything."""
-ENDINGS: dict[str, Callable[[Scenario, Robot], Scenario]] = {
-    HARDWARE: lambda scenario, _: on_hardware(scenario),
-    RANDOMISED: randomised,
-}
-"""Ends of names, and what they make of a robot's scenario."""
+Ending = Callable[[Scenario, Robot], Scenario]
+_ENDINGS: dict[str, Ending] = {HARDWARE: lambda scenario, _: on_hardware(scenario), RANDOMISED: randomised}
 STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
 """Level ground, and 0.5 m/s straight ahead for every robot, where effort is compared. Of no axis."""
 _LABELS = ("name", "axis", "severity", "severity_unit")
@@ -71,10 +68,10 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
 
 def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
     """As `scenario`, but None where the name is that of no scenario and no axis."""
-    plain, end = split(name)
-    if end:
+    plain, with_ending = split(name)
+    if with_ending is not None:
         found = find(plain, robot)
-        return found and ENDINGS[end](found, robot)
+        return found and with_ending(found, robot)
     if name.endswith(TERRAIN):
         return _on_terrain(Path(name), robot)
     if is_combination(name):
@@ -88,10 +85,10 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
     return scenarios_of(robot).get(name)
 
 
-def split(name: str) -> tuple[str, str]:
-    """A name without its last ending, and that; empty where there is none."""
-    end = next(filter(name.endswith, ENDINGS), "")
-    return name.removesuffix(end), end
+def split(name: str) -> tuple[str, Ending | None]:
+    """A name without its last ending, and what that makes of a robot's scenario; None where there is none."""
+    end = next(filter(name.endswith, _ENDINGS), "")
+    return name.removesuffix(end), _ENDINGS.get(end)
 
 
 def _on_terrain(path: Path, robot: Robot) -> Scenario:
@@ -129,9 +126,9 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 def scaled_name(name: str, robot: Robot) -> str:
     """The name of what is as hard for a robot, to three digits, as the scenario of that name is for SimpleQuad."""
-    plain, end = split(name)
-    if end:
-        return scaled_name(plain, robot) + end
+    plain, with_ending = split(name)
+    if with_ending is not None:
+        return scaled_name(plain, robot) + name.removeprefix(plain)
     if not is_combination(name):
         return name
     return _written([(axis, float(f"{axis.scaled(severity, robot):.3g}")) for axis, severity in _parts(name, AXES)])
@@ -147,7 +144,7 @@ def _parts(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
     parts = []
     for text in name.split(BETWEEN):
         axis, equals, written = (word.strip() for word in text.partition(EQUALS))
-        if (end := BETWEEN + text) in ENDINGS:
+        if (end := BETWEEN + text) in _ENDINGS:
             raise ValueError(f"{name}: {end} stands at the end, once, as in payload=15+slope=10{end}")
         if axis not in axes:
             raise ValueError(f"{name}: unknown axis {axis!r}; valid: {', '.join(axes)}, as in payload=15+slope=10")

@@ -13,24 +13,17 @@ Part = Annotated[float, Bounds("from 0 to 0.9", 0.0, 0.9)]
 
 
 class Drawn(NamedTuple):
-    """Figures of one episode; factors are on those of the scenario's robot."""
+    """Figures of one episode: factors, of joints (12,), displacement of the centre of mass, (3,), m, delay, s, and
+    offsets, (12,), rad."""
 
     friction: float
-    """Factor."""
     trunk_mass: float
-    """Factor on mass and inertia."""
     centre_of_mass: Array
-    """Displacement along the trunk's axes, (3,), m."""
     stiffness: Array
-    """Factors, (12,)."""
     damping: Array
-    """Factors, (12,)."""
     motor_strength: Array
-    """Factors on the torque limits, (12,)."""
     delay: float
-    """s."""
     encoder_offset: Array
-    """What the encoders read too much, (12,), rad."""
 
 
 @dataclass(frozen=True)

@@ -57,9 +57,9 @@ def randomised(scenario: Scenario, robot: Robot = SIMPLE_QUAD) -> Scenario:
     """The same with domain randomisation for that robot, under the name with RANDOMISED; itself where it has some."""
     if scenario.randomisation is not None:
         return scenario
-    plain, usual = scenario.name.removesuffix(scenario.ending), _randomisation(DomainRandomisation(), robot)
+    usual = scaled(Scenario("usual", randomisation=DomainRandomisation()), robot).randomisation
     found = replace(scenario, randomisation=usual)
-    return replace(found, name=plain + found.ending)
+    return replace(found, name=scenario.name.removesuffix(scenario.ending) + found.ending)
 
 
 def scaled(scenario: Scenario, robot: Robot) -> Scenario:
@@ -72,12 +72,16 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
         return scenario
     by = partial(ratio, robot)
     pushes, force, load, motors = scenario.pushes, scenario.force, scenario.payload, scenario.motors
+    randomisation = scenario.randomisation
     if motors.torque_limit is not None:
         motors = replace(motors, torque_limit=min(by("N·m") * motors.torque_limit, robot.rated_torque))
     if load is not None:
         ahead, beside = load.reach
         reach = (by("m") * ahead, by("m") * beside)
         load = replace(load, mass=by("kg") * load.mass, reach=reach, edge=by("m") * load.edge)
+    if randomisation is not None:
+        ahead, beside, above = randomisation.centre_of_mass
+        randomisation = replace(randomisation, centre_of_mass=(by("m") * ahead, by("m") * beside, by("m") * above))
     return replace(
         scenario,
         terrain=_terrain(scenario.terrain, by("m")),
@@ -87,13 +91,8 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
         ground=replace(scenario.ground, sink_depth=by("m") * scenario.ground.sink_depth),
         motors=motors,
         payload=load,
-        randomisation=scenario.randomisation and _randomisation(scenario.randomisation, robot),
+        randomisation=randomisation,
     )
-
-
-def _randomisation(of: DomainRandomisation, robot: Robot) -> DomainRandomisation:
-    ahead, beside, above = (ratio(robot, "m") * half for half in of.centre_of_mass)
-    return replace(of, centre_of_mass=(ahead, beside, above))
 
 
 def _terrain(terrain: Terrain, larger: float) -> Terrain:

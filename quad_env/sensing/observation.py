@@ -172,9 +172,8 @@ def shown_by(
     robot, dt = simulation.robot, 1 / control_rate
     late = scenario.latency is not None and round(scenario.latency.observation / dt) > 0
     offset = suite is None and scenario.randomisation is not None
-    disturbed = None
-    if late or offset or scenario.noise is not None:
-        disturbed = Sensors(robot, scenario, num_envs, dt, offset)
+    needed = late or offset or scenario.noise is not None
+    disturbed = Sensors(robot, scenario, num_envs, dt, offset) if needed else None
     if suite is None:
         return disturbed
     assert simulation.probe is not None, "a simulation of robots without sensors"
