@@ -53,6 +53,8 @@ class Episode:
         """Centre of the payload, ahead and to the left of the trunk's centre, (2,), m."""
         self.randomised: Drawn | None = None
         """Figures of robot and ground that are not as usual."""
+        self.friction = scenario.ground.friction
+        """Coefficient of the ground."""
         self.action_delay = 0 if scenario.latency is None else round(scenario.latency.action / dt)
         """Control steps from the policy to the servos."""
         self.dropouts: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
@@ -67,6 +69,7 @@ class Episode:
             self.dropouts = first_step, self.streams.dropouts.integers(robot.num_joints, size=dropouts.count)
         if (randomisation := scenario.randomisation) is not None:
             self.randomised = randomisation.draw(robot.num_joints, self.streams.randomisation)
+            self.friction *= self.randomised.friction
             self.action_delay += round(self.randomised.delay / dt)
 
     def next_command(self) -> Array:
