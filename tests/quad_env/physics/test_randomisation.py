@@ -64,7 +64,7 @@ def test_a_robot_alone_has_the_figures_of_its_row() -> None:
 
 
 def test_constants_follow_from_mass_and_centre_of_mass() -> None:
-    with robots("payload+randomised") as env:
+    with robots("payload=20+randomised") as env:
         figures(env, 1)
         shown = env.simulation.model
     worked_out = copy.copy(shown)
@@ -75,7 +75,7 @@ def test_constants_follow_from_mass_and_centre_of_mass() -> None:
     trunk, payload = shown.body("base_link"), shown.body("payload")
     assert trunk.mass != 5.0
     assert trunk.ipos.all()
-    assert payload.mass == 5.0
+    assert payload.mass == 20.0
     assert not payload.ipos.any()
 
 
@@ -102,6 +102,11 @@ def test_delays_of_the_scenario_and_of_the_draw_add_up() -> None:
     late = replace(scenario("latency=0.03"), randomisation=DomainRandomisation(delay=0.05))
     delays = [Episode(SIMPLE_QUAD, late, seed, 0, 0.01).action_delay for seed in range(60)]
     assert set(delays) == {3, 4, 5, 6, 7, 8}
+    with robots(late) as env:
+        targets = SIMPLE_QUAD.home_pose + 0.01 * np.arange(1, 12)[:, None, None] * np.ones((3, 12))
+        heard = np.array([env.step(each) and env.simulation.batch.bind("ctrl")[:, 0].copy() for each in targets])
+        for row, seed in enumerate(SEEDS):
+            assert np.count_nonzero(heard[:, row] < 0.005) == Episode(SIMPLE_QUAD, late, seed, 0, 0.01).action_delay
 
 
 def test_figures_stay_within_their_ranges_and_fill_them() -> None:
