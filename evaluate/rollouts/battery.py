@@ -74,7 +74,8 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
         return BATTERIES[name](robot)
     plain, with_ending = split(name)
     if with_ending is not None:
-        return _once(with_ending(each, robot) for each in _named(plain, robot))
+        made = (with_ending(each, robot) for each in _named(plain, robot))
+        return tuple({each.name: each for each in made}.values())
     if _FILE in name:
         return _from_file(name)
     axis, colon, level = name.partition(":")
@@ -93,11 +94,7 @@ def _real(robot: Robot) -> tuple[Scenario, ...]:
 
 def with_profile(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
     """The scenarios with the robot's hardware profile, none twice."""
-    return _once(map(on_hardware, scenarios))
-
-
-def _once(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
-    return tuple({each.name: each for each in scenarios}.values())
+    return tuple({each.name: each for each in map(on_hardware, scenarios)}.values())
 
 
 def _battery(

@@ -138,6 +138,7 @@ class ActuatorModels:
     def __init__(self, lag: Lag | None, windings: Windings | None, bind: Bind, substeps: int) -> None:
         self._lag, self._windings, self._substeps = lag, windings, substeps
         self._ctrl, self._torque = bind("ctrl"), bind("actuator_force")
+        self.full_range = None if windings is None else windings.full_range
 
     def begin(self, ids: Ids) -> None:
         """Start those robots afresh."""
@@ -154,11 +155,6 @@ class ActuatorModels:
             advance(ids, 1)
             if self._windings is not None:
                 self._windings.heat(self._torque[ids], ids)
-
-    @property
-    def full_range(self) -> Array | None:
-        """Torque limits of cold motors, see `Windings`; None without a thermal model."""
-        return None if self._windings is None else self._windings.full_range
 
     @property
     def temperature(self) -> Array | None:

@@ -54,8 +54,7 @@ def compile_model(
     _delay(spec, actuator.delay)
     model = _compiled(spec)
     model.actuator_forcerange[:] = np.stack((-limit, limit), axis=-1)
-    randomisation = scenario.randomisation
-    if scenario.ground != Ground() or (randomisation is not None and randomisation.friction is not None):
+    if scenario.ground != Ground() or scenario.randomisation is not None:
         _set_ground(model, scenario.ground, robot)
     return model
 

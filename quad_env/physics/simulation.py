@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.runtime import actuator_models_of
-from quad_env.columns import Array, Column, Ids, Mask, Vector, not_finite, of_robot, of_robots, total
+from quad_env.columns import Array, Column, Ids, Mask, Rows, Vector, not_finite, of_robot, of_robots, total
 from quad_env.physics.batch import MUJOCO, batch_of, check_simulator
 from quad_env.physics.energy import Meter, touch_sensors
 from quad_env.physics.footsteps import Columns, Footsteps, touching
@@ -135,18 +135,13 @@ class Simulation:
         self._previous_action = self._action.copy()
 
     def reset(
-        self,
-        ids: NDArray[np.intp],
-        rows: Array,
-        force: Array | None = None,
-        load: Array | None = None,
-        randomised: Sequence[Drawn] = (),
+        self, ids: Rows, rows: Array, force: Array | None = None, load: Array | None = None, drawn: Sequence[Drawn] = ()
     ) -> None:
         """Start the robots `ids` (sorted) from the given start rows, see `episode.draw_start`, just on the ground.
 
         A row holds x, y, yaw, roll, pitch, 12 joint offsets from home, 6 trunk and 12 joint velocities. `force`,
         (k, 2), N, acts on their trunks at every step, world frame; `load`, (k, 2), m, is where their payloads are, base
-        frame; `randomised`, k or none, are figures that differ from episode to episode.
+        frame; `drawn`, k or none, are figures that differ from episode to episode.
         """
         robot = self.robot
         self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
@@ -166,8 +161,8 @@ class Simulation:
             self._filtered[ids] = robot.home_pose
         if self._history is not None:
             self._history[ids] = self._past
-        if self._randomised is not None and randomised:
-            self._randomised.begin(ids, randomised)
+        if self._randomised is not None and drawn:
+            self._randomised.begin(ids, drawn)
         if self._actuators is not None:
             self._actuators.begin(ids)
         if force is not None:

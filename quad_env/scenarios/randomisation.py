@@ -28,7 +28,7 @@ class Drawn(NamedTuple):
 
 @dataclass(frozen=True)
 class DomainRandomisation(Settings):
-    """What is drawn uniformly at every reset, anew for each robot; 0, or None for friction, leaves a figure as it is.
+    """What is drawn uniformly at every reset, anew for each robot; 0, for friction (1, 1), leaves a figure as it is.
 
     The defaults are about those of MuJoCo Playground (Go1: friction 0.4 to 1, trunk ± 1 of 5 kg, centre of mass
     ± 0.05 m), legged_gym (`domain_rand`: friction_range 0.5 to 1.25, added_mass_range ± 1 kg), Isaac Lab (velocity
@@ -36,7 +36,7 @@ class DomainRandomisation(Settings):
     0.9 to 1.1, motor_offset_range ± 0.02 rad); gains ± 20 % and 20 ms are usual in projects built on these.
     """
 
-    friction: tuple[Positive, Positive] | None = (0.5, 1.25)
+    friction: tuple[Positive, Positive] = (0.5, 1.25)
     """Range of the factor on the ground's friction coefficient, which holds for whatever touches the ground"""
     trunk_mass: Part = 0.2
     """Largest share of the trunk's mass that is added or removed; its inertia goes with it"""
@@ -55,14 +55,14 @@ class DomainRandomisation(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.friction is not None and self.friction[0] > self.friction[1]:
+        if self.friction[0] > self.friction[1]:
             raise ValueError(f"the range of friction must rise, got {self.friction}")
 
     def draw(self, joints: int, stream: np.random.Generator) -> Drawn:
         """Figures of the stream's episode, as many numbers whatever is randomised, so that no figure shifts another."""
         friction, mass, delay, *centre = stream.uniform(-1, 1, 6).tolist()
         stiffness, damping, strength, offset = stream.uniform(-1, 1, (4, joints))
-        low, high = self.friction or (1.0, 1.0)
+        low, high = self.friction
         return Drawn(
             friction=low + (high - low) * 0.5 * (1.0 + friction),
             trunk_mass=1.0 + self.trunk_mass * mass,

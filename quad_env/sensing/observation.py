@@ -21,10 +21,8 @@ from quad_env.task.observations import observation_table
 
 
 class Sensors:
-    """Noise and delay of n robots' sensors; `clock` is each robot's control steps since its start.
-
-    With `encoders` joint angles have the offsets of domain randomisation, where no `Instruments` read them.
-    """
+    """Noise and delay of n robots' sensors and, with `encoders`, offsets of joint angles; `clock` is each robot's
+    control steps since its start."""
 
     def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float, encoders: bool) -> None:
         table = observation_table(robot)

@@ -407,7 +407,7 @@ USUAL: dict[type, Usual] = {
     quad_env.SensorNoise: (quad_env.SensorNoise(0.0), part("noise")),
     quad_env.Dropouts: (quad_env.Dropouts(count=1, duration=0.05, window=(0.0, 0.1)), part("dropouts")),
     quad_env.DomainRandomisation: (
-        quad_env.DomainRandomisation(None, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.0),
+        quad_env.DomainRandomisation((1.0, 1.0), 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.0),
         part("randomisation"),
     ),
     quad_env.Imu: (IDEAL.imu, suite("imu")),

@@ -90,7 +90,7 @@ def test_nothing_else_is_drawn_otherwise() -> None:
 
 
 def test_a_figure_is_drawn_alike_whatever_else_is_randomised() -> None:
-    every, one = DomainRandomisation(), DomainRandomisation(None, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+    every, one = DomainRandomisation(), DomainRandomisation((1.0, 1.0), 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
     drawn, alone = (each.draw(12, EpisodeStreams(3, 0).randomisation) for each in (every, one))
     np.testing.assert_array_equal(drawn.encoder_offset, alone.encoder_offset)
     assert (alone.friction, alone.trunk_mass, alone.delay) == (1.0, 1.0, 0.0)
