@@ -129,7 +129,8 @@ class TrainConfig:
     """Largest correction of a hip joint, rad."""
     inputs: Inputs = MEMORY
     mixture: tuple[tuple[str, float], ...] = MIXTURE
-    """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""
+    """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too, as is flat+randomised,
+    with domain randomisation."""
     curriculum: float = number(0.4, limits=(0.0, 1.0))
     """Share of its severity, from the mildest level of its axis, with which each scenario of the mixture begins; it
     grows where the robots track their commands and shrinks where they do not. 1: full severity from the start."""
