@@ -73,7 +73,7 @@ def torque(state: QuadState[Column]) -> Column:
 
 
 def mechanical_power(state: QuadState[Column]) -> Column:
-    """Σ |torque · joint speed|, W."""
+    """Σ ‖torque · joint speed‖ over the joints, W."""
     return state.mechanical_power
 
 
