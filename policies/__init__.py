@@ -19,7 +19,6 @@ from policies.bundle import DESCRIPTION, load
 from policies.foreign import Foreign, is_reference, unsupported
 from policies.mpc.parameters import OTHER_GAITS
 from policies.mpc.policy import MpcWbc
-from policies.mpc.sighted import SightedMpcWbc
 from policies.poses import Stand
 from policies.residual import ResidualPolicy
 from policies.residual_bases import BASES
@@ -38,18 +37,18 @@ TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODEL
 """Names of the trained policies that ship with the project; the residual's, whether it is there or not."""
 
 
-def _shipped(name: str, *, robot: Robot, control_period: float) -> Policy:
+def _shipped(name: str, *, robot: Robot, control_period: float, late: int, actuator: Actuator) -> Policy:
     folder = shipped.folder_of(robot) / name
     if not folder.is_dir():
         raise PolicyError(f"no trained policy in {folder}", f"make one with `python -m train` for {robot.name}")
-    policy = _loaded(folder, robot, control_period)
+    policy = _loaded(folder, robot, control_period, late, actuator)
     policy.name = name
     return policy
 
 
-def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:
+def _loaded(folder: str | Path, robot: Robot, control_period: float, late: int, actuator: Actuator) -> Policy:
     """The policy of a bundle, which was trained for one robot and one control period."""
-    policy = load(folder, robot)
+    policy = load(folder, robot, late=late, actuator=actuator)
     if misfit := policy.misfit(robot, control_period):
         raise PolicyError(f"the policy in {folder} was {misfit}", "take another policy")
     return policy
@@ -60,12 +59,11 @@ _MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: base.make for name, base in BASES.items()},
     "behaviour": Behaviour,
     **_OTHER_GAITS,
-    "mpc_wbc_sighted": SightedMpcWbc,
     **{name: partial(_shipped, name) for name in TRAINED},
 }
 """What makes a policy for a `robot` and a `control_period`, s, by its name."""
-_PREDICTING = ("mpc", "mpc_wbc", "mpc_wbc_sighted", "trot_virtual", *_OTHER_GAITS)
-"""Those that are given by how many control steps the observed joints are `late`."""
+_PREDICTING = (*(name for name, base in BASES.items() if base.predicts), *_OTHER_GAITS, *TRAINED)
+"""Those that are given by how many control steps the observed joints are `late`, and the actuator."""
 
 SAFE = "safe:"
 """Before the name of any policy: that policy within the safety layer."""
@@ -128,15 +126,13 @@ def resolve(
         return Safe(policy, SafetyLimits.of(robot, actuator))
     if is_reference(text):
         return Foreign(text, robot=robot, control_period=control_period, trust=trust)
+    suite = sensor_suite(sensors)
+    late = 0 if suite is None else steps_late(suite.encoders.delay, 1.0 / control_period)
     if text in _MAKERS:
         made = partial(_MAKERS[text], robot=robot, control_period=control_period, **given)
-        if text not in _PREDICTING:
-            return made()
-        suite = sensor_suite(sensors)
-        late = 0 if suite is None else steps_late(suite.encoders.delay, 1.0 / control_period)
-        return made(late=late, actuator=_actuator(actuator))
+        return made(late=late, actuator=_actuator(actuator)) if text in _PREDICTING else made()
     if Path(text).is_dir():
-        return _loaded(text, robot, control_period)
+        return _loaded(text, robot, control_period, late, _actuator(actuator))
     if (remedy := unsupported(text)) is not None:
         raise PolicyError(remedy)
     raise PolicyError(

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.gait_cycle import Floats as Floats
 from policies.gait_cycle import advance, smoothstep
-from policies.memory import begin, begin_again, per_robot
+from policies.memory import begin, begin_again, per_robot, take_over
 from quad_env.cli.command_line import UserError
 from quad_env.config import TaskConfig
 from quad_env.robots.named import robot_of
@@ -51,9 +51,6 @@ class Policy(ABC):
     """
 
     name: str
-    needed: Mask | None = None
-    """Robots whose actions are used, (n,); None for all. A policy may save the work for the others, which are restarted
-    before their actions are used again."""
     height_scan: HeightScan | None = None
     """The scan that its environment is to have; None: it is shown none."""
     stiff_servos: ClassVar[bool] = False
@@ -92,12 +89,17 @@ class Policy(ABC):
         """Restart the policy for `num_envs` robots. `seed` is for policies that draw; none here does."""
         if num_envs < 1:
             raise ValueError(f"num_envs must be at least 1, not {num_envs}")
-        self.num_envs, self.needed = num_envs, None
+        self.num_envs = num_envs
         self._allocate(num_envs)
 
     def reset_where(self, mask: ArrayLike) -> None:
         """Restart the robots where `mask`, shape (num_envs,) of bool, is true; the others go on."""
         self._restart(chosen(np.asarray(mask), self.num_envs))
+
+    def take_over(self, mask: Mask, other: "Policy") -> None:
+        """Go on where the mask, (n,), is true with the robots of another policy made alike, as many as these. For bases
+        of a residual: a policy that holds other policies does not hand these over."""
+        take_over(self, chosen(mask, self.num_envs), other)
 
     def act(self, observation: ArrayLike) -> Actions:
         """Joint targets in rad, float32, within the limits: (n, 12) for observations (n, k), (12,) for one (k,)."""

@@ -21,6 +21,7 @@ from policies.description import WEIGHTS as WEIGHTS
 from policies.description import assembled, description_of, fail, network_of, parsed
 from policies.network import Network
 from policies.residual import ResidualPolicy
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.files.reading import LARGEST, TEXT, read_bytes
 from quad_env.files.writing import write_atomically
 from quad_env.robots.named import robot_of
@@ -51,9 +52,12 @@ def copy(folder: Path, to: Path) -> None:
         write_atomically(to / name, (folder / name).read_bytes())
 
 
-def load(path: str | Path, robot: str | Robot | None = None) -> ResidualPolicy:
+def load(
+    path: str | Path, robot: str | Robot | None = None, *, late: int = 0, actuator: Actuator = IDEAL
+) -> ResidualPolicy:
     """The policy of a bundle's folder, or of a training run's, which is that of its best validation; for its `robot`,
-    which has to be given where it is none of `quad_env.ROBOTS`.
+    which has to be given where it is none of `quad_env.ROBOTS`. A base that predicts is told that observed joints are
+    so many control steps `late`, and of their actuator.
 
     Raises PolicyError, one line, if anything is missing, damaged or does not fit.
     """
@@ -63,7 +67,7 @@ def load(path: str | Path, robot: str | Robot | None = None) -> ResidualPolicy:
     if hashlib.sha256(weights).hexdigest() != description.weights_sha256:
         fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
     network = network_of(folder, description.network, _parse_weights(folder, weights))
-    return assembled(folder, description, network, None if robot is None else robot_of(robot))
+    return assembled(folder, description, network, None if robot is None else robot_of(robot), late, actuator)
 
 
 def folder_of(folder: Path) -> Path:

@@ -18,14 +18,15 @@ from policies.base import CONTROL_PERIOD, PolicyError
 from policies.history import Inputs
 from policies.network import ACTIVATION, Network
 from policies.residual import ResidualPolicy
-from policies.residual_bases import describe, described
+from policies.residual_bases import describe, described, scan_of
 from quad_env import ENV_ID
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.config import Bounds, Settings
 from quad_env.files.reading import parse_json
 from quad_env.robots.named import ROBOTS
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.task.observations import observation_table
+from quad_env.sensing.height_scan import HeightScan, table_with
 
 SCHEMA_VERSION = 1
 DESCRIPTION, WEIGHTS = "policy.json", "policy.safetensors"
@@ -76,7 +77,7 @@ def description_of(
     return {
         "schema_version": SCHEMA_VERSION,
         "name": policy.name,
-        **_of_environment(policy.robot),
+        **_of_environment(policy.robot, policy.height_scan),
         "robot": policy.robot.name,
         "model_sha256": policy.robot.sha256,
         "control_period": policy.control_period,
@@ -113,17 +114,28 @@ def parsed(place: Path, content: bytes) -> Fields:
         fail(place, f"{DESCRIPTION} is none of this version: {error}")
 
 
-def assembled(place: Path, description: Fields, network: Network, robot: Robot | None = None) -> ResidualPolicy:
-    """The policy of a description with its network; `robot` as in `load`. Raises PolicyError."""
+def assembled(
+    place: Path,
+    description: Fields,
+    network: Network,
+    robot: Robot | None = None,
+    late: int = 0,
+    actuator: Actuator = IDEAL,
+) -> ResidualPolicy:
+    """The policy of a description with its network; `robot`, `late` and `actuator` as in `load`. Raises PolicyError."""
     robot = _made_for(place, description, robot)
-    for name, here in _of_environment(robot).items():
+    try:
+        scan = scan_of(description.base)
+    except ValueError as error:
+        fail(place, str(error))
+    for name, here in _of_environment(robot, scan).items():
         if (there := getattr(description, name)) != here:
             fail(place, f"{name} differs from that of this {ENV_ID} with {robot.name}: {there!r:.80}")
     if description.model_sha256 not in (None, robot.sha256):
         fail(place, f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)")
     authority = np.array(description.authority, dtype=np.float32)
     try:
-        base = described(description.base, robot, float(description.control_period))
+        base = described(description.base, robot, float(description.control_period), late, actuator)
         return ResidualPolicy(base, network, authority, description.name, description.inputs, description.hold)
     except ValueError as error:
         fail(place, str(error))
@@ -168,9 +180,9 @@ def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]]) ->
     return network
 
 
-def _of_environment(robot: Robot) -> dict[str, Any]:
+def _of_environment(robot: Robot, scan: HeightScan | None) -> dict[str, Any]:
     """Fields that say in which environment a policy acts; the observation's layout by name -> [start, stop]."""
-    table = observation_table(robot)
+    table = table_with(robot, scan)
     return {
         "env_id": ENV_ID,
         "joints": list(robot.joint_names),

@@ -52,6 +52,10 @@ class Memory:
         """Fresh memory of the robots where the mask, (n,), is true."""
         begin_again(self, mask)
 
+    def take_over(self, mask: NDArray[np.bool_], other: Any) -> None:
+        """Go on where the mask, (n,), is true with the robots of another one of the same kind, as many as these."""
+        take_over(self, mask, other)
+
 
 def begin(owner: Any, num_envs: int) -> None:
     """Fresh fields of an object for so many robots."""
@@ -69,6 +73,16 @@ def begin_again(owner: Any, mask: NDArray[np.bool_]) -> None:
         setattr(owner, field.name, now)
     for part in _parts(owner):
         part.reset_where(mask)
+
+
+def take_over(owner: Any, mask: NDArray[np.bool_], other: Any) -> None:
+    """Put the fields of another object of the same kind where the mask, (n,), is true, as many robots as it has."""
+    for field in _fields(owner):
+        now = getattr(owner, field.name).copy()
+        now[(*[slice(None)] * field.axis, mask)] = getattr(other, field.name)
+        setattr(owner, field.name, now)
+    for part, theirs in zip(_parts(owner), _parts(other), strict=True):
+        part.take_over(mask, theirs)
 
 
 def _fields(owner: Any) -> list[Field]:

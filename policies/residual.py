@@ -8,6 +8,7 @@ from policies.history import History, Inputs
 from policies.memory import Memory, per_robot
 from policies.network import Network
 from quad_env.robots.robot import Robot
+from quad_env.sensing.height_scan import table_with
 from quad_env.task.observations import observation_table
 
 PRESENT = Inputs()
@@ -34,8 +35,10 @@ class Features(Memory):
 
     def __init__(self, base: Policy, inputs: Inputs = PRESENT) -> None:
         self.base, self.inputs = base, inputs
-        self._table = observation_table(base.robot)
-        self._history = History(inputs, self._table.size, base.control_period)
+        self._table = table_with(base.robot, base.height_scan)
+        self._own = observation_table(base.robot).size
+        """Numbers of an observation without a height scan; of these alone the past is remembered."""
+        self._history = History(inputs, self._own, base.control_period)
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
         self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
         """Numbers of a row."""
@@ -50,7 +53,7 @@ class Features(Memory):
         if self.inputs.clock:
             seen += [_hands(2.0 * np.pi * self.inputs.clock * self.base.control_period * self.ticks)]
         if self._history.width:
-            seen += [self._history.see(scaled)]
+            seen += [self._history.see(scaled[:, : self._own])]
         return np.concatenate(seen, axis=-1) if len(seen) > 1 else scaled
 
 
@@ -99,6 +102,7 @@ class ResidualPolicy(Policy):
         self.network = network
         self.authority = authority if authority is not None else authority_of(robot)
         self.name = name
+        self.height_scan = base.height_scan
         super().__init__(robot=robot, control_period=base.control_period)
         self._allocate(1)
 

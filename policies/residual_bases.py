@@ -11,8 +11,10 @@ from policies.article import Document, DocumentRepaired, PrintedGait
 from policies.base import Policy
 from policies.gaits.parameters import GAITS, GaitParameters
 from policies.gaits.policy import Gaits
+from policies.mpc.model_based import ModelBased
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import Mpc, MpcWbc
+from policies.mpc.sighted import SightedMpcWbc
 from policies.parameters import Parameters, from_json
 from policies.poses import Crouch, Stand
 from policies.trot.feedback import TrotFeedback
@@ -21,7 +23,9 @@ from policies.trot.integral import IntegralParameters, TrotIntegral
 from policies.trot.open_loop import Trot, TrotParameters
 from policies.virtual_model.parameters import VirtualParameters
 from policies.virtual_model.policy import TrotVirtual
+from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.robots.robot import Robot
+from quad_env.sensing.height_scan import HeightScan
 
 
 class Base(NamedTuple):
@@ -39,6 +43,11 @@ class Base(NamedTuple):
         assert isinstance(kind, type)
         return kind
 
+    @property
+    def predicts(self) -> bool:
+        """Whether it is made with an `actuator` and by how many control steps the observed joints are `late`."""
+        return issubclass(self.kind, ModelBased)
+
 
 BASES: dict[str, Base] = {
     "bound": Base(partial(Gaits, "bound"), GaitParameters),
@@ -48,6 +57,7 @@ BASES: dict[str, Base] = {
     "gaits": Base(Gaits, GaitParameters),
     "mpc": Base(Mpc, MpcParameters),
     "mpc_wbc": Base(MpcWbc, MpcParameters),
+    "mpc_wbc_sighted": Base(SightedMpcWbc, MpcParameters),
     "pace": Base(partial(Gaits, "pace"), GaitParameters),
     "pronk": Base(partial(Gaits, "pronk"), GaitParameters),
     "stand": Base(Stand),
@@ -61,7 +71,8 @@ BASES: dict[str, Base] = {
 
 
 def describe(policy: Policy) -> dict[str, Any]:
-    """Name, parameters and the SHA-256 of these, as JSON values. Raises ValueError for a policy that is no base."""
+    """Name, parameters and the SHA-256 of these, and its height scan where it has one, as JSON values. Raises
+    ValueError for a policy that is no base."""
     base = BASES.get(policy.name)
     if base is None or type(policy) is not base.kind:
         raise ValueError(f"a residual's base is one of {', '.join(BASES)}, not {policy.name}")
@@ -70,12 +81,16 @@ def describe(policy: Policy) -> dict[str, Any]:
         parameters = {name: asdict(each) for name, each in parameters.items()}
     else:
         parameters = asdict(parameters)
-    return {"name": policy.name, "parameters": parameters, "sha256": _digest(parameters)}
+    scan = {} if policy.height_scan is None else {"height_scan": asdict(policy.height_scan)}
+    return {"name": policy.name, "parameters": parameters, "sha256": _digest(parameters), **scan}
 
 
-def described(description: Any, robot: Robot, control_period: float) -> Policy:
-    """The policy of a description, for that robot and control period, s. Raises ValueError, one line."""
-    if not isinstance(description, dict) or set(description) != {"name", "parameters", "sha256"}:
+def described(
+    description: Any, robot: Robot, control_period: float, late: int = 0, actuator: Actuator = IDEAL
+) -> Policy:
+    """The policy of a description, for that robot and control period, s, and where it predicts for joints that are read
+    so many control steps `late` and driven by that actuator. Raises ValueError, one line."""
+    if not isinstance(description, dict) or set(description) - {"height_scan"} != {"name", "parameters", "sha256"}:
         raise ValueError("base must have name and parameters, and a sha256 of these")
     name, parameters = description["name"], description["parameters"]
     if not isinstance(name, str) or name not in BASES:
@@ -85,6 +100,12 @@ def described(description: Any, robot: Robot, control_period: float) -> Policy:
     arguments = _arguments(BASES[name], parameters)
     if description["sha256"] != _digest(parameters):
         raise ValueError("the base's parameters are not those that it was trained on (SHA-256 differs)")
+    if (BASES[name].kind is SightedMpcWbc) != ((scan := scan_of(description)) is not None):
+        raise ValueError(f"mpc_wbc_sighted needs a height_scan, and no other base has one; this is {name}")
+    if scan is not None:
+        arguments["height_scan"] = scan
+    if BASES[name].predicts:
+        arguments |= {"late": late, "actuator": actuator}
     return BASES[name].make(robot=robot, control_period=control_period, **arguments)
 
 
@@ -102,6 +123,16 @@ def _arguments(base: Base, parameters: dict[str, Any]) -> dict[str, Any]:
         return {"parameters": from_json(base.parameters, parameters)}
     except ValueError as error:
         raise ValueError(f"the base's {error}") from None
+
+
+def scan_of(description: Any) -> HeightScan | None:
+    """The height scan of a description; None where it has none. Raises ValueError."""
+    if not isinstance(description, dict) or "height_scan" not in description:
+        return None
+    try:
+        return HeightScan(**description["height_scan"])
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"the base's height_scan: {error}") from None
 
 
 def _digest(parameters: dict[str, Any]) -> str:

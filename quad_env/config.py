@@ -169,7 +169,9 @@ class RewardWeights(Settings):
     tilt: float = -0.5
     action_rate: float = -0.02
     torque: float = -2e-5
+    mechanical_power: float = 0.0
     foot_air_time: float = 0.0
+    touchdown_speed: float = 0.0
     fall: float = -1.0
 
 

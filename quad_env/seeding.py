@@ -64,6 +64,8 @@ class EpisodeStreams:
     """Biases, offsets and noise of the sensors."""
     scan_noise = _stream(8)
     """Noise of the height scan."""
+    randomisation = _stream(9)
+    """Figures of the robot and the ground, where these differ from episode to episode."""
 
 
 def seeds_of(seed: int | Sequence[int], num_envs: int) -> list[Any]:

@@ -7,6 +7,7 @@ from typing import Any
 from quad_env.actuation.models import Actuator, Thermal, TorqueSpeed
 from quad_env.config import AnyPose, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
+from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, HeightField, Slope, SmoothRandom, Stairs
 from quad_env.sensing.height_scan import HeightScan
@@ -18,7 +19,7 @@ _KINDS: dict[str, Any] = {
     for kind in (
         *(Scenario, CommandRanges, StartNoise, AnyPose),
         *(Flat, Slope, SmoothRandom, Stairs, HeightField),
-        *(Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce),
+        *(Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce, DomainRandomisation),
         *(Actuator, Thermal, TorqueSpeed),
         *(SensorSuite, Imu, Encoders, FootContact, JointTorque),
         *(TaskConfig, FallRule, RewardWeights, HeightScan),

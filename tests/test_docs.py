@@ -14,12 +14,13 @@ import textwrap
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from markdown_it import MarkdownIt
 
 import policies
 from live.commands import doctor
-from quad_env import AXES, SCENARIOS, SIMPLE_QUAD
+from quad_env import AXES, SCENARIOS, SIMPLE_QUAD, DomainRandomisation
 from quad_env.doctor.command import CHECKS
 from quad_env.task.observations import observation_table
 
@@ -138,6 +139,14 @@ def test_every_axis_has_its_row_with_its_levels_and_its_nominal_one_bold() -> No
         assert [float(level.strip("* ")) for level in levels.split(",")] == list(axis.levels), name
         (bold,) = re.findall(r"\*\*(.+?)\*\*", levels)
         assert float(bold) == axis.nominal
+
+
+def test_every_figure_of_domain_randomisation_has_its_row_with_its_default() -> None:
+    rows = table("| field of `quad_env.DomainRandomisation` | default | what is drawn |", "docs/environment.md")
+    shown = {name.strip("`"): float(re.findall(r"[\d.]+", default)[-1]) for name, default, _ in rows}
+    percent = {name.strip("`"): 0.01 if "%" in default else 1.0 for name, default, _ in rows}
+    usual = {name: np.ravel(value)[-1] for name, value in vars(DomainRandomisation()).items()}
+    assert {name: value * percent[name] for name, value in shown.items()} == pytest.approx(usual)
 
 
 def test_checks_named_for_a_symptom_exist() -> None:

@@ -19,8 +19,8 @@ from quad_env.scenarios.named import scaled_name, scenario
 
 PolicyKind = Literal["residual", "end-to-end"]
 BaseName = Literal[
-    "bound", "crouch", "document", "document_repaired", "gaits", "mpc", "mpc_wbc", "pace", "pronk", "stand", "trot",
-    "trot_feedback", "trot_integral", "trot_virtual", "walk",
+    "bound", "crouch", "document", "document_repaired", "gaits", "mpc", "mpc_wbc", "mpc_wbc_sighted", "pace", "pronk",
+    "stand", "trot", "trot_feedback", "trot_integral", "trot_virtual", "walk",
 ]  # fmt: skip
 """A name of `policies.residual_bases.BASES`; written out, so that --help lists them at once."""
 
@@ -48,6 +48,8 @@ small delay, without which robots trained on a delay of 0.08 s do worse at 0.03 
 REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, fall=-5.0)
 """The environment's, and a slope where the robot is so far off its command that the tracking rewards are flat. A second
 there costs about 1: less than a fall, or falling would earn more."""
+EFFORT = "action_rate", "torque", "mechanical_power", "touchdown_speed"
+"""Reward terms that a ramp begins without."""
 MEMORY = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
 """Past observations in which delays, loads, forces and slow motors can be recognised."""
 
@@ -127,10 +129,14 @@ class TrainConfig:
     """Largest correction of a hip joint, rad."""
     inputs: Inputs = MEMORY
     mixture: tuple[tuple[str, float], ...] = MIXTURE
-    """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""
+    """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too, as is flat+randomised,
+    with domain randomisation."""
     curriculum: float = number(0.4, limits=(0.0, 1.0))
     """Share of its severity, from the mildest level of its axis, with which each scenario of the mixture begins; it
     grows where the robots track their commands and shrinks where they do not. 1: full severity from the start."""
+    effort_ramp: float = number(0.0, limits=(0.0, 1.0))
+    """Share of the run over which the reward weights of effort (action rate, torque, power, touch-down speed) grow
+    from zero; 0: in full from the start."""
     max_episode_steps: int = number(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
     robot: str = "simple_quad"

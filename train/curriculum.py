@@ -80,7 +80,7 @@ def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scena
     if (hardest - mildest) * (-1.0 if axis.falling else 1.0) <= 0.0:
         return scenario
     found = axis.scenario(float(np.exp(mildest + share * (hardest - mildest))), scenario.name)
-    return dataclasses.replace(found, hardware=scenario.hardware)
+    return dataclasses.replace(found, hardware=scenario.hardware, randomisation=scenario.randomisation)
 
 
 def next_shares(shares: Sequence[float], counted: NDArray[np.int64], kept: NDArray[np.int64]) -> list[float]:

@@ -6,6 +6,9 @@ Any learner that takes a `VectorEnv` with same-step autoreset can train on it:
     env = ResidualVectorEnv(robots, policies.make("trot"))
 """
 
+import copy
+import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +27,53 @@ Infos = dict[str, Any]
 Step = tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray, Infos]
 
 
+class BaseOf:
+    """A base policy of some rows of an environment, with what the learner sees of it and what starts new episodes.
+
+    Args:
+        base: made for these robots and their control period.
+        rows: theirs.
+        inputs: as of `ResidualVectorEnv`.
+    """
+
+    def __init__(self, base: Policy, rows: slice, inputs: Inputs) -> None:
+        self.base, self.rows = base, rows
+        self._features = Features(base, inputs)
+        self.width = self._features.width
+        """Numbers of a row of `seen`."""
+        self._fresh = copy.deepcopy(base)
+        """Of the robots that begin an episode, which the base then takes over: all are asked for an action on the last
+        observation of their old episode, and these on the first one of their new, without the others' clocks running
+        twice."""
+        self._fresh_features = Features(self._fresh, inputs)
+
+    def reset(self) -> None:
+        """Start all its robots anew."""
+        count = self.rows.stop - self.rows.start
+        self.base.reset(count)
+        self._features.reset(count)
+
+    def tick(self, observation: FloatArray) -> None:
+        """Answer observations of all robots of the environment, (n, m)."""
+        own = observation[self.rows]
+        self.action = self.base.act(own)
+        self.seen = self._features.see(own, self.action)
+
+    def begin(self, robots: BoolArray, observation: FloatArray) -> None:
+        """Answer the first observations, (n, m), of the robots in the mask, (n,), which begin an episode."""
+        if not (own := robots[self.rows]).any():
+            return
+        first, count = observation[self.rows][own], int(own.sum())
+        self._fresh.reset(count)
+        self._fresh_features.reset(count)
+        action = self._fresh.act(first)
+        seen = self._fresh_features.see(first, action)
+        self.base.take_over(own, self._fresh)
+        self._features.take_over(own, self._fresh_features)
+        self.action, self.seen = self.action.copy(), self.seen.copy()
+        self.action[own], self.seen[own] = action, seen
+
+
 class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
     """Robots that follow `base` plus the learner's correction.
 
@@ -36,7 +86,8 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
 
     Args:
         env: robots with `autoreset_mode` DISABLED; they are restarted here, once their last features have been taken.
-        base: the policy that is corrected; made for the robots and their control period.
+        base: the policy that is corrected; made for the robots and their control period. Or several of one kind, such
+            as for robots with and without a real robot's delays, each with the number of robots that are its own.
         authority: largest correction of each joint, rad, shape (12,); None for the usual one.
         hold: control steps of one step of the learner.
         inputs: observations of the learner in addition to the present one and the base.
@@ -45,7 +96,7 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
     def __init__(
         self,
         env: VectorEnv[FloatArray, FloatArray, NDArray[Any]],
-        base: Policy,
+        base: Policy | Sequence[tuple[Policy, int]],
         authority: FloatArray | None = None,
         hold: int = 1,
         inputs: Inputs = PRESENT,
@@ -54,13 +105,20 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
             raise ValueError(f'the robots must be made with autoreset_mode="DISABLED", not {mode}: they restart here')
         robots: Any = env.unwrapped
-        base.check_fits(robots.robot, robots.dt)
-        self.base = base
-        self.authority = authority if authority is not None else authority_of(base.robot)
+        each = [(base, env.num_envs)] if isinstance(base, Policy) else list(base)
+        ends = list(itertools.accumulate(count for _, count in each))
+        if not each or ends[-1] != env.num_envs:
+            raise ValueError(f"{env.num_envs} robots need as many rows of bases, not {sum(count for _, count in each)}")
+        for policy, _ in each:
+            policy.check_fits(robots.robot, robots.dt)
+        self.bases = [
+            BaseOf(policy, slice(end - count, end), inputs) for (policy, count), end in zip(each, ends, strict=True)
+        ]
+        robot = each[0][0].robot
+        self.authority = authority if authority is not None else authority_of(robot)
         self._hold = hold
-        self._features = Features(base, inputs)
-        self.single_observation_space = Box(-np.inf, np.inf, (self._features.width,), np.float32)
-        self.single_action_space = Box(-1.0, 1.0, (base.robot.num_joints,), np.float32)
+        self.single_observation_space = Box(-np.inf, np.inf, (self.bases[0].width,), np.float32)
+        self.single_action_space = Box(-1.0, 1.0, (robot.num_joints,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
         self.action_space = batch_space(self.single_action_space, env.num_envs)
         self.metadata = env.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
@@ -70,13 +128,10 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         if options and "reset_mask" in options:
             raise ValueError("finished robots restart by themselves: leave options['reset_mask'] out")
         observation, infos = self.env.reset(seed=seed, options=options)
-        # Two rows of the base a robot, its episode's and a spare one for its next: where an episode ends and the next
-        # begins, both are asked for an action in one tick, and no clock runs twice.
-        self.base.reset(2 * self.num_envs)
-        self._features.reset(2 * self.num_envs)
-        self._row, self._spare = np.split(np.arange(2 * self.num_envs), 2)
-        self._tick(observation, observation)
-        return self._seen[self._row], infos
+        for each in self.bases:
+            each.reset()
+        self._tick(observation)
+        return self._seen, infos
 
     def step(self, actions: FloatArray) -> Step:
         """Move the robots by `hold` control steps; rewards are summed. Raises ValueError for actions of another shape.
@@ -88,41 +143,39 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
             raise ValueError(f"corrections have shape {self.action_space.shape}, not {correction.shape}")
         observation, rewards, terminated, truncated, infos = self._move(correction)
         for _ in range(self._hold - 1):
-            self._tick(observation, observation)
+            self._tick(observation)
             observation, more, terminated, truncated, infos = self._move(correction)
             rewards += more
+        self._tick(observation)
         if (finished := terminated | truncated).any():
-            infos = self._restart(observation, finished, infos)
-        else:
-            self._tick(observation, observation)
-        return self._seen[self._row], rewards, terminated, truncated, infos
+            infos = self._restart(finished, infos)
+        return self._seen, rewards, terminated, truncated, infos
 
     def _move(self, correction: FloatArray) -> Step:
         """One control step of the robots, their joints corrected."""
-        return self.env.step(compose(self.base.robot, self._base_action[self._row], correction, self.authority))
+        base_action = np.concatenate([each.action for each in self.bases])
+        return self.env.step(compose(self.bases[0].base.robot, base_action, correction, self.authority))
 
-    def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> Infos:
+    def _restart(self, finished: BoolArray, infos: Infos) -> Infos:
         """Restart the finished robots; the infos with the end of their episodes."""
-        observation, fresh = self.env.reset(options={"reset_mask": finished})
-        begun = np.isin(np.arange(2 * self.num_envs), self._spare[finished])
-        self.base.reset_where(begun)
-        self._features.reset_where(begun)
-        self._tick(final, observation)
         ends = {
-            "final_obs": np.where(finished[:, None], self._seen[self._row], np.float32(0.0)),
+            "final_obs": np.where(finished[:, None], self._seen, np.float32(0.0)),
             "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
         }
-        self._row, self._spare = np.where(finished, (self._spare, self._row), (self._row, self._spare))
+        observation, fresh = self.env.reset(options={"reset_mask": finished})
+        for each in self.bases:
+            each.begin(finished, observation)
         masks = {f"_{key}": finished.copy() for key in ends}
         return _merged(finished, fresh, infos) | ends | masks
 
-    def _tick(self, observation: FloatArray, following: FloatArray) -> None:
-        """Ask the base for its actions on the present episodes' observations and, in the spare rows, on others."""
-        rows = np.empty((2 * self.num_envs, observation.shape[1]), np.float32)
-        rows[self._row], rows[self._spare] = observation, following
-        self.base.needed = None if following is not observation else np.isin(np.arange(len(rows)), self._row)
-        self._base_action = self.base.act(rows)
-        self._seen = self._features.see(rows, self._base_action)
+    def _tick(self, observation: FloatArray) -> None:
+        """Ask the bases for their actions on these observations."""
+        for each in self.bases:
+            each.tick(observation)
+
+    @property
+    def _seen(self) -> FloatArray:
+        return np.concatenate([each.seen for each in self.bases])
 
 
 def _merged(mask: BoolArray, fresh: Infos, infos: Infos) -> Infos:

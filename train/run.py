@@ -2,7 +2,6 @@
 
 import contextlib
 
-import policies
 from policies.residual import authority_of
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
@@ -17,7 +16,7 @@ from train.sb3.log import run_logger
 from train.sb3.ppo import REWARD_SCALE, build
 from train.sb3.progress import Display, Pace
 from train.sb3.vec_env import TrainingVecEnv
-from train.training_robots import make_robots, training_seeds
+from train.training_robots import bases_of, make_robots, training_seeds
 
 
 def train(config: TrainConfig) -> None:
@@ -69,7 +68,6 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     The value network also sees what the robot cannot know: its scenario, its true velocity, pushes.
     """
     robots = make_robots(config)
-    base = policies.make(config.base, robot=robots.robot, control_period=robots.dt)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
-    env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs)
+    env = ResidualVectorEnv(robots, bases_of(config), authority, config.ppo.hold, config.inputs)
     return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged=True)

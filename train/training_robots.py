@@ -11,6 +11,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+import policies
+from policies.base import Policy
+from quad_env.actuation.hardware import hardware_profile
 from quad_env.columns import Array, of_robots
 from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -19,7 +22,7 @@ from quad_env.scenarios.named import Scenario
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.seeding import episode_seeds
 from quad_env.task.rewards import REWARD
-from train.config import PUSHES, TIMESTEP, TrainConfig
+from train.config import EFFORT, PUSHES, TIMESTEP, TrainConfig
 from train.curriculum import Intervals, eased, practice
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 
@@ -189,19 +192,44 @@ def make_robots(config: TrainConfig) -> TrainingRobots:
     def cuts(seeds: Sequence[int] | None) -> NDArray[np.int64]:
         return np.random.default_rng(seeds).integers(1, config.max_episode_steps, config.ppo.envs, endpoint=True)
 
-    batches = [make_batch(config, number, config.curriculum) for number in range(len(robots_per_scenario(config)))]
+    batches = [
+        make_batch(config, number, config.curriculum, effort_at(config, 0))
+        for number in range(len(robots_per_scenario(config)))
+    ]
     return TrainingRobots(batches, cuts, config.threads if side_by_side(config) else 1)
 
 
 def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
-    """Number of robots on each scenario: shares rounded by largest remainder, scenarios without robots left out."""
+    """Number of robots on each scenario: shares rounded by largest remainder, scenarios without robots left out; those
+    on the hardware profile last."""
     total = sum(share for _, share in config.mixture)
     exact = [(name, share / total * config.ppo.envs) for name, share in config.mixture]
-    counts = {name: int(amount) for name, amount in exact}
+    counts = {name: int(amount) for name, amount in sorted(exact, key=lambda entry: _real(config, entry[0]))}
     by_remainder = sorted(exact, key=lambda entry: int(entry[1]) - entry[1])
     for name, _ in by_remainder[: config.ppo.envs - sum(counts.values())]:
         counts[name] += 1
     return {name: count for name, count in counts.items() if count}
+
+
+def base_of(config: TrainConfig, real: bool = False) -> Policy:
+    """A fresh base of a run; a `real` one is for scenarios on the hardware profile, with the same servo gains."""
+    base = config.hardware.policy(config.base)
+    if not real:
+        return base
+    profile = hardware_profile(config.hardware.quadruped)
+    return policies.make(config.base, robot=base.robot, actuator=profile.actuator, sensors=profile.sensors)
+
+
+def bases_of(config: TrainConfig) -> list[tuple[Policy, int]]:
+    """The bases of the robots of a run, each with the number of its robots."""
+    counts = [0, 0]
+    for name, count in robots_per_scenario(config).items():
+        counts[_real(config, name)] += count
+    return [(base_of(config, bool(real)), count) for real, count in enumerate(counts) if count]
+
+
+def _real(config: TrainConfig, name: str) -> bool:
+    return find_scenario(name, config.hardware.quadruped).hardware
 
 
 def side_by_side(config: TrainConfig) -> bool:
@@ -209,15 +237,23 @@ def side_by_side(config: TrainConfig) -> bool:
     return len(robots_per_scenario(config)) >= config.threads
 
 
-def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVectorEnv:
-    """The batch of a run's scenario of that number, at that share of its severity."""
+def effort_at(config: TrainConfig, steps: int) -> float:
+    """Share of the reward weights of effort after so many steps of a run, 0 … 1."""
+    ramp = config.effort_ramp * config.steps
+    return min(steps / ramp, 1.0) if ramp else 1.0
+
+
+def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1.0) -> SimpleQuadVectorEnv:
+    """The batch of a run's scenario of that number, at that share of its severity and of the weights of effort."""
     name, count = list(robots_per_scenario(config).items())[number]
-    robot = config.hardware.quadruped
+    robot, base = config.hardware.quadruped, base_of(config)
     scenario = practice(eased(find_scenario(name, robot), share, robot), "training", config.seed)
-    task = TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards)
+    rewards = dataclasses.replace(config.rewards, **{name: effort * getattr(config.rewards, name) for name in EFFORT})
+    task = TaskConfig(timestep=TIMESTEP, reward_weights=rewards)
     return SimpleQuadVectorEnv(
         count, _pushed(scenario), 1 if side_by_side(config) else config.threads, AutoresetMode.DISABLED,
-        max_episode_steps=config.max_episode_steps, config=task, **config.hardware.environment(robot.stiffer),
+        max_episode_steps=config.max_episode_steps, config=task, height_scan=base.height_scan,
+        **config.hardware.environment(base.robot),
     )  # fmt: skip
 
 

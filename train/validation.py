@@ -19,12 +19,17 @@ YAW_WEIGHT = 0.5
 """m/s of velocity error that a rad/s of yaw-rate error counts as."""
 
 
-def validate(policy: Policy, config: ValidationConfig, nthread: int, hardware: Hardware) -> dict[str, dict[str, float]]:
-    """Mean metrics of each scenario on robots with that hardware, scenario -> name -> value."""
+def validate(
+    policy: Policy, config: ValidationConfig, nthread: int, hardware: Hardware, real: Policy | None = None
+) -> dict[str, dict[str, float]]:
+    """Mean metrics of each scenario on robots with that hardware, scenario -> name -> value.
+
+    `real`: the same policy as it is made for scenarios on the hardware profile, where that differs.
+    """
     seeds = episode_seeds("validation", VALIDATION_SEED, config.episodes)
-    walk = partial(run, policy, seeds=seeds, nthread=nthread, hardware=hardware)
-    ground = partial(practice, purpose="validation", robot=hardware.quadruped)
-    return {name: summarise(walk(ground(name))) for name in config.scenarios}
+    walk = partial(run, seeds=seeds, nthread=nthread, hardware=hardware)
+    scenarios = {name: practice(name, "validation", robot=hardware.quadruped) for name in config.scenarios}
+    return {name: summarise(walk(real if real and each.hardware else policy, each)) for name, each in scenarios.items()}
 
 
 def rank(results: Results) -> tuple[float, float]:

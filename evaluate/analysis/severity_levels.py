@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from evaluate.rollouts.experiment import Cell
 from quad_env.cli.format import NO_BREAK
 from quad_env.scenarios.axes import AXES
-from quad_env.scenarios.scenario import HARDWARE, Scenario
+from quad_env.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def severity_axes(cells: Sequence[Cell]) -> tuple[SeverityAxis, ...]:
 
 def axis_name(scenario: Scenario) -> str:
     """`push`, with the hardware profile `push+hardware`; of a scenario without an axis its own name."""
-    return scenario.axis + (HARDWARE if scenario.hardware else "") if scenario.axis else scenario.name
+    return scenario.axis + scenario.ending if scenario.axis else scenario.name
 
 
 def _mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:

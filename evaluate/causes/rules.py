@@ -77,7 +77,7 @@ def trunk_blow(record: Record) -> Iterator[Event]:
 
 def slides(record: Record) -> Iterator[Event]:
     """Standing feet that slide; on ground that grips they have been driven to it."""
-    window, held, friction = record.window, record.of("foot_contact") > 0, record.scenario.ground.friction
+    window, held, friction = record.window, record.of("foot_contact") > 0, record.drawn.friction
     held[1:] &= held[:-1].copy()
     speed = planar(record.shank[1][window, :, -1])
     sliding = held[window] & (speed > record.at("slide"))
@@ -142,7 +142,7 @@ def estimates(record: Record) -> Iterator[Event]:
     """What the policy was shown against the truth of the moment that it was of, by the known delay."""
     if record.episodes.observed is None:
         return
-    moments = np.maximum(np.arange(record.end) - _late(record, "observation"), 0)
+    moments = np.maximum(np.arange(record.end) - _late(record), 0)
     shown, rotation = record.of("observed"), record.rotation[moments]
     down = shown[:, :3] / np.maximum(np.linalg.norm(shown[:, :3], axis=1), 1e-9)[:, None]
     tilt = np.arccos(np.clip(-(down * rotation[:, 2]).sum(axis=1), -1.0, 1.0))
@@ -156,8 +156,8 @@ def estimates(record: Record) -> Iterator[Event]:
 def signals(record: Record) -> Iterator[Event]:
     """Delay of readings and actions; servos that receive no targets shortly before the onset."""
     dropouts, plan, window, dt = record.scenario.dropouts, record.drawn.dropouts, record.window, record.episodes.dt
-    late, length = _late(record, "action"), control_steps(dropouts.duration if dropouts else 0.0, dt)
-    if both := late + _late(record, "observation"):
+    late, length = record.drawn.action_delay, control_steps(dropouts.duration if dropouts else 0.0, dt)
+    if both := late + _late(record):
         words = f"readings and actions are {1000 * both * dt:.0f} ms late together"
         yield Event(SIGNAL, window.start, both * dt / record.time_constant / record.at("delay"), words)
     for start, joint in [] if plan is None else np.transpose(plan).tolist():
@@ -194,9 +194,10 @@ def _rise(record: Record, height: float) -> str:
     return f"{'the edge of a step' if isinstance(record.scenario.terrain, Stairs) else 'a rise'} ({height:.2f} m)"
 
 
-def _late(record: Record, of: str) -> int:
-    """Control steps of the scenario's delay of `action` or `observation`."""
-    return round(getattr(record.scenario.latency, of, 0.0) / record.episodes.dt)
+def _late(record: Record) -> int:
+    """Control steps of the scenario's delay of observations."""
+    latency = record.scenario.latency
+    return 0 if latency is None else round(latency.observation / record.episodes.dt)
 
 
 def _running_mean(values: Floats | Bools, length: int) -> Floats:

@@ -35,8 +35,8 @@ class Options:
     scenarios: tuple[str, ...] = DEFAULT_BATTERY
     """Names of scenarios such as push, levels of severity such as push:3 or push:all, severities in their axes' units
     such as push=42 or, together, payload=15+slope=10, a battery (quick, default, full, all), a terrain of yours,
-    hill.toml, or a quad_env.Scenario in a file of yours, my_file.py:NAME; each with +hardware at its end for the
-    robot's hardware profile, as push:3+hardware."""
+    hill.toml, or a quad_env.Scenario in a file of yours, my_file.py:NAME; each with +randomised at its end for domain
+    randomisation, with +hardware for the robot's hardware profile, as push:3+hardware."""
     hardware: Flag = False
     """Every scenario with the robot's hardware profile: motors, delays, sensors and estimator like the real ones."""
     quick: Flag = False

@@ -12,8 +12,8 @@ from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
-from quad_env.scenarios.named import SCENARIOS, STEADY, TERRAIN, WRITTEN, find, is_combination, scenarios_of
-from quad_env.scenarios.scenario import HARDWARE, Scenario, on_hardware
+from quad_env.scenarios.named import SCENARIOS, STEADY, TERRAIN, WRITTEN, find, is_combination, scenarios_of, split
+from quad_env.scenarios.scenario import Scenario, on_hardware
 from quad_env.serialisation import from_plain, to_plain
 
 NOMINAL = ("flat", "push", "rough")
@@ -66,14 +66,16 @@ def one(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 def of_file(name: str) -> bool:
     """Whether a name stands for what a file of the user's makes."""
-    return _FILE in name or name.removesuffix(HARDWARE).endswith(TERRAIN)
+    return _FILE in name or split(split(name)[0])[0].endswith(TERRAIN)
 
 
 def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if name in BATTERIES:
         return BATTERIES[name](robot)
-    if name.endswith(HARDWARE):
-        return with_profile(_named(name.removesuffix(HARDWARE), robot))
+    plain, with_ending = split(name)
+    if with_ending is not None:
+        made = (with_ending(each, robot) for each in _named(plain, robot))
+        return tuple({each.name: each for each in made}.values())
     if _FILE in name:
         return _from_file(name)
     axis, colon, level = name.partition(":")

@@ -1,6 +1,6 @@
 """What a robot is doing now, from its observation, with the dynamics of its bodies there and of the load it carries."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +9,13 @@ from policies.gait_cycle import Floats
 from policies.legs.level_frame import level_frame
 from policies.memory import Memory, per_robot
 from quad_env import OBSERVATION
+from quad_env.columns import Rows
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics, RigidBodies
 from quad_env.physics.rotations import cross, skew
 from quad_env.robots.robot import Robot
+
+P = TypeVar("P", bound=Any)
 
 LARGEST_LOAD = 40.0
 """Largest load that is believed, kg."""
@@ -70,6 +73,23 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
         bodies=bodies,
         feet_velocity=np.matmul(bodies.jacobians, generalised[:, None, :, None])[..., 0],
     )
+
+
+def of_rows(whole: P, rows: Rows) -> P:
+    """The parts of a motion of those rows."""
+    if isinstance(whole, tuple):
+        return type(whole)(*(of_rows(each, rows) for each in whole))
+    found: P = whole[rows]
+    return found
+
+
+def with_rows(whole: P, rows: Rows, part: P) -> P:
+    """The parts of a motion with those rows, (g,), of another's."""
+    if isinstance(whole, tuple):
+        return type(whole)(*(with_rows(old, rows, new) for old, new in zip(whole, part, strict=True)))
+    out: P = whole.copy()
+    out[rows] = part
+    return out
 
 
 def _attitude(tilt: Floats) -> tuple[Floats, Floats]:

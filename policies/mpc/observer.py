@@ -7,7 +7,7 @@ way (a Smith predictor, "Closer control of loops with dead time", 1957, of the w
 (`reading_noise`), a Kalman filter weighs them against the prediction; readings without noise are taken as they are.
 """
 
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,19 +15,18 @@ from numpy.typing import NDArray
 from policies.gait_cycle import Floats
 from policies.legs.ground_plane import above
 from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
-from policies.mpc.motion import Motion, motion
+from policies.mpc.motion import Motion, motion, with_rows
 from policies.mpc.reading_noise import GROUPS, SENSED, ReadingNoise
 from policies.mpc.servo_step import Servos, landing, response
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
-from quad_env.columns import Mask, Rows
+from quad_env.columns import Mask
 from quad_env.physics.dynamics import Dynamics
 from quad_env.physics.rotations import cross
 from quad_env.robots.robot import Robot
 from quad_env.sensing.estimator import unit
 
 T = TypeVar("T", bound=np.generic)
-P = TypeVar("P", bound=Any)
 
 GRAVITY, TURNING, VELOCITY, ANGLES, SPEEDS = GROUPS
 
@@ -97,6 +96,13 @@ class Observer(Memory):
         """Fresh memory of so many robots."""
         super().reset(num_envs)
         self._read: Motion | None = None
+
+    def take_over(self, mask: Mask, other: "Observer") -> None:
+        """Go on where the mask, (n,), is true with the robots of another observer, as many as these."""
+        super().take_over(mask, other)
+        assert self._read is not None
+        assert other._read is not None
+        self._read = with_rows(self._read, mask.nonzero()[0], other._read)
 
     @property
     def looks(self) -> NDArray[np.int64]:
@@ -168,7 +174,7 @@ class Observer(Memory):
         if not len(rows := self.delays.nonzero()[0]):
             return now
         then = motion(self._robot, self._dynamics, seen[rows])
-        return then if len(rows) == len(seen) else _replaced(now, rows, then)
+        return then if len(rows) == len(seen) else with_rows(now, rows, then)
 
     def at_first(self, targets: Floats) -> Floats:
         """The targets, (n, 12), rad, once noise and delay are known; before, the home pose, and then bent legs."""
@@ -289,15 +295,6 @@ def _above(now: Motion, slope: Floats) -> Floats:
     """Height of the feet above the plane of that slope through the trunk's centre, (n, 4), m."""
     forward, lateral = slope
     return above((np.zeros(len(forward)), forward, lateral), now.bodies.feet.T).T
-
-
-def _replaced(whole: P, rows: Rows, part: P) -> P:
-    """The parts of a motion with those rows, (g,), of another's."""
-    if isinstance(whole, tuple):
-        return type(whole)(*(_replaced(old, rows, new) for old, new in zip(whole, part, strict=True)))
-    out: P = whole.copy()
-    out[rows] = part
-    return out
 
 
 def _upright(readings: Floats) -> Floats:

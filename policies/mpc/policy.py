@@ -81,8 +81,6 @@ class Mpc(ModelBased):
         )
         self._plans.advance(self.control_period)
         due = self._plans.due(standing, self.parameters.plan_period)
-        if self.needed is not None:
-            due &= self.needed
         failed = np.zeros(self.num_envs, np.bool_)
         if due.any():
             failed = self._plan(due, now, ground, pushed, places, stands, friction)

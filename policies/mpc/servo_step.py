@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from policies.gait_cycle import Floats
-from policies.mpc.motion import Motion
+from policies.mpc.motion import Motion, of_rows
 from quad_env.actuation.models import Actuator, Line
 from quad_env.columns import Mask, total
+from quad_env.physics.dynamics import RigidBodies
 from quad_env.robots.robot import Robot
 
 PASSES = 3
@@ -81,16 +82,19 @@ def response(robot: Robot, now: Motion, standing: Mask, wrench: Floats, period: 
 def landing(robot: Robot, now: Motion, gaps: Floats, targets: Floats, wrench: Floats, period: float) -> Floats:
     """Generalised velocity after `period` s by these targets, (n, 18), of robots whose feet are these gaps above the
     ground, (n, 4), m: feet that come down to it stay there."""
-    touching, velocity = np.zeros(gaps.shape, np.bool_), now.generalised
+    touching, velocity = np.zeros(gaps.shape, np.bool_), now.generalised.copy()
     sinking = (-gaps / period).clip(-FASTEST_LANDING, 0.0)
+    rows, some = np.arange(len(gaps)), now
     for _ in range(PASSES):
-        found, impulses = _moved(robot, now, touching, wrench, period, targets[..., None], sinking)
-        velocity = found[..., 0]
-        down = np.matmul(now.bodies.jacobians[:, :, 2], velocity[..., None])[..., 0]
-        wanted = np.where(touching, impulses[:, 2::3] > 0.0, gaps + period * down < 0.0)
-        if (wanted == touching).all():
+        before, falling = touching[rows], sinking[rows]
+        found, impulses = _moved(robot, some, before, wrench[rows], period, targets[rows, :, None], falling)
+        velocity[rows] = found[..., 0]
+        down = np.matmul(some.bodies.jacobians[:, :, 2], found[..., :1])[..., 0]
+        wanted = np.where(before, impulses[:, 2::3] > 0.0, gaps[rows] + period * down < 0.0)
+        touching[rows], changed = wanted, (wanted != before).any(axis=1)
+        if not changed.any():
             break
-        touching = wanted
+        rows, some = rows[changed], of_rows(some, changed)
     return velocity
 
 
@@ -105,19 +109,17 @@ def _moved(
     bodies, step = now.bodies, period / SUBSTEPS
     count, size = now.generalised.shape
     stands, still, stiffness = standing.repeat(3, axis=1), size + 12, step * robot.servo_stiffness
-    system, known = np.zeros((count, still, still)), np.zeros((count, still, still + 2))
-    jacobians = np.where(stands[..., None], bodies.jacobians.reshape(count, 12, size), 0.0)
-    system[:, :size, :size] = known[:, :size, :size] = bodies.inertia
-    system[:, size:, :size], system[:, :size, size:] = jacobians, -jacobians.transpose(0, 2, 1)
-    diagonal = system.reshape(count, -1)[:, :: still + 1]
-    diagonal[:, 6:size] += step * (robot.servo_damping + stiffness)
-    diagonal[:, size:] = np.where(stands, _SOFT, 1.0)
-    known[:, 6:size, size:still] = np.diag(stiffness)
-    known[:, :size, still] = -step * bodies.bias
-    known[:, :6, still] += step * wrench
-    known[:, size + 2 :: 3, still] = np.where(standing, sinking, 0.0)
-    known[:, size:, -1] = np.where(stands, -step * bodies.drift.reshape(count, 12), 0.0)
-    found = np.linalg.solve(system, known)
+    known, drift = np.zeros((count, still, 1)), np.zeros((count, 12, 1))
+    known[:, :size, 0] = -step * bodies.bias
+    known[:, :6, 0] += step * wrench
+    known[:, size + 2 :: 3, 0] = np.where(standing, sinking, 0.0)
+    drift[:, :, 0] = np.where(stands, -step * bodies.drift.reshape(count, 12), 0.0)
+    inverse = _inverse(bodies, step * (robot.servo_damping + stiffness), standing)
+    found = np.empty((count, still, still + 2))
+    found[..., :size] = inverse[..., :size] @ bodies.inertia
+    found[..., size:still] = inverse[..., 6:size] * stiffness
+    found[..., still:-1] = inverse @ known
+    found[..., -1:] = inverse[..., size:] @ drift
     change = np.zeros((count, still + 2, still + 2))
     change[:, :size], change[:, size:still] = found[:, :size], -step * found[:, 6:size]
     change.reshape(count, -1)[:, size * (still + 3) :: still + 3] += 1.0  # on the diagonals
@@ -129,3 +131,67 @@ def _moved(
         passed += state[..., 0]
         state = change @ state
     return state[:, :size], (found[:, size:] @ passed[..., None])[..., 0]
+
+
+def _inverse(bodies: RigidBodies, damping: Floats, standing: Mask) -> Floats:
+    """Inverse, (n, 30, 30), of the matrix of one step: of velocities and of impulses of the feet that stand, (n, 4).
+
+    `damping`: of the servos over a step, (12), N·m·s. Legs touch only the trunk: each is eliminated by itself. Robots
+    are on the last axis, along which NumPy is fast.
+    """
+    count, legs = standing.shape
+    inertia = bodies.inertia.transpose(1, 2, 0)
+    of_feet = np.where(standing[..., None, None], bodies.jacobians, 0.0).transpose(2, 3, 1, 0)
+    of_leg = np.empty((3, 3, legs, count))
+    foot_by_leg, coupling = np.empty_like(of_leg), np.empty((6, 3, legs, count))
+    for leg in range(legs):
+        own = slice(6 + 3 * leg, 9 + 3 * leg)
+        of_leg[:, :, leg], coupling[:, :, leg] = inertia[own, own], inertia[:6, own]
+        of_leg[range(3), range(3), leg] += damping[3 * leg : 3 * leg + 3, None]
+        foot_by_leg[:, :, leg] = of_feet[:, own, leg]
+    foot_by_trunk = np.ascontiguousarray(of_feet[:, :6])
+    inverse = _inverse_3(of_leg)
+    moved = _product(inverse, foot_by_leg.swapaxes(0, 1))
+    pressed = _product(foot_by_leg, moved)
+    pressed[range(3), range(3)] += np.where(standing.T, _SOFT, 1.0)
+    yields = _inverse_3(pressed)
+    by_foot = _product(moved, yields)
+    one = np.empty((6, 6, legs, count))  # inverse of a leg and its foot on a trunk that is held
+    one[:3, :3] = inverse - _product(by_foot, moved.swapaxes(0, 1))
+    one[:3, 3:], one[3:, :3], one[3:, 3:] = by_foot, -by_foot.swapaxes(0, 1), yields
+    up = np.concatenate((coupling, -foot_by_trunk.swapaxes(0, 1)), axis=1)
+    down = np.concatenate((coupling.swapaxes(0, 1), foot_by_trunk))
+    by_trunk, to_trunk = _product(one, down), _product(up, one)
+    trunk = inertia[:6, :6] - total(np.moveaxis(_product(up, by_trunk), 2, 0))
+    free = np.linalg.inv(trunk.transpose(2, 0, 1))
+    back, forth = (each.transpose(3, 2, 0, 1) for each in (by_trunk, to_trunk.swapaxes(0, 1)))
+    held = np.ascontiguousarray(back).reshape(count, 6 * legs, 6)
+    pulled = np.ascontiguousarray(forth).reshape(count, 6 * legs, 6).transpose(0, 2, 1)
+    out = np.empty((count, 6 + 6 * legs, 6 + 6 * legs))
+    out[:, :6, :6] = free
+    away = free @ pulled
+    # From a leg's joints and its foot's impulses, leg by leg, to those of all legs one after the other.
+    out[:, :6, 6:].reshape(count, 6, 2, legs, 3)[:] = -away.reshape(count, 6, legs, 2, 3).swapaxes(2, 3)
+    out[:, 6:, :6].reshape(count, 2, legs, 3, 6)[:] = -(held @ free).reshape(count, legs, 2, 3, 6).swapaxes(1, 2)
+    inner = (held @ away).reshape(count, legs, 2, 3, legs, 2, 3)
+    inner[:, range(legs), :, :, range(legs)] += one.transpose(2, 3, 0, 1).reshape(legs, count, 2, 3, 2, 3)
+    out[:, 6:, 6:].reshape(count, 2, legs, 3, 2, legs, 3)[:] = inner.transpose(0, 2, 1, 3, 5, 4, 6)
+    return out
+
+
+def _inverse_3(matrices: Floats) -> Floats:
+    """Inverses of matrices (3, 3, …)."""
+    rows = matrices
+    cofactors = np.stack([_cross(rows[1], rows[2]), _cross(rows[2], rows[0]), _cross(rows[0], rows[1])], axis=1)
+    inverse: Floats = cofactors / total(rows[0] * cofactors[:, 0])
+    return inverse
+
+
+def _product(a: Floats, b: Floats) -> Floats:
+    """Products of matrices (i, j, …) and (j, k, …), summed in the same order for any number of them."""
+    return total(left[:, None] * right for left, right in zip(a.swapaxes(0, 1), b, strict=True))
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    """Cross products of vectors (3, …)."""
+    return np.stack((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))

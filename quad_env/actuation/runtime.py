@@ -24,8 +24,8 @@ class ActionDelay:
 
     def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> None:
         self._home = robot.home_pose
-        late = 0 if scenario.latency is None else round(scenario.latency.action / dt)
-        self._sent = np.zeros((late + 1, num_envs, robot.num_joints))
+        self._late = np.zeros(num_envs, np.int64)
+        self._sent = np.zeros((_latest(scenario, dt) + 1, num_envs, robot.num_joints))
         """Targets of the last steps: that of clock c is at c modulo its length."""
         self._received = np.zeros((num_envs, robot.num_joints))
         dropouts = scenario.dropouts
@@ -38,6 +38,7 @@ class ActionDelay:
         """Start these episodes of those robots, their servos at home."""
         self._sent[:, rows] = self._received[rows] = self._home
         for row, episode in zip(rows, episodes, strict=True):
+            self._late[row] = episode.action_delay
             if episode.dropouts is not None:
                 self._lost_from[row], self._lost_joint[row] = episode.dropouts
 
@@ -48,7 +49,7 @@ class ActionDelay:
         """
         slots = len(self._sent)
         self._sent[clock % slots, rows] = targets[rows]
-        arriving = self._sent[(clock + 1) % slots, rows]
+        arriving = self._sent[(clock - self._late[rows]) % slots, rows]
         if self._lost_for:
             self._received[rows] = np.where(self._lost(clock, rows), self._received[rows], arriving)
         else:
@@ -66,9 +67,15 @@ class ActionDelay:
 
 def action_delay_of(robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> ActionDelay | None:
     """The robots' action_delay, or None where targets reach the servos at once and always."""
-    late = scenario.latency is not None and round(scenario.latency.action / dt) > 0
     lost = scenario.dropouts is not None and scenario.dropouts.count > 0
-    return ActionDelay(robot, scenario, num_envs, dt) if late or lost else None
+    return ActionDelay(robot, scenario, num_envs, dt) if lost or _latest(scenario, dt) else None
+
+
+def _latest(scenario: Scenario, dt: float) -> int:
+    """Control steps of the longest delay of actions."""
+    latency, randomisation = scenario.latency, scenario.randomisation
+    delays = 0.0 if latency is None else latency.action, 0.0 if randomisation is None else randomisation.delay
+    return sum(round(delay / dt) for delay in delays)
 
 
 class Lag:
@@ -102,7 +109,8 @@ class Windings:
         self._thermal = thermal
         self._rise = thermal.resistance / line.slope
         self._kept = math.exp(-timestep / thermal.time_constant)
-        self._force_range, self._full_range = force_range, force_range.copy()
+        self._force_range, self.full_range = force_range, force_range.copy()
+        """Of cold motors, (n, 12, 2), N·m; what is written there holds from the next start on."""
         self.temperature = np.full(force_range.shape[:2], thermal.ambient)
         """(n, 12), °C"""
         self._off: Mask = np.zeros(force_range.shape[:2], np.bool_)
@@ -110,7 +118,7 @@ class Windings:
     def begin(self, ids: Ids) -> None:
         """Start those robots with motors that are cold and work."""
         self.temperature[ids], self._off[ids] = self._thermal.ambient, False
-        self._force_range[ids] = self._full_range[ids]
+        self._force_range[ids] = self.full_range[ids]
 
     def heat(self, torque: Array, ids: Ids) -> None:
         """A physics step with these torques, (k, 12), N·m, of those robots has passed."""
@@ -121,7 +129,7 @@ class Windings:
         margin = np.clip((thermal.shutdown - temperature) / (thermal.shutdown - thermal.derating), 0.0, 1.0)
         share = np.where(off, 0.0, thermal.derated + (1 - thermal.derated) * margin)
         self.temperature[ids], self._off[ids] = temperature, off
-        self._force_range[ids] = self._full_range[ids] * share[..., None]
+        self._force_range[ids] = self.full_range[ids] * share[..., None]
 
 
 class ActuatorModels:
@@ -130,6 +138,7 @@ class ActuatorModels:
     def __init__(self, lag: Lag | None, windings: Windings | None, bind: Bind, substeps: int) -> None:
         self._lag, self._windings, self._substeps = lag, windings, substeps
         self._ctrl, self._torque = bind("ctrl"), bind("actuator_force")
+        self.full_range = None if windings is None else windings.full_range
 
     def begin(self, ids: Ids) -> None:
         """Start those robots afresh."""

@@ -112,7 +112,8 @@ class QuadEnvBase:
         check_estimator(estimator, suite)
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
         self._weights = step_weights(self.config.reward_weights, self.dt)
-        feet = self.config.reward_weights.foot_air_time != 0.0
+        weights = self.config.reward_weights
+        feet = weights.foot_air_time != 0.0 or weights.touchdown_speed != 0.0
         self.simulation = Simulation(
             *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet, self.config.timestep),
             servo=gains if differ else None,

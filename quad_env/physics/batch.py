@@ -66,6 +66,7 @@ def check_simulator(simulator: str, scenario: Scenario, actuator: Actuator, sens
         f"the motors of {scenario.name!r}": scenario.motors != Motors(),
         "motors other than ideal ones": actuator != ACTUATORS["ideal"],
         f"the ground of {scenario.name!r}": not isinstance(scenario.terrain, Flat | Slope | Stairs),
+        f"the domain randomisation of {scenario.name!r}": scenario.randomisation is not None,
         f"the soft ground of {scenario.name!r}": scenario.ground.sink_depth > 0,
     }
     if found := [what for what, asked in beyond.items() if asked]:

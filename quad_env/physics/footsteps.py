@@ -1,4 +1,4 @@
-"""The steps of n robots' feet: how long each was in the air when it touches down."""
+"""The steps of n robots' feet: how long each was in the air when it touches down, and how fast it came down."""
 
 from collections.abc import Callable, Sequence
 
@@ -15,24 +15,34 @@ Columns = Callable[[Array], Vector[Column]]
 class Footsteps:
     """Looks at the feet of n robots after every control step of `period` seconds.
 
-    `contacts`: of each foot what its sensors found in the last substep, see `touching`.
+    `contacts`: of each foot what its sensors found in the last substep, see `touching`; `places`: of all sites of the
+    model in the world frame, (n, sites, 3), m, among them the feet's, `feet`.
     """
 
-    def __init__(self, period: float, contacts: Sequence[Sequence[Array]]) -> None:
-        self._period, self._sensed = period, contacts
+    def __init__(self, period: float, contacts: Sequence[Sequence[Array]], places: Array, feet: Sequence[int]) -> None:
+        self._period, self._sensed, self._places, self._feet = period, contacts, places, list(feet)
         self._air = np.zeros((len(contacts[0][0]), len(contacts)))
         """Control steps that each foot is off the ground; counted, so that no time is rounded more than once."""
         self.swing_time = np.zeros_like(self._air)
         """See `QuadState`, (n, 4), s."""
+        self.touchdown_speed = np.zeros_like(self._air)
+        """See `QuadState`, (n, 4), m/s."""
+        self._height, self._sinking = np.zeros_like(self._air), np.zeros_like(self._air)
 
     def begin(self, ids: Ids) -> None:
         """Begin the episode of those robots: no step of theirs is under way."""
-        self._air[ids] = self.swing_time[ids] = 0.0
+        self._air[ids] = self.swing_time[ids] = self.touchdown_speed[ids] = self._sinking[ids] = 0.0
+        self._height[ids] = self._places[ids][:, self._feet, 2]
 
     def advance(self, ids: Ids) -> None:
         """Take note of the control step that those robots have just made."""
         contact, air = touching(self._sensed, ids), self._air[ids]
-        self.swing_time[ids] = np.where(contact & (air > BOUNCE), self._period * air, 0.0)
+        landed = contact & (air > BOUNCE)
+        self.swing_time[ids] = np.where(landed, self._period * air, 0.0)
+        self.touchdown_speed[ids] = np.where(landed, self._sinking[ids], 0.0)
+        height = self._places[ids][:, self._feet, 2]
+        self._sinking[ids] = np.maximum(self._height[ids] - height, 0.0) / self._period
+        self._height[ids] = height
         self._air[ids] = np.where(contact, 0.0, air + 1.0)
 
 

@@ -54,7 +54,7 @@ def compile_model(
     _delay(spec, actuator.delay)
     model = _compiled(spec)
     model.actuator_forcerange[:] = np.stack((-limit, limit), axis=-1)
-    if scenario.ground != Ground():
+    if scenario.ground != Ground() or scenario.randomisation is not None:
         _set_ground(model, scenario.ground, robot)
     return model
 
@@ -199,14 +199,20 @@ def _put_on_voltage(spec: mujoco.MjSpec, line: Line, robot: Robot) -> None:
         )
 
 
-def give_servo_gains(model: mujoco.MjModel, expand: Callable[[str], Array], servo: Array) -> None:
-    """Give n robots of that model servo gains of their own, (2, n, 12); `expand` gives a field's values of each."""
-    stiffness, damping = servo
+def servo_fields(model: mujoco.MjModel, expand: Callable[[str], Array]) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    """Where n robots of that model have stiffness and damping of their servos, with either sign, (n, 12) each; `expand`
+    gives a field's values of each robot."""
     gain, bias = expand("actuator_gainprm"), expand("actuator_biasprm")
     if model.actuator_gaintype[0] == mujoco.mjtGain.mjGAIN_DCMOTOR:
-        gain[:, :, 4], gain[:, :, 6] = stiffness, damping  # of its controller
-    else:
-        gain[:, :, 0], bias[:, :, 1], bias[:, :, 2] = stiffness, -stiffness, -damping
+        return (gain[:, :, 4],), (gain[:, :, 6],)  # of its controller
+    return (gain[:, :, 0], bias[:, :, 1]), (bias[:, :, 2],)
+
+
+def give_servo_gains(model: mujoco.MjModel, expand: Callable[[str], Array], servo: Array) -> None:
+    """Give n robots of that model servo gains of their own, (2, n, 12)."""
+    for gains, fields in zip(servo, servo_fields(model, expand), strict=True):
+        for field in fields:
+            np.copysign(gains, field, out=field)
 
 
 def _delay(spec: mujoco.MjSpec, delay: float) -> None:

@@ -1,7 +1,7 @@
 """n robots on one batch of a simulator: joint targets in, state out."""
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, cast
 
 import mujoco
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.runtime import actuator_models_of
-from quad_env.columns import Array, Column, Ids, Mask, Vector, not_finite, of_robot, of_robots, total
+from quad_env.columns import Array, Column, Ids, Mask, Rows, Vector, not_finite, of_robot, of_robots, total
 from quad_env.physics.batch import MUJOCO, batch_of, check_simulator
 from quad_env.physics.energy import Meter, touch_sensors
 from quad_env.physics.footsteps import Columns, Footsteps, touching
@@ -28,10 +28,12 @@ from quad_env.physics.model import (
     trunk_corners,
 )
 from quad_env.physics.probe import Probe, probed
+from quad_env.physics.randomisation import RandomisedModels
 from quad_env.physics.rotations import quaternion
 from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
 from quad_env.robots.kinematics import foot_depths
 from quad_env.robots.robot import Robot
+from quad_env.scenarios.randomisation import Drawn
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom
 
@@ -73,8 +75,8 @@ class Simulation:
             raise ValueError(f"the simulator {simulator} knows no servo gains that differ from robot to robot")
         self.robot, self.terrain = robot, scenario.terrain
         self.model = compile_model(robot, scenario, actuator, timestep)
-        """Model of every robot, but for where its payload is and what its hot motors can do: there it is that of the
-        robot that `show_load` named last."""
+        """Model of every robot, but for its payload's place, what its hot motors can do and what is randomised: there
+        it is that of the robot that `show_load` named last."""
         if imu is not None:
             mount_imu(self.model, imu)
         period = 1 / control_rate
@@ -102,7 +104,6 @@ class Simulation:
             self.torque = self.probe.copy(self.torque)
         self._trunk_contacts = self._sensed(trunk)
         self._foot_contacts = [self._sensed(names) for names in soles]
-        self._footsteps = Footsteps(period, self._foot_contacts) if feet else None
         self._link_contacts = self._sensed(itertools.chain(*links))
         self._warnings = self.batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in robot.leg_names]
@@ -112,10 +113,11 @@ class Simulation:
         self._clear = _HIGH * robot.leg_length if robot.imported and bumpy else 0.0
         if isinstance(self.terrain, HeightField):  # which may be anywhere, and of many small cells
             self._clear += self.terrain.heights.lowest + self.terrain.heights.span
-        self._differ = servo is not None
+        self._differ = servo is not None or scenario.randomisation is not None
         if servo is not None:
             give_servo_gains(self.model, self.batch.expand, servo)
         self._sites, self._bodies = self.batch.bind("site_xpos"), self.batch.bind("xpos")
+        self._footsteps = Footsteps(period, self._foot_contacts, self._sites, self._feet) if feet else None
         self._filtered = self.batch.bind("act") if self.model.na else None
         load = None if scenario.payload is None else self.model.body(PAYLOAD).id
         self._load = None if load is None else self.batch.expand("body_pos")[:, load, :2]
@@ -123,17 +125,23 @@ class Simulation:
         self._past = history_of(self.model, robot.home_pose) if self.model.nhistory else None
         rows, timestep = (self.batch.bind, self.batch.expand), self.model.opt.timestep
         self._actuators = actuator_models_of(robot, scenario.motors, actuator, *rows, self.substeps, timestep)
+        self._randomised = None
+        if scenario.randomisation is not None:
+            limits = None if self._actuators is None else self._actuators.full_range
+            self._randomised = RandomisedModels(self.model, self.batch.expand, limits)
         self._force: Array | None = None
         self._alignment = slope_quaternion(self.terrain) if isinstance(self.terrain, Slope) else None
         self._action = np.tile(robot.home_pose, (num_envs, 1))
         self._previous_action = self._action.copy()
 
-    def reset(self, ids: NDArray[np.intp], rows: Array, force: Array | None = None, load: Array | None = None) -> None:
+    def reset(
+        self, ids: Rows, rows: Array, force: Array | None = None, load: Array | None = None, drawn: Sequence[Drawn] = ()
+    ) -> None:
         """Start the robots `ids` (sorted) from the given start rows, see `episode.draw_start`, just on the ground.
 
         A row holds x, y, yaw, roll, pitch, 12 joint offsets from home, 6 trunk and 12 joint velocities. `force`,
         (k, 2), N, acts on their trunks at every step, world frame; `load`, (k, 2), m, is where their payloads are, base
-        frame.
+        frame; `drawn`, k or none, are figures that differ from episode to episode.
         """
         robot = self.robot
         self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
@@ -153,6 +161,8 @@ class Simulation:
             self._filtered[ids] = robot.home_pose
         if self._history is not None:
             self._history[ids] = self._past
+        if self._randomised is not None and drawn:
+            self._randomised.begin(ids, drawn)
         if self._actuators is not None:
             self._actuators.begin(ids)
         if force is not None:
@@ -160,6 +170,7 @@ class Simulation:
             self._force[ids] = self._push[ids] = force
         if self._load is not None:
             self._load[ids] = 0.0 if load is None else load
+        if self._load is not None or self._randomised is not None:
             self.batch.set_const(ids)
         qpos[:, 2] += self._clear
         self.qpos[ids, 2] = qpos[:, 2]
@@ -261,6 +272,7 @@ class Simulation:
             action=columns(self._action),
             previous_action=columns(self._previous_action),
             swing_time=None if self._footsteps is None else columns(self._footsteps.swing_time),
+            touchdown_speed=None if self._footsteps is None else columns(self._footsteps.touchdown_speed),
         )
 
     @property
@@ -289,7 +301,7 @@ class Simulation:
         return found if self.probe is None else [self.probe.copy(each) for each in found]
 
     def show_load(self, robot: int) -> None:
-        """Make `model` that of this robot, whose payload and hot motors are its own."""
+        """Make `model` that of this robot, whose payload, hot motors and randomised figures are its own."""
         if self._load is not None or self.winding_temperature is not None or self._differ:
             stages, start = self.model.sensor_needstage.copy(), self.model.qpos0.copy()
             flags = self.model.opt.disableflags

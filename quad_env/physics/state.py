@@ -43,6 +43,9 @@ class QuadState(NamedTuple, Generic[Column]):
     swing_time: Vector[Column] | None = None
     """Time in the air that a touch-down of each foot has ended in this control step, (4), s; 0 without a touch-down. A
     foot that is off the ground in one control step alone has bounced. None where no reward term asks for it."""
+    touchdown_speed: Vector[Column] | None = None
+    """Downward speed of each foot in the control step before it touched down, world frame, (4), m/s; 0 without a
+    touch-down. None as `swing_time`."""
 
     @property
     def projected_gravity(self) -> Vector[Column]:

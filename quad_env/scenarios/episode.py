@@ -11,6 +11,7 @@ from quad_env.columns import Array
 from quad_env.config import AnyPose
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Dropouts, Pushes
+from quad_env.scenarios.randomisation import Drawn
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
 from quad_env.seeding import EpisodeStreams
@@ -50,6 +51,12 @@ class Episode:
         """Steady force on the trunk in a uniformly random horizontal direction, world frame, (2,), N."""
         self.load: Array | None = None
         """Centre of the payload, ahead and to the left of the trunk's centre, (2,), m."""
+        self.randomised: Drawn | None = None
+        """Figures of robot and ground that are not as usual."""
+        self.friction = scenario.ground.friction
+        """Coefficient of the ground."""
+        self.action_delay = 0 if scenario.latency is None else round(scenario.latency.action / dt)
+        """Control steps from the policy to the servos."""
         self.dropouts: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
         """Control step at which each dropout begins, and the joint whose servo receives no targets, (count,) each."""
         if (steady := scenario.force) is not None:
@@ -60,6 +67,10 @@ class Episode:
         if (dropouts := scenario.dropouts) is not None:
             first_step = _one_in_each_part(dropouts, self.streams.dropouts, dt)
             self.dropouts = first_step, self.streams.dropouts.integers(robot.num_joints, size=dropouts.count)
+        if (randomisation := scenario.randomisation) is not None:
+            self.randomised = randomisation.draw(robot.num_joints, self.streams.randomisation)
+            self.friction *= self.randomised.friction
+            self.action_delay += round(self.randomised.delay / dt)
 
     def next_command(self) -> Array:
         """The next interval's command, (3,): forward and lateral m/s, yaw rate rad/s.
@@ -115,12 +126,14 @@ def control_steps(duration: float, dt: float) -> int:
     return max(1, round(duration / dt))
 
 
-def at_reset(episodes: Sequence[Episode]) -> tuple[Array, Array | None, Array | None]:
-    """Starts, (k, 35), forces, (k, 2), and loads, (k, 2), of k episodes of one scenario; None where it has none."""
+def at_reset(episodes: Sequence[Episode]) -> tuple[Array, Array | None, Array | None, list[Drawn]]:
+    """Starts, (k, 35), forces, (k, 2), and loads, (k, 2), of k episodes of one scenario, None where it has none; and
+    what of robot and ground was drawn, k or none."""
     starts = np.stack([episode.start for episode in episodes])
     forces = [episode.force for episode in episodes if episode.force is not None]
     loads = [episode.load for episode in episodes if episode.load is not None]
-    return starts, np.stack(forces) if forces else None, np.stack(loads) if loads else None
+    randomised = [episode.randomised for episode in episodes if episode.randomised is not None]
+    return starts, np.stack(forces) if forces else None, np.stack(loads) if loads else None, randomised
 
 
 def _one_in_each_part(events: Pushes | Dropouts, stream: np.random.Generator, dt: float) -> NDArray[np.int64]:

@@ -15,6 +15,7 @@ EXAMPLES = {
     "payload=15+slope=10": "several at once, joined by +",
     "hill.toml": "a terrain of yours, a picture or an array: docs/environment.md",
     "push:3+hardware": "any of them with the robot's hardware profile: motors, delays, sensors, estimator",
+    "push:3+randomised": "any of them with domain randomisation: masses, friction, gains, delay drawn every episode",
     "push:all": "every level; only in python -m evaluate --scenarios, as the next two",
     "quick": "a battery of scenarios; so are default, full and all",
     "my_file.py:NAME": "a quad_env.Scenario of yours, in a file",

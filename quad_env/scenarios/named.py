@@ -4,6 +4,7 @@
 A scenario is never tuned to a policy. Write one with `dataclasses.replace` or the constructor and pass it to `make`.
 """
 
+from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,14 +16,14 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
 from quad_env.scenarios.disturbances import Ground, Motors
-from quad_env.scenarios.scenario import HARDWARE, Scenario, on_hardware, scaled
+from quad_env.scenarios.scenario import HARDWARE, RANDOMISED, Scenario, on_hardware, randomised, scaled
 from quad_env.scenarios.terrain import HeightField
 
 __all__ = ["SCENARIOS", "Scenario", "scenario"]
 
 WRITTEN = (
     "a level of an axis such as push:3, severities of axes such as push=42 or payload=15+slope=10, "
-    "a terrain of yours such as hill.toml, any of them with +hardware at its end"
+    "a terrain of yours such as hill.toml, any of them with +randomised, +hardware or both at its end"
 )
 """How scenarios without a name of their own are written."""
 BETWEEN, EQUALS = "+", "="
@@ -30,6 +31,8 @@ TERRAIN = ".toml"
 """End of the path of a user's terrain."""
 LARGEST = 1e6
 """Severity beyond which no unit of an axis means anything."""
+Ending = Callable[[Scenario, Robot], Scenario]
+_ENDINGS: dict[str, Ending] = {HARDWARE: lambda scenario, _: on_hardware(scenario), RANDOMISED: randomised}
 STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
 """Level ground, and 0.5 m/s straight ahead for every robot, where effort is compared. Of no axis."""
 _LABELS = ("name", "axis", "severity", "severity_unit")
@@ -65,9 +68,10 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
 
 def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
     """As `scenario`, but None where the name is that of no scenario and no axis."""
-    if name.endswith(HARDWARE):
-        found = find(name.removesuffix(HARDWARE), robot)
-        return found and on_hardware(found)
+    plain, with_ending = split(name)
+    if with_ending is not None:
+        found = find(plain, robot)
+        return found and with_ending(found, robot)
     if name.endswith(TERRAIN):
         return _on_terrain(Path(name), robot)
     if is_combination(name):
@@ -79,6 +83,12 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
             raise ValueError(f"'{name}' is no level of {axis}; valid: {valid}")
         return axes_of(robot)[axis].level(int(level))
     return scenarios_of(robot).get(name)
+
+
+def split(name: str) -> tuple[str, Ending | None]:
+    """A name without its last ending, and what that makes of a robot's scenario; None where there is none."""
+    end = next(filter(name.endswith, _ENDINGS), "")
+    return name.removesuffix(end), _ENDINGS.get(end)
 
 
 def _on_terrain(path: Path, robot: Robot) -> Scenario:
@@ -116,8 +126,9 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 def scaled_name(name: str, robot: Robot) -> str:
     """The name of what is as hard for a robot, to three digits, as the scenario of that name is for SimpleQuad."""
-    if name.endswith(HARDWARE):
-        return scaled_name(name.removesuffix(HARDWARE), robot) + HARDWARE
+    plain, with_ending = split(name)
+    if with_ending is not None:
+        return scaled_name(plain, robot) + name.removeprefix(plain)
     if not is_combination(name):
         return name
     return _written([(axis, float(f"{axis.scaled(severity, robot):.3g}")) for axis, severity in _parts(name, AXES)])
@@ -133,8 +144,8 @@ def _parts(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
     parts = []
     for text in name.split(BETWEEN):
         axis, equals, written = (word.strip() for word in text.partition(EQUALS))
-        if BETWEEN + text == HARDWARE:
-            raise ValueError(f"{name}: {HARDWARE} stands at the end, once, as in payload=15+slope=10{HARDWARE}")
+        if (end := BETWEEN + text) in _ENDINGS:
+            raise ValueError(f"{name}: {end} stands at the end, once, as in payload=15+slope=10{end}")
         if axis not in axes:
             raise ValueError(f"{name}: unknown axis {axis!r}; valid: {', '.join(axes)}, as in payload=15+slope=10")
         try:

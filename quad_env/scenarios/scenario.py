@@ -8,10 +8,11 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import ratio
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
+from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 
-HARDWARE = "+hardware"
-"""End of the name of a scenario on the hardware profile."""
+HARDWARE, RANDOMISED = "+hardware", "+randomised"
+"""Ends of the names of scenarios on the hardware profile and with domain randomisation, which comes first."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +39,27 @@ class Scenario(Settings):
     hardware: bool = False
     """Whether the robot has its hardware profile, see `quad_env.actuation.hardware`, instead of ideal motors, no delay
     and observations of its true state."""
+    randomisation: DomainRandomisation | None = None
+    """What of robot and ground differs from episode to episode; None: nothing."""
+
+    @property
+    def ending(self) -> str:
+        """End of the name of an axis's scenarios like this."""
+        return RANDOMISED * (self.randomisation is not None) + HARDWARE * self.hardware
 
 
 def on_hardware(scenario: Scenario) -> Scenario:
     """The same with the robot's hardware profile, under the name with HARDWARE; itself where it has that already."""
     return scenario if scenario.hardware else replace(scenario, name=scenario.name + HARDWARE, hardware=True)
+
+
+def randomised(scenario: Scenario, robot: Robot = SIMPLE_QUAD) -> Scenario:
+    """The same with domain randomisation for that robot, under the name with RANDOMISED; itself where it has some."""
+    if scenario.randomisation is not None:
+        return scenario
+    usual = scaled(Scenario("usual", randomisation=DomainRandomisation()), robot).randomisation
+    found = replace(scenario, randomisation=usual)
+    return replace(found, name=scenario.name.removesuffix(scenario.ending) + found.ending)
 
 
 def scaled(scenario: Scenario, robot: Robot) -> Scenario:
@@ -55,12 +72,16 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
         return scenario
     by = partial(ratio, robot)
     pushes, force, load, motors = scenario.pushes, scenario.force, scenario.payload, scenario.motors
+    randomisation = scenario.randomisation
     if motors.torque_limit is not None:
         motors = replace(motors, torque_limit=min(by("N·m") * motors.torque_limit, robot.rated_torque))
     if load is not None:
         ahead, beside = load.reach
         reach = (by("m") * ahead, by("m") * beside)
         load = replace(load, mass=by("kg") * load.mass, reach=reach, edge=by("m") * load.edge)
+    if randomisation is not None:
+        ahead, beside, above = randomisation.centre_of_mass
+        randomisation = replace(randomisation, centre_of_mass=(by("m") * ahead, by("m") * beside, by("m") * above))
     return replace(
         scenario,
         terrain=_terrain(scenario.terrain, by("m")),
@@ -70,6 +91,7 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
         ground=replace(scenario.ground, sink_depth=by("m") * scenario.ground.sink_depth),
         motors=motors,
         payload=load,
+        randomisation=randomisation,
     )
 
 

@@ -23,6 +23,8 @@ class Instruments:
         imu, encoders, feet, torque = suite.imu, suite.encoders, suite.feet, suite.torque
         n, legs = robot.num_joints, len(robot.leg_names)
         self._widths = {"gyro": 3, "accelerometer": 3, "joint_position": n, "foot_contact": legs, "joint_torque": n}
+        before = self._widths["gyro"] + self._widths["accelerometer"]
+        self._encoders = slice(before, before + n)
         largest_torque = robot.rated_torque if torque.range is None else torque.range
         self._bias_deviation = self._each(imu.gyro_bias, imu.accelerometer_bias, encoders.zero_offset, 0.0, torque.bias)
         deviation = self._each(imu.gyro_noise, imu.accelerometer_noise, encoders.noise, feet.noise, torque.noise)
@@ -44,6 +46,8 @@ class Instruments:
         for row, episode in zip(rows, episodes, strict=True):
             stream = episode.streams.sensors
             self.bias[row] = self._bias_deviation * stream.standard_normal(len(self._bias_deviation))
+            if episode.randomised is not None:
+                self.bias[row, self._encoders] += episode.randomised.encoder_offset
             self._noise.begin(row, stream)
 
     def read(self, measured: Mapping[str, Array], clock: Clock, rows: Rows) -> None:

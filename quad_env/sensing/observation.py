@@ -21,13 +21,16 @@ from quad_env.task.observations import observation_table
 
 
 class Sensors:
-    """Noise and delay of n robots' sensors; `clock` is each robot's control steps since its start."""
+    """Noise and delay of n robots' sensors and, with `encoders`, offsets of joint angles; `clock` is each robot's
+    control steps since its start."""
 
-    def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> None:
+    def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float, encoders: bool) -> None:
         table = observation_table(robot)
         self._sensed, self._bound = table.sensed, table.bound[table.sensed]
         late = 0 if scenario.latency is None else round(scenario.latency.observation / dt)
         self._readings = Channel(num_envs, len(self._bound), None, late * dt, 1 / dt) if late else None
+        self._joints = table.slices["joint_position"]
+        self._offset = np.zeros((num_envs, robot.num_joints), np.float32) if encoders else None
         self._noise = None
         if scenario.noise is not None:
             deviations = np.zeros(table.sensed.stop, np.float32)
@@ -40,10 +43,14 @@ class Sensors:
         if self._noise is not None:
             for row, episode in zip(rows, episodes, strict=True):
                 self._noise.begin(row, episode.streams.noise)
+        if self._offset is not None:
+            self._offset[rows] = [episode.randomised.encoder_offset for episode in episodes if episode.randomised]
 
     def sense(self, observation: NDArray[np.float32], clock: NDArray[np.int64], rows: Rows) -> None:
         """Turn true observations, (k, …), into what the sensors of those robots show; `clock` is theirs, (k,)."""
         sensed = observation[:, self._sensed]
+        if self._offset is not None:
+            sensed[:, self._joints] += self._offset[rows]
         if self._noise is not None:
             sensed += self._noise.at(clock, rows)
             np.clip(sensed, -self._bound, self._bound, out=sensed)
@@ -162,7 +169,9 @@ def shown_by(
     """What stands between the robots' states and their observations; None where they show every reading as it is."""
     robot, dt = simulation.robot, 1 / control_rate
     late = scenario.latency is not None and round(scenario.latency.observation / dt) > 0
-    disturbed = Sensors(robot, scenario, num_envs, dt) if late or scenario.noise is not None else None
+    offset = suite is None and scenario.randomisation is not None
+    needed = late or offset or scenario.noise is not None
+    disturbed = Sensors(robot, scenario, num_envs, dt, offset) if needed else None
     if suite is None:
         return disturbed
     assert simulation.probe is not None, "a simulation of robots without sensors"

@@ -72,6 +72,11 @@ def torque(state: QuadState[Column]) -> Column:
     return sum_of_squares(state.joint_torque)
 
 
+def mechanical_power(state: QuadState[Column]) -> Column:
+    """Σ ‖torque · joint speed‖ over the joints, W."""
+    return state.mechanical_power
+
+
 def foot_air_time(state: QuadState[Column]) -> Column:
     """Σ (swing time - AIR_TIME) over the feet that touch down in this step, s; 0 where the command is to stand, and
     where swings are not looked at, since the term has no weight.
@@ -83,6 +88,12 @@ def foot_air_time(state: QuadState[Column]) -> Column:
         return 0.0 * abs(state.height)
     swings: Column = total(where(swing > 0.0, swing - AIR_TIME, 0.0) for swing in state.swing_time)
     return cast("Column", where(sum_of_squares(state.command) > MOVING * MOVING, swings, 0.0))
+
+
+def touchdown_speed(state: QuadState[Column]) -> Column:
+    """Σ of the squared downward speeds of the feet that touch down in this step, (m/s)²; 0 where they are not looked
+    at, since the term has no weight."""
+    return 0.0 * abs(state.height) if state.touchdown_speed is None else sum_of_squares(state.touchdown_speed)
 
 
 REWARD = "reward_"

@@ -25,7 +25,7 @@ class Walk:
     """Robots that trot, and the swings that reward terms are shown at each step, (n, 4)."""
 
     def __init__(self, num_envs: int, scenario: Any = "flat", **options: Any) -> None:
-        config = quad_env.TaskConfig(reward_weights=quad_env.RewardWeights(foot_air_time=1.0))
+        config = quad_env.TaskConfig(reward_weights=quad_env.RewardWeights(foot_air_time=1.0, touchdown_speed=-1.0))
         self.env = SimpleQuadVectorEnv(num_envs, scenario, nthread=1, config=config, readings=True, **options)
         self._state = self.env.simulation.state
         self.env.simulation.state = self._watched
@@ -35,8 +35,13 @@ class Walk:
 
     def _watched(self, *arguments: Any) -> Any:
         state = self._state(*arguments)
-        self._shown = np.transpose(state.swing_time)
+        self._shown, self.speeds = np.transpose(state.swing_time), np.transpose(state.touchdown_speed)
         return state
+
+    def heights(self) -> np.ndarray:
+        """Of the feet as the last physics step found them, (n, 4), m."""
+        simulation = self.env.simulation
+        return simulation.batch.bind("site_xpos")[:, simulation._feet, 2].copy()
 
     def step(self) -> tuple[np.ndarray, np.ndarray]:
         """Contacts, of the last substep, which `test_readings` holds against MuJoCo's own list, and times of swings."""
@@ -64,6 +69,32 @@ def check_swings_are_counted_by_their_steps_in_the_air() -> None:
     assert bounces > 3
 
 
+def check_a_touchdown_s_speed_is_that_of_the_step_before_it() -> None:
+    """Against the feet's heights; where a foot has landed it is already slow."""
+    walk, touchdowns = Walk(3), []
+    heights = [walk.heights()]
+    for _ in range(100):
+        _, shown = walk.step()
+        heights.append(walk.heights())
+        if len(heights) > 3:
+            sinking = np.maximum(heights[-3] - heights[-2], 0.0) / 0.01
+            np.testing.assert_allclose(walk.speeds, np.where(shown > 0.0, sinking, 0.0), atol=1e-12)
+            touchdowns += walk.speeds[shown > 0.0].tolist()
+    assert len(touchdowns) > 30
+    assert max(touchdowns) > 0.2
+
+
+def of_the_landing(patch: pytest.MonkeyPatch) -> None:
+    """Speeds of the step in which the foot was braked."""
+    true_advance = Footsteps.advance
+
+    def advance(self: Footsteps, ids: Any) -> None:
+        self._sinking[ids] = np.maximum(self._height[ids] - self._places[ids][:, self._feet, 2], 0.0) / self._period
+        true_advance(self, ids)
+
+    patch.setattr(Footsteps, "advance", advance)
+
+
 def bounces_counted(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(footsteps, "BOUNCE", 0)
 
@@ -80,6 +111,11 @@ def begun(change: Callable[[Any], Any]) -> Plant:
 
 FAULTS: Faults = {
     "swings of a step ago": (one_call_old(Simulation, "state"), check_swings_are_counted_by_their_steps_in_the_air),
+    "speeds of a step ago": (
+        one_call_old(Simulation, "state"),
+        check_a_touchdown_s_speed_is_that_of_the_step_before_it,
+    ),
+    "speeds of the landing": (of_the_landing, check_a_touchdown_s_speed_is_that_of_the_step_before_it),
     "swings go on": (begun(lambda ids: ids[:0]), check_swings_are_counted_by_their_steps_in_the_air),
     "everybody's swings begin": (begun(lambda _: slice(None)), check_swings_are_counted_by_their_steps_in_the_air),
     "bounces are swings": (bounces_counted, check_swings_are_counted_by_their_steps_in_the_air),

@@ -10,9 +10,14 @@ import pytest
 
 import policies
 from evaluate.rollouts.hardware import IDEAL
+from quad_env.physics.randomisation import RandomisedModels
 from quad_env.scenarios.named import SCENARIOS, scenario
+from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.terrain import SmoothRandom
-from quad_env.seeding import PURPOSES, episode_seeds
+from quad_env.seeding import PURPOSES, EpisodeStreams, episode_seeds
+from quad_env.sensing import observation as sensed
+from quad_env.sensing.observation import Sensors
+from quad_env.task.observations import OBSERVATION
 from tests.batches import Batch, begun
 from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
 from train import training_robots, validation
@@ -107,6 +112,57 @@ def check_validation_and_training_have_the_hardware_profile() -> None:
     assert starts[3].env.scenario.severity < starts[1].env.scenario.severity, "eased"
 
 
+def check_training_robots_are_randomised() -> None:
+    """Each has mass, friction and servos of its own, other ones in its next episode, and offset encoders."""
+    config = replace(SMALL, curriculum=0.4, mixture=(("flat+randomised", 0.5), ("rough=0.2+randomised", 0.5)))
+    with begun() as starts:
+        env = make_env(config)
+        env.reset()
+        env.close()
+    assert [start.env.scenario.axis for start in starts] == ["flat", "rough"]
+    for start in starts:
+        robots = start.env
+        before = [figures(robots, row) for row in range(3)]
+        robots.reset()
+        every = [*before, *(figures(robots, row) for row in range(3))]
+        for figure in every[0]:
+            assert len({each[figure] for each in every}) == 6, figure
+        assert strayed(robots).std() > 0.005
+
+
+def figures(robots: Any, row: int) -> dict[str, float]:
+    """Of a robot's own model: what it would move by."""
+    robots.simulation.show_load(row)
+    model = robots.simulation.model
+    trunk = model.body("base_link")
+    return {
+        "mass": float(trunk.mass[0]),
+        "centre of mass": float(trunk.ipos[0]),
+        "friction": float(model.geom("ground").friction[0]),
+        "stiffness": float(model.actuator_gainprm[0, 0]),
+        "damping": float(model.actuator_biasprm[0, 2]),
+        "strength": float(model.actuator_forcerange[0, 1]),
+        "inverse weight": float(model.dof_invweight0[0]),
+    }
+
+
+def strayed(robots: Any) -> np.ndarray:
+    """What the joint angles that each robot observes are off, (n, 12), rad."""
+    shown = robots._observation[:, OBSERVATION["joint_position"]] + robots.robot.home_pose
+    return np.asarray(shown - robots.simulation.qpos[:, 7:])
+
+
+def drawn_once(patch: pytest.MonkeyPatch) -> None:
+    """Every robot and every episode has the same figures."""
+    true_draw, first = DomainRandomisation.draw, EpisodeStreams(0, 0).randomisation
+    drawn = true_draw(DomainRandomisation(), 12, first)
+    patch.setattr(DomainRandomisation, "draw", lambda *_: drawn)
+
+
+def without_randomisation(original: Any) -> Any:
+    return lambda *args, **kwargs: replace(original(*args, **kwargs), randomisation=None)
+
+
 def without_profile(original: Any) -> Any:
     return lambda *args, **kwargs: replace(original(*args, **kwargs), hardware=False)
 
@@ -143,6 +199,19 @@ FAULTS: Faults = {
     "profile lost where a scenario is eased": (
         lambda patch: patch.setattr(training_robots, "eased", without_profile(training_robots.eased)),
         check_validation_and_training_have_the_hardware_profile,
+    ),
+    "randomisation lost where a scenario is eased": (
+        lambda patch: patch.setattr(training_robots, "eased", without_randomisation(training_robots.eased)),
+        check_training_robots_are_randomised,
+    ),
+    "randomisation that never reaches the models": (
+        lambda patch: patch.setattr(RandomisedModels, "begin", lambda *_: None),
+        check_training_robots_are_randomised,
+    ),
+    "randomisation drawn once for all": (drawn_once, check_training_robots_are_randomised),
+    "encoders without offsets": (
+        lambda patch: patch.setattr(sensed, "Sensors", lambda *args: Sensors(*args[:4], False)),
+        check_training_robots_are_randomised,
     ),
     "searches on evaluation seeds": (
         seeds_of_evaluation("train.search.cmaes"),

@@ -13,15 +13,17 @@ from safetensors.numpy import load_file, save_file
 import policies
 from policies.bundle import DESCRIPTION, WEIGHTS, load, save
 from policies.history import Inputs
+from policies.mpc.sighted import SightedMpcWbc
 from policies.network import Network
 from policies.parameters import ParameterFile
 from policies.residual import Features, ResidualPolicy
-from policies.residual_bases import BASES
+from policies.residual_bases import BASES, describe, described
 from policies.shipped import MODELS, folder_of
 from policies.trot.integral import integral_parameters
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD, Robot
 from quad_env.robots.similarity import ratio
+from quad_env.sensing.height_scan import HeightScan, table_with
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
 
@@ -63,7 +65,8 @@ def save_tensors(folder, tensors):
 def trajectory(policy, steps=20):
     rng = np.random.default_rng(8)
     policy.reset(3)
-    seen = rng.normal(size=(steps, 3, OBSERVATION_SIZE)).astype(np.float32)
+    width = table_with(policy.robot, policy.height_scan).size
+    seen = rng.normal(size=(steps, 3, width)).astype(np.float32)
     return b"".join(policy.act(each).tobytes() for each in seen)
 
 
@@ -90,6 +93,28 @@ def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_sin
     assert (loaded.base.name, type(loaded.base)) == (name, type(base))
     assert trajectory(loaded, 6) == trajectory(policy, 6)
     assert "policies." not in (tmp_path / DESCRIPTION).read_text(encoding="utf-8")
+
+
+def test_a_base_that_predicts_is_told_what_drives_and_reads_its_joints(tmp_path):
+    base = policies.make("mpc_wbc", sensors="typical", actuator="motor")
+    save(tmp_path, ResidualPolicy(base, network(Features(base).width, 8, 12)), training={}, git_revision="")
+    hardware = {"sensors": "typical", "actuator": "motor"}
+    assert trajectory(policies.resolve(tmp_path, **hardware).base) == trajectory(base)
+    assert trajectory(load(tmp_path).base) == trajectory(policies.make("mpc_wbc")) != trajectory(base)
+
+
+def test_a_height_scan_is_that_of_the_training(tmp_path):
+    base = SightedMpcWbc(height_scan=HeightScan(ahead=3, behind=4, aside=2, delay=0.02))
+    policy = ResidualPolicy(base, network(Features(base).width, 8, 12))
+    assert policy.features.width == OBSERVATION_SIZE + 8 * 5 + 2 + 12
+    save(tmp_path, policy, training={}, git_revision="")
+    assert load(tmp_path).height_scan == base.height_scan
+    for change, reason in (({"ahead": 2}, "observation"), ({"ahead": -1}, "ahead")):
+        changed = json.loads((tmp_path / DESCRIPTION).read_text(encoding="utf-8"))["base"]
+        changed["height_scan"] |= change
+        assert reason in damaged(tmp_path, lambda f, base=changed: rewrite(f, base=base))
+    with pytest.raises(ValueError, match="no other base has one; this is stand"):
+        described(describe(policies.make("stand")) | {"height_scan": {}}, SIMPLE_QUAD, 0.01)
 
 
 @pytest.mark.parametrize("name", ["behaviour", "residual", "safe:trot"])

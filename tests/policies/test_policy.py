@@ -1,6 +1,7 @@
 from dataclasses import replace
 from functools import partial
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -9,6 +10,7 @@ from policies.history import Inputs
 from policies.legs.kinematics import foot_positions
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
+from policies.residual_bases import BASES
 from policies.trot.feedback import TrotFeedback
 from policies.trot.feedback_parameters import searched_parameters as feedback_parameters
 from quad_env import OBSERVATION, OBSERVATION_SIZE
@@ -87,6 +89,32 @@ def test_reset_where_starts_the_masked_robots_anew_and_leaves_the_others(make):
     fresh = actions(make(), observations[50:])
     assert later[:, ~mask].tobytes() == expected[:, ~mask].tobytes()
     assert later[:, mask].tobytes() == fresh[:, mask].tobytes()
+
+
+def walk(steps, n, scan):
+    """Observations (steps, n, k) of robots that trot, with a height scan or None."""
+    env, trot = gym.make_vec("SimpleQuad-v0", num_envs=n, nthread=1, height_scan=scan), policies.make("trot")
+    observation, _ = env.reset(seed=0)
+    trot.reset(n)
+    seen = [observation]
+    for _ in range(steps - 1):
+        seen.append(env.step(trot.act(seen[-1][:, :OBSERVATION_SIZE]))[0])
+    return np.stack(seen)
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_robots_that_a_base_takes_over_go_on_as_they_would_have_and_leave_the_others(name):
+    policy, restarted, fresh = (policies.make(name, sensors="typical") for _ in range(3))
+    observations, mask = walk(40, 3, policy.height_scan), np.array([False, True, False])
+    actions(policy, observations[:20]), actions(restarted, observations[:20])
+    restarted.reset_where(mask)
+    expected = [restarted.act(observations[20])]
+    policy.act(np.where(mask[:, None], observations[0], observations[20]))  # their last look before the end
+    first = actions(fresh, observations[20:21, mask])
+    policy.take_over(mask, fresh)
+    assert first[0].tobytes() == expected[0][mask].tobytes()
+    for row in observations[21:]:
+        assert policy.act(row).tobytes() == restarted.act(row).tobytes()
 
 
 @every_policy

@@ -69,3 +69,8 @@ def test_a_scenario_is_eased_towards_the_mildest_level_of_its_axis(name, share, 
 
 def test_a_combination_has_no_axis_and_stays_as_it_is():
     assert eased(scenario("payload=15+slope=10"), 0.3) == scenario("payload=15+slope=10")
+
+
+def test_an_eased_scenario_keeps_profile_and_randomisation():
+    found = eased(scenario("push=60+randomised+hardware"), 0.3)
+    assert (found.hardware, found.randomisation) == (True, scenario("flat+randomised").randomisation)

@@ -26,7 +26,7 @@ from train import run as training_run
 from train import validation
 from train.__main__ import main
 from train.commands.run import parse
-from train.config import TrainConfig
+from train.config import REWARDS, TrainConfig
 from train.curriculum import TERRAIN_SEEDS
 from train.run import make_env
 from train.run_folder import VALIDATIONS_FILE, steps_done
@@ -37,7 +37,7 @@ from train.training_robots import training_seeds
 WORDS = (
     "--base mpc --steps 48 --seed 7 --threads 3 --joint-authority 0.2 --hip-authority 0.1 "
     "--inputs.lags 0.03 --inputs.averages 0.2 --inputs.clock 4 --mixture push=60 1 rough=0.2 3 --curriculum 0.5 "
-    "--max-episode-steps 20 --servo 30/0.6 --actuator motor --sensors typical --estimator kalman "
+    "--effort-ramp 1 --max-episode-steps 20 --servo 30/0.6 --actuator motor --sensors typical --estimator kalman "
     "--ppo.envs 4 --ppo.rollout-steps 3 --ppo.minibatch 6 --ppo.epochs 1 "
     "--ppo.hold 3 --ppo.actor 4 --ppo.critic 4 --ppo.learning-rate-schedule adaptive --ppo.target-kl 0.04 "
     "--ppo.log-std-final -3.2 --validation.interval 24 --validation.episodes 3 --validation.scenarios push rough=0.1 "
@@ -121,7 +121,7 @@ def authority(each: Any) -> list[float]:
 SEEDS = episode_seeds("training", 0, 4).tolist()
 EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
     "policy": (lambda ran: ran.policy.name, "residual"),  # the other one has a test in test_command.py
-    "base": (of_both(lambda each: each.base.name), ["mpc"] * 2),
+    "base": (lambda ran: [ran.env.bases[0].base.name, ran.policy.base.name], ["mpc"] * 2),
     "steps": (lambda ran: steps_done(ran.folder), 48),
     "seed": (
         lambda ran: (ran.learner.seed, ran.of("training")[1].env.scenario.terrain.seed),  # type: ignore[union-attr]
@@ -135,7 +135,7 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
     "joint_authority": (of_both(lambda each: authority(each)[1:]), [[0.2, 0.2]] * 2),
     "hip_authority": (of_both(lambda each: authority(each)[0]), [0.1] * 2),
     "inputs": (
-        lambda ran: [ran.env._features.inputs, ran.policy.features.inputs],
+        lambda ran: [ran.env.bases[0]._features.inputs, ran.policy.features.inputs],
         [Inputs(lags=(0.03,), averages=(0.2,), clock=4.0)] * 2,
     ),
     "mixture": (
@@ -146,6 +146,10 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
         # Of the way from 20 N·s and 0.06 m, on a scale of their logarithms.
         lambda ran: [*(each.env.scenario.severity for each in ran.of("training")[:2]), *remembered(ran)["shares"]],
         pytest.approx([(20 * 60) ** 0.5, (0.06 * 0.2) ** 0.5, 0.5, 0.5]),
+    ),
+    "effort_ramp": (  # the second of two segments begins half-way
+        lambda ran: [ran.of("training")[which].env._weights["reward_torque"] / REWARDS.torque for which in (0, -1)],
+        pytest.approx([0.0, 0.005]),
     ),
     "max_episode_steps": (  # first episodes are cut where the robots' seeds say
         lambda ran: ran.env.unwrapped._first_episode_steps(SEEDS).tolist(),

@@ -30,7 +30,7 @@ OPTIONS = (
     "--ppo.hold 1 --ppo.envs 16 --ppo.rollout-steps 8 --ppo.minibatch 64 --ppo.epochs 2 --ppo.actor 8 --ppo.critic 8 "
     "--ppo.learning-rate-schedule adaptive --ppo.target-kl 1e-3 --ppo.log-std-final -3 --steps 640 "
     "--ppo.learning-rate 1e-3 "
-    "--curriculum 0.4 --rewards.foot-air-time 1"
+    "--curriculum 0.4 --rewards.foot-air-time 1 --effort-ramp 1"
 )
 ROLLOUT, SEGMENT, RUN = 8, 16, 40
 """Steps of each of the 16 robots."""
@@ -266,6 +266,7 @@ LEFT_OUT = {
     "swings that end with their episode": lambda patch: patch.setattr(Footsteps, "begin", lambda *_: None),
     "new episodes": lambda patch: patch.setattr(callbacks.BetweenRollouts, "_begin_segment", lambda _: None),
     "severities": forget(shares=[]),
+    "weights of effort": lambda patch: patch.setattr(callbacks, "effort_at", lambda *_: 0.0),
     "validations": forget(validations=[]),
 }
 

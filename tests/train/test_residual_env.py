@@ -82,7 +82,7 @@ def test_the_clock_restarts_for_finished_robots_and_ticks_once_for_the_others():
         ticks += 1
         for shown, rows, clock in ((infos.get("final_obs"), finished, ticks), (seen, slice(None), ticks * ~finished)):
             if shown is not None:
-                turned = 2 * np.pi * env.base.frequency * 0.01 * (clock + 1)
+                turned = 2 * np.pi * env.bases[0].base.frequency * 0.01 * (clock + 1)
                 np.testing.assert_allclose(shown[rows, 48], np.sin(turned)[rows], atol=1e-5)
                 np.testing.assert_allclose(shown[rows, 49], np.cos(turned)[rows], atol=1e-5)
         ticks[finished] = 0

@@ -15,7 +15,6 @@ import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
-import policies
 from evaluate.records.provenance import REPOSITORY, git_revision
 from policies import ResidualPolicy
 from policies.bundle import save as save_bundle
@@ -31,7 +30,7 @@ from train.sb3 import checkpoint
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.progress import Display
 from train.sb3.vec_env import TrainingVecEnv
-from train.training_robots import TrainingRobots, make_batch, segment_steps, training_seeds
+from train.training_robots import TrainingRobots, base_of, effort_at, make_batch, segment_steps, training_seeds
 from train.validation import cost_of_transport, rank, score, success, validate
 
 FIRST_CHECKPOINT = 30.0
@@ -89,8 +88,8 @@ class BetweenRollouts(BaseCallback):
         self._config, self._env, self._display, self._interrupt = config, env, display, interrupt
         self._state, self._actions = state, actions
         self._robots = cast(TrainingRobots, env.env.unwrapped)
-        self._made = [config.curriculum] * len(self._robots.batches)
-        state.shares = state.shares or list(self._made)
+        self._made = [(config.curriculum, effort_at(config, 0))] * len(self._robots.batches)
+        state.shares = state.shares or [config.curriculum] * len(self._made)
         self._earlier_seconds, self._began = state.seconds, time.monotonic()
         self._end = self._kept = self._start = 0
 
@@ -103,12 +102,11 @@ class BetweenRollouts(BaseCallback):
         """Whether the last segment is complete."""
         return self.num_timesteps >= self._end
 
-    def _policy(self) -> ResidualPolicy:
-        """The policy of a bundle: the actor on a new base, without exploration noise."""
-        env, config = cast(ResidualVectorEnv, self._env.env), self._config
-        base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
+    def _policy(self, real: bool = False) -> ResidualPolicy:
+        """The policy of a bundle: the actor on a new base, see `base_of`, without exploration noise."""
+        config, authority = self._config, cast(ResidualVectorEnv, self._env.env).authority
         actor = actor_network(self._learner)
-        return ResidualPolicy(base, actor, env.authority, config.policy, config.inputs, config.ppo.hold)
+        return ResidualPolicy(base_of(config, real), actor, authority, config.policy, config.inputs, config.ppo.hold)
 
     def _on_step(self) -> bool:
         return True
@@ -116,7 +114,7 @@ class BetweenRollouts(BaseCallback):
     def _on_training_start(self) -> None:
         self._start = self.num_timesteps
         self._restore_rate()
-        self._make_batches()
+        self._make_batches(self._start - len(self._actions) * self._env.num_envs)
         if self._actions:
             self._end = self._start - len(self._actions) * self._env.num_envs + segment_steps(self._config)
             seeds = training_seeds(self._config, self._state.segments - 1)
@@ -134,8 +132,10 @@ class BetweenRollouts(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         self._adjust_noise_and_rate()
-        if self._over and self._config.curriculum < 1.0:
-            self._adjust_severities()
+        if self._over:
+            if self._config.curriculum < 1.0:
+                self._adjust_severities()
+            self._make_batches(self.num_timesteps)
         interval = self._config.validation.interval
         if interval > 0 and self.num_timesteps - self._state.validated >= interval:
             self._validate()
@@ -178,14 +178,14 @@ class BetweenRollouts(BaseCallback):
         for number, batch in enumerate(self._robots.batches):
             self.logger.record(f"severity/{batch.scenario.name}", self._state.shares[number])
             self.logger.record(f"kept/{batch.scenario.name}", kept[number] / max(counted[number], 1))
-        self._make_batches()
 
-    def _make_batches(self) -> None:
-        """Replace the batches whose severity has changed."""
-        for number, (made, share) in enumerate(zip(self._made, self._state.shares, strict=True)):
-            if made != share:
-                self._robots.replace(number, make_batch(self._config, number, share))
-        self._made = list(self._state.shares)
+    def _make_batches(self, begun: int) -> None:
+        """Replace the batches whose severity or rewards are others in the segment that has begun after those steps."""
+        wanted = [(share, effort_at(self._config, begun)) for share in self._state.shares]
+        for number, (made, asked) in enumerate(zip(self._made, wanted, strict=True)):
+            if made != asked:
+                self._robots.replace(number, make_batch(self._config, number, *asked))
+        self._made = wanted
 
     def _begin_segment(self) -> None:
         """Start new episodes of all robots."""
@@ -198,7 +198,7 @@ class BetweenRollouts(BaseCallback):
         """Validate the policy, and save it if it is the best so far."""
         policy, state, config = self._policy(), self._state, self._config
         with self._display.pace.validation(self.num_timesteps):
-            results = validate(policy, config.complete_validation, config.threads, config.hardware)
+            results = validate(policy, config.complete_validation, config.threads, config.hardware, self._policy(True))
         means = {"success": success(results), "score": score(results), "cost_of_transport": cost_of_transport(results)}
         state.validations.append({"steps": self.num_timesteps, **means, "scenarios": results})
         for scenario, figures in {"": means, **results}.items():

@@ -68,22 +68,6 @@ def test_a_robot_s_actions_are_the_same_in_any_batch_after_a_restart_and_in_anot
         np.testing.assert_array_equal(together.act(rows)[1], alone.act(rows[1]))
 
 
-def test_robots_that_nobody_asks_for_cost_no_plans_and_change_none_of_the_others() -> None:
-    solved: list[int] = []
-
-    def counted(programs: Programs) -> Solutions:
-        solved.append(len(programs.hessian))
-        return solve(programs)
-
-    every, some, rows = MpcWbc(), MpcWbc(), observations(3)
-    some._solver = counted
-    every.reset(num_envs=3), some.reset(num_envs=3)
-    some.needed = np.array([True, False, True])
-    for _ in range(10):
-        np.testing.assert_array_equal(some.act(rows)[some.needed], every.act(rows)[some.needed])
-    assert sum(solved) == 10 * (2 + 3)  # plans of two robots, torques of three
-
-
 def test_the_motion_of_a_robot_alone_has_the_same_bits_as_among_others() -> None:
     dynamics, rows = Dynamics(SIMPLE_QUAD), np.random.default_rng(0).normal(size=(3, OBSERVATION_SIZE))
 

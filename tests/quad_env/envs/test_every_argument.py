@@ -248,6 +248,38 @@ def largest_torque(robot: Robot) -> float:
     return float(np.abs(robot.now.actuator_force).max())
 
 
+def weight(robot: Robot) -> float:
+    """What holds a robot at rest, kg."""
+    return float(robot.now.qfrc_bias[2]) / 9.81
+
+
+def grip(robot: Robot) -> float:
+    """The friction of its feet on the ground."""
+    now = robot.now  # first: then the model is its own
+    (found,) = {float(contact.friction[0]) for contact in now.contact[: now.ncon]}
+    return found
+
+
+def centre_of_mass(robot: Robot) -> np.ndarray:
+    """Of the trunk, along its axes."""
+    now, trunk = robot.now, robot.model.body("base_link").id
+    return (now.xipos[trunk] - now.xpos[trunk]) @ now.xmat[trunk].reshape(3, 3)
+
+
+def far_torques(robot: Robot) -> np.ndarray:
+    """Largest torques, where the targets are out of reach."""
+    model, now = robot.model, robot.now
+    now.ctrl[:] = FAR
+    mujoco.mj_forward(model, now)
+    return np.array(now.actuator_force)
+
+
+NUMBERS = streams().randomisation
+FRICTION, MASS, DELAY, *CENTRE = NUMBERS.uniform(-1, 1, 6)
+STIFFNESS, DAMPING, STRENGTH, OFFSET = NUMBERS.uniform(-1, 1, (4, 12))
+"""Of what is randomised."""
+
+
 def load(robot: Robot) -> list[float]:
     """Mass of a payload, its place on the trunk, that of the cube that is drawn, and its moment of inertia."""
     now, trunk = robot.now, robot.model.body("base_link").id
@@ -329,6 +361,10 @@ def seen(robot: Robot) -> Any:
     return robot.seen
 
 
+def seen_angles(robot: Robot) -> Any:
+    return robot.seen[OBSERVATION["joint_position"]]
+
+
 def sensed(robot: Robot) -> Any:
     return robot.seen[:SENSED]
 
@@ -370,6 +406,10 @@ USUAL: dict[type, Usual] = {
     quad_env.Latency: (quad_env.Latency(0.0, 0.0), part("latency")),
     quad_env.SensorNoise: (quad_env.SensorNoise(0.0), part("noise")),
     quad_env.Dropouts: (quad_env.Dropouts(count=1, duration=0.05, window=(0.0, 0.1)), part("dropouts")),
+    quad_env.DomainRandomisation: (
+        quad_env.DomainRandomisation((1.0, 1.0), 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.0),
+        part("randomisation"),
+    ),
     quad_env.Imu: (IDEAL.imu, suite("imu")),
     quad_env.Encoders: (IDEAL.encoders, suite("encoders")),
     quad_env.JointTorque: (IDEAL.torque, suite("torque")),
@@ -412,6 +452,22 @@ FIELDS = {
     "Dropouts.count": Effect(2, series(received), held(2, 0, 5)),
     "Dropouts.duration": Effect(0.097, series(received), held(1, 0, 10)),
     "Dropouts.window": Effect((0.06, 0.12), series(received), held(1, 6, 5)),
+    "DomainRandomisation.friction": Effect((0.5, 0.9), after(grip), 0.8 * (0.7 + 0.2 * FRICTION)),
+    "DomainRandomisation.trunk_mass": Effect(0.4, weight, SIMPLE_QUAD.mass + 0.4 * MASS * 5.0),
+    "DomainRandomisation.centre_of_mass": Effect(
+        (0.1, 0.05, 0.02), centre_of_mass, np.multiply((0.1, 0.05, 0.02), CENTRE)
+    ),
+    "DomainRandomisation.stiffness": Effect(
+        0.3, servo_gains, np.stack((300.0 * (1 + 0.3 * STIFFNESS), np.full(12, 10.0)), axis=1)
+    ),
+    "DomainRandomisation.damping": Effect(
+        0.3, servo_gains, np.stack((np.full(12, 300.0), 10.0 * (1 + 0.3 * DAMPING)), axis=1)
+    ),
+    "DomainRandomisation.motor_strength": Effect(0.2, far_torques, 100.0 * (1 + 0.2 * STRENGTH)),
+    "DomainRandomisation.delay": Effect(0.08, series(received), arrived(round(4 * (1 + DELAY)))),
+    "DomainRandomisation.encoder_offset": Effect(
+        0.1, series(seen_angles), lambda before: before + np.float32(0.1 * OFFSET)
+    ),
     "Imu.rate": slow(sensor("gyro")),
     "Imu.delay": late(sensor("gyro")),
     "Imu.gyro_bias": off("gyro", 0.2),

@@ -106,8 +106,13 @@ SCAN = HeightScan(ahead=6, behind=2, aside=3, noise=0.02, delay=0.03, rate=50.0)
         ("noise", {"sensors": "typical"}),
         ("latency", {"sensors": "typical"}),
         ("rough", {"height_scan": SCAN}),
+        ("latency+randomised", {}),
+        ("push+randomised+hardware", {}),
     ],
-    ids=["feet", "feet and sensors", "sensors and noise", "sensors and latency", "height scan"],
+    ids=[
+        *("feet", "feet and sensors", "sensors and noise", "sensors and latency", "height scan"),
+        *("randomised", "randomised on the hardware profile"),
+    ],
 )
 def test_what_is_asked_for_besides_is_the_same_alone_and_in_batches(scenario: str, options: dict[str, Any]) -> None:
     """Over three episodes."""

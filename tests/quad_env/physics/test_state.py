@@ -12,7 +12,7 @@ from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import Rotation, heading_velocity, rotation_matrix, to_body, to_heading
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import Episode, at_reset
-from quad_env.scenarios.named import SCENARIOS
+from quad_env.scenarios.named import SCENARIOS, scenario
 
 angle = st.floats(-3.0, 3.0)
 
@@ -49,11 +49,11 @@ def test_a_pitched_trunk_keeps_its_heading_and_yaw_rate_is_about_the_worlds_vert
     np.testing.assert_allclose(out, [1.0, 0.0, 1.0], atol=1e-12)
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize("name", [*SCENARIOS, "payload+randomised"])
 def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(name: str) -> None:
     rng, touches = np.random.default_rng(0), 0
-    simulation = Simulation(SIMPLE_QUAD, SCENARIOS[name], 1, 1, 100.0)
-    start, *others = at_reset([Episode(SIMPLE_QUAD, SCENARIOS[name], 0, 0, 0.01)])
+    simulation = Simulation(SIMPLE_QUAD, scenario(name), 1, 1, 100.0)
+    start, *others = at_reset([Episode(SIMPLE_QUAD, scenario(name), 0, 0, 0.01)])
     start[0, 3] = 3.0  # rad of roll: it lies on its back
     simulation.reset(np.arange(1), start, *others)
     data = simulation.snapshot(0)

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 import quad_env
+from evaluate.analysis.severity_levels import axis_name
 from evaluate.rollouts import battery
 from quad_env import ENV_ID
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.disturbances import Ground, Latency, Payload
 from quad_env.scenarios.named import scenario
+from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope
 from quad_env.serialisation import from_plain, to_plain
@@ -39,9 +41,35 @@ def test_the_hardware_profile_is_asked_for_at_the_end_of_a_name(name: str) -> No
     assert from_plain(to_plain(found)) == found
 
 
+@pytest.mark.parametrize("name", ["push", "push:4", "push=42", "payload=15+slope=10", "steady", "push+hardware"])
+def test_domain_randomisation_is_asked_for_at_the_end_of_a_name(name: str) -> None:
+    found = scenario(f"{name}+randomised")
+    plain, _, profile = name.partition("+hardware")
+    profile = "+hardware" if name != plain else ""
+    assert found == replace(scenario(name), name=f"{plain}+randomised{profile}", randomisation=DomainRandomisation())
+    assert scenario(found.name) == found
+    assert from_plain(to_plain(found)) == found
+    assert battery.one(found.name) == found
+
+
+def test_whole_batteries_are_randomised() -> None:
+    quick = battery.resolve(("quick",))
+    assert [each.name for each in battery.resolve(("quick+randomised",))][:3] == [
+        "flat+randomised",
+        "push+randomised",
+        "rough+randomised",
+    ]
+    assert len(battery.resolve(("quick+randomised+hardware",))) == len([each for each in quick if not each.hardware])
+
+
+def test_levels_of_randomised_scenarios_are_an_axis_of_their_own() -> None:
+    names = "push:3", "push:3+randomised", "push:3+hardware", "push:3+randomised+hardware"
+    assert [axis_name(scenario(name)) for name in names] == [name.replace(":3", "") for name in names]
+
+
 def test_a_scenario_of_before_there_was_a_profile_has_none() -> None:
     written = to_plain(scenario("push:3"))
-    del written["hardware"]
+    del written["hardware"], written["randomisation"]
     assert from_plain(written) == scenario("push:3")
 
 
@@ -60,6 +88,7 @@ def test_parts_of_one_thing_go_together() -> None:
         ("push=20+push=20", "push is given twice"),
         ("push=20+pull=3", "unknown axis 'pull'; valid: flat, push"),
         ("payload=15+hardware+slope=10", r"\+hardware stands at the end"),
+        ("payload=15+randomised+slope=10", r"\+randomised stands at the end"),
         ("shove+hardware", "unknown scenario 'shove\\+hardware'; valid: flat, push"),
         ("push:99+hardware", "push has levels 1 to 8, not 99"),
         ("payload=15+slope", "slope needs a severity; write slope=15"),

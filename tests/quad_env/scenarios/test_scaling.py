@@ -119,6 +119,14 @@ def test_a_physical_name_can_be_said_for_another_robot(small: Robot) -> None:
     assert scaled_name("push", small) == "push"
     assert scaled_name("payload=20+slope=10+hardware", small) == "payload=2+slope=10+hardware"
     assert scaled_name("payload=20", SIMPLE_QUAD) == "payload=20"
+    assert scaled_name("payload=20+randomised+hardware", small) == "payload=2+randomised+hardware"
+
+
+def test_of_domain_randomisation_lengths_are_the_robots_own_and_shares_the_same(small: Robot) -> None:
+    ours, theirs = (scenario("push+randomised", robot).randomisation for robot in (SIMPLE_QUAD, small))
+    assert theirs.centre_of_mass == pytest.approx([LONGER * each for each in ours.centre_of_mass])
+    assert replace(theirs, centre_of_mass=ours.centre_of_mass) == ours
+    assert scaled(scenario("push+randomised"), small).randomisation == theirs
 
 
 def test_no_motor_gets_more_torque_than_it_has(small: Robot) -> None:

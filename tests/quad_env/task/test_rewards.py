@@ -18,15 +18,16 @@ STATE = QuadState(
     heading_velocity=(0.6, -0.1, 0.2),
     vertical_velocity=-0.3,
     joint_position=(0.0,) * 12,
-    joint_velocity=(0.0,) * 12,
+    joint_velocity=(2.0, 0.5, *(0.0,) * 10),
     joint_torque=(3.0, -4.0, *(0.0,) * 10),
     trunk_contact=False,
     command=(1.0, 0.2, 0.45),
     action=(0.1, -0.1, 0.1, *(0.0,) * 9),
     previous_action=(0.0, 0.0, 0.0, 0.2, *(0.0,) * 8),
     swing_time=(0.25, 0.1, 0.0, 0.0),
+    touchdown_speed=(0.3, 0.1, 0.0, 0.0),
 )
-WEIGHTS = RewardWeights(foot_air_time=2.0)
+WEIGHTS = RewardWeights(mechanical_power=-0.01, foot_air_time=2.0, touchdown_speed=-3.0)
 BY_HAND = {
     "linear_velocity_tracking": 1.2 * math.exp(-2.0),  # an error of (0.4, 0.3): 0.5 m/s, two widths
     "yaw_rate_tracking": 0.8 * math.exp(-1.0),  # 0.25 rad/s, one width
@@ -37,7 +38,9 @@ BY_HAND = {
     "tilt": -0.5 * 0.25,  # sin² 30°
     "action_rate": -0.02 * (3 * 0.01 + 0.04),
     "torque": -2e-5 * 25.0,
+    "mechanical_power": -0.01 * (3.0 * 2.0 + 4.0 * 0.5),
     "foot_air_time": 2.0 * (0.10 - 0.05),  # beside 0.15 s
+    "touchdown_speed": -3.0 * (0.09 + 0.01),
 }
 """Weighted rates, 1/s."""
 
@@ -59,8 +62,10 @@ def test_every_term_but_the_fall_is_worked_out_here() -> None:
 
 
 def test_swings_that_are_not_looked_at_pay_nothing() -> None:
-    found = reward_terms(STATE._replace(swing_time=None), False, False, step_weights(RewardWeights(), 0.01))
-    assert found["reward_foot_air_time"] == 0.0
+    found = reward_terms(
+        STATE._replace(swing_time=None, touchdown_speed=None), False, False, step_weights(RewardWeights(), 0.01)
+    )
+    assert found["reward_foot_air_time"] == found["reward_touchdown_speed"] == 0.0
 
 
 @pytest.mark.parametrize(("command", "pays"), [((0.1, 0.0, 0.0), 0), ((0.0, 0.08, 0.07), 1), ((0.0, 0.0, -0.2), 1)])
