@@ -11,8 +11,10 @@ from evaluate.rollouts import hardware
 from evaluate.rollouts.hardware import Hardware
 from policies.history import Inputs
 from policies.parameters import limits_of, number
+from quad_env.actuation.models import actuator
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.config import RewardWeights
+from quad_env.physics.batch import WARP, check_simulator
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scaled_name, scenario
@@ -123,6 +125,9 @@ class TrainConfig:
     """Continue the run in --out from its last checkpoint."""
     threads: int = number(2, limits=(1, 256))
     """Threads of the simulation; the learner needs one."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Processor of simulation and network; cuda: an NVIDIA GPU, by MuJoCo Warp (pip install -e ".[warp]"). Validation
+    is MuJoCo's on the CPU."""
     joint_authority: float = number(0.3, limits=(1e-3, 3.0))
     """Largest correction of a thigh or calf joint, rad."""
     hip_authority: float = number(0.15, limits=(0.0, 3.0))
@@ -209,6 +214,8 @@ def check(config: TrainConfig) -> None:
     except ValueError as error:
         raise UsageError(str(error)) from None
     _check_mixture(config)
+    if config.device == "cuda":
+        _check_warp(config)
     check_scenarios("--validation.scenarios", config.complete_validation.scenarios, config.hardware.quadruped)
     names = dict.fromkeys((*dict(config.mixture), *config.complete_validation.scenarios))
     real = ", ".join(name for name in names if scenario(name, config.hardware.quadruped).hardware)
@@ -226,6 +233,16 @@ def _check_mixture(config: TrainConfig) -> None:
     # Smaller than any share that means something, and the quotients below stay finite.
     if sum(shares) < 1e-6:
         raise UsageError("--mixture: at least one share must be above zero")
+
+
+def _check_warp(config: TrainConfig) -> None:
+    try:
+        for name, share in config.mixture:
+            if share:
+                each = scenario(name, config.hardware.quadruped)
+                check_simulator(WARP, each, actuator(config.actuator), sensors=config.sensors != Hardware.sensors)
+    except ValueError as error:
+        raise UsageError(f"--device cuda: {error}") from None
 
 
 def check_scenarios(option: str, names: Sequence[str], robot: Robot = SIMPLE_QUAD) -> None:

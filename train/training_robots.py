@@ -17,6 +17,7 @@ from quad_env.actuation.hardware import hardware_profile
 from quad_env.columns import Array, of_robots
 from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics.batch import WARP
 from quad_env.physics.state import rotation_matrix, to_heading
 from quad_env.scenarios.named import Scenario
 from quad_env.scenarios.named import scenario as find_scenario
@@ -253,7 +254,7 @@ def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1
     return SimpleQuadVectorEnv(
         count, _pushed(scenario), 1 if side_by_side(config) else config.threads, AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps, config=task, height_scan=base.height_scan,
-        **config.hardware.environment(base.robot),
+        **config.hardware.environment(base.robot) | ({"simulator": WARP} if config.device == "cuda" else {}),
     )  # fmt: skip
 
 

@@ -47,7 +47,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         servo: stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos, each a number or (12,) in the joints'
             order, in a batch also (n, 12); None: those of the robot.
         simulator: "mujoco", or "drake" for ideal motors and level or sloping ground and stairs: see
-            docs/second-simulator.md.
+            docs/second-simulator.md; or "warp", MuJoCo Warp, for training: see docs/training.md.
 
     docs/environment.md says what has changed its figures since it was first registered.
     """

@@ -7,15 +7,19 @@ from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.columns import Array, Ids, Rows
 from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import Flat, Slope, Stairs
+from quad_env.scenarios.terrain import HeightField, SmoothRandom
 
-MUJOCO, DRAKE = "mujoco", "drake"
+MUJOCO, DRAKE, WARP = "mujoco", "drake", "warp"
 SIMULATORS = MUJOCO, DRAKE
+"""Those that evaluate; WARP is for training alone."""
 SLOWNESS = {MUJOCO: 1.0, DRAKE: 12.0}
 """Time that each takes for a control step of a robot, times MuJoCo's."""
-_KNOWN = (
-    "ideal motors, the true state, and level ground, slopes and stairs of any friction, with pushes, forces, payloads"
-)
+_PACKAGES = {DRAKE: "pydrake", WARP: "mujoco_warp"}
+_KNOWN = {
+    DRAKE: "ideal motors, the true state, and level ground, slopes and stairs of any friction, with pushes, forces, "
+    "payloads",
+    WARP: "ideal motors and all else but height fields, slow motors and sensors of the robot",
+}
 
 
 class Batch(Protocol):
@@ -54,23 +58,26 @@ class Batch(Protocol):
 
 def check_simulator(simulator: str, scenario: Scenario, actuator: Actuator, sensors: bool = False) -> None:
     """ValueError, one line, unless the simulator of that name can do that; `sensors`: the robot has some of its own."""
-    if simulator not in SIMULATORS:
+    if simulator not in (*SIMULATORS, WARP):
         raise ValueError(f"unknown simulator {simulator!r}; valid: {', '.join(SIMULATORS)}")
     if simulator == MUJOCO:
         return
-    if find_spec("pydrake") is None:
-        raise ValueError('the simulator drake needs the package drake: pip install -e ".[drake]" (Linux and macOS)')
+    if find_spec(_PACKAGES[simulator]) is None:
+        raise ValueError(f'the simulator {simulator} needs its packages: pip install -e ".[{simulator}]"')
+    terrain, on_drake = scenario.terrain, simulator == DRAKE
+    slow = scenario.motors.bandwidth is not None
     beyond = {
         "sensors of the robot": sensors,
         f"the hardware profile of {scenario.name!r}": scenario.hardware,
-        f"the motors of {scenario.name!r}": scenario.motors != Motors(),
+        f"the motors of {scenario.name!r}": slow or (on_drake and scenario.motors != Motors()),
         "motors other than ideal ones": actuator != ACTUATORS["ideal"],
-        f"the ground of {scenario.name!r}": not isinstance(scenario.terrain, Flat | Slope | Stairs),
-        f"the domain randomisation of {scenario.name!r}": scenario.randomisation is not None,
-        f"the soft ground of {scenario.name!r}": scenario.ground.sink_depth > 0,
+        f"the ground of {scenario.name!r}": isinstance(terrain, SmoothRandom | HeightField),
+        f"the domain randomisation of {scenario.name!r}": on_drake and scenario.randomisation is not None,
+        f"the soft ground of {scenario.name!r}": on_drake and scenario.ground.sink_depth > 0,
     }
     if found := [what for what, asked in beyond.items() if asked]:
-        raise ValueError(f"the simulator drake knows {_KNOWN}; not {' and '.join(found)}: take mujoco for that")
+        known = f"the simulator {simulator} knows {_KNOWN[simulator]}"
+        raise ValueError(f"{known}; not {' and '.join(found)}: take mujoco for that")
 
 
 def batch_of(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch:
@@ -79,6 +86,10 @@ def batch_of(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch:
         from quad_env.physics.drake.batch import DrakeBatch  # an extra
 
         return DrakeBatch(model, num_envs)
+    if simulator == WARP:
+        from quad_env.physics.warp_batch import WarpBatch  # an extra
+
+        return WarpBatch(model, num_envs)
     from mujoco.batch import Batch as MujocoBatch
 
     return MujocoBatch(model, num_envs, nthread)  # type: ignore[no-any-return]

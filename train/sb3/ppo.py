@@ -13,6 +13,7 @@ from stable_baselines3.common.torch_layers import MlpExtractor
 from torch import nn
 
 from policies.network import Network
+from quad_env.cli.command_line import UsageError
 from train.config import PpoConfig, TrainConfig
 from train.sb3.vec_env import TrainingVecEnv
 
@@ -83,12 +84,14 @@ def build(config: TrainConfig, env: TrainingVecEnv) -> PPO:
     """A fresh learner whose mean correction is zero everywhere."""
     # More threads make networks of this size slower, much so where the simulation's threads keep the cores busy.
     torch.set_num_threads(1)
+    if config.device == "cuda" and not torch.cuda.is_available():
+        raise UsageError("--device cuda: PyTorch finds no NVIDIA GPU here")
     ppo = config.ppo
     network = {"net_arch": {"pi": list(ppo.actor), "vf": list(ppo.critic)}, "activation_fn": nn.ELU, "ortho_init": True}
     model = PPO(
         AsymmetricPolicy, env, learning_rate(ppo), n_steps=ppo.rollout_steps, batch_size=ppo.minibatch,
         n_epochs=ppo.epochs, gamma=ppo.gamma, gae_lambda=ppo.gae_lambda, clip_range=0.2, ent_coef=ppo.entropy,
-        vf_coef=0.5, max_grad_norm=1.0, seed=config.seed, device="cpu",
+        vf_coef=0.5, max_grad_norm=1.0, seed=config.seed, device=config.device,
         policy_kwargs={**network, "log_std_init": ppo.log_std_init, "privileged": env.privileged},
     )  # fmt: skip
     for parameter in model.policy.action_net.parameters():
