@@ -74,8 +74,8 @@ def requirements(repository: Path, extra: str | None = None) -> set[str]:
 
 
 def optional(repository: Path) -> set[str]:
-    """Import names of the extras that evaluation can do without: films as .mp4, a second simulator."""
-    return {name.replace("-", "_") for name in requirements(repository, "video")} | {"pydrake"}
+    """Import names of the extras that evaluation can do without: films as .mp4, other simulators."""
+    return {name.replace("-", "_") for name in requirements(repository, "video")} | {"pydrake", "mujoco_warp", "warp"}
 
 
 def build(folder: Path, kind: str, out: Path) -> Path:
