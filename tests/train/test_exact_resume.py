@@ -1,6 +1,7 @@
 """A run that is stopped anywhere and carried on is the one in one go, bit for bit: weights, validations, bundles."""
 
 import contextlib
+import dataclasses
 import itertools
 import json
 import os
@@ -18,6 +19,7 @@ from gymnasium.error import ResetNeeded
 
 import policies
 from policies.network import Network
+from policies.parameters import ParameterFile
 from quad_env.physics.footsteps import Footsteps
 from train import run as training_run
 from train.__main__ import main
@@ -277,3 +279,16 @@ def test_whatever_is_not_restored_shows(what, runs, killed, monkeypatch):
     with contextlib.suppress(ResetNeeded):  # robots of a new severity that begin no episode
         resume(killed)
     assert bits(killed) != bits(runs / "whole")
+
+
+def test_a_bundle_has_the_base_of_the_start_whatever_is_searched_meanwhile(tmp_path, monkeypatch):
+    """The search writes its parameters during the validation."""
+    searched, at_the_start = ParameterFile.in_force, policies.make("trot_integral").parameters
+
+    def judged(*_):
+        monkeypatch.setattr(ParameterFile, "in_force", lambda *of: dataclasses.replace(searched(*of), frequency=1.5))
+        return of_weights(*_)
+
+    monkeypatch.setattr("train.sb3.callbacks.validate", judged)
+    begin(tmp_path / "run")
+    assert policies.load(tmp_path / "run" / "last").base.parameters == at_the_start

@@ -6,6 +6,7 @@ and a checkpoint within a segment holds their actions since its start. A run tha
 the uninterrupted one, bit for bit, on the same machine and packages.
 """
 
+import copy
 import dataclasses
 import time
 from collections.abc import Mapping, Sequence
@@ -87,6 +88,8 @@ class BetweenRollouts(BaseCallback):
         super().__init__()
         self._config, self._env, self._display, self._interrupt = config, env, display, interrupt
         self._state, self._actions = state, actions
+        self._bases = [base_of(config, real) for real in (False, True)]
+        """Bases of bundles, without and with the hardware profile, with the parameters in force at the start."""
         self._robots = cast(TrainingRobots, env.env.unwrapped)
         self._made = [(config.curriculum, effort_at(config, 0))] * len(self._robots.batches)
         state.shares = state.shares or [config.curriculum] * len(self._made)
@@ -103,10 +106,12 @@ class BetweenRollouts(BaseCallback):
         return self.num_timesteps >= self._end
 
     def _policy(self, real: bool = False) -> ResidualPolicy:
-        """The policy of a bundle: the actor on a new base, see `base_of`, without exploration noise."""
+        """The policy of a bundle: the actor on a fresh base, see `base_of`, without exploration noise."""
         config, authority = self._config, cast(ResidualVectorEnv, self._env.env).authority
         actor = actor_network(self._learner)
-        return ResidualPolicy(base_of(config, real), actor, authority, config.policy, config.inputs, config.ppo.hold)
+        return ResidualPolicy(
+            copy.deepcopy(self._bases[real]), actor, authority, config.policy, config.inputs, config.ppo.hold
+        )
 
     def _on_step(self) -> bool:
         return True
