@@ -68,9 +68,7 @@ def begin(owner: Any, num_envs: int) -> None:
 def begin_again(owner: Any, mask: NDArray[np.bool_]) -> None:
     """Fresh fields of an object for the robots where the mask, (n,), is true; arrays handed out stay what they were."""
     for field in _fields(owner):
-        now = getattr(owner, field.name).copy()
-        now[(*[slice(None)] * field.axis, mask)] = field.of_one(owner)
-        setattr(owner, field.name, now)
+        _put(owner, field, mask, field.of_one(owner))
     for part in _parts(owner):
         part.reset_where(mask)
 
@@ -78,11 +76,15 @@ def begin_again(owner: Any, mask: NDArray[np.bool_]) -> None:
 def take_over(owner: Any, mask: NDArray[np.bool_], other: Any) -> None:
     """Put the fields of another object of the same kind where the mask, (n,), is true, as many robots as it has."""
     for field in _fields(owner):
-        now = getattr(owner, field.name).copy()
-        now[(*[slice(None)] * field.axis, mask)] = getattr(other, field.name)
-        setattr(owner, field.name, now)
+        _put(owner, field, mask, getattr(other, field.name))
     for part, theirs in zip(_parts(owner), _parts(other), strict=True):
         part.take_over(mask, theirs)
+
+
+def _put(owner: Any, field: Field, mask: NDArray[np.bool_], values: NDArray[Any]) -> None:
+    now = getattr(owner, field.name).copy()
+    now[(*[slice(None)] * field.axis, mask)] = values
+    setattr(owner, field.name, now)
 
 
 def _fields(owner: Any) -> list[Field]:

@@ -11,9 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-import policies
 from policies.base import Policy
-from quad_env.actuation.hardware import hardware_profile
 from quad_env.columns import Array, of_robots
 from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -215,10 +213,7 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
 def base_of(config: TrainConfig, real: bool = False) -> Policy:
     """A fresh base of a run; a `real` one is for scenarios on the hardware profile, with the same servo gains."""
     base = config.hardware.policy(config.base)
-    if not real:
-        return base
-    profile = hardware_profile(config.hardware.quadruped)
-    return policies.make(config.base, robot=base.robot, actuator=profile.actuator, sensors=profile.sensors)
+    return config.hardware.policy(config.base, real=True, robot=base.robot) if real else base
 
 
 def bases_of(config: TrainConfig) -> list[tuple[Policy, int]]:

@@ -60,7 +60,7 @@ class Hardware:
         if real:
             profile = hardware_profile(self.quadruped)
             made = {"robot": self.quadruped.with_servo(), "actuator": profile.actuator, "sensors": profile.sensors}
-        return policies.resolve(name_or_path, trust=trust, **made, **given)
+        return policies.resolve(name_or_path, trust=trust, **made | given)
 
     @property
     def chosen(self) -> bool:
@@ -95,7 +95,7 @@ def check(hardware: Hardware, scenario: "Scenario | None" = None) -> None:
     """ValueError, which lists the valid names, where one is unknown, a robot cannot be had, an estimator has no sensors
     or the simulator cannot do that, in that scenario."""
     from quad_env.actuation.models import actuator
-    from quad_env.physics.batch import SIMULATORS, check_simulator
+    from quad_env.physics.batch import check_simulator
     from quad_env.scenarios.scenario import Scenario
     from quad_env.sensing.estimators import check_estimator
     from quad_env.sensing.suite import sensor_suite
@@ -106,11 +106,9 @@ def check(hardware: Hardware, scenario: "Scenario | None" = None) -> None:
         raise ValueError(str(error)) from error
     if robot.source is not None:
         _warn(robot)
-    if hardware.simulator not in SIMULATORS:
-        raise ValueError(f"unknown simulator {hardware.simulator!r}; valid: {', '.join(SIMULATORS)}")
     motors, suite = actuator(hardware.actuator), sensor_suite(hardware.sensors)
     check_estimator(hardware.estimator, suite)
-    check_simulator(hardware.simulator, scenario or Scenario("flat"), motors, suite is not None)
+    check_simulator(hardware.simulator, scenario or Scenario("flat"), motors, suite is not None, readings=True)
 
 
 @lru_cache

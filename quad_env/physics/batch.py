@@ -56,8 +56,11 @@ class Batch(Protocol):
         """A copy of one robot's simulation."""
 
 
-def check_simulator(simulator: str, scenario: Scenario, actuator: Actuator, sensors: bool = False) -> None:
-    """ValueError, one line, unless the simulator of that name can do that; `sensors`: the robot has some of its own."""
+def check_simulator(
+    simulator: str, scenario: Scenario, actuator: Actuator, sensors: bool = False, readings: bool = False
+) -> None:
+    """ValueError, one line, unless the simulator of that name can do that; `sensors`: the robot has some of its own,
+    `readings`: energy is measured."""
     if simulator not in (*SIMULATORS, WARP):
         raise ValueError(f"unknown simulator {simulator!r}; valid: {', '.join(SIMULATORS)}")
     if simulator == MUJOCO:
@@ -68,6 +71,7 @@ def check_simulator(simulator: str, scenario: Scenario, actuator: Actuator, sens
     slow = scenario.motors.bandwidth is not None
     beyond = {
         "sensors of the robot": sensors,
+        "readings, for it measures no energy": simulator == WARP and readings,
         f"the hardware profile of {scenario.name!r}": scenario.hardware,
         f"the motors of {scenario.name!r}": slow or (on_drake and scenario.motors != Motors()),
         "motors other than ideal ones": actuator != ACTUATORS["ideal"],

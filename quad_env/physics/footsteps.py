@@ -32,7 +32,7 @@ class Footsteps:
     def begin(self, ids: Ids) -> None:
         """Begin the episode of those robots: no step of theirs is under way."""
         self._air[ids] = self.swing_time[ids] = self.touchdown_speed[ids] = self._sinking[ids] = 0.0
-        self._height[ids] = self._places[ids][:, self._feet, 2]
+        self._height[ids] = self._heights(ids)
 
     def advance(self, ids: Ids) -> None:
         """Take note of the control step that those robots have just made."""
@@ -40,10 +40,13 @@ class Footsteps:
         landed = contact & (air > BOUNCE)
         self.swing_time[ids] = np.where(landed, self._period * air, 0.0)
         self.touchdown_speed[ids] = np.where(landed, self._sinking[ids], 0.0)
-        height = self._places[ids][:, self._feet, 2]
+        height = self._heights(ids)
         self._sinking[ids] = np.maximum(self._height[ids] - height, 0.0) / self._period
         self._height[ids] = height
         self._air[ids] = np.where(contact, 0.0, air + 1.0)
+
+    def _heights(self, ids: Ids) -> Array:
+        return self._places[ids][:, self._feet, 2]
 
 
 def touching(contacts: Sequence[Sequence[Array]], ids: Ids) -> Mask:

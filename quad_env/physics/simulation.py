@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.runtime import actuator_models_of
 from quad_env.columns import Array, Column, Ids, Mask, Rows, Vector, not_finite, of_robot, of_robots, total
-from quad_env.physics.batch import DRAKE, MUJOCO, WARP, batch_of, check_simulator
+from quad_env.physics.batch import DRAKE, MUJOCO, batch_of, check_simulator
 from quad_env.physics.energy import Meter, touch_sensors
 from quad_env.physics.footsteps import Columns, Footsteps, touching
 from quad_env.physics.model import (
@@ -70,11 +70,9 @@ class Simulation:
         servo: Array | None = None,
         simulator: str = MUJOCO,
     ) -> None:
-        check_simulator(simulator, scenario, actuator, sensors=imu is not None)
+        check_simulator(simulator, scenario, actuator, sensors=imu is not None, readings=contacts)
         if simulator == DRAKE and servo is not None:
             raise ValueError(f"the simulator {simulator} knows no servo gains that differ from robot to robot")
-        if simulator == WARP and contacts:
-            raise ValueError("the simulator warp is for training: it measures no energy; take mujoco for readings")
         self.robot, self.terrain = robot, scenario.terrain
         self.model = compile_model(robot, scenario, actuator, timestep)
         """Model of every robot, but for its payload's place, what its hot motors can do and what is randomised: there

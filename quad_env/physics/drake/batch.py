@@ -10,6 +10,7 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
 from quad_env.columns import Array, Ids, Rows
+from quad_env.physics.array_batch import ArrayBatch
 from quad_env.physics.drake.plant import inertia, plant_of
 from quad_env.robots.collisions import foot_geoms
 
@@ -19,7 +20,7 @@ _TRUNK = 1
 """MuJoCo's id of the body with the free joint."""
 
 
-class DrakeBatch:
+class DrakeBatch(ArrayBatch):
     """See `quad_env.physics.batch.Batch`. Robots share a plant; each has a context of its own.
 
     Forces act on trunks alone. `actuator_force` is what the joint received: the servo's torque at the end of the step,
@@ -27,28 +28,16 @@ class DrakeBatch:
     """
 
     def __init__(self, model: mujoco.MjModel, num_envs: int) -> None:
-        self._model, self._data, self._drake = model, mujoco.MjData(model), plant_of(model)
+        super().__init__(model, num_envs, (*_STEPPED, "xpos", "site_xpos"))
+        self._drake = plant_of(model)
         self._contexts = [self._drake.diagram.CreateDefaultContext() for _ in range(num_envs)]
         self._plants = list(map(self._drake.plant.GetMyMutableContextFromRoot, self._contexts))
-        shapes = {name: getattr(self._data, name).shape for name in (*_STEPPED, "xpos", "site_xpos")}
-        self._fields = {name: np.zeros((num_envs, *shape)) for name, shape in shapes.items()}
-        self._own: dict[str, Array] = {}
         self._touches, self._forces = np.zeros((2, num_envs, model.ngeom))
         """Contacts of each geom with the ground in the last physics step, and the force of all that press it, N."""
         self._sensors: dict[str, tuple[Array, list[int], Array]] = {}
         """Of which of these, and of which geoms, each sensor's data are the sum."""
         self._known = [(b"", b"")] * num_envs
         """Positions and velocities of each context, as bytes."""
-        self.warning = np.zeros((num_envs, mujoco.mjtWarning.mjNWARNING.value, 2), np.int64)
-
-    def bind(self, field: str) -> Array:
-        """A field of the state or the outputs."""
-        return self._fields[field]
-
-    def expand(self, field: str) -> Array:
-        """A field of the model, of each robot its own."""
-        values = getattr(self._model, field)
-        return self._own.setdefault(field, np.tile(values, (len(self._plants), *[1] * values.ndim)))
 
     def sensor(self, name: str) -> Any:
         """A sensor whose `data`, (n, 1), are a part's contacts with the ground, or the force that presses a foot, N."""
@@ -65,19 +54,9 @@ class DrakeBatch:
 
     def reset(self, ids: Rows, keyframe: int | None = None, *, stage: int = 0) -> None:
         """Put those robots at the model's start, or at a keyframe, at rest; nothing touches the ground yet."""
-        for values in self._fields.values():
-            values[ids] = 0.0
+        super().reset(ids, keyframe, stage=stage)
         for _, _, data in self._sensors.values():
             data[ids] = 0.0
-        mujoco.mj_resetDataKeyframe(self._model, self._data, -1 if keyframe is None else keyframe)
-        self._fields["qpos"][ids], self._fields["ctrl"][ids] = self._data.qpos, self._data.ctrl
-
-    def forward(self, ids: Rows, *, stage: int = 0) -> None:
-        """Work out where the bodies and sites of those robots are."""
-        for robot in ids:
-            self._data.qpos[:] = self._fields["qpos"][robot]
-            mujoco.mj_kinematics(self._model, self._data)
-            self._fields["xpos"][robot], self._fields["site_xpos"][robot] = self._data.xpos, self._data.site_xpos
 
     def step(self, ids: Ids | None, nstep: int) -> None:
         """Move those robots, or all, on by some physics steps; what Drake gives up on stands still, with a warning."""
@@ -153,15 +132,3 @@ class DrakeBatch:
             mujoco.mj_kinematics(self._model, self._data)
             carried = inertia(self._model, self._data, _TRUNK)
             self._drake.trunk.SetSpatialInertiaInBodyFrame(self._plants[robot], carried)
-
-    def get_model(self, robot: int, model: mujoco.MjModel) -> None:
-        """Write one robot's expanded fields there."""
-        for field, values in self._own.items():
-            getattr(model, field)[:] = values[robot]
-
-    def get_data(self, robot: int) -> mujoco.MjData:
-        """One robot's state; MuJoCo works out the rest of it."""
-        data = mujoco.MjData(self._model)
-        for field in ("qpos", "qvel", "ctrl", "xfrc_applied"):
-            getattr(data, field)[:] = self._fields[field][robot]
-        return data
