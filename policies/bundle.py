@@ -56,8 +56,8 @@ def load(
     path: str | Path, robot: str | Robot | None = None, *, late: int = 0, actuator: Actuator = IDEAL
 ) -> ResidualPolicy:
     """The policy of a bundle's folder, or of a training run's, which is that of its best validation; for its `robot`,
-    which has to be given where it is none of `quad_env.ROBOTS`. A base that predicts is told that observed joints are
-    so many control steps `late`, and of their actuator.
+    which has to be given where it is none of `quad_env.ROBOTS`. For a base that predicts: by how many control steps
+    observed joints are `late`, and their actuator.
 
     Raises PolicyError, one line, if anything is missing, damaged or does not fit.
     """

@@ -48,7 +48,7 @@ class BaseOf:
         self._fresh_features = Features(self._fresh, inputs)
 
     def reset(self) -> None:
-        """Start all its robots anew."""
+        """Begin with fresh memory of all its robots."""
         count = self.rows.stop - self.rows.start
         self.base.reset(count)
         self._features.reset(count)

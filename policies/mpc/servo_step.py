@@ -136,9 +136,32 @@ def _moved(
 def _inverse(bodies: RigidBodies, damping: Floats, standing: Mask) -> Floats:
     """Inverse, (n, 30, 30), of the matrix of one step: of velocities and of impulses of the feet that stand, (n, 4).
 
-    `damping`: of the servos over a step, (12), N·m·s. Legs touch only the trunk: each is eliminated by itself. Robots
-    are on the last axis, along which NumPy is fast.
+    `damping`: of the servos over a step, (12), N·m·s. Legs touch only the trunk: each is eliminated by itself.
     """
+    count, legs = standing.shape
+    one, up, down = _legs(bodies, damping, standing)
+    by_trunk, to_trunk = _product(one, down), _product(up, one)
+    trunk = bodies.inertia[:, :6, :6].transpose(1, 2, 0) - total(np.moveaxis(_product(up, by_trunk), 2, 0))
+    free = np.linalg.inv(trunk.transpose(2, 0, 1))
+    back, forth = (each.transpose(3, 2, 0, 1) for each in (by_trunk, to_trunk.swapaxes(0, 1)))
+    held = np.ascontiguousarray(back).reshape(count, 6 * legs, 6)
+    pulled = np.ascontiguousarray(forth).reshape(count, 6 * legs, 6).transpose(0, 2, 1)
+    away = free @ pulled
+    out = np.empty((count, 6 + 6 * legs, 6 + 6 * legs))
+    out[:, :6, :6] = free
+    # From a leg's joints and its foot's impulses, leg by leg, to those of all legs one after the other.
+    out[:, :6, 6:].reshape(count, 6, 2, legs, 3)[:] = -away.reshape(count, 6, legs, 2, 3).swapaxes(2, 3)
+    out[:, 6:, :6].reshape(count, 2, legs, 3, 6)[:] = -(held @ free).reshape(count, legs, 2, 3, 6).swapaxes(1, 2)
+    inner = (held @ away).reshape(count, legs, 2, 3, legs, 2, 3)
+    inner[:, range(legs), :, :, range(legs)] += one.transpose(2, 3, 0, 1).reshape(legs, count, 2, 3, 2, 3)
+    out[:, 6:, 6:].reshape(count, 2, legs, 3, 2, legs, 3)[:] = inner.transpose(0, 2, 1, 3, 5, 4, 6)
+    return out
+
+
+def _legs(bodies: RigidBodies, damping: Floats, standing: Mask) -> tuple[Floats, Floats, Floats]:
+    """Of the joints of each leg and the impulses of its foot: the inverse of their matrix on a trunk that is held,
+    (6, 6, 4, n), what they do to the trunk and what the trunk does to them, the same. Robots are on the last axis,
+    along which NumPy is fast."""
     count, legs = standing.shape
     inertia = bodies.inertia.transpose(1, 2, 0)
     of_feet = np.where(standing[..., None, None], bodies.jacobians, 0.0).transpose(2, 3, 1, 0)
@@ -156,27 +179,11 @@ def _inverse(bodies: RigidBodies, damping: Floats, standing: Mask) -> Floats:
     pressed[range(3), range(3)] += np.where(standing.T, _SOFT, 1.0)
     yields = _inverse_3(pressed)
     by_foot = _product(moved, yields)
-    one = np.empty((6, 6, legs, count))  # inverse of a leg and its foot on a trunk that is held
+    one = np.empty((6, 6, legs, count))
     one[:3, :3] = inverse - _product(by_foot, moved.swapaxes(0, 1))
     one[:3, 3:], one[3:, :3], one[3:, 3:] = by_foot, -by_foot.swapaxes(0, 1), yields
     up = np.concatenate((coupling, -foot_by_trunk.swapaxes(0, 1)), axis=1)
-    down = np.concatenate((coupling.swapaxes(0, 1), foot_by_trunk))
-    by_trunk, to_trunk = _product(one, down), _product(up, one)
-    trunk = inertia[:6, :6] - total(np.moveaxis(_product(up, by_trunk), 2, 0))
-    free = np.linalg.inv(trunk.transpose(2, 0, 1))
-    back, forth = (each.transpose(3, 2, 0, 1) for each in (by_trunk, to_trunk.swapaxes(0, 1)))
-    held = np.ascontiguousarray(back).reshape(count, 6 * legs, 6)
-    pulled = np.ascontiguousarray(forth).reshape(count, 6 * legs, 6).transpose(0, 2, 1)
-    out = np.empty((count, 6 + 6 * legs, 6 + 6 * legs))
-    out[:, :6, :6] = free
-    away = free @ pulled
-    # From a leg's joints and its foot's impulses, leg by leg, to those of all legs one after the other.
-    out[:, :6, 6:].reshape(count, 6, 2, legs, 3)[:] = -away.reshape(count, 6, legs, 2, 3).swapaxes(2, 3)
-    out[:, 6:, :6].reshape(count, 2, legs, 3, 6)[:] = -(held @ free).reshape(count, legs, 2, 3, 6).swapaxes(1, 2)
-    inner = (held @ away).reshape(count, legs, 2, 3, legs, 2, 3)
-    inner[:, range(legs), :, :, range(legs)] += one.transpose(2, 3, 0, 1).reshape(legs, count, 2, 3, 2, 3)
-    out[:, 6:, 6:].reshape(count, 2, legs, 3, 2, legs, 3)[:] = inner.transpose(0, 2, 1, 3, 5, 4, 6)
-    return out
+    return one, up, np.concatenate((coupling.swapaxes(0, 1), foot_by_trunk))
 
 
 def _inverse_3(matrices: Floats) -> Floats:

@@ -28,7 +28,7 @@ class Drawn(NamedTuple):
 
 @dataclass(frozen=True)
 class DomainRandomisation(Settings):
-    """What is drawn uniformly at every reset, anew for each robot; 0, for friction (1, 1), leaves a figure as it is.
+    """What every robot draws uniformly at every reset; 0, for friction (1, 1), leaves a figure as it is.
 
     The defaults are about those of MuJoCo Playground (Go1: friction 0.4 to 1, trunk ± 1 of 5 kg, centre of mass
     ± 0.05 m), legged_gym (`domain_rand`: friction_range 0.5 to 1.25, added_mass_range ± 1 kg), Isaac Lab (velocity
