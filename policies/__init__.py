@@ -21,7 +21,7 @@ from policies.mpc.parameters import OTHER_GAITS
 from policies.mpc.policy import MpcWbc
 from policies.poses import Stand
 from policies.residual import ResidualPolicy
-from policies.residual_bases import BASES
+from policies.residual_bases import BASES, made
 from policies.safety import Safe, SafetyLimits
 from policies.summaries import SUMMARIES
 from policies.trot.open_loop import Trot
@@ -56,7 +56,7 @@ def _loaded(folder: str | Path, robot: Robot, control_period: float, late: int, 
 
 _OTHER_GAITS = {f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in OTHER_GAITS}
 _MAKERS: dict[str, Callable[..., Policy]] = {
-    **{name: base.make for name, base in BASES.items()},
+    **{name: partial(made, base) for name, base in BASES.items()},
     "behaviour": Behaviour,
     **_OTHER_GAITS,
     **{name: partial(_shipped, name) for name in TRAINED},

@@ -21,6 +21,7 @@ from policies.trot.feedback import TrotFeedback
 from policies.trot.feedback_parameters import FeedbackParameters
 from policies.trot.integral import IntegralParameters, TrotIntegral
 from policies.trot.open_loop import Trot, TrotParameters
+from policies.trot.reference import ReferenceParameters, TrotReference
 from policies.virtual_model.parameters import VirtualParameters
 from policies.virtual_model.policy import TrotVirtual
 from quad_env.actuation.models import IDEAL, Actuator
@@ -64,6 +65,7 @@ BASES: dict[str, Base] = {
     "trot": Base(Trot, TrotParameters),
     "trot_feedback": Base(TrotFeedback, FeedbackParameters),
     "trot_integral": Base(TrotIntegral, IntegralParameters),
+    "trot_reference": Base(TrotReference, ReferenceParameters),
     "trot_virtual": Base(TrotVirtual, VirtualParameters),
     "walk": Base(partial(Gaits, "walk"), GaitParameters),
 }
@@ -100,13 +102,22 @@ def described(
     arguments = _arguments(BASES[name], parameters)
     if description["sha256"] != _digest(parameters):
         raise ValueError("the base's parameters are not those that it was trained on (SHA-256 differs)")
-    if (BASES[name].kind is SightedMpcWbc) != ((scan := scan_of(description)) is not None):
-        raise ValueError(f"mpc_wbc_sighted needs a height_scan, and no other base has one; this is {name}")
-    if scan is not None:
-        arguments["height_scan"] = scan
+    scan = scan_of(description)
+    if scan is None and BASES[name].kind is SightedMpcWbc:
+        raise ValueError("mpc_wbc_sighted needs a height_scan")
     if BASES[name].predicts:
         arguments |= {"late": late, "actuator": actuator}
-    return BASES[name].make(robot=robot, control_period=control_period, **arguments)
+    return made(BASES[name], scan, robot=robot, control_period=control_period, **arguments)
+
+
+def made(base: Base, height_scan: HeightScan | None = None, **arguments: Any) -> Policy:
+    """A base made with these arguments, for an environment with that height scan if one is given; mpc_wbc_sighted alone
+    looks at it."""
+    if base.kind is SightedMpcWbc and height_scan is not None:
+        arguments["height_scan"] = height_scan
+    policy = base.make(**arguments)
+    policy.height_scan = height_scan or policy.height_scan
+    return policy
 
 
 def _arguments(base: Base, parameters: dict[str, Any]) -> dict[str, Any]:

@@ -18,11 +18,12 @@ from quad_env.physics.batch import WARP, check_simulator
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scaled_name, scenario
+from quad_env.sensing.height_scan import HeightScan
 
 PolicyKind = Literal["residual", "end-to-end"]
 BaseName = Literal[
     "bound", "crouch", "document", "document_repaired", "gaits", "mpc", "mpc_wbc", "mpc_wbc_sighted", "pace", "pronk",
-    "stand", "trot", "trot_feedback", "trot_integral", "trot_virtual", "walk",
+    "stand", "trot", "trot_feedback", "trot_integral", "trot_reference", "trot_virtual", "walk",
 ]  # fmt: skip
 """A name of `policies.residual_bases.BASES`; written out, so that --help lists them at once."""
 
@@ -133,6 +134,9 @@ class TrainConfig:
     hip_authority: float = number(0.15, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
     inputs: Inputs = MEMORY
+    sighted: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Show the network a height scan of the ground about the robot, see --scan."""
+    scan: HeightScan = dataclasses.field(default_factory=HeightScan)
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too, as is flat+randomised,
     with domain randomisation."""
@@ -170,6 +174,11 @@ class TrainConfig:
     def hardware(self) -> Hardware:
         """Hardware of the robots."""
         return Hardware(self.actuator, self.sensors, self.estimator, self.robot, self.servo)
+
+    @property
+    def height_scan(self) -> HeightScan | None:
+        """What the network sees of the ground; None: nothing, or what its base looks at."""
+        return self.scan if self.sighted else None
 
     @property
     def complete_validation(self) -> ValidationConfig:

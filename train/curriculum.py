@@ -80,7 +80,8 @@ def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scena
     if (hardest - mildest) * (-1.0 if axis.falling else 1.0) <= 0.0:
         return scenario
     found = axis.scenario(float(np.exp(mildest + share * (hardest - mildest))), scenario.name)
-    return dataclasses.replace(found, hardware=scenario.hardware, randomisation=scenario.randomisation)
+    kept = {name: getattr(scenario, name) for name in ("hardware", "randomisation", "scan_lost")}
+    return dataclasses.replace(found, **kept)
 
 
 def next_shares(shares: Sequence[float], counted: NDArray[np.int64], kept: NDArray[np.int64]) -> list[float]:

@@ -212,8 +212,9 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
 
 def base_of(config: TrainConfig, real: bool = False) -> Policy:
     """A fresh base of a run; a `real` one is for scenarios on the hardware profile, with the same servo gains."""
-    base = config.hardware.policy(config.base)
-    return config.hardware.policy(config.base, real=True, robot=base.robot) if real else base
+    scan = {"height_scan": config.height_scan}
+    base = config.hardware.policy(config.base, **scan)
+    return config.hardware.policy(config.base, real=True, robot=base.robot, **scan) if real else base
 
 
 def bases_of(config: TrainConfig) -> list[tuple[Policy, int]]:

@@ -16,14 +16,23 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
 from quad_env.scenarios.disturbances import Ground, Motors
-from quad_env.scenarios.scenario import HARDWARE, RANDOMISED, Scenario, on_hardware, randomised, scaled
+from quad_env.scenarios.scenario import (
+    HARDWARE,
+    RANDOMISED,
+    SCAN_LOST,
+    Scenario,
+    on_hardware,
+    randomised,
+    scaled,
+    without_scan,
+)
 from quad_env.scenarios.terrain import HeightField
 
 __all__ = ["SCENARIOS", "Scenario", "scenario"]
 
 WRITTEN = (
     "a level of an axis such as push:3, severities of axes such as push=42 or payload=15+slope=10, "
-    "a terrain of yours such as hill.toml, any of them with +randomised, +hardware or both at its end"
+    "a terrain of yours such as hill.toml, any of them with +scan_lost, +randomised, +hardware or several of these, in this order, at its end"
 )
 """How scenarios without a name of their own are written."""
 BETWEEN, EQUALS = "+", "="
@@ -32,7 +41,11 @@ TERRAIN = ".toml"
 LARGEST = 1e6
 """Severity beyond which no unit of an axis means anything."""
 Ending = Callable[[Scenario, Robot], Scenario]
-_ENDINGS: dict[str, Ending] = {HARDWARE: lambda scenario, _: on_hardware(scenario), RANDOMISED: randomised}
+_ENDINGS: dict[str, Ending] = {
+    HARDWARE: lambda scenario, _: on_hardware(scenario),
+    RANDOMISED: randomised,
+    SCAN_LOST: lambda scenario, _: without_scan(scenario),
+}
 STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
 """Level ground, and 0.5 m/s straight ahead for every robot, where effort is compared. Of no axis."""
 _LABELS = ("name", "axis", "severity", "severity_unit")

@@ -11,8 +11,9 @@ from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, P
 from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 
-HARDWARE, RANDOMISED = "+hardware", "+randomised"
-"""Ends of the names of scenarios on the hardware profile and with domain randomisation, which comes first."""
+HARDWARE, RANDOMISED, SCAN_LOST = "+hardware", "+randomised", "+scan_lost"
+"""Ends of the names of scenarios on the hardware profile, with domain randomisation and with a height scan that shows
+nothing; where there are several, in the opposite order."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,13 @@ class Scenario(Settings):
     and observations of its true state."""
     randomisation: DomainRandomisation | None = None
     """What of robot and ground differs from episode to episode; None: nothing."""
+    scan_lost: bool = False
+    """Whether a height scan shows nothing: each of its points reads that of unseen ground, -2 m."""
 
     @property
     def ending(self) -> str:
         """End of the name of an axis's scenarios like this."""
-        return RANDOMISED * (self.randomisation is not None) + HARDWARE * self.hardware
+        return SCAN_LOST * self.scan_lost + RANDOMISED * (self.randomisation is not None) + HARDWARE * self.hardware
 
 
 def on_hardware(scenario: Scenario) -> Scenario:
@@ -58,8 +61,16 @@ def randomised(scenario: Scenario, robot: Robot = SIMPLE_QUAD) -> Scenario:
     if scenario.randomisation is not None:
         return scenario
     usual = scaled(Scenario("usual", randomisation=DomainRandomisation()), robot).randomisation
-    found = replace(scenario, randomisation=usual)
-    return replace(found, name=scenario.name.removesuffix(scenario.ending) + found.ending)
+    return _renamed(scenario, replace(scenario, randomisation=usual))
+
+
+def without_scan(scenario: Scenario) -> Scenario:
+    """The same with a height scan that shows nothing, under the name with SCAN_LOST; itself where it is so already."""
+    return scenario if scenario.scan_lost else _renamed(scenario, replace(scenario, scan_lost=True))
+
+
+def _renamed(before: Scenario, after: Scenario) -> Scenario:
+    return replace(after, name=before.name.removesuffix(before.ending) + after.ending)
 
 
 def scaled(scenario: Scenario, robot: Robot) -> Scenario:

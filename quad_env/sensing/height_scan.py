@@ -89,12 +89,20 @@ def table_with(robot: Robot, scan: HeightScan | None) -> ObservationTable:
 
 
 class Scanner:
-    """Noise, rate and delay of n robots' height scans; `latency` and `noise` come on top, s and m."""
+    """Noise, rate and delay of n robots' height scans; `latency` and `noise` come on top, s and m. One that is `lost`
+    shows unseen ground at every point."""
 
     def __init__(
-        self, scan: HeightScan, terrain: Terrain, num_envs: int, control_rate: float, latency: float, noise: float
+        self,
+        scan: HeightScan,
+        terrain: Terrain,
+        num_envs: int,
+        control_rate: float,
+        latency: float,
+        noise: float,
+        lost: bool = False,
     ) -> None:
-        self._terrain, self._points = terrain, scan.points
+        self._terrain, self._points, self._lost = terrain, scan.points, lost
         width, deviation = len(self._points), float(np.hypot(scan.noise, noise))
         self._channel = Channel(num_envs, width, scan.rate, scan.delay + latency, control_rate)
         self._noise = Noise(num_envs, np.full(width, deviation, np.float32)) if deviation else None
@@ -107,6 +115,8 @@ class Scanner:
 
     def scan(self, state: QuadState[Column], clock: Clock, rows: Rows) -> NDArray[np.float32]:
         """What those robots, (k,), whose `state` and `clock` these are, are shown now, (k, p)."""
+        if self._lost:
+            return np.full((len(rows), len(self._points)), UNSEEN, np.float32)
         due = np.flatnonzero(clock % self._channel.period == 0)
         if len(due):
             self._channel.take(self._sampled(state, clock[due], rows[due], due), clock[due], rows[due])
@@ -131,4 +141,4 @@ def scanner_of(scan: HeightScan | None, scenario: Scenario, num_envs: int, contr
         raise ValueError(f"height_scan is a quad_env.HeightScan or None, got {scan!r}; write quad_env.HeightScan(…)")
     late = 0 if scenario.latency is None else round(scenario.latency.observation * control_rate)
     noise = 0.0 if scenario.noise is None else scenario.noise.height_scan
-    return Scanner(scan, scenario.terrain, num_envs, control_rate, late / control_rate, noise)
+    return Scanner(scan, scenario.terrain, num_envs, control_rate, late / control_rate, noise, scenario.scan_lost)

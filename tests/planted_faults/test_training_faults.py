@@ -10,14 +10,16 @@ import pytest
 
 import policies
 from evaluate.rollouts.hardware import IDEAL
+from policies.residual import Features
 from quad_env.physics.randomisation import RandomisedModels
 from quad_env.scenarios.named import SCENARIOS, scenario
 from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import PURPOSES, EpisodeStreams, episode_seeds
 from quad_env.sensing import observation as sensed
+from quad_env.sensing.height_scan import UNSEEN, HeightScan
 from quad_env.sensing.observation import Sensors
-from quad_env.task.observations import OBSERVATION
+from quad_env.task.observations import OBSERVATION, OBSERVATION_SIZE
 from tests.batches import Batch, begun
 from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
 from train import training_robots, validation
@@ -34,6 +36,10 @@ SMALL = TrainConfig(
     mixture=(("flat", 0.5), ("push", 1 / 6), ("rough", 1 / 3)),
     ppo=PpoConfig(envs=6, rollout_steps=2, minibatch=6, epochs=1),
 )
+
+
+SCAN = HeightScan(ahead=1, behind=0, aside=0, spacing=0.3)
+SCALE = SCAN.term.scale
 
 
 BRIEF = 120
@@ -130,6 +136,53 @@ def check_training_robots_are_randomised() -> None:
         assert strayed(robots).std() > 0.005
 
 
+def check_a_sighted_network_sees_the_ground_about_its_robot_now() -> None:
+    mixture = (("rough=0.2", 0.5), ("rough=0.2+scan_lost", 0.5))
+    config = replace(SMALL, curriculum=0.4, mixture=mixture, base="trot", sighted=True, scan=SCAN)
+    env: Any = make_env(config).env
+    seen, _ = env.reset(seed=1)
+    for _ in range(30):
+        shown, lost = (
+            each.scenario.terrain.height(*points_about(each.simulation.qpos)) - each.simulation.qpos[:, 2:3]
+            for each in env.env.batches
+        )
+        np.testing.assert_allclose(seen[:, OBSERVATION_SIZE : OBSERVATION_SIZE + 2][:3] / SCALE, shown, atol=1e-6)
+        np.testing.assert_array_equal(seen[3:, OBSERVATION_SIZE : OBSERVATION_SIZE + 2] / SCALE, UNSEEN)
+        seen = env.step(env.action_space.sample())[0]
+    assert np.ptp(shown) > 0.02, "level ground shows no fault"
+    assert np.abs(lost - UNSEEN).min() > 0.1
+    env.close()
+
+
+def points_about(qpos: np.ndarray) -> np.ndarray:
+    """x and y of the points of SCAN about robots with these positions, (2, n, p), m."""
+    w, x, y, z = qpos[:, 3:7].T
+    heading = np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))
+    ahead, left = SCAN.points.T
+    turned = np.outer(np.cos(heading), ahead) - np.outer(np.sin(heading), left)
+    aside = np.outer(np.sin(heading), ahead) + np.outer(np.cos(heading), left)
+    return np.stack((qpos[:, 0:1] + turned, qpos[:, 1:2] + aside))
+
+
+def a_step_ago(patch: pytest.MonkeyPatch) -> None:
+    """Networks see the height scan of the control step before."""
+    true_see, before = Features.see, {}
+
+    def see(features: Features, observation: np.ndarray, base_action: np.ndarray) -> np.ndarray:
+        late = observation.copy()
+        late[:, OBSERVATION_SIZE:] = before.get(id(features), observation)[: len(late), OBSERVATION_SIZE:]
+        before[id(features)] = observation
+        return true_see(features, late, base_action)
+
+    patch.setattr(Features, "see", see)
+
+
+def scan_kept(patch: pytest.MonkeyPatch) -> None:
+    """What makes a scenario milder forgets that its scan is lost."""
+    true_eased = training_robots.eased
+    patch.setattr(training_robots, "eased", lambda *args: replace(true_eased(*args), scan_lost=False))
+
+
 def figures(robots: Any, row: int) -> dict[str, float]:
     """Of a robot's own model: what it would move by."""
     robots.simulation.show_load(row)
@@ -207,6 +260,11 @@ FAULTS: Faults = {
     "randomisation that never reaches the models": (
         lambda patch: patch.setattr(RandomisedModels, "begin", lambda *_: None),
         check_training_robots_are_randomised,
+    ),
+    "height scan of the step before": (a_step_ago, check_a_sighted_network_sees_the_ground_about_its_robot_now),
+    "a lost scan found again where a scenario is eased": (
+        scan_kept,
+        check_a_sighted_network_sees_the_ground_about_its_robot_now,
     ),
     "randomisation drawn once for all": (drawn_once, check_training_robots_are_randomised),
     "encoders without offsets": (

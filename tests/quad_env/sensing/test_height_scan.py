@@ -90,3 +90,11 @@ def test_it_changes_nothing_else_and_a_scenario_s_noise_comes_on_top() -> None:
     assert added.std() == pytest.approx(0.05, rel=0.03)
     flat = added.transpose(1, 0, 2).reshape(6, -1)
     assert np.abs(np.corrcoef(flat) - np.eye(6)).max() < 0.05
+
+
+def test_a_lost_scan_shows_unseen_ground_and_changes_nothing_else() -> None:
+    lost = quad_env.scenario("rough=0.2+scan_lost+hardware")
+    assert (lost.name, lost.severity, lost.hardware) == ("rough=0.2+scan_lost+hardware", 0.2, True)
+    assert quad_env.scenario("rough+scan_lost") == replace(ROUGH, name="rough+scan_lost", scan_lost=True)
+    np.testing.assert_array_equal(scans(SMALL, scenario="rough+scan_lost"), -2.0)
+    np.testing.assert_array_equal(scans(None, scenario="rough+scan_lost"), scans(None, scenario="rough"))

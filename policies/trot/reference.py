@@ -1,0 +1,59 @@
+"""An upright trot on compliant servos that learned policies correct: a trajectory for them to modulate.
+
+It does not balance, and on its own it hardly walks: on servos as soft as trained policies have them nothing but the
+correction keeps the trunk up (A. Iscen et al., Policies Modulating Trajectory Generators, 2018). What it says is when
+each foot is to swing, how high, and how tall the robot is to stand.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from policies.base import CONTROL_PERIOD
+from policies.parameters import ParameterFile, number
+from policies.trot.open_loop import Trot, TrotParameters
+from quad_env.robots.named import robot_of
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+
+@dataclass(frozen=True)
+class ReferenceParameters(TrotParameters):
+    """The trot's, chosen by hand, and the servo gains."""
+
+    stiffness: float = number(60.0, limits=(1.0, 1e5), unit="N·m")
+    """Of the servos, N·m/rad, unless the robot's own are softer."""
+    damping: float = number(1.5, limits=(0.01, 1e4), unit="N·m·s")
+    """Of the servos, N·m·s/rad, unless the robot's own is less."""
+
+
+FILE = ParameterFile(Path(__file__).with_name("trot_reference.json"), ReferenceParameters)
+
+
+class TrotReference(Trot):
+    """The trot as a reference trajectory, at zero command in place."""
+
+    name = "trot_reference"
+    stiff_servos = False
+    parameters: ReferenceParameters
+
+    def __init__(
+        self,
+        parameters: ReferenceParameters | None = None,
+        *,
+        robot: str | Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+    ) -> None:
+        given = robot_of(robot)
+        chosen = parameters if parameters is not None else FILE.in_force(given)
+        super().__init__(chosen, robot=_compliant(given, chosen), control_period=control_period)
+
+    def _searched(self) -> ReferenceParameters:
+        return FILE.in_force(self.robot)
+
+
+def _compliant(robot: Robot, gains: ReferenceParameters) -> Robot:
+    """The robot with these servo gains where its own are larger; itself where they were chosen for every controller."""
+    if robot.servo_fixed:
+        return robot
+    stiffness, damping = robot.servo_stiffness, robot.servo_damping
+    return robot.with_servo(stiffness.clip(max=gains.stiffness), damping.clip(max=gains.damping))
