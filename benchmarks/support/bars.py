@@ -38,6 +38,7 @@ BARS = {
     "physics": Bar("shipped physics / first settings, speed within the accuracy bar", "physics", (Limit("≥", 1.5),)),
     "control step": Bar("control step of one robot, 99.9th percentile", "policies", (Limit("≤", 10.0, " ms"),)),
     "joint step": Bar("joint-loop step of one robot, 99.9th percentile", "policies", (Limit("≤", 2.0, " ms"),)),
+    "training": Bar("learner steps / physics alone of the same robots, speed", "training", (Limit("≥", 0.55),)),
     "import": Bar("import quad_env, gymnasium / import gymnasium, time", "startup", (Limit("≤", 1.25),)),
     "loaded": Bar("of gymnasium, mujoco and torch, loaded by import quad_env", "startup", (Limit("≤", 0.0),)),
     "help": Bar("--help of evaluate and train, the slower", "startup", (Limit("≤", 0.8, " s"),)),

@@ -20,6 +20,8 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 class ReferenceParameters(TrotParameters):
     """The trot's, chosen by hand, and the servo gains."""
 
+    body_height: float = number(0.42, limits=(0.01, 5.0), unit="m")
+    """Hip joints above the centres of the standing feet, m; as much of the leg for every robot."""
     stiffness: float = number(60.0, limits=(1.0, 1e5), unit="N·m")
     """Of the servos, N·m/rad, unless the robot's own are softer."""
     damping: float = number(1.5, limits=(0.01, 1e4), unit="N·m·s")
