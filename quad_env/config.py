@@ -167,6 +167,7 @@ class RewardWeights(Settings):
     vertical_velocity: float = -0.5
     roll_pitch_rate: float = -0.02
     tilt: float = -0.5
+    crouch: float = 0.0
     action_rate: float = -0.02
     torque: float = -2e-5
     mechanical_power: float = 0.0

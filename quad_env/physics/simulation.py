@@ -259,6 +259,7 @@ class Simulation:
         return QuadState(
             position=qpos[:3],
             height=z - self.terrain.height(x, y),
+            standing_height=self.robot.home_height,
             rotation=rotation,
             linear_velocity=to_body(rotation, qvel[:3]),
             angular_velocity=qvel[3:6],

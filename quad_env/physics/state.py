@@ -15,6 +15,8 @@ class QuadState(NamedTuple, Generic[Column]):
     """Trunk centre in the world frame, (3), m."""
     height: Column
     """Trunk centre above the terrain below it, m."""
+    standing_height: float
+    """The same in the home pose on level ground, m."""
     rotation: Rotation[Column]
     """From the base frame to the world frame, (3)(3)."""
     linear_velocity: Vector[Column]

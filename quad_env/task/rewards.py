@@ -19,6 +19,8 @@ YAW_WIDTH = 0.25
 """rad/s at which the yaw tracking reward falls to 1/e."""
 AIR_TIME = 0.15
 """Length of a swing that neither pays nor costs, s: about that of the trot's."""
+UPRIGHT = 0.85
+"""Height of the trunk, as a share of that in the home pose, from which on a robot does not crouch."""
 MOVING = 0.1
 """Norm of a command (m/s, m/s, rad/s) up to which it asks to stand."""
 
@@ -60,6 +62,12 @@ def tilt(state: QuadState[Column]) -> Column:
     """Square of the sine of the tilt."""
     x, y, _ = state.projected_gravity
     return x * x + y * y
+
+
+def crouch(state: QuadState[Column]) -> Column:
+    """Height of the trunk below UPRIGHT, as a share of that in the home pose; 0 above it."""
+    missing = UPRIGHT - state.height / state.standing_height
+    return cast("Column", where(missing > 0.0, missing, 0.0))
 
 
 def action_rate(state: QuadState[Column]) -> Column:

@@ -6,12 +6,13 @@ import pytest
 
 from quad_env.config import RewardWeights
 from quad_env.physics.state import QuadState
-from quad_env.task.rewards import linear_velocity_error, reward_terms, step_weights, yaw_rate_error
+from quad_env.task.rewards import crouch, linear_velocity_error, reward_terms, step_weights, yaw_rate_error
 
 ROLL = math.radians(30.0)
 STATE = QuadState(
     position=(0.0, 0.0, 0.5),
     height=0.5,
+    standing_height=0.8,
     rotation=((1.0, 0.0, 0.0), (0.0, math.cos(ROLL), -math.sin(ROLL)), (0.0, math.sin(ROLL), math.cos(ROLL))),
     linear_velocity=(9.0, 9.0, 9.0),  # no term reads the base frame's
     angular_velocity=(0.4, -0.3, 9.0),
@@ -27,7 +28,7 @@ STATE = QuadState(
     swing_time=(0.25, 0.1, 0.0, 0.0),
     touchdown_speed=(0.3, 0.1, 0.0, 0.0),
 )
-WEIGHTS = RewardWeights(mechanical_power=-0.01, foot_air_time=2.0, touchdown_speed=-3.0)
+WEIGHTS = RewardWeights(crouch=-2.0, mechanical_power=-0.01, foot_air_time=2.0, touchdown_speed=-3.0)
 BY_HAND = {
     "linear_velocity_tracking": 1.2 * math.exp(-2.0),  # an error of (0.4, 0.3): 0.5 m/s, two widths
     "yaw_rate_tracking": 0.8 * math.exp(-1.0),  # 0.25 rad/s, one width
@@ -36,6 +37,7 @@ BY_HAND = {
     "vertical_velocity": -0.5 * 0.09,
     "roll_pitch_rate": -0.02 * 0.25,
     "tilt": -0.5 * 0.25,  # sin² 30°
+    "crouch": -2.0 * (0.85 - 0.625),
     "action_rate": -0.02 * (3 * 0.01 + 0.04),
     "torque": -2e-5 * 25.0,
     "mechanical_power": -0.01 * (3.0 * 2.0 + 4.0 * 0.5),
@@ -59,6 +61,11 @@ def test_errors_are_by_hand_what_they_are_of_no_weight() -> None:
 
 def test_every_term_but_the_fall_is_worked_out_here() -> None:
     assert set(BY_HAND) == set(vars(RewardWeights())) - {"fall"}
+
+
+def test_who_stands_tall_does_not_crouch() -> None:
+    assert crouch(STATE._replace(height=0.681)) == 0.0
+    assert crouch(STATE._replace(height=0.679)) == pytest.approx(0.85 - 0.679 / 0.8)
 
 
 def test_swings_that_are_not_looked_at_pay_nothing() -> None:
