@@ -70,7 +70,7 @@ def decode(kind: Any, value: Any) -> Any:
         if value not in parts:
             raise ValueError(f"{value!r} is none of {', '.join(parts)}")
         return value
-    if typing.get_origin(kind) is types.UnionType:  # with None
+    if typing.get_origin(kind) in (types.UnionType, typing.Union):  # with None
         return None if value is None else decode(parts[0], value)
     return kind(value)
 
