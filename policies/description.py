@@ -18,7 +18,7 @@ from policies.base import CONTROL_PERIOD, PolicyError
 from policies.history import Inputs
 from policies.network import ACTIVATION, Network
 from policies.residual import ResidualPolicy
-from policies.residual_bases import describe, described, scan_of
+from policies.residual_bases import describe, described
 from quad_env import ENV_ID
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.config import Bounds, Settings
@@ -124,18 +124,16 @@ def assembled(
 ) -> ResidualPolicy:
     """The policy of a description with its network; `robot`, `late` and `actuator` as in `load`. Raises PolicyError."""
     robot = _made_for(place, description, robot)
-    try:
-        scan = scan_of(description.base)
-    except ValueError as error:
-        fail(place, str(error))
-    for name, here in _of_environment(robot, scan).items():
-        if (there := getattr(description, name)) != here:
-            fail(place, f"{name} differs from that of this {ENV_ID} with {robot.name}: {there!r:.80}")
-    if description.model_sha256 not in (None, robot.sha256):
-        fail(place, f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)")
     authority = np.array(description.authority, dtype=np.float32)
     try:
         base = described(description.base, robot, float(description.control_period), late, actuator)
+        for name, here in _of_environment(robot, base.height_scan).items():
+            if (there := getattr(description, name)) != here:
+                raise ValueError(f"{name} differs from that of this {ENV_ID} with {robot.name}: {there!r:.80}")
+        if description.model_sha256 not in (None, robot.sha256):
+            raise ValueError(
+                f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)"
+            )
         return ResidualPolicy(base, network, authority, description.name, description.inputs, description.hold)
     except ValueError as error:
         fail(place, str(error))

@@ -88,7 +88,8 @@ def from_json(kind: type[P], values: Any) -> P:
     if not isinstance(values, dict):
         raise ValueError("parameters must be an object")
     if strange := values.keys() ^ {each.name for each in fields(kind)}:
-        names = ", ".join(map(repr, sorted(strange)))
+        first, *more = map(repr, sorted(strange))
+        names = f"{first} and {len(more)} more" if len(more) > 4 else ", ".join((first, *more))
         raise ValueError(f"parameters are not those of {kind.__name__}: {names} missing or unknown")
     if not all(is_number(value) for value in values.values()):
         raise ValueError("parameters must be finite numbers")

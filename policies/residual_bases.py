@@ -102,7 +102,10 @@ def described(
     arguments = _arguments(BASES[name], parameters)
     if description["sha256"] != _digest(parameters):
         raise ValueError("the base's parameters are not those that it was trained on (SHA-256 differs)")
-    scan = scan_of(description)
+    try:
+        scan = HeightScan(**description["height_scan"]) if "height_scan" in description else None
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"the base's height_scan: {error}") from None
     if scan is None and BASES[name].kind is SightedMpcWbc:
         raise ValueError("mpc_wbc_sighted needs a height_scan")
     if BASES[name].predicts:
@@ -134,16 +137,6 @@ def _arguments(base: Base, parameters: dict[str, Any]) -> dict[str, Any]:
         return {"parameters": from_json(base.parameters, parameters)}
     except ValueError as error:
         raise ValueError(f"the base's {error}") from None
-
-
-def scan_of(description: Any) -> HeightScan | None:
-    """The height scan of a description; None where it has none. Raises ValueError."""
-    if not isinstance(description, dict) or "height_scan" not in description:
-        return None
-    try:
-        return HeightScan(**description["height_scan"])
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"the base's height_scan: {error}") from None
 
 
 def _digest(parameters: dict[str, Any]) -> str:

@@ -16,12 +16,12 @@ SUMMARIES = {
         "the trot with footholds from the velocity error, attitude and height feedback, and slope adaptation; its "
         "readings are smoothed, and where its joints lag behind their targets it takes slower, higher steps"
     ),
-    "trot_reference": (
-        "an upright trot on compliant servos, a trajectory for learned policies to correct; on its own it hardly walks"
-    ),
     "trot_virtual": (
         "a slow, upright trot by virtual model control: the trunk on springs and dampers that the standing feet bear, "
         "and footholds from the velocity error"
+    ),
+    "trot_reference": (
+        "an upright trot on compliant servos, a trajectory for learned policies to correct; on its own it hardly walks"
     ),
     "walk": "four beats, three feet on the ground; follows the command within its limit of 0.4 m/s ahead",
     "pace": "the legs of one side together; at most 0.8 m/s ahead",

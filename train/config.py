@@ -27,8 +27,10 @@ BaseName = Literal[
 ]  # fmt: skip
 """A name of `policies.residual_bases.BASES`; written out, so that --help lists them at once."""
 
-POSES = ("crouch", "stand")
+POSES: tuple[BaseName, ...] = ("crouch", "stand")
 """Bases of an end-to-end policy."""
+HELPLESS: tuple[BaseName, ...] = ("trot_reference", *POSES)
+"""Bases that do not walk without the correction."""
 LARGEST_REWARD_WEIGHT, LARGEST_SHARE = 1e4, 1e6
 MOST_HIDDEN_LAYERS, LARGEST_ROLLOUT = 8, 2**24
 """Of a bundle; samples."""

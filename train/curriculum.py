@@ -30,8 +30,9 @@ def practice(name: str | Scenario, purpose: Purpose, seed: int = 0, robot: Robot
     return dataclasses.replace(original, terrain=surface)
 
 
-KEPT, LOST = 0.85, 0.6
-"""Share of tracked command intervals above which a scenario becomes harder, and below which it becomes milder."""
+EASY, KEPT, LOST = 0.95, 0.85, 0.6
+"""Shares of tracked command intervals above which a scenario becomes harder, by two steps or one, and below which it
+becomes milder."""
 STEP, FEWEST = 0.1, 30
 """Change of severity, as a share of the way from the mildest level of its axis to that of the mixture, and the command
 intervals that are needed for it."""
@@ -87,5 +88,5 @@ def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scena
 def next_shares(shares: Sequence[float], counted: NDArray[np.int64], kept: NDArray[np.int64]) -> list[float]:
     """Shares of severity after those, by the command intervals of each scenario and how many were tracked."""
     rates = kept / np.maximum(counted, 1)
-    change = STEP * np.select([counted < FEWEST, rates > KEPT, rates < LOST], [0.0, 1.0, -1.0], 0.0)
+    change = STEP * np.select([counted < FEWEST, rates > EASY, rates > KEPT, rates < LOST], [0.0, 2.0, 1.0, -1.0], 0.0)
     return list(np.clip(shares + change, 0.0, 1.0).tolist())

@@ -4,6 +4,7 @@ import dataclasses
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -212,9 +213,9 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
 
 def base_of(config: TrainConfig, real: bool = False) -> Policy:
     """A fresh base of a run; a `real` one is for scenarios on the hardware profile, with the same servo gains."""
-    scan = {"height_scan": config.height_scan}
-    base = config.hardware.policy(config.base, **scan)
-    return config.hardware.policy(config.base, real=True, robot=base.robot, **scan) if real else base
+    made = partial(config.hardware.policy, config.base, height_scan=config.height_scan)
+    base = made()
+    return made(real=True, robot=base.robot) if real else base
 
 
 def bases_of(config: TrainConfig) -> list[tuple[Policy, int]]:

@@ -22,9 +22,9 @@ class ReferenceParameters(TrotParameters):
 
     body_height: float = number(0.42, limits=(0.01, 5.0), unit="m")
     """Hip joints above the centres of the standing feet, m; as much of the leg for every robot."""
-    stiffness: float = number(60.0, limits=(1.0, 1e5), unit="N·m")
+    stiffness: float = number(60.0, limits=(1e-9, 1e9), unit="N·m")
     """Of the servos, N·m/rad, unless the robot's own are softer."""
-    damping: float = number(1.5, limits=(0.01, 1e4), unit="N·m·s")
+    damping: float = number(1.5, limits=(1e-9, 1e9), unit="N·m·s")
     """Of the servos, N·m·s/rad, unless the robot's own is less."""
 
 
@@ -48,9 +48,6 @@ class TrotReference(Trot):
         given = robot_of(robot)
         chosen = parameters if parameters is not None else FILE.in_force(given)
         super().__init__(chosen, robot=_compliant(given, chosen), control_period=control_period)
-
-    def _searched(self) -> ReferenceParameters:
-        return FILE.in_force(self.robot)
 
 
 def _compliant(robot: Robot, gains: ReferenceParameters) -> Robot:

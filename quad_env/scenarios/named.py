@@ -16,23 +16,15 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
 from quad_env.scenarios.disturbances import Ground, Motors
-from quad_env.scenarios.scenario import (
-    HARDWARE,
-    RANDOMISED,
-    SCAN_LOST,
-    Scenario,
-    on_hardware,
-    randomised,
-    scaled,
-    without_scan,
-)
+from quad_env.scenarios.scenario import ENDINGS, Scenario, scaled
 from quad_env.scenarios.terrain import HeightField
 
 __all__ = ["SCENARIOS", "Scenario", "scenario"]
 
 WRITTEN = (
     "a level of an axis such as push:3, severities of axes such as push=42 or payload=15+slope=10, "
-    "a terrain of yours such as hill.toml, any of them with +scan_lost, +randomised, +hardware or several of these, in this order, at its end"
+    "a terrain of yours such as hill.toml, "
+    "any of them with +scan_lost, +randomised, +hardware or several of these, in this order, at its end"
 )
 """How scenarios without a name of their own are written."""
 BETWEEN, EQUALS = "+", "="
@@ -40,12 +32,6 @@ TERRAIN = ".toml"
 """End of the path of a user's terrain."""
 LARGEST = 1e6
 """Severity beyond which no unit of an axis means anything."""
-Ending = Callable[[Scenario, Robot], Scenario]
-_ENDINGS: dict[str, Ending] = {
-    HARDWARE: lambda scenario, _: on_hardware(scenario),
-    RANDOMISED: randomised,
-    SCAN_LOST: lambda scenario, _: without_scan(scenario),
-}
 STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
 """Level ground, and 0.5 m/s straight ahead for every robot, where effort is compared. Of no axis."""
 _LABELS = ("name", "axis", "severity", "severity_unit")
@@ -98,10 +84,10 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
     return scenarios_of(robot).get(name)
 
 
-def split(name: str) -> tuple[str, Ending | None]:
+def split(name: str) -> tuple[str, Callable[[Scenario, Robot], Scenario] | None]:
     """A name without its last ending, and what that makes of a robot's scenario; None where there is none."""
-    end = next(filter(name.endswith, _ENDINGS), "")
-    return name.removesuffix(end), _ENDINGS.get(end)
+    end = next(filter(name.endswith, ENDINGS), "")
+    return name.removesuffix(end), ENDINGS.get(end)
 
 
 def _on_terrain(path: Path, robot: Robot) -> Scenario:
@@ -157,7 +143,7 @@ def _parts(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
     parts = []
     for text in name.split(BETWEEN):
         axis, equals, written = (word.strip() for word in text.partition(EQUALS))
-        if (end := BETWEEN + text) in _ENDINGS:
+        if (end := BETWEEN + text) in ENDINGS:
             raise ValueError(f"{name}: {end} stands at the end, once, as in payload=15+slope=10{end}")
         if axis not in axes:
             raise ValueError(f"{name}: unknown axis {axis!r}; valid: {', '.join(axes)}, as in payload=15+slope=10")

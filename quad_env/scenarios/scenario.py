@@ -1,7 +1,9 @@
 """A scenario, everything that an episode of a robot is made of apart from its seed; and the same for another robot."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 from quad_env.config import AnyPose, CommandRanges, Settings, StartNoise
 from quad_env.robots.robot import Robot
@@ -51,26 +53,31 @@ class Scenario(Settings):
         return SCAN_LOST * self.scan_lost + RANDOMISED * (self.randomisation is not None) + HARDWARE * self.hardware
 
 
-def on_hardware(scenario: Scenario) -> Scenario:
-    """The same with the robot's hardware profile, under the name with HARDWARE; itself where it has that already."""
-    return scenario if scenario.hardware else replace(scenario, name=scenario.name + HARDWARE, hardware=True)
+def on_hardware(scenario: Scenario, _: Robot = SIMPLE_QUAD) -> Scenario:
+    """The same with the robot's hardware profile, under the name with HARDWARE."""
+    return _ended(scenario, hardware=True)
 
 
-def randomised(scenario: Scenario, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """The same with domain randomisation for that robot, under the name with RANDOMISED; itself where it has some."""
-    if scenario.randomisation is not None:
-        return scenario
+def _randomised(scenario: Scenario, robot: Robot) -> Scenario:
     usual = scaled(Scenario("usual", randomisation=DomainRandomisation()), robot).randomisation
-    return _renamed(scenario, replace(scenario, randomisation=usual))
+    return _ended(scenario, randomisation=scenario.randomisation or usual)
 
 
-def without_scan(scenario: Scenario) -> Scenario:
-    """The same with a height scan that shows nothing, under the name with SCAN_LOST; itself where it is so already."""
-    return scenario if scenario.scan_lost else _renamed(scenario, replace(scenario, scan_lost=True))
+def _without_scan(scenario: Scenario, _: Robot) -> Scenario:
+    return _ended(scenario, scan_lost=True)
 
 
-def _renamed(before: Scenario, after: Scenario) -> Scenario:
-    return replace(after, name=before.name.removesuffix(before.ending) + after.ending)
+def _ended(scenario: Scenario, **settings: Any) -> Scenario:
+    found = replace(scenario, **settings)
+    return replace(found, name=scenario.name.removesuffix(scenario.ending) + found.ending)
+
+
+ENDINGS: dict[str, Callable[[Scenario, Robot], Scenario]] = {
+    HARDWARE: on_hardware,
+    RANDOMISED: _randomised,
+    SCAN_LOST: _without_scan,
+}
+"""End of a name -> what it makes of a scenario of a robot."""
 
 
 def scaled(scenario: Scenario, robot: Robot) -> Scenario:

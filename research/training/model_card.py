@@ -1,4 +1,4 @@
-"""MODEL.md of a trained policy: its description, its training, its results with those of its base and other seeds."""
+"""MODEL.md of a trained policy: its description, its training, its results with those of a baseline and other seeds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from policies.network import ACTIVATION
 from quad_env.cli.format import number, p_value, percent, points, share
 from research.pages import markdown
 from research.pages.evaluations import score_table
-from train.config import TrainConfig
+from train.config import HELPLESS, TrainConfig
 from train.run_record import command
 
 BOTH = (FALL_RATE, "velocity_error", "yaw_rate_error")
-"""Metrics whose cells have the figures of both the base and the policy."""
+"""Metrics whose cells have the figures of both the baseline and the policy."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,11 @@ class TrainedRun:
     git_revision: str
     bundle: Path
     """Folder of the weights of its best validation."""
+
+    @property
+    def baseline(self) -> str:
+        """What it is compared with: its base, or `trot` where that does not walk without the correction."""
+        return "trot" if self.config.base in HELPLESS else self.config.base
 
 
 def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
@@ -70,7 +75,7 @@ Success is by the rule `{results.versions["success_rule"]}`; every step after a 
 
 {scores(kinds, runs, shipped, results)}
 
-## Where it is better than its base, and where it is weak
+## Where it is better than `{shipped.baseline}`, and where it is weak
 
 {verdicts(shipped, results)}
 """
@@ -90,9 +95,9 @@ def mixture(config: TrainConfig) -> str:
 
 
 def table(called: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """The seeds of one policy and the base of the shipped one, a row for each scenario, in Markdown."""
+    """The seeds of one policy and the baseline of the shipped one, a row for each scenario, in Markdown."""
     first, *others = sorted(runs, key=lambda run: run is not shipped)
-    base, name = shipped.config.base, f"{called} {seed(first, shipped)}"
+    base, name = shipped.baseline, f"{called} {seed(first, shipped)}"
     rest = ", ".join(str(run.config.seed) for run in others)
     heads = {"scenario": "scenario", "before": f"success, `{base}`", "after": f"success, {name}"}
     heads |= {"seeds": f"seeds {rest}", "median": "median"} if others else {}
@@ -102,15 +107,15 @@ def table(called: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results:
 
 
 def scores(called: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """Scores of the shipped one's base and of each run, the highest first, in Markdown; `called`: what to call a policy
+    """Scores of the baseline and of each run, the highest first, in Markdown; `called`: what to call a policy
     of each kind."""
     labels = {run.label: f"{called[run.config.policy]} {seed(run, shipped)}" for run in runs}
     scored = [score for score in results.scores if len(score.axes) != 1]  # of one axis it is the success in the table
-    return "\n".join(score_table(scored, shipped.config.base, labels)) if scored else ""
+    return "\n".join(score_table(scored, shipped.baseline, labels)) if scored else ""
 
 
 def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> dict[str, str]:
-    """Figures of the base and of the first run, and the successes of the other runs, by column."""
+    """Figures of the baseline and of the first run, and the successes of the other runs, by column."""
     before, *after = (results.summaries[scenario, policy] for policy in (base, *(run.label for run in runs)))
     shown = after[0]
     seeds = [percent(each.success_rate) for each in after[1:]]
@@ -131,7 +136,7 @@ def _figure(summary: Summary, metric: str) -> str:
 
 
 def _against(base: str, scenario: str, run: TrainedRun, metric: str, results: Results) -> Comparison:
-    """The run's difference from the base."""
+    """The run's difference from the baseline."""
     return next(
         each
         for each in results.comparisons
@@ -140,8 +145,8 @@ def _against(base: str, scenario: str, run: TrainedRun, metric: str, results: Re
 
 
 def verdicts(shipped: TrainedRun, results: Results) -> str:
-    """Scenarios where the shipped policy is better or worse than its base, in Markdown."""
-    base = shipped.config.base
+    """Scenarios where the shipped policy is better or worse than its baseline, in Markdown."""
+    base = shipped.baseline
     found = {
         (metric, scenario): _against(base, scenario, shipped, metric, results)
         for metric in (SUCCESS_RATE, FALL_RATE)

@@ -41,7 +41,7 @@ SHIPPED_SEED = 0
 SCENARIOS = (
     *("flat", "flat=3", "push", "push=65", "rough", "rough=0.24", "slope", "slippery=0.1", "latency=0.08", "noise=0.8"),
     *("dropout=0.8", "payload=20", "force=60", "weak_motors=10", "slow_motors=2", "soft=0.04", "stairs=0.2"),
-    *("surprise", "surprise=2"),
+    *("surprise", "surprise=2", "steady", "flat+hardware", "push+hardware", "rough+hardware", "slope+hardware"),
 )
 """Scenarios of the evaluation: every axis where robots begin to fail, and four of them at their nominal severity."""
 
@@ -93,7 +93,7 @@ def main(options: Options) -> int:
 
 
 def evaluated(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
-    """Results of the runs and of the shipped one's base in the evaluation's episodes.
+    """Results of the runs and of the shipped one's baseline in the evaluation's episodes.
 
     Raises UsageError, and KeyboardInterrupt after a Ctrl-C, once all is kept.
     """
@@ -101,20 +101,20 @@ def evaluated(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun)
     from evaluate.commands.execution import execute
     from evaluate.commands.outputs import analysed
 
-    base, robot = shipped.config.base, shipped.config.hardware.quadruped
+    baseline, robot = shipped.baseline, shipped.config.hardware.quadruped
     evaluation = Evaluation(
-        policies=(base, *(run.label for run in runs)),
+        policies=(baseline, *(run.label for run in runs)),
         robot=shipped.config.robot,
         scenarios=options.scenarios or tuple(scaled_name(name, robot) for name in SCENARIOS),
         episodes=options.episodes,
         seed=options.seed,
         out=options.out,
         resume=options.resume,
-        baseline=base,
+        baseline=baseline,
         threads=options.threads,
     )
     execute(check(evaluation))
-    return analysed(read_run(options.out), base)
+    return analysed(read_run(options.out), baseline)
 
 
 def trained_run(folder: Path) -> TrainedRun:

@@ -113,8 +113,24 @@ def test_a_height_scan_is_that_of_the_training(tmp_path):
         changed = json.loads((tmp_path / DESCRIPTION).read_text(encoding="utf-8"))["base"]
         changed["height_scan"] |= change
         assert reason in damaged(tmp_path, lambda f, base=changed: rewrite(f, base=base))
-    with pytest.raises(ValueError, match="no other base has one; this is stand"):
-        described(describe(policies.make("stand")) | {"height_scan": {}}, SIMPLE_QUAD, 0.01)
+    blind = {key: value for key, value in describe(base).items() if key != "height_scan"}
+    with pytest.raises(ValueError, match="mpc_wbc_sighted needs a height_scan"):
+        described(blind, SIMPLE_QUAD, 0.01)
+
+
+def test_the_network_over_a_base_without_eyes_may_be_shown_a_scan(tmp_path):
+    base = policies.make("trot", height_scan=HeightScan(ahead=1, behind=1, aside=0, noise=0.03))
+    policy = ResidualPolicy(base, network(Features(base).width, 8, 12))
+    save(tmp_path, policy, training={}, git_revision="")
+    assert load(tmp_path).base.height_scan == base.height_scan
+    observation = np.random.default_rng(0).normal(size=(2, OBSERVATION_SIZE + 3)).astype(np.float32)
+    seen, hidden = policies.make("trot"), load(tmp_path).base
+    np.testing.assert_array_equal(_acted(hidden, observation), _acted(seen, observation[:, :OBSERVATION_SIZE]))
+
+
+def _acted(policy, observation):
+    policy.reset(len(observation))
+    return policy.act(observation)
 
 
 @pytest.mark.parametrize("name", ["behaviour", "residual", "safe:trot"])

@@ -31,7 +31,7 @@ def small_residual():
 MAKERS = {
     **{name: partial(policies.make, name) for name in ("bound", "crouch", "gaits", "pace", "pronk", "stand", "walk")},
     **{name: partial(policies.make, name) for name in ("behaviour", "document", "document_repaired", "safe:trot")},
-    **{name: partial(policies.make, name) for name in ("trot", "trot_integral")},
+    **{name: partial(policies.make, name) for name in ("trot", "trot_integral", "trot_reference")},
     "trot_feedback": lambda: TrotFeedback(replace(feedback_parameters(), least_following=1.0)),
     "residual": small_residual,
 }
@@ -171,7 +171,7 @@ def test_names_are_sorted_and_every_one_can_be_made():
     ours = (
         "behaviour, bound, crouch, document, document_repaired, end_to_end, gaits, mpc, mpc_wbc, mpc_wbc_bound, "
         "mpc_wbc_pace, mpc_wbc_pronk, mpc_wbc_sighted, mpc_wbc_walk, pace, pronk, residual, residual_feedback, robust, "
-        "stand, trot, trot_feedback, trot_integral, trot_virtual, walk"
+        "stand, trot, trot_feedback, trot_integral, trot_reference, trot_virtual, walk"
     )
     assert ", ".join(policies.names()) == ours
     for name in policies.names():

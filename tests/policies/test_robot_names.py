@@ -16,13 +16,14 @@ from policies.mpc.sighted import SightedMpcWbc
 from policies.safety import SafetyLimits
 from policies.trot.feedback import TrotFeedback
 from policies.trot.integral import TrotIntegral
+from policies.trot.reference import TrotReference
 from quad_env.robots.named import EXTRA, WHEEL
 
 MAKERS: dict[str, Callable[..., object]] = {
     kind.__name__: kind
     for kind in (
         *(policies.Trot, policies.Stand, policies.Behaviour, Document, TrotIntegral, TrotFeedback, Gaits),
-        *(Mpc, MpcWbc, SightedMpcWbc, quad_env.HomePoseSpace, SafetyLimits.of),
+        *(Mpc, MpcWbc, SightedMpcWbc, TrotReference, quad_env.HomePoseSpace, SafetyLimits.of),
     )
 } | {
     "make": partial(policies.make, "trot"),

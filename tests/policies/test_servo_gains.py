@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict, replace
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -41,6 +42,13 @@ def test_a_controller_that_needs_stiff_servos_commands_them_unless_the_gains_are
     for name in ("stand", "trot", "trot_feedback", "behaviour", "safe:trot"):
         assert policies.make(name, robot=soft).robot.servo == SIMPLE_QUAD.servo, name
         assert policies.make(name, robot=soft.with_servo(35.0, 0.5)).robot.servo == GAINS, name
+
+
+def test_the_reference_trot_has_its_own_gains_unless_the_robot_s_are_softer_or_given(soft: quad_env.Robot) -> None:
+    make = partial(policies.make, "trot_reference")
+    assert make().robot.servo == "60 N·m/rad and 1.5 N·m·s/rad"
+    assert make(robot=soft).robot.servo == GAINS
+    assert make(robot=SIMPLE_QUAD.with_servo(90.0, 2.0)).robot.servo == "90 N·m/rad and 2 N·m·s/rad"
 
 
 def test_a_robot_whose_gains_are_given_has_the_parameters_that_were_searched_for_soft_servos(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = "".join(
     path.read_text(encoding="utf-8") for folder in ("docs", "models") for path in (ROOT / folder).rglob("*.md")
 )
-STANDING = {"stand", "crouch", "document", "gaits", "behaviour", "mpc_wbc_sighted"}
+STANDING = {"stand", "crouch", "document", "gaits", "behaviour", "mpc_wbc_sighted", "trot_reference"}
 """Which stand, fall, or walk as another one does."""
 
 

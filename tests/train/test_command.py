@@ -21,7 +21,7 @@ from quad_env.cli.command_line import parse as parse_options
 from quad_env.files.writing import sole_use
 from quad_env.physics import simulation
 from train.__main__ import main
-from train.commands.run import COMMANDS, parse
+from train.commands.run import COMMANDS, MAIN, parse
 from train.learning_curve import write_curve
 from train.run_folder import CONFIG_FILE, CURVE_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 from train.run_record import load_config, to_dict
@@ -246,6 +246,19 @@ def test_every_command_helps_and_says_what_is_wrong(name, capsys):
 def test_run_is_the_command_that_may_be_left_out(tmp_path, capsys):
     assert main(["run", *TINY, "--steps", "many"]) == 2
     assert "--steps" in one_line(capsys)
+
+
+def test_help_shows_the_main_options_and_help_all_every_one(capsys):
+    shown = {}
+    for option in ("--help", "--help-all"):
+        with pytest.raises(SystemExit):
+            main([option])
+        shown[option] = capsys.readouterr().out
+    assert all(f"--{name} " in text for text in shown.values() for name in MAIN)
+    assert "--help-all explains all of them" in " ".join(shown["--help"].split())
+    for hidden in ("--ppo.envs", "--rewards.crouch", "--curriculum", "--scan.ahead", "--validation.interval"):
+        assert hidden in shown["--help-all"]
+        assert hidden not in shown["--help"]
 
 
 def test_help_imports_neither_torch_nor_mujoco():

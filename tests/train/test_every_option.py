@@ -173,7 +173,7 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
         ["push", "rough=0.1"] * 2,
     ),
 }
-ELSEWHERE = {"resume", "rewards", "robot", "device"} | {
+ELSEWHERE = {"resume", "rewards", "robot", "device", "sighted", "scan"} | {
     *("ppo.envs", "ppo.rollout_steps", "ppo.minibatch", "ppo.epochs", "ppo.learning_rate", "ppo.gamma"),
     *("ppo.gae_lambda", "ppo.entropy", "ppo.log_std_init", "ppo.actor", "ppo.critic"),
 }
@@ -185,7 +185,7 @@ def options(config: Any, prefix: str = "") -> Iterator[str]:
     """Names of all options, those of groups with the group's."""
     for field in dataclasses.fields(config):
         value = getattr(config, field.name)
-        if dataclasses.is_dataclass(value) and field.name not in ("rewards", "inputs"):
+        if dataclasses.is_dataclass(value) and field.name not in ("rewards", "inputs", "scan"):
             yield from options(value, f"{prefix}{field.name}.")
         else:
             yield prefix + field.name

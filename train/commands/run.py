@@ -7,6 +7,7 @@ import argparse
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated, get_type_hints
 
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from quad_env.cli import launcher
@@ -23,6 +24,9 @@ COMMANDS = {
     "search": Command("train.search.trot", "parameters of a robot's trot, by CMA-ES"),
     "export": Command("train.commands.export", "a trained residual as an ONNX file"),
 }
+MAIN = "policy", "base", "steps", "seed", "out", "resume", "threads", "device", "sighted", "mixture", "robot", "servo"
+"""Settings that --help explains."""
+ALL = "--help-all"
 MOVED = {
     name: f"now `python -m research {name.split()[0]}`"
     for name in ("ablations", "curves", "publish", "search feedback")
@@ -53,8 +57,12 @@ def parse(words: Sequence[str]) -> TrainConfig:
 
     The defaults are those of the chosen --policy and --robot, or with --resume those of the run that is continued.
     """
-    words = as_spelled(TrainConfig, list(words))
+    asked = as_spelled(TrainConfig, list(words))
+    words = ["--help" if word == ALL else word for word in asked]
     defaults, description = _defaults(words), f"{__doc__}{PROGRAM.listing()}"
+    if HELP & set(asked):
+        brief, said = _brief(), f"{description}\n\nThese are the main options; {ALL} explains all of them."
+        parse_options(brief, words, program=NAME, description=said, default=brief(**vars(defaults)))
     config = parse_options(TrainConfig, words, program=NAME, description=description, default=defaults)
     check(defaults)
     check(config)
@@ -62,6 +70,16 @@ def parse(words: Sequence[str]) -> TrainConfig:
         said = f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}"
         raise UsageError(f"{said}; only a larger --steps may be given, to extend it")
     return config
+
+
+def _brief() -> type[TrainConfig]:
+    """The settings, of which the help text shows those of MAIN alone."""
+    import tyro
+
+    hints = get_type_hints(TrainConfig, include_extras=True)
+    hidden = {each.name: each for each in dataclasses.fields(TrainConfig) if each.name not in MAIN}
+    annotations = {name: Annotated[hints[name], tyro.conf.Suppress] for name in hidden}
+    return dataclasses.dataclass(frozen=True)(type("Brief", (TrainConfig,), {**hidden, "__annotations__": annotations}))
 
 
 def _defaults(words: list[str]) -> TrainConfig:
