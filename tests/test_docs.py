@@ -99,7 +99,7 @@ def help_of(package: str, *rest: str) -> str:
     main = importlib.import_module(package if "." in package else f"{package}.__main__").main
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), contextlib.suppress(SystemExit):
-        assert main([*rest, "--help"]) == 0
+        assert main([*rest, "--help-all" if (package, *rest) == ("train",) else "--help"]) == 0
     return printed.getvalue()
 
 

@@ -54,7 +54,7 @@ class Scenario(Settings):
 
 
 def on_hardware(scenario: Scenario, _: Robot = SIMPLE_QUAD) -> Scenario:
-    """The same with the robot's hardware profile, under the name with HARDWARE."""
+    """The same with the robot's hardware profile, under the name with HARDWARE; itself where it has that already."""
     return _ended(scenario, hardware=True)
 
 
@@ -69,7 +69,8 @@ def _without_scan(scenario: Scenario, _: Robot) -> Scenario:
 
 def _ended(scenario: Scenario, **settings: Any) -> Scenario:
     found = replace(scenario, **settings)
-    return replace(found, name=scenario.name.removesuffix(scenario.ending) + found.ending)
+    renamed = scenario.name.removesuffix(scenario.ending) + found.ending
+    return scenario if found == scenario else replace(found, name=renamed)
 
 
 ENDINGS: dict[str, Callable[[Scenario, Robot], Scenario]] = {
