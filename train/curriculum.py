@@ -12,7 +12,7 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.named import scenario
-from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.scenario import OF_ENDINGS, Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from train.residual_env import BoolArray
 
@@ -81,8 +81,7 @@ def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scena
     if (hardest - mildest) * (-1.0 if axis.falling else 1.0) <= 0.0:
         return scenario
     found = axis.scenario(float(np.exp(mildest + share * (hardest - mildest))), scenario.name)
-    kept = {name: getattr(scenario, name) for name in ("hardware", "randomisation", "scan_lost")}
-    return dataclasses.replace(found, **kept)
+    return dataclasses.replace(found, **{field: getattr(scenario, field) for field in OF_ENDINGS.values()})
 
 
 def next_shares(shares: Sequence[float], counted: NDArray[np.int64], kept: NDArray[np.int64]) -> list[float]:

@@ -81,10 +81,15 @@ class ModelBased(GaitedPolicy):
         self.prints = Footprints(p.slope_time, period)
         self.odometer = Odometer(p.farthest_behind, period, p.fastest_return)
         self._stop = Stop(robot, period)
-        table = table_with(robot, self.height_scan)
-        self._at_rest = np.zeros(table.size, np.float32)
-        self._at_rest[table.slices.get("height_scan", slice(0))] = UNSEEN
-        self._at_rest[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
+
+    @property
+    def _at_rest(self) -> NDArray[np.float32]:
+        """Observation of a robot that stands level, of ground that is not seen."""
+        table = table_with(self.robot, self.height_scan)
+        observation = np.zeros(table.size, np.float32)
+        observation[table.slices.get("height_scan", slice(0))] = UNSEEN
+        observation[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
+        return observation
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()

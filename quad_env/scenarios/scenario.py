@@ -15,7 +15,9 @@ from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 
 HARDWARE, RANDOMISED, SCAN_LOST = "+hardware", "+randomised", "+scan_lost"
 """Ends of the names of scenarios on the hardware profile, with domain randomisation and with a height scan that shows
-nothing; where there are several, in the opposite order."""
+nothing."""
+OF_ENDINGS = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
+"""End of a name -> the field that it is about, in the order in which they stand."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Scenario(Settings):
     @property
     def ending(self) -> str:
         """End of the name of an axis's scenarios like this."""
-        return SCAN_LOST * self.scan_lost + RANDOMISED * (self.randomisation is not None) + HARDWARE * self.hardware
+        return "".join(end for end, field in OF_ENDINGS.items() if getattr(self, field))
 
 
 def on_hardware(scenario: Scenario, _: Robot = SIMPLE_QUAD) -> Scenario:

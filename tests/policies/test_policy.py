@@ -15,6 +15,7 @@ from policies.trot.feedback import TrotFeedback
 from policies.trot.feedback_parameters import searched_parameters as feedback_parameters
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.sensing.height_scan import HeightScan
 
 
 def small_residual():
@@ -189,3 +190,17 @@ def test_missing_shipped_model_names_the_command_that_makes_one(tmp_path, monkey
     monkeypatch.setattr(policies.shipped, "MODELS", tmp_path)
     with pytest.raises(policies.PolicyError, match="python -m train"):
         policies.make("residual")
+
+
+@pytest.mark.parametrize("name", [name for name in BASES if name != "mpc_wbc_sighted"])
+def test_a_base_that_is_shown_a_scan_acts_as_without_also_where_a_robot_starts_again(name):
+    scan = HeightScan(ahead=1, behind=0, aside=0)
+    found = []
+    for shown in (None, scan):
+        policy = policies.make(name, height_scan=shown)
+        policy.reset(2)
+        seen = readings(2, 2) if shown is None else np.pad(readings(2, 2), ((0, 0), (0, 0), (0, 2)))
+        first = policy.act(seen[0])
+        policy.reset_where(np.array([True, False]))
+        found.append((first, policy.act(seen[1])))
+    np.testing.assert_array_equal(*found)
