@@ -40,7 +40,7 @@ _LOG_STD = (-20.0, 2.0)
 _WIDTHS = {"limits": (1, 4096)}
 TIMESTEP = 0.005
 """Physics step in training, s; half the time of the robot's own 2 ms, by which validation and evaluation go."""
-PUSHES = 4
+PUSHES = 2
 """Pushes in a training episode of a scenario that has any."""
 MIXTURE = (
     ("flat", 0.09), ("flat=3", 0.06), ("push=55", 0.12), ("rough=0.2", 0.12), ("stairs=0.15", 0.05),

@@ -30,7 +30,7 @@ def practice(name: str | Scenario, purpose: Purpose, seed: int = 0, robot: Robot
     return dataclasses.replace(original, terrain=surface)
 
 
-EASY, KEPT, LOST = 0.95, 0.85, 0.6
+EASY, KEPT, LOST = 0.9, 0.7, 0.5
 """Shares of tracked command intervals above which a scenario becomes harder, by two steps or one, and below which it
 becomes milder."""
 STEP, FEWEST = 0.1, 30
