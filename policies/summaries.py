@@ -13,10 +13,6 @@ SUMMARIES = {
         "force, does not carry it off"
     ),
     "trot_feedback": (
-        "the trot with footholds from the velocity error, attitude and height feedback, and slope adaptation; its "
-        "readings are smoothed, and where its joints lag behind their targets it takes slower, higher steps"
-    ),
-    "trot_virtual": (
         "a slow, upright trot by virtual model control: the trunk on springs and dampers that the standing feet bear, "
         "and footholds from the velocity error"
     ),
@@ -43,11 +39,10 @@ SUMMARIES = {
     "mpc_wbc_bound": "mpc_wbc's bound, with a flight",
     "mpc_wbc_pronk": "mpc_wbc's pronk, with a flight",
     "residual": (
-        "trot_integral plus a learned correction of at most 0.3 rad a joint, 0.15 rad at the hips: what python -m "
-        "train makes"
+        "a trot plus a learned correction: of SimpleQuad trot_integral and at most 0.3 rad a joint, of go1 and go2 "
+        "trot_reference and at most 1 rad"
     ),
     "robust": "the same as residual, trained for six times as long",
-    "residual_feedback": "trot_feedback plus such a correction",
     "end_to_end": ("learned without a gait, from a crouch, by up to 1 rad a joint: what the base of residual is worth"),
 }
 """Of every policy that ships, in the order in which they are listed."""

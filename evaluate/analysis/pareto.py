@@ -26,7 +26,7 @@ class ParetoPoint:
     """Its score."""
     success_ci: Interval
     cost: float
-    """Cost of transport; NaN of a policy that goes nowhere."""
+    """Cost of transport; NaN of a policy that goes nowhere, or that did not run there."""
     cost_ci: Interval
     dominated_by: tuple[str, ...] = ()
     """Policies on the front with no less success and no higher cost, one of the two better."""
@@ -73,7 +73,10 @@ def _dominates(a: ParetoPoint, b: ParetoPoint) -> bool:
 
 
 def _cost(cells: Sequence[Cell], robot: Robot) -> tuple[float, Interval]:
-    """Cost of transport of these cells together, with its interval over episodes, each with all of its scenarios."""
+    """Cost of transport of these cells together, with its interval over episodes, each with all of its scenarios; NaN
+    of none."""
+    if not cells:
+        return np.nan, (np.nan, np.nan)
     weights = np.array([weight(robot, cell.scenario) for cell in cells])
     energy = np.mean([cell.measures.energy for cell in cells], axis=0)
     path = weights @ [cell.measures.distance for cell in cells] / weights.sum()

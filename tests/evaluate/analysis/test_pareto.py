@@ -67,6 +67,9 @@ def test_scores_stand_against_the_cost_at_a_steady_speed(cells) -> None:
     assert cheap.cost_ci[0] < cheap.cost < cheap.cost_ci[1]
     on_flat = pareto(made[1:3] + made[4:], scores(made, "trot"), SIMPLE_QUAD)
     assert (on_flat.cost_on, on_flat.front, on_flat.points[1].dominated_by) == ("flat", ("trot",), ("trot",))
+    elsewhere = [*made, *cells("document", flat=(8, 100, 1), push=(8, 100, 1))]  # not on the steady walk
+    point = pareto(elsewhere, scores(elsewhere, "trot"), SIMPLE_QUAD).points[-1]
+    assert (point.policy, np.isnan(point.cost)) == ("document", True)
     both = analyse(made, seed=0, episodes=8, complete=True)
     assert (both.pareto.front, both.hardware_pareto.points) == (found.front, ())
 
