@@ -1,19 +1,23 @@
 """A training run."""
 
 import contextlib
+from pathlib import Path
 
+from stable_baselines3 import PPO
+
+import policies
 from policies.residual import authority_of
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from quad_env.files.writing import sole_use
 from train.config import TrainConfig
 from train.residual_env import ResidualVectorEnv
-from train.run_folder import BEST, CHECKPOINTS, new_run, refuse_folder_in_use, writing
+from train.run_folder import BEST, CHECKPOINTS, has_checkpoint, new_run, refuse_folder_in_use, writing
 from train.run_record import evaluation, write_settings
 from train.sb3 import checkpoint
 from train.sb3.callbacks import BetweenRollouts, CallbackState
 from train.sb3.log import run_logger
-from train.sb3.ppo import REWARD_SCALE, build
+from train.sb3.ppo import REWARD_SCALE, build, set_actor
 from train.sb3.progress import Display, Pace
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import bases_of, make_robots, training_seeds
@@ -42,6 +46,8 @@ def _run(config: TrainConfig, interrupt: Interrupt, found: checkpoint.Checkpoint
         model = build(config, env)
         if found:
             checkpoint.restore(model, found)
+        elif config.start is not None:
+            _begin_with(model, config, config.start)
         done = model.num_timesteps
         if done >= config.steps:
             raise UsageError(f"the run in {config.folder} is finished: extend it with --steps larger than {done}")
@@ -60,6 +66,19 @@ def _run(config: TrainConfig, interrupt: Interrupt, found: checkpoint.Checkpoint
                 callback = BetweenRollouts(config, env, display, interrupt, state, actions)
                 # Without SB3's own log, whose means reach back beyond the last checkpoint.
                 model.learn(config.steps - done, callback, config.steps + 1, reset_num_timesteps=False)
+
+
+def _begin_with(model: PPO, config: TrainConfig, start: Path) -> None:
+    """Give a new run the network of a bundle or run. Raises UsageError."""
+    try:
+        policy = policies.load(start, config.hardware.quadruped)
+        if policy.base.name != config.base:
+            raise UsageError(f"--start: {start} corrects {policy.base.name}, this run {config.base}")
+        set_actor(model, policy.network)
+    except (policies.PolicyError, ValueError) as error:
+        raise UsageError(f"--start: {error}") from None
+    if has_checkpoint(start):
+        checkpoint.take_networks(model, start / CHECKPOINTS)
 
 
 def make_env(config: TrainConfig) -> TrainingVecEnv:

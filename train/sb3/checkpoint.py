@@ -83,6 +83,16 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
         raise UsageError(f"the checkpoint does not fit this run: {str(error).splitlines()[0]}") from None
 
 
+def take_networks(model: PPO, folder: Path) -> None:
+    """Give a new run the networks and the noise of the newest checkpoint in `folder`. Raises UsageError."""
+    tensors = load(folder).tensors.items()
+    try:
+        model.policy.load_state_dict({n.removeprefix(_POLICY): each for n, each in tensors if n.startswith(_POLICY)})
+    except RuntimeError as error:
+        shapes = " ".join(str(error).split("\n\t")[-1].split())
+        raise UsageError(f"--start: the networks in {folder.parent} are of another shape ({shapes})") from None
+
+
 def _restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torch.Tensor]) -> None:
     state: dict[int, dict[str, torch.Tensor]] = {}
     for name, value in moments.items():

@@ -102,9 +102,25 @@ def build(config: TrainConfig, env: TrainingVecEnv) -> PPO:
 
 def actor_network(model: PPO) -> Network:
     """The mean of the policy as the NumPy network that a bundle holds, without the privileged inputs."""
-    actor = (*model.policy.mlp_extractor.policy_net, model.policy.action_net)
-    layers = [layer for layer in actor if isinstance(layer, nn.Linear)]
+    layers = _actor_layers(model)
     return Network(tuple(_array(each.weight.T) for each in layers), tuple(_array(each.bias) for each in layers))
+
+
+def set_actor(model: PPO, network: Network) -> None:
+    """Make the mean of the policy that network. Raises ValueError where its widths are others."""
+    layers = _actor_layers(model)
+    sizes = [layers[0].in_features, *(layer.out_features for layer in layers)]
+    if list(network.sizes) != sizes:
+        raise ValueError(f"its network has the widths {list(network.sizes)}, this run's {sizes}")
+    with torch.no_grad():
+        for layer, weights, bias in zip(layers, network.weights, network.biases, strict=True):
+            layer.weight.copy_(torch.from_numpy(weights.T))
+            layer.bias.copy_(torch.from_numpy(bias))
+
+
+def _actor_layers(model: PPO) -> list[nn.Linear]:
+    actor = (*model.policy.mlp_extractor.policy_net, model.policy.action_net)
+    return [layer for layer in actor if isinstance(layer, nn.Linear)]
 
 
 def _array(tensor: torch.Tensor) -> NDArray[np.float32]:
