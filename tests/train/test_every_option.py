@@ -173,11 +173,11 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
         ["push", "rough=0.1"] * 2,
     ),
 }
-ELSEWHERE = {"resume", "rewards", "robot", "device", "sighted", "scan"} | {
+ELSEWHERE = {"resume", "start", "rewards", "robot", "device", "sighted", "scan"} | {
     *("ppo.envs", "ppo.rollout_steps", "ppo.minibatch", "ppo.epochs", "ppo.learning_rate", "ppo.gamma"),
     *("ppo.gae_lambda", "ppo.entropy", "ppo.log_std_init", "ppo.actor", "ppo.critic"),
 }
-"""Options with tests of their own: below, in test_command.py, test_run.py and test_warp.py; those of the learner
+"""Options with tests of their own: below, in test_command.py, test_start.py, test_run.py and test_warp.py; those of the learner
 are in tests/planted_faults/test_training_faults.py."""
 
 
@@ -226,8 +226,8 @@ def test_another_robot_is_trained_and_validated_on_what_is_as_hard_for_it(tmp_pa
     config = parse(words)
     with contextlib.closing(make_env(config)) as env:
         found = {each.scenario.axis: each.scenario.severity for each in env.env.unwrapped.batches}  # type: ignore[attr-defined]
-    assert found["push"] == pytest.approx((20 * 55) ** 0.5 * 0.1 * 0.4**0.5, rel=0.01)
-    assert found["rough"] == pytest.approx((0.06 * 0.2) ** 0.5 * 0.4, rel=0.01)
+    assert found["push"] == pytest.approx((20 * 50) ** 0.5 * 0.1 * 0.4**0.5, rel=0.01)
+    assert found["rough"] == pytest.approx((0.06 * 0.18) ** 0.5 * 0.4, rel=0.01)
     judged = dataclasses.replace(config.validation, episodes=1, scenarios=("push",))
     with begun() as batches, pytest.MonkeyPatch.context() as patch:
         true_run = validation.run

@@ -1,0 +1,58 @@
+"""Runs that begin with the network of another: `--start`."""
+
+import numpy as np
+import pytest
+
+import policies
+from train.__main__ import main
+
+OPTIONS = (
+    "--policy residual --base stand --threads 1 --mixture flat 1 push:1 1 --ppo.envs 4 --ppo.rollout-steps 4 "
+    "--ppo.minibatch 8 --ppo.epochs 1 --ppo.actor 8 --ppo.critic 8 --validation.interval 0 --validation.episodes 1 "
+    "--validation.scenarios flat --max-episode-steps 20"
+)
+
+
+def train(out, *words):
+    return main([*OPTIONS.split(), "--out", str(out), *map(str, words)])
+
+
+def weights(run):
+    return policies.load(run / "last").network.weights
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "first"
+    assert train(folder, "--steps", 64) == 0
+    return folder
+
+
+@pytest.mark.parametrize("part", [".", "last"])
+def test_a_run_begins_with_the_network_of_another_run_or_bundle(part, first, tmp_path):
+    """With steps of 1e-9 it stays where it began."""
+    still = ("--steps", 16, "--ppo.learning-rate", 1e-9, "--ppo.learning-rate-schedule", "constant")
+    assert train(tmp_path / "next", "--start", first / part, *still) == 0
+    for mine, theirs in zip(weights(tmp_path / "next"), weights(first), strict=True):
+        np.testing.assert_allclose(mine, theirs, atol=1e-6)
+    assert train(tmp_path / "anew", *still) == 0
+    assert np.abs(weights(tmp_path / "anew")[-1]).max() < 1e-6 < np.abs(weights(first)[-1]).max()
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("--base", "crouch"), "corrects stand, this run crouch"),
+        (("--ppo.actor", "16"), "this run's"),
+        (("--ppo.critic", "16"), "are of another shape"),
+        (("--inputs.lags", "0.02"), "widths"),
+        (("--start", "no-such-folder"), "no-such-folder"),
+    ],
+)
+def test_what_does_not_fit_is_one_line_and_leaves_no_folder(words, complaint, first, tmp_path, capsys):
+    given = words if words[0] == "--start" else ("--start", first, *words)
+    assert train(tmp_path / "next", "--steps", 16, *given) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert complaint in said[-1]
+    assert len(said) == 1
+    assert not (tmp_path / "next").exists()
