@@ -126,8 +126,9 @@ class TrainConfig:
     """Run folder, new or empty unless --resume; runs/POLICY-SEED when not given, for another robot than SimpleQuad
     runs/ROBOT-POLICY-SEED."""
     start: Path | None = None
-    """Folder of a bundle, or of a run, whose network the run begins with instead of no correction; base, --inputs and
-    network widths must be the same. A run gives its value network and noise too, for as many scenarios."""
+    """Folder of a bundle, or of a run, whose network the run begins with instead of no correction; base, --inputs,
+    authorities and network widths must be the same. A run gives its value network and noise too, where it has as many
+    scenarios."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in --out from its last checkpoint."""
     threads: int = number(2, limits=(1, 256))

@@ -3,6 +3,7 @@
 import contextlib
 from pathlib import Path
 
+import numpy as np
 from stable_baselines3 import PPO
 
 import policies
@@ -73,8 +74,13 @@ def _begin_with(model: PPO, config: TrainConfig, start: Path) -> None:
     try:
         policy = policies.load(start, config.hardware.quadruped)
         if policy.base.name != config.base:
-            raise UsageError(f"--start: {start} corrects {policy.base.name}, this run {config.base}")
+            raise ValueError(f"{start} corrects {policy.base.name}, this run {config.base}")
         set_actor(model, policy.network)
+        if policy.features.inputs != config.inputs:
+            raise ValueError(f"{start} has other --inputs than this run")
+        authority = authority_of(policy.robot, config.hip_authority, config.joint_authority)
+        if not np.allclose(policy.authority, authority):
+            raise ValueError(f"{start} has another --hip-authority or --joint-authority than this run")
     except (policies.PolicyError, ValueError) as error:
         raise UsageError(f"--start: {error}") from None
     if has_checkpoint(start):

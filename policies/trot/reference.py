@@ -10,14 +10,14 @@ from pathlib import Path
 
 from policies.base import CONTROL_PERIOD
 from policies.parameters import ParameterFile, number
-from policies.trot.open_loop import Trot, TrotParameters
+from policies.trot.integral import IntegralParameters, TrotIntegral
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
-class ReferenceParameters(TrotParameters):
+class ReferenceParameters(IntegralParameters):
     """The trot's, chosen by hand, and the servo gains."""
 
     body_height: float = number(0.42, limits=(0.01, 5.0), unit="m")
@@ -31,7 +31,7 @@ class ReferenceParameters(TrotParameters):
 FILE = ParameterFile(Path(__file__).with_name("trot_reference.json"), ReferenceParameters)
 
 
-class TrotReference(Trot):
+class TrotReference(TrotIntegral):
     """The trot as a reference trajectory, at zero command in place."""
 
     name = "trot_reference"
@@ -51,8 +51,5 @@ class TrotReference(Trot):
 
 
 def _compliant(robot: Robot, gains: ReferenceParameters) -> Robot:
-    """The robot with these servo gains where its own are larger; itself where they were chosen for every controller."""
-    if robot.servo_fixed:
-        return robot
-    stiffness, damping = robot.servo_stiffness, robot.servo_damping
-    return robot.with_servo(stiffness.clip(max=gains.stiffness), damping.clip(max=gains.damping))
+    """The robot with these servo gains; itself where they were chosen for every controller."""
+    return robot if robot.servo_fixed else robot.with_servo(gains.stiffness, gains.damping)

@@ -177,8 +177,8 @@ ELSEWHERE = {"resume", "start", "rewards", "robot", "device", "sighted", "scan"}
     *("ppo.envs", "ppo.rollout_steps", "ppo.minibatch", "ppo.epochs", "ppo.learning_rate", "ppo.gamma"),
     *("ppo.gae_lambda", "ppo.entropy", "ppo.log_std_init", "ppo.actor", "ppo.critic"),
 }
-"""Options with tests of their own: below, in test_command.py, test_start.py, test_run.py and test_warp.py; those of the learner
-are in tests/planted_faults/test_training_faults.py."""
+"""Options with tests of their own: below, in test_command.py, test_start.py, test_run.py and test_warp.py; those of the
+learner are in tests/planted_faults/test_training_faults.py."""
 
 
 def options(config: Any, prefix: str = "") -> Iterator[str]:

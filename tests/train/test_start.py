@@ -35,8 +35,8 @@ def test_a_run_begins_with_the_network_of_another_run_or_bundle(part, first, tmp
     assert train(tmp_path / "next", "--start", first / part, *still) == 0
     for mine, theirs in zip(weights(tmp_path / "next"), weights(first), strict=True):
         np.testing.assert_allclose(mine, theirs, atol=1e-6)
-    assert train(tmp_path / "anew", *still) == 0
-    assert np.abs(weights(tmp_path / "anew")[-1]).max() < 1e-6 < np.abs(weights(first)[-1]).max()
+    assert train(tmp_path / "plain", *still) == 0
+    assert np.abs(weights(tmp_path / "plain")[-1]).max() < 1e-6 < np.abs(weights(first)[-1]).max()
 
 
 @pytest.mark.parametrize(
@@ -46,6 +46,8 @@ def test_a_run_begins_with_the_network_of_another_run_or_bundle(part, first, tmp
         (("--ppo.actor", "16"), "this run's"),
         (("--ppo.critic", "16"), "are of another shape"),
         (("--inputs.lags", "0.02"), "widths"),
+        (("--inputs.lags", "0.02", "0.05", "0.1"), "other --inputs than this run"),
+        (("--joint-authority", "0.5"), "another --hip-authority or --joint-authority"),
         (("--start", "no-such-folder"), "no-such-folder"),
     ],
 )

@@ -66,12 +66,8 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
     """Put the learner and all random generators back to `checkpoint`."""
     tensors, progress = checkpoint.tensors, checkpoint.progress
     try:
-        policy, optimiser = (
-            {name.removeprefix(part): value for name, value in tensors.items() if name.startswith(part)}
-            for part in (_POLICY, _OPTIMISER)
-        )
-        model.policy.load_state_dict(policy)
-        _restore_optimiser(model.policy.optimizer, optimiser)
+        model.policy.load_state_dict(_part(tensors, _POLICY))
+        _restore_optimiser(model.policy.optimizer, _part(tensors, _OPTIMISER))
         model.num_timesteps = int(progress["steps"])
         model._n_updates = int(progress["updates"])
         version, words, gauss = progress["python_random"]
@@ -85,12 +81,16 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
 
 def take_networks(model: PPO, folder: Path) -> None:
     """Give a new run the networks and the noise of the newest checkpoint in `folder`. Raises UsageError."""
-    tensors = load(folder).tensors.items()
+    weights = _part(load(folder).tensors, _POLICY)
     try:
-        model.policy.load_state_dict({n.removeprefix(_POLICY): each for n, each in tensors if n.startswith(_POLICY)})
+        model.policy.load_state_dict(weights)
     except RuntimeError as error:
         shapes = " ".join(str(error).split("\n\t")[-1].split())
         raise UsageError(f"--start: the networks in {folder.parent} are of another shape ({shapes})") from None
+
+
+def _part(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
 def _restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torch.Tensor]) -> None:
