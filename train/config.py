@@ -40,8 +40,6 @@ _LOG_STD = (-20.0, 2.0)
 _WIDTHS = {"limits": (1, 4096)}
 TIMESTEP = 0.005
 """Physics step in training, s; half the time of the robot's own 2 ms, by which validation and evaluation go."""
-PUSHES = 2
-"""Pushes in a training episode of a scenario that has any."""
 MIXTURE = (
     ("flat:2", 0.09), ("flat:4", 0.06), ("push:3", 0.13), ("rough:3", 0.11), ("stairs:3", 0.05), ("gravel:3", 0.04),
     ("soft:4", 0.05), ("slope:4", 0.06), ("slippery:4", 0.05), ("latency:2", 0.04), ("latency:4", 0.05),
