@@ -18,7 +18,7 @@ from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, spread, stage
 from quad_env.cli.launcher import launch
 from quad_env.physics.simulation import Simulation
-from train.config import DEFAULTS, BaseName, TrainConfig, usual
+from train.config import DEFAULTS, BaseName, TrainConfig
 from train.run import make_env
 from train.sb3.ppo import build
 
@@ -42,7 +42,7 @@ class Options(Common):
 
 def measure(options: Options) -> Outcome:
     """Learner steps a second, those of the physics alone, and where the rest of the time goes."""
-    defaults = usual("residual", options.base)
+    defaults = replace(DEFAULTS["residual"], base=options.base)
     ppo = replace(defaults.ppo, envs=options.envs)
     if options.quick:
         options = replace(options, rounds=1)

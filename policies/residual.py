@@ -15,7 +15,7 @@ PRESENT = Inputs()
 """Those of a network that sees the present observation and its base alone."""
 
 
-def authority_of(robot: Robot, hip: float = 0.15, joint: float = 0.3) -> Actions:
+def authority_of(robot: Robot, hip: float = 0.4, joint: float = 0.6) -> Actions:
     """Largest correction of each joint, rad, (12,), of hip and of other joints; of more than this a learner would learn
     from scratch in disguise.
     """

@@ -17,7 +17,8 @@ SUMMARIES = {
         "and footholds from the velocity error"
     ),
     "trot_reference": (
-        "an upright trot on compliant servos, a trajectory for learned policies to correct; on its own it hardly walks"
+        "an upright trot on compliant servos with the integral of the velocity error, a trajectory for learned policies "
+        "to correct"
     ),
     "walk": "four beats, three feet on the ground; follows the command within its limit of 0.4 m/s ahead",
     "pace": "the legs of one side together; at most 0.8 m/s ahead",
@@ -38,10 +39,7 @@ SUMMARIES = {
     "mpc_wbc_pace": "mpc_wbc's pace",
     "mpc_wbc_bound": "mpc_wbc's bound, with a flight",
     "mpc_wbc_pronk": "mpc_wbc's pronk, with a flight",
-    "residual": (
-        "a trot plus a learned correction: of SimpleQuad trot_integral and at most 0.3 rad a joint, of go1 and go2 "
-        "trot_reference and at most 1 rad"
-    ),
+    "residual": ("trot_reference plus a learned correction of at most 0.6 rad a joint"),
     "robust": "the same as residual, trained for six times as long",
     "end_to_end": ("learned without a gait, from a crouch, by up to 1 rad a joint: what the base of residual is worth"),
 }

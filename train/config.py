@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 import tyro
 
@@ -29,8 +29,6 @@ BaseName = Literal[
 
 POSES: tuple[BaseName, ...] = ("crouch", "stand")
 """Bases of an end-to-end policy."""
-HELPLESS: tuple[BaseName, ...] = ("trot_reference", *POSES)
-"""Bases that do not walk without the correction."""
 LARGEST_REWARD_WEIGHT, LARGEST_SHARE = 1e4, 1e6
 MOST_HIDDEN_LAYERS, LARGEST_ROLLOUT = 8, 2**24
 """Of a bundle; samples."""
@@ -134,10 +132,10 @@ class TrainConfig:
     device: Literal["cpu", "cuda"] = "cpu"
     """Processor of simulation and network; cuda: an NVIDIA GPU, by MuJoCo Warp (pip install -e ".[warp]"). Validation
     is MuJoCo's on the CPU."""
-    joint_authority: float = number(1.0, limits=(1e-3, 3.0))
-    """Largest correction of a thigh or calf joint, rad; 0.3 on a base that walks by itself."""
-    hip_authority: float = number(0.8, limits=(0.0, 3.0))
-    """Largest correction of a hip joint, rad; 0.15 on a base that walks by itself."""
+    joint_authority: float = number(0.6, limits=(1e-3, 3.0))
+    """Largest correction of a thigh or calf joint, rad."""
+    hip_authority: float = number(0.4, limits=(0.0, 3.0))
+    """Largest correction of a hip joint, rad."""
     inputs: Inputs = MEMORY
     sighted: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Show the network a height scan of the ground about the robot, see --scan."""
@@ -203,14 +201,6 @@ _END_TO_END = TrainConfig(
 )  # fmt: skip
 DEFAULTS: dict[PolicyKind, TrainConfig] = {"residual": TrainConfig(), "end-to-end": _END_TO_END}
 """Defaults of each kind of policy."""
-
-
-def usual(policy: PolicyKind, base: str | None = None) -> TrainConfig:
-    """Defaults of a kind of policy, on that base or its own."""
-    config = DEFAULTS[policy]
-    if policy == "end-to-end" or base is None or base in HELPLESS or base not in get_args(BaseName):
-        return config
-    return dataclasses.replace(config, base=base, joint_authority=0.3, hip_authority=0.15)
 
 
 def check(config: TrainConfig) -> None:

@@ -18,7 +18,7 @@ from evaluate.rollouts.hardware import Hardware
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
-from train.config import TrainConfig, usual
+from train.config import DEFAULTS, TrainConfig
 from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 
@@ -114,10 +114,7 @@ LEARNER = ("stable-baselines3", "torch", "safetensors")
 def command(config: TrainConfig) -> str:
     """The command that repeats a run."""
     options = [f"--policy {config.policy}"] if config.policy != "residual" else []
-    defaults = usual(config.policy, config.base)
-    if config.base != TrainConfig.base and config.policy == "residual":  # whose defaults are other ones
-        options.append(f"--base {config.base}")
-    changed = [each for each in differences(defaults, config) if each.option != "--seed"]
+    changed = [each for each in differences(DEFAULTS[config.policy], config) if each.option != "--seed"]
     options += [f"{each.option} {words(each.new)}" for each in changed]
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
 

@@ -1,8 +1,8 @@
 """An upright trot on compliant servos that learned policies correct: a trajectory for them to modulate.
 
-It does not balance, and on its own it hardly walks: on servos as soft as trained policies have them nothing but the
-correction keeps the trunk up (A. Iscen et al., Policies Modulating Trajectory Generators, 2018). What it says is when
-each foot is to swing, how high, and how tall the robot is to stand.
+It is the trot with integral action, with parameters chosen by hand: tall, slow for a trot that does not balance, and
+on servos that yield at impacts. What it says to the network is when each foot is to swing, how high, and how tall the
+robot is to stand (A. Iscen et al., Policies Modulating Trajectory Generators, 2018).
 """
 
 from dataclasses import dataclass
@@ -18,21 +18,21 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class ReferenceParameters(IntegralParameters):
-    """The trot's, chosen by hand, and the servo gains."""
+    """The integral trot's, chosen by hand, and the servo gains."""
 
-    body_height: float = number(0.42, limits=(0.01, 5.0), unit="m")
+    body_height: float = number(0.34, limits=(0.01, 5.0), unit="m")
     """Hip joints above the centres of the standing feet, m; as much of the leg for every robot."""
-    stiffness: float = number(60.0, limits=(1e-9, 1e9), unit="N·m")
-    """Of the servos, N·m/rad, unless the robot's own are softer."""
-    damping: float = number(1.5, limits=(1e-9, 1e9), unit="N·m·s")
-    """Of the servos, N·m·s/rad, unless the robot's own is less."""
+    stiffness: float = number(150.0, limits=(1e-9, 1e9), unit="N·m")
+    """Of the servos, N·m/rad."""
+    damping: float = number(7.5, limits=(1e-9, 1e9), unit="N·m·s")
+    """Of the servos, N·m·s/rad."""
 
 
 FILE = ParameterFile(Path(__file__).with_name("trot_reference.json"), ReferenceParameters)
 
 
 class TrotReference(TrotIntegral):
-    """The trot as a reference trajectory, at zero command in place."""
+    """The integral trot as a reference trajectory; steps in place at zero command."""
 
     name = "trot_reference"
     stiff_servos = False
@@ -47,9 +47,9 @@ class TrotReference(TrotIntegral):
     ) -> None:
         given = robot_of(robot)
         chosen = parameters if parameters is not None else FILE.in_force(given)
-        super().__init__(chosen, robot=_compliant(given, chosen), control_period=control_period)
+        super().__init__(chosen, robot=_with_gains(given, chosen), control_period=control_period)
 
 
-def _compliant(robot: Robot, gains: ReferenceParameters) -> Robot:
+def _with_gains(robot: Robot, gains: ReferenceParameters) -> Robot:
     """The robot with these servo gains; itself where they were chosen for every controller."""
     return robot if robot.servo_fixed else robot.with_servo(gains.stiffness, gains.damping)

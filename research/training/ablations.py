@@ -44,7 +44,7 @@ VARIANTS: Mapping[str, str] = {
     "no memory": "--inputs.lags --inputs.averages",
     "no slope far from the command": "--rewards.linear-velocity-error 0 --rewards.yaw-rate-error 0",
     "corrections at 100 Hz": "--ppo.hold 1 --ppo.gamma 0.99",
-    "authority of 0.5 rad": "--joint-authority 0.5 --hip-authority 0.4",
+    "authority of 0.3 rad": "--joint-authority 0.3 --hip-authority 0.15",
     "three scenarios": "--mixture flat:2 0.6 push:3 0.2 rough:3 0.2",
     "a rate that falls linearly": "--ppo.learning-rate-schedule linear",
     "fewer robots, smaller minibatches": "--ppo.envs 512 --ppo.minibatch 2048",

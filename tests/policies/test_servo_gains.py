@@ -47,7 +47,7 @@ def test_a_controller_that_needs_stiff_servos_commands_them_unless_the_gains_are
 
 def test_the_reference_trot_has_its_own_gains_unless_they_are_given(soft: quad_env.Robot) -> None:
     make = partial(policies.make, "trot_reference")
-    assert make().robot.servo == make(robot=soft).robot.servo == "150 N·m/rad and 5 N·m·s/rad"
+    assert make().robot.servo == make(robot=soft).robot.servo == "150 N·m/rad and 7.5 N·m·s/rad"
     assert make(robot=SIMPLE_QUAD.with_servo(90.0, 2.0)).robot.servo == "90 N·m/rad and 2 N·m·s/rad"
 
 

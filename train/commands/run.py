@@ -13,7 +13,7 @@ from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError, as_spelled
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP, Command, Program
-from train.config import DEFAULTS, TrainConfig, check, usual
+from train.config import DEFAULTS, TrainConfig, check
 from train.run_folder import has_checkpoint, steps_done
 from train.run_record import differences, load_config
 
@@ -84,7 +84,6 @@ def _brief() -> type[TrainConfig]:
 def _defaults(words: list[str]) -> TrainConfig:
     scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     scout.add_argument("--policy", choices=list(DEFAULTS), default="residual")
-    scout.add_argument("--base")
     scout.add_argument("--robot", default=TrainConfig.robot)
     scout.add_argument("--seed", type=int, default=0)
     scout.add_argument("--out", type=Path)
@@ -93,7 +92,7 @@ def _defaults(words: list[str]) -> TrainConfig:
         found, _ = scout.parse_known_args(words)
     except (argparse.ArgumentError, SystemExit):
         return DEFAULTS["residual"]  # the real parser, which reads the same words next, says what is wrong with them
-    defaults = dataclasses.replace(usual(found.policy, found.base), robot=found.robot)
+    defaults = dataclasses.replace(DEFAULTS[found.policy], robot=found.robot)
     if found.resume and not HELP & set(words):
         asked = dataclasses.replace(defaults, seed=found.seed, out=found.out)
         return dataclasses.replace(load_config(asked.folder), out=found.out)
