@@ -16,9 +16,7 @@ PRESENT = Inputs()
 
 
 def authority_of(robot: Robot, hip: float = 0.4, joint: float = 0.6) -> Actions:
-    """Largest correction of each joint, rad, (12,), of hip and of other joints; of more than this a learner would learn
-    from scratch in disguise.
-    """
+    """Largest correction of each joint, rad, (12,), of hip and of other joints."""
     return np.tile(np.array([hip, joint, joint], np.float32), len(robot.leg_names))
 
 
