@@ -47,7 +47,7 @@ MIXTURE = (
 """Every axis one or two levels above its nominal one, each with its share of the robots; and a small delay, without
 which robots trained on a delay of 0.08 s do worse at 0.03 s than their base."""
 REWARDS = RewardWeights(
-    linear_velocity_error=-0.6, yaw_rate_error=-0.3, crouch=-3.0, action_rate=-0.05, mechanical_power=-0.0015, fall=-5.0
+    linear_velocity_error=-0.6, yaw_rate_error=-0.3, crouch=-3.0, action_rate=-0.05, mechanical_power=-0.0025, fall=-5.0
 )
 """The environment's, a slope where the robot is so far off its command that the tracking rewards are flat, and effort.
 A second there costs about 1: less than a fall, or falling would earn more."""
@@ -83,7 +83,7 @@ class PpoConfig:
     """Lambda of the generalised advantage estimate."""
     entropy: float = number(0.0, limits=(0.0, 10.0))
     """Weight of the entropy bonus."""
-    log_std_init: float = number(-1.6, limits=_LOG_STD)
+    log_std_init: float = number(-2.0, limits=_LOG_STD)
     """Logarithm of the exploration noise at the start, in units of the authority."""
     log_std_final: float | None = number(None, limits=_LOG_STD)
     """Its value at the last step, reached linearly; the noise is learned when not given."""
@@ -132,9 +132,9 @@ class TrainConfig:
     device: Literal["cpu", "cuda"] = "cpu"
     """Processor of simulation and network; cuda: an NVIDIA GPU, by MuJoCo Warp (pip install -e ".[warp]"). Validation
     is MuJoCo's on the CPU."""
-    joint_authority: float = number(0.6, limits=(1e-3, 3.0))
+    joint_authority: float = number(1.0, limits=(1e-3, 3.0))
     """Largest correction of a thigh or calf joint, rad."""
-    hip_authority: float = number(0.4, limits=(0.0, 3.0))
+    hip_authority: float = number(0.6, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
     inputs: Inputs = MEMORY
     sighted: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
