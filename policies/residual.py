@@ -15,7 +15,7 @@ PRESENT = Inputs()
 """Those of a network that sees the present observation and its base alone."""
 
 
-def authority_of(robot: Robot, hip: float = 0.4, joint: float = 0.6) -> Actions:
+def authority_of(robot: Robot, hip: float = 0.6, joint: float = 1.0) -> Actions:
     """Largest correction of each joint, rad, (12,), of hip and of other joints."""
     return np.tile(np.array([hip, joint, joint], np.float32), len(robot.leg_names))
 

@@ -39,10 +39,10 @@ _WIDTHS = {"limits": (1, 4096)}
 TIMESTEP = 0.005
 """Physics step in training, s; half the time of the robot's own 2 ms, by which validation and evaluation go."""
 MIXTURE = (
-    ("flat:2", 0.09), ("flat:4", 0.06), ("push:3", 0.13), ("rough:3", 0.11), ("stairs:3", 0.05), ("gravel:3", 0.04),
-    ("soft:4", 0.05), ("slope:4", 0.06), ("slippery:4", 0.05), ("latency:2", 0.04), ("latency:4", 0.05),
-    ("noise:4", 0.03), ("dropout:4", 0.02), ("payload:4", 0.06), ("force:3", 0.06), ("slow_motors:4", 0.04),
-    ("weak_motors:4", 0.03), ("surprise:3", 0.06),
+    ("flat:2", 0.05), ("flat:4", 0.06), ("push:3", 0.20), ("rough:3", 0.12), ("stairs:3", 0.08), ("gravel:3", 0.07),
+    ("soft:4", 0.03), ("slope:4", 0.05), ("slippery:4", 0.03), ("latency:2", 0.02), ("latency:4", 0.03),
+    ("noise:4", 0.02), ("dropout:4", 0.02), ("payload:4", 0.07), ("force:3", 0.07), ("slow_motors:4", 0.05),
+    ("weak_motors:4", 0.04), ("surprise:3", 0.06),
 )  # fmt: skip
 """Every axis one or two levels above its nominal one, each with its share of the robots; and a small delay, without
 which robots trained on a delay of 0.08 s do worse at 0.03 s than their base."""

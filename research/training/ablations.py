@@ -39,7 +39,7 @@ VARIANTS: Mapping[str, str] = {
     "domain randomisation": "--mixture flat+randomised 0.4 push:3+randomised 0.3 rough:3+randomised 0.3",
     "no effort": "--rewards.mechanical-power 0 --rewards.action-rate 0 --rewards.torque 0",
     "effort in full from the start": "--effort-ramp 0",
-    "twice the power weight": "--rewards.mechanical-power -0.003",
+    "twice the power weight": "--rewards.mechanical-power -0.005",
     "no crouch term": "--rewards.crouch 0",
     "no memory": "--inputs.lags --inputs.averages",
     "no slope far from the command": "--rewards.linear-velocity-error 0 --rewards.yaw-rate-error 0",

@@ -72,7 +72,7 @@ def test_the_command_of_the_card_repeats_the_run():
 def test_the_card_says_how_the_policy_corrects_its_base_and_names_motors_and_sensors_that_are_not_ideal():
     plain, sensing = trained_run(), trained_run(sensors="typical")
     config = plain.config
-    assert does(config) == "corrects `trot_reference` at 50 Hz by at most 0.6 rad a joint, 0.4 rad at the hips"
+    assert does(config) == "corrects `trot_reference` at 50 Hz by at most 1 rad a joint, 0.6 rad at the hips"
     held = dataclasses.replace(config, ppo=dataclasses.replace(config.ppo, hold=1))
     assert does(held).startswith("corrects `trot_reference` at 100 Hz")
     nothing = analyse([], seed=0, episodes=1, complete=True, baseline="trot")

@@ -162,9 +162,9 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
     "ppo.hold": (lambda ran: [ran.env._hold, ran.policy.hold], [3, 3]),
     "ppo.learning_rate_schedule": (lambda ran: type(ran.learner.learning_rate).__name__, "AdaptiveRate"),
     "ppo.target_kl": (lambda ran: ran.learner.learning_rate.target_kl, 0.04),
-    "ppo.log_std_final": (  # of the way from -1.6, for the last of four rollouts begins at 3/4
+    "ppo.log_std_final": (  # of the way from -2, for the last of four rollouts begins at 3/4
         lambda ran: [ran.learner.policy.log_std[0].item(), ran.learner.policy.log_std.requires_grad],
-        [pytest.approx(-1.6 - 0.75 * 1.6), False],
+        [pytest.approx(-2.0 - 0.75 * 1.2), False],
     ),
     "validation.interval": (lambda ran: [each["steps"] for each in validations(ran)], [24, 48]),
     "validation.episodes": (lambda ran: {len(each.seeds) for each in ran.of("validation")}, {3}),
