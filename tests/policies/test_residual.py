@@ -73,7 +73,7 @@ def test_a_clock_of_its_own_turns_by_its_frequency():
 
 def test_correction_is_bounded_by_the_authority():
     base = np.tile(SIMPLE_QUAD.home_pose, (1, 1)).astype(np.float32)
-    corrected = compose(SIMPLE_QUAD, base, np.full((1, 12), 50.0, np.float32), authority_of(SIMPLE_QUAD))
-    np.testing.assert_allclose(corrected - base, [[0.6, 1.0, 1.0] * 4], atol=1e-6)
-    halved = compose(SIMPLE_QUAD, base, np.full((1, 12), -0.5, np.float32), authority_of(SIMPLE_QUAD))
-    np.testing.assert_allclose(halved - base, [[-0.3, -0.5, -0.5] * 4], atol=1e-6)
+    corrected = compose(SIMPLE_QUAD, base, np.full((1, 12), 50.0, np.float32), authority_of(SIMPLE_QUAD, 0.15, 0.3))
+    np.testing.assert_allclose(corrected - base, [[0.15, 0.3, 0.3] * 4], atol=1e-6)
+    halved = compose(SIMPLE_QUAD, base, np.full((1, 12), -0.5, np.float32), authority_of(SIMPLE_QUAD, 0.15, 0.3))
+    np.testing.assert_allclose(halved - base, [[-0.075, -0.15, -0.15] * 4], atol=1e-6)
