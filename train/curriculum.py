@@ -33,7 +33,7 @@ def practice(name: str | Scenario, purpose: Purpose, seed: int = 0, robot: Robot
 EASY, KEPT, LOST = 0.9, 0.7, 0.5
 """Shares of tracked command intervals above which a scenario becomes harder, by two steps or one, and below which it
 becomes milder."""
-STEP, FEWEST = 0.1, 30
+STEP, FEWEST = 0.1, 10
 """Change of severity, as a share of the way from the mildest level of its axis to that of the mixture, and the command
 intervals that are needed for it."""
 

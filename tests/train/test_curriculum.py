@@ -46,9 +46,9 @@ def test_a_fall_ends_an_interval_at_once_and_the_next_episode_starts_without_it(
 
 
 def test_shares_follow_what_was_kept_and_stay_where_little_is_known():
-    counted, kept = np.array([[100, 80], [100, 60], [100, 40], [20, 20], [100, 100], [100, 0], [100, 96]]).T
-    shares = next_shares([0.5, 0.5, 0.5, 0.5, 1.0, 0.05, 0.5], counted, kept)
-    np.testing.assert_allclose(shares, [0.6, 0.5, 0.4, 0.5, 1.0, 0.0, 0.7])
+    counted, kept = np.array([[100, 80], [100, 60], [100, 40], [9, 9], [100, 100], [100, 0], [100, 96], [12, 12]]).T
+    shares = next_shares([0.5, 0.5, 0.5, 0.5, 1.0, 0.05, 0.5, 0.5], counted, kept)
+    np.testing.assert_allclose(shares, [0.6, 0.5, 0.4, 0.5, 1.0, 0.0, 0.7, 0.7])
 
 
 @pytest.mark.parametrize(
