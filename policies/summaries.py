@@ -17,8 +17,7 @@ SUMMARIES = {
         "and footholds from the velocity error"
     ),
     "trot_reference": (
-        "an upright trot on compliant servos with the integral of the velocity error, a trajectory for learned policies "
-        "to correct"
+        "an upright trot on compliant servos with the integral of the velocity error, for learned policies to correct"
     ),
     "walk": "four beats, three feet on the ground; follows the command within its limit of 0.4 m/s ahead",
     "pace": "the legs of one side together; at most 0.8 m/s ahead",

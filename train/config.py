@@ -195,8 +195,8 @@ _END_TO_END = TrainConfig(
     inputs=Inputs(clock=3.5), mixture=(("flat", 1.0),), curriculum=1.0, effort_ramp=0.0,
     rewards=RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, foot_air_time=10.0, fall=-5.0),
     ppo=PpoConfig(
-        envs=512, rollout_steps=24, minibatch=1024, epochs=5, learning_rate=4e-4, target_kl=0.02, gamma=0.97, log_std_init=-1.0,
-        log_std_final=-2.5,
+        envs=512, rollout_steps=24, minibatch=1024, epochs=5, learning_rate=4e-4, target_kl=0.02, gamma=0.97,
+        log_std_init=-1.0, log_std_final=-2.5,
     ),
 )  # fmt: skip
 DEFAULTS: dict[PolicyKind, TrainConfig] = {"residual": TrainConfig(), "end-to-end": _END_TO_END}
