@@ -1,6 +1,7 @@
 """A user's model is read as MuJoCo compiles it: whatever its units, its masses, its scene, its feet and its trunk."""
 
 import copy
+import os
 import re
 import warnings
 from pathlib import Path
@@ -380,3 +381,18 @@ def test_a_keyframe_is_read_with_the_signs_and_zeros_of_the_joints(tmp_path: Pat
         robot = robot_of_text(tmp_path, model)
         height = 0.2 * np.cos(0.8) + 0.22 * np.cos(0.7)
         assert robot.home_hip_height == pytest.approx(height)
+
+
+def test_a_specification_is_of_its_robot_alone(tmp_path: Path) -> None:
+    """It is made once for all models of a robot, of which each changes its own; a file that was changed is read."""
+    robot = robot_of_text(tmp_path, PLAIN)
+    stairs = compile_model(robot, SCENARIOS["stairs"], timestep=0.005)
+    flat = compile_model(robot, SCENARIOS["flat"])
+    assert stairs.ngeom > flat.ngeom == robot.model.ngeom
+    assert (stairs.opt.timestep, flat.opt.timestep) == (0.005, 0.002)
+    softer = compile_model(robot.with_servo(20.0, 0.5), SCENARIOS["flat"])
+    np.testing.assert_array_equal(softer.actuator_gainprm[:, 0], 20.0)
+    before = robot.mjcf.stat().st_mtime_ns
+    robot_of_text(tmp_path, PLAIN.replace('friction="0.9"', 'friction="0.4"'))
+    os.utime(robot.mjcf, ns=(before, before + 1_000_000))
+    assert (compile_model(robot, SCENARIOS["flat"]).geom_friction != flat.geom_friction).any()
