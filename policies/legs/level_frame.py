@@ -1,4 +1,4 @@
-"""The level frame: origin at the trunk's centre, x along the trunk's heading, z up; and what a robot measures in it.
+"""The level frame: origin at the trunk's centre, x along the trunk's heading, z up.
 
 It is the contract's heading frame with a vertical axis. Vectors are tuples of three arrays that broadcast, or arrays
 (3, …).
@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from policies.gait_cycle import Floats
-from quad_env import OBSERVATION
 
 Vector = tuple[Floats, Floats, Floats]
 
@@ -58,11 +57,3 @@ def level_frame(projected_gravity: Floats) -> LevelFrame:
     """The frame of unit gravity vectors in the base frame, (3, n)."""
     up_x, up_y, up_z = -projected_gravity
     return LevelFrame(up_x, up_y, up_z, np.maximum(np.sqrt(up_y * up_y + up_z * up_z), _NO_HEADING))
-
-
-def motion(observation: Floats) -> tuple[LevelFrame, Vector, Floats]:
-    """Attitude, velocity of the trunk's centre in the level frame, m/s, and yaw rate about the vertical, rad/s, of
-    observations (k, n)."""
-    frame = level_frame(observation[OBSERVATION["projected_gravity"]])
-    velocity, turn = (observation[OBSERVATION[name]] for name in ("linear_velocity", "angular_velocity"))
-    return frame, frame.to_level(velocity), frame.up_x * turn[0] + frame.up_y * turn[1] + frame.up_z * turn[2]

@@ -47,9 +47,5 @@ class TrotReference(TrotIntegral):
     ) -> None:
         given = robot_of(robot)
         chosen = parameters if parameters is not None else FILE.in_force(given)
-        super().__init__(chosen, robot=_with_gains(given, chosen), control_period=control_period)
-
-
-def _with_gains(robot: Robot, gains: ReferenceParameters) -> Robot:
-    """The robot with these servo gains; itself where they were chosen for every controller."""
-    return robot if robot.servo_fixed else robot.with_servo(gains.stiffness, gains.damping)
+        own = given if given.servo_fixed else given.with_servo(chosen.stiffness, chosen.damping)
+        super().__init__(chosen, robot=own, control_period=control_period)
