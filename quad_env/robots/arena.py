@@ -7,6 +7,7 @@ looks for get the names that SimpleQuad's have. An attached model loses what its
 as `settotalmass`: each body gets the mass and inertia that MuJoCo's compilation of the model by itself gives it.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -30,30 +31,25 @@ from quad_env.robots.shapes import surface
 
 _SENSOR = "name", "type", "objtype", "objname", "reftype", "refname", "intprm"
 """Fields of a sensor."""
-MOST_KEPT = 16
-_made: dict[tuple[Any, ...], Any] = {}
-"""Specifications of imported robots, each of which takes half a second, by their figures and the time of their file."""
 
 
 def spec_of(robot: Figures) -> Any:
     """The robot on flat ground, as a `mujoco.MjSpec` of its own. Raises ModelError."""
     import mujoco  # here, since it takes long
 
-    if not robot.imported:
+    if robot.imported:
+        changed = robot.mjcf.stat().st_mtime_ns if robot.mjcf.is_file() else 0
+        spec = _on_our_ground(robot, changed).copy()  # which compiles to the same bits
+    else:
         spec = mujoco.MjSpec.from_file(str(robot.mjcf))
-        for servo, stiffness, damping in zip(spec.actuators, robot.servo_stiffness, robot.servo_damping, strict=True):
-            servo.gainprm[0], servo.biasprm[1], servo.biasprm[2] = stiffness, -stiffness, -damping
-        return spec
-    values = [each.tobytes() if isinstance(each, np.ndarray) else each for each in robot.by_name.values()]
-    written = robot.mjcf.stat().st_mtime_ns if robot.mjcf.is_file() else 0
-    if (key := (*values, written)) not in _made:
-        if len(_made) == MOST_KEPT:
-            _made.pop(next(iter(_made)))
-        _made[key] = _on_our_ground(robot)
-    return _made[key].copy()  # which compiles to the same bits
+    for servo, stiffness, damping in zip(spec.actuators, robot.servo_stiffness, robot.servo_damping, strict=True):
+        servo.gainprm[0], servo.biasprm[1], servo.biasprm[2] = stiffness, -stiffness, -damping
+    return spec
 
 
-def _on_our_ground(robot: Figures) -> Any:
+@lru_cache(maxsize=16)
+def _on_our_ground(robot: Figures, _changed: int) -> Any:
+    """The robot of a file that was changed at that time, but for the gains of its servos; it takes half a second."""
     import mujoco
 
     own, model, found = read(robot.mjcf)
@@ -195,10 +191,9 @@ def _drive(stage: Any, robot: Figures) -> None:
     """Joint servos, in the order of the joints."""
     import mujoco
 
-    gains = zip(robot.servo_stiffness, robot.servo_damping, strict=True)
-    for joint, (stiffness, damping) in zip(robot.joint_names, gains, strict=True):
+    for joint in robot.joint_names:
         servo = stage.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        servo.set_to_position(kp=stiffness, kv=damping)
+        servo.set_to_position(kp=1.0, kv=0.0)
         turning = stage.joint(joint)
         servo.ctrllimited, servo.ctrlrange = 1, np.array(turning.range) / _unit(turning)
         servo.forcelimited, servo.forcerange = 1, (-robot.rated_torque, robot.rated_torque)
