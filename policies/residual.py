@@ -8,26 +8,25 @@ from policies.history import History, Inputs
 from policies.memory import Memory, per_robot
 from policies.network import Network
 from quad_env.robots.robot import Robot
-from quad_env.sensing.height_scan import table_with
+from quad_env.sensing.height_scan import UNSEEN, table_with
 from quad_env.task.observations import observation_table
 
 PRESENT = Inputs()
 """Those of a network that sees the present observation and its base alone."""
 
 
-def authority_of(robot: Robot, hip: float = 0.15, joint: float = 0.3) -> Actions:
-    """Largest correction of each joint, rad, (12,), of hip and of other joints; of more than this a learner would learn
-    from scratch in disguise.
-    """
+def authority_of(robot: Robot, hip: float = 0.6, joint: float = 1.0) -> Actions:
+    """Largest correction of each joint, rad, (12,), of hip and of other joints."""
     return np.tile(np.array([hip, joint, joint], np.float32), len(robot.leg_names))
 
 
 class Features(Memory):
     """What the network over a base sees of n robots, about unit size.
 
-    The scaled observation; over a gaited base the sine and cosine of its phase, and its action minus the home pose;
-    sine and cosine of a clock of its own; what is remembered of the scaled observations before. The base is reset by
-    who uses it.
+    The scaled observation, of a height scan how far the ground is above where it is in the home pose, zero where
+    nothing is seen, so that a lost scan looks like level ground; over a gaited base the sine and cosine of its phase,
+    and its action minus the home pose; sine and cosine of a clock of its own; what is remembered of the scaled
+    observations before. The base is reset by who uses it.
     """
 
     ticks: Floats = per_robot(0.0)
@@ -38,6 +37,7 @@ class Features(Memory):
         self._table = table_with(base.robot, base.height_scan)
         self._own = observation_table(base.robot).size
         """Numbers of an observation without a height scan; of these alone the past is remembered."""
+        self._level = np.float32(base.robot.home_height) * self._table.scale[self._own :]
         self._history = History(inputs, self._own, base.control_period)
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
         self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
@@ -47,6 +47,8 @@ class Features(Memory):
         """Features (n, `width`) of observations (n, k) that the base has just answered with its action, (n, 12)."""
         self.ticks += 1.0
         scaled = observation * self._table.scale
+        scaled[:, self._own :] += self._level
+        scaled[:, self._own :][observation[:, self._own :] <= UNSEEN] = 0.0
         seen = [scaled]
         if isinstance(self.base, GaitedPolicy):
             seen += [_hands(self.base.phase), base_action - _home(self.base.robot)]

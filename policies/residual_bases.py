@@ -17,13 +17,11 @@ from policies.mpc.policy import Mpc, MpcWbc
 from policies.mpc.sighted import SightedMpcWbc
 from policies.parameters import Parameters, from_json
 from policies.poses import Crouch, Stand
-from policies.trot.feedback import TrotFeedback
-from policies.trot.feedback_parameters import FeedbackParameters
 from policies.trot.integral import IntegralParameters, TrotIntegral
 from policies.trot.open_loop import Trot, TrotParameters
 from policies.trot.reference import ReferenceParameters, TrotReference
 from policies.virtual_model.parameters import VirtualParameters
-from policies.virtual_model.policy import TrotVirtual
+from policies.virtual_model.policy import TrotFeedback
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import HeightScan
@@ -63,10 +61,9 @@ BASES: dict[str, Base] = {
     "pronk": Base(partial(Gaits, "pronk"), GaitParameters),
     "stand": Base(Stand),
     "trot": Base(Trot, TrotParameters),
-    "trot_feedback": Base(TrotFeedback, FeedbackParameters),
+    "trot_feedback": Base(TrotFeedback, VirtualParameters),
     "trot_integral": Base(TrotIntegral, IntegralParameters),
     "trot_reference": Base(TrotReference, ReferenceParameters),
-    "trot_virtual": Base(TrotVirtual, VirtualParameters),
     "walk": Base(partial(Gaits, "walk"), GaitParameters),
 }
 """Bases by name."""

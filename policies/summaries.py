@@ -13,15 +13,11 @@ SUMMARIES = {
         "force, does not carry it off"
     ),
     "trot_feedback": (
-        "the trot with footholds from the velocity error, attitude and height feedback, and slope adaptation; its "
-        "readings are smoothed, and where its joints lag behind their targets it takes slower, higher steps"
-    ),
-    "trot_virtual": (
         "a slow, upright trot by virtual model control: the trunk on springs and dampers that the standing feet bear, "
         "and footholds from the velocity error"
     ),
     "trot_reference": (
-        "an upright trot on compliant servos, a trajectory for learned policies to correct; on its own it hardly walks"
+        "an upright trot on compliant servos with the integral of the velocity error, for learned policies to correct"
     ),
     "walk": "four beats, three feet on the ground; follows the command within its limit of 0.4 m/s ahead",
     "pace": "the legs of one side together; at most 0.8 m/s ahead",
@@ -42,12 +38,8 @@ SUMMARIES = {
     "mpc_wbc_pace": "mpc_wbc's pace",
     "mpc_wbc_bound": "mpc_wbc's bound, with a flight",
     "mpc_wbc_pronk": "mpc_wbc's pronk, with a flight",
-    "residual": (
-        "trot_integral plus a learned correction of at most 0.3 rad a joint, 0.15 rad at the hips: what python -m "
-        "train makes"
-    ),
+    "residual": ("trot_reference plus a learned correction of at most 1 rad a joint"),
     "robust": "the same as residual, trained for six times as long",
-    "residual_feedback": "trot_feedback plus such a correction",
     "end_to_end": ("learned without a gait, from a crouch, by up to 1 rad a joint: what the base of residual is worth"),
 }
 """Of every policy that ships, in the order in which they are listed."""

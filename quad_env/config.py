@@ -184,5 +184,7 @@ class TaskConfig(Settings):
     """Hz"""
     timestep: Positive | None = None
     """s a step of the physics and the joint servo; None for that of the robot's MJCF"""
+    solver_iterations: Annotated[int, Bounds("at least 1", 1)] | None = None
+    """most iterations of the contact solver a step of the physics; None for those of the robot's MJCF"""
     fall_rule: FallRule = field(default_factory=FallRule)
     reward_weights: RewardWeights = field(default_factory=RewardWeights)

@@ -18,7 +18,7 @@ from evaluate.rollouts.hardware import Hardware
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
-from train.config import DEFAULTS, TrainConfig, for_robot
+from train.config import DEFAULTS, TrainConfig
 from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 
@@ -114,11 +114,7 @@ LEARNER = ("stable-baselines3", "torch", "safetensors")
 def command(config: TrainConfig) -> str:
     """The command that repeats a run."""
     options = [f"--policy {config.policy}"] if config.policy != "residual" else []
-    usual = DEFAULTS[config.policy]
-    if config.robot != usual.robot:  # whose defaults are other ones
-        options.append(f"--robot {shlex.quote(config.robot)}")
-        usual = for_robot(usual, Hardware(robot=config.robot))
-    changed = [each for each in differences(usual, config) if each.option != "--seed"]
+    changed = [each for each in differences(DEFAULTS[config.policy], config) if each.option != "--seed"]
     options += [f"{each.option} {words(each.new)}" for each in changed]
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
 
@@ -134,7 +130,7 @@ def evaluation(config: TrainConfig) -> str:
 
 def words(value: Any) -> str:
     """A setting's value, a JSON one, as words of a command line."""
-    return " ".join(words(entry) for entry in value) if isinstance(value, list) else str(value)
+    return " ".join(words(entry) for entry in value) if isinstance(value, list) else shlex.quote(str(value))
 
 
 def write_settings(config: TrainConfig, steps: int) -> list[str]:

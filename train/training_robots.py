@@ -18,11 +18,10 @@ from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.batch import WARP
 from quad_env.physics.state import rotation_matrix, to_heading
-from quad_env.scenarios.named import Scenario
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.seeding import episode_seeds
 from quad_env.task.rewards import REWARD
-from train.config import EFFORT, PUSHES, TIMESTEP, TrainConfig
+from train.config import EFFORT, SOLVER_ITERATIONS, TIMESTEP, TrainConfig
 from train.curriculum import Intervals, eased, practice
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 
@@ -247,15 +246,10 @@ def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1
     robot, base = config.hardware.quadruped, base_of(config)
     scenario = practice(eased(find_scenario(name, robot), share, robot), "training", config.seed)
     rewards = dataclasses.replace(config.rewards, **{name: effort * getattr(config.rewards, name) for name in EFFORT})
-    task = TaskConfig(timestep=TIMESTEP, reward_weights=rewards)
+    iterations = SOLVER_ITERATIONS if config.device == "cpu" else None
+    task = TaskConfig(timestep=TIMESTEP, solver_iterations=iterations, reward_weights=rewards)
     return SimpleQuadVectorEnv(
-        count, _pushed(scenario), 1 if side_by_side(config) else config.threads, AutoresetMode.DISABLED,
+        count, scenario, 1 if side_by_side(config) else config.threads, AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps, config=task, height_scan=base.height_scan,
         **config.hardware.environment(base.robot) | ({"simulator": WARP} if config.device == "cuda" else {}),
     )  # fmt: skip
-
-
-def _pushed(original: Scenario) -> Scenario:
-    """The scenario with the number of pushes of a training episode, if it has any."""
-    pushes = original.pushes and dataclasses.replace(original.pushes, count=PUSHES)
-    return dataclasses.replace(original, pushes=pushes)

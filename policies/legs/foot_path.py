@@ -1,16 +1,13 @@
-"""Paths of feet: over one cycle relative to the body, as dimensionless shapes of a leg's progress, and to footholds.
+"""Paths of feet: over one cycle relative to the body, as dimensionless shapes of a leg's progress, and to a foothold.
 
 A stride carries the foot from +1/2 to -1/2 of its length at constant speed in stance, and back in swing. The swing
 leaves the ground with the velocity that the stance ended with and lands with the velocity that the next one starts
 with, so a foot that moves with the ground neither scuffs at lift-off nor brakes at touch-down.
-
-Footholds are in the level frame (see `policies.legs.level_frame`), forward and to the left: arrays (2, 4, n).
 """
 
 import numpy as np
 
 from policies.gait_cycle import Floats, LegCycle, smoothstep
-from policies.legs.level_frame import Vector
 from quad_env.config import GRAVITY
 
 
@@ -62,46 +59,6 @@ def hip_height(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce:
         cycle.swing, fall * swing_time * t * (1.0 - t), -fall * stance_time / np.pi * np.sin(np.pi * t)
     )
     return height
-
-
-REACH_FORWARD = 0.22
-"""Farthest that a foot is put ahead of or behind its neutral point, m."""
-REACH_LATERAL = 0.12
-"""Farthest to its side, m: the hip turns by half a radian."""
-
-
-def passing(feet: Floats, velocity: Vector) -> Floats:
-    """Velocity of the ground under the trunk at feet, for a trunk's velocity (n,) each: -(v + ω × r)."""
-    forward, lateral, yaw_rate = velocity
-    return np.stack((yaw_rate * feet[1] - forward, -yaw_rate * feet[0] - lateral))
-
-
-def raibert(
-    neutral: Floats, velocity: Vector, stance_time: Floats | float, errors: Vector, gains: tuple[float, float, float]
-) -> Floats:
-    """Footholds half a stance ahead of the neutral points, and further by gain · error, the yaw's about the trunk."""
-    forward, lateral, turn = gains
-    further = np.stack((forward * errors[0], lateral * errors[1]))
-    about = turn * errors[2] * np.stack((-neutral[1], neutral[0]))
-    footholds: Floats = neutral - 0.5 * stance_time * passing(neutral, velocity) + further[:, None] + about
-    return footholds
-
-
-def captured(error: Floats, threshold: float, gain: float) -> Floats:
-    """How much further out a step is put to catch a push, (2, n): gain · what a velocity error is beyond the
-    threshold."""
-    x, y = error
-    size = np.sqrt(x * x + y * y)
-    further: Floats = gain * np.maximum(size - threshold, 0.0) / np.maximum(size, 1e-9) * error
-    return further
-
-
-def within_reach(feet: Floats, neutral: Floats) -> Floats:
-    """Feet drawn in to the ellipse about their neutral points that the legs reach."""
-    x, y = away = feet - neutral
-    size = np.sqrt((x / REACH_FORWARD) ** 2 + (y / REACH_LATERAL) ** 2)
-    drawn: Floats = neutral + 1.0 / np.maximum(size, 1.0) * away
-    return drawn
 
 
 def swung(start: Floats, end: Floats, slope: Floats, progress: Floats) -> Floats:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Actions, Floats
-from policies.legs.level_frame import motion
+from policies.legs.level_frame import level_frame
 from policies.memory import per_robot, taken_in
 from policies.parameters import ParameterFile, number, search_ranges_of
 from policies.shipped import folder_of
@@ -81,8 +81,10 @@ class TrotIntegral(Trot):
         command = observation[:, OBSERVATION["command"]].astype(np.float64)
         p, period = self.parameters, self.control_period
         self._expected = self._expected + (command - self._expected) * taken_in(period, p.settling_time)
-        _, (forward, lateral, _), yaw_rate = motion(observation.T.astype(np.float64))
-        error = self._expected - np.stack((forward, lateral, yaw_rate), axis=-1)
+        terms = (OBSERVATION[name] for name in ("projected_gravity", "linear_velocity", "angular_velocity"))
+        gravity, velocity, turn = (observation[:, term].T.astype(np.float64) for term in terms)
+        forward, lateral, _ = level_frame(gravity).to_level(velocity)
+        error = self._expected - np.stack((forward, lateral, -(gravity * turn).sum(axis=0)), axis=-1)
         largest, most = p.largest_error * self._each, p.largest_correction * self._each
         counted = np.clip(error, -largest, largest)
         gains = np.array([p.integral_gain, p.integral_gain, p.yaw_integral_gain])

@@ -1,8 +1,8 @@
 """An upright trot on compliant servos that learned policies correct: a trajectory for them to modulate.
 
-It does not balance, and on its own it hardly walks: on servos as soft as trained policies have them nothing but the
-correction keeps the trunk up (A. Iscen et al., Policies Modulating Trajectory Generators, 2018). What it says is when
-each foot is to swing, how high, and how tall the robot is to stand.
+It is the trot with integral action, with parameters chosen by hand: tall, slow for a trot that does not balance, and
+on servos that yield at impacts. What it says to the network is when each foot is to swing, how high, and how tall the
+robot is to stand (A. Iscen et al., Policies Modulating Trajectory Generators, 2018).
 """
 
 from dataclasses import dataclass
@@ -10,29 +10,29 @@ from pathlib import Path
 
 from policies.base import CONTROL_PERIOD
 from policies.parameters import ParameterFile, number
-from policies.trot.open_loop import Trot, TrotParameters
+from policies.trot.integral import IntegralParameters, TrotIntegral
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
-class ReferenceParameters(TrotParameters):
-    """The trot's, chosen by hand, and the servo gains."""
+class ReferenceParameters(IntegralParameters):
+    """The integral trot's, chosen by hand, and the servo gains."""
 
-    body_height: float = number(0.42, limits=(0.01, 5.0), unit="m")
+    body_height: float = number(0.34, limits=(0.01, 5.0), unit="m")
     """Hip joints above the centres of the standing feet, m; as much of the leg for every robot."""
-    stiffness: float = number(60.0, limits=(1e-9, 1e9), unit="N·m")
-    """Of the servos, N·m/rad, unless the robot's own are softer."""
-    damping: float = number(1.5, limits=(1e-9, 1e9), unit="N·m·s")
-    """Of the servos, N·m·s/rad, unless the robot's own is less."""
+    stiffness: float = number(150.0, limits=(1e-9, 1e9), unit="N·m")
+    """Of the servos, N·m/rad."""
+    damping: float = number(7.5, limits=(1e-9, 1e9), unit="N·m·s")
+    """Of the servos, N·m·s/rad."""
 
 
 FILE = ParameterFile(Path(__file__).with_name("trot_reference.json"), ReferenceParameters)
 
 
-class TrotReference(Trot):
-    """The trot as a reference trajectory, at zero command in place."""
+class TrotReference(TrotIntegral):
+    """The integral trot as a reference trajectory; steps in place at zero command."""
 
     name = "trot_reference"
     stiff_servos = False
@@ -47,12 +47,5 @@ class TrotReference(Trot):
     ) -> None:
         given = robot_of(robot)
         chosen = parameters if parameters is not None else FILE.in_force(given)
-        super().__init__(chosen, robot=_compliant(given, chosen), control_period=control_period)
-
-
-def _compliant(robot: Robot, gains: ReferenceParameters) -> Robot:
-    """The robot with these servo gains where its own are larger; itself where they were chosen for every controller."""
-    if robot.servo_fixed:
-        return robot
-    stiffness, damping = robot.servo_stiffness, robot.servo_damping
-    return robot.with_servo(stiffness.clip(max=gains.stiffness), damping.clip(max=gains.damping))
+        own = given if given.servo_fixed else given.with_servo(chosen.stiffness, chosen.damping)
+        super().__init__(chosen, robot=own, control_period=control_period)

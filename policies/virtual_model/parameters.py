@@ -1,4 +1,4 @@
-"""What the search of `trot_virtual` tunes: the gait, the virtual springs and dampers of the trunk, the footholds."""
+"""What the search of `trot_feedback` tunes: the gait, the virtual springs and dampers of the trunk, the footholds."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -47,7 +47,7 @@ class VirtualParameters(ModelParameters):
     """The same of the one about the vertical, m."""
 
 
-FILE = ParameterFile(Path(__file__).with_name("trot_virtual.json"), VirtualParameters)
+FILE = ParameterFile(Path(__file__).with_name("trot_feedback.json"), VirtualParameters)
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> VirtualParameters:

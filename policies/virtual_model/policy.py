@@ -15,7 +15,7 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
-class TrotVirtual(ModelBased):
+class TrotFeedback(ModelBased):
     """Command-following trot by virtual model control; steps in place at zero command.
 
     Args:
@@ -24,7 +24,7 @@ class TrotVirtual(ModelBased):
         actuator: what drives the joints.
     """
 
-    name = "trot_virtual"
+    name = "trot_feedback"
     parameters: VirtualParameters
 
     def __init__(

@@ -115,7 +115,9 @@ class QuadEnvBase:
         weights = self.config.reward_weights
         feet = weights.foot_air_time != 0.0 or weights.touchdown_speed != 0.0
         self.simulation = Simulation(
-            *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet, self.config.timestep),
+            *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet),
+            timestep=self.config.timestep,
+            solver_iterations=self.config.solver_iterations,
             servo=gains if differ else None,
             simulator=simulator,
         )

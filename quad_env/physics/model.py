@@ -28,13 +28,19 @@ _FLOOR_DEPTH = 1.0
 
 
 def compile_model(
-    robot: Robot, scenario: Scenario, actuator: Actuator = ACTUATORS["ideal"], timestep: float | None = None
+    robot: Robot,
+    scenario: Scenario,
+    actuator: Actuator = ACTUATORS["ideal"],
+    timestep: float | None = None,
+    solver_iterations: int | None = None,
 ) -> mujoco.MjModel:
-    """The robot with these motors in that scenario, with that time a physics step, s, or the MJCF's."""
+    """The robot with these motors in that scenario, with that time, s, and contact-solver iterations a physics step, or
+    the MJCF's."""
     log_to_the_console()
     terrain, motors = scenario.terrain, scenario.motors
     spec = spec_of(robot)
     spec.option.timestep = timestep or spec.option.timestep
+    spec.option.iterations = solver_iterations or spec.option.iterations
     if isinstance(terrain, SmoothRandom | HeightField):
         _add_height_field(spec, terrain)
     elif isinstance(terrain, Stairs):

@@ -67,6 +67,7 @@ class Simulation:
         imu: Mounting | None = None,
         feet: bool = False,
         timestep: float | None = None,
+        solver_iterations: int | None = None,
         servo: Array | None = None,
         simulator: str = MUJOCO,
     ) -> None:
@@ -74,7 +75,7 @@ class Simulation:
         if simulator == DRAKE and servo is not None:
             raise ValueError(f"the simulator {simulator} knows no servo gains that differ from robot to robot")
         self.robot, self.terrain = robot, scenario.terrain
-        self.model = compile_model(robot, scenario, actuator, timestep)
+        self.model = compile_model(robot, scenario, actuator, timestep, solver_iterations)
         """Model of every robot, but for its payload's place, what its hot motors can do and what is randomised: there
         it is that of the robot that `show_load` named last."""
         if imu is not None:

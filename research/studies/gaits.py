@@ -56,8 +56,8 @@ SIZE, SKY, SAMPLES, SMALL = (400, 300), 50, 2, (160, 100)
 picture of several walks, and size of a frame otherwise."""
 QUALITY, LETTERS = 20, 13
 """Of films, out of 100, and size of the letters in the picture of several walks, pixels."""
-TOGETHER, COLUMNS = tuple(product(("simple_quad",), ("trot_feedback", "trot_virtual", "mpc_wbc", "robust"))), 4
-TOGETHER += tuple(product(("go1", "go2"), ("trot_virtual", "mpc_wbc")))
+TOGETHER, COLUMNS = tuple(product(("simple_quad",), ("trot_feedback", "mpc_wbc", "residual", "robust"))), 4
+TOGETHER += tuple(product(("go1", "go2"), ("trot_feedback", "mpc_wbc")))
 """Walks of the README's picture, drawn where the pages have all of them, in rows of so many."""
 FIGURES = "step_rate", "duty_factor", "flight", "trunk_height", "cost_of_transport"
 Key = tuple[str, str]

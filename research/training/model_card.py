@@ -14,7 +14,7 @@ from policies.network import ACTIVATION
 from quad_env.cli.format import number, p_value, percent, points, share
 from research.pages import markdown
 from research.pages.evaluations import score_table
-from train.config import HELPLESS, TrainConfig
+from train.config import POSES, TrainConfig
 from train.run_record import command
 
 BOTH = (FALL_RATE, "velocity_error", "yaw_rate_error")
@@ -36,7 +36,7 @@ class TrainedRun:
     @property
     def baseline(self) -> str:
         """What it is compared with: its base, or `trot` where that does not walk without the correction."""
-        return "trot" if self.config.base in HELPLESS else self.config.base
+        return "trot" if self.config.base in POSES else self.config.base
 
 
 def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:

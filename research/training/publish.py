@@ -30,7 +30,7 @@ from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.scenarios.named import scaled_name
 from research.training.model_card import TrainedRun, model_card
-from train.config import PUSHES, TIMESTEP
+from train.config import TIMESTEP
 from train.run_folder import BEST, CHECKPOINTS
 from train.run_record import differences, from_dict, load_config
 
@@ -140,7 +140,7 @@ def trained_run(folder: Path) -> TrainedRun:
 
 _REMOVED: Mapping[str, Mapping[str, Any]] = {
     "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0, "hardness": 1.0}
-    | {"foothold_authority": 0.0, "reward_terms": [], "pushes": PUSHES, "timestep": TIMESTEP}
+    | {"foothold_authority": 0.0, "reward_terms": [], "pushes": None, "timestep": TIMESTEP}
     | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}},
     "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
     | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},

@@ -17,7 +17,7 @@ from policies.base import Floats
 from policies.mpc import parameters as mpc_parameters
 from policies.parameters import ParameterFile, Parameters, number, scaled_ranges, search_ranges_of
 from policies.shipped import folder_of
-from policies.trot import feedback_parameters, integral
+from policies.trot import integral
 from policies.virtual_model import parameters as virtual_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scaled_name
@@ -52,9 +52,8 @@ class Searched:
 
 POLICIES = {
     "mpc_wbc": Searched(mpc_parameters.FILE, mpc_parameters.SEARCH_RANGES),
-    "trot_feedback": Searched(feedback_parameters.FILE, feedback_parameters.SEARCH_RANGES),
     "trot_integral": Searched(integral.FILE, integral.SEARCH_RANGES),
-    "trot_virtual": Searched(virtual_model.FILE, search_ranges_of(virtual_model.VirtualParameters)),
+    "trot_feedback": Searched(virtual_model.FILE, search_ranges_of(virtual_model.VirtualParameters)),
 }
 
 
@@ -64,7 +63,7 @@ class Options(Effort):
 
     robot: str = "simple_quad"
     """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
-    policy: Literal["mpc_wbc", "trot_feedback", "trot_integral", "trot_virtual"] = "trot_feedback"
+    policy: Literal["mpc_wbc", "trot_feedback", "trot_integral"] = "trot_feedback"
     """Policy whose gait and gains are searched."""
     generations: int = number(22, limits=(0, 10_000))
     """Rounds; 0 only does what follows the search."""

@@ -33,11 +33,11 @@ def test_a_view_makes_its_policies_for_the_world_that_it_goes_on_to() -> None:
         driver.do(Request("policy", {"robot": 1, "name": "crouch"}))
         assert gains("push+hardware") == (MAKERS, {MAKERS})
         assert [session.policy.name for session in driver.sessions] == ["trot", "crouch"]
-        driver.do(Request("policy", {"robot": 0, "name": "trot_feedback"}))
+        driver.do(Request("policy", {"robot": 0, "name": "trot_integral"}))
         assert driver.sessions[0].policy.robot.servo == MAKERS
         driver.do(Request("alone", {}))
         assert gains("flat") == (SIMPLE_QUAD.servo, {SIMPLE_QUAD.servo})
-        assert [session.policy.name for session in driver.sessions] == ["trot_feedback"]
+        assert [session.policy.name for session in driver.sessions] == ["trot_integral"]
 
 
 def test_a_recording_is_of_the_profile_and_the_makers_gains(tmp_path: Path) -> None:

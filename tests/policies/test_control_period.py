@@ -24,11 +24,11 @@ AT_REST, WALKING = reading(1), reading(1, command=(0.4, 0.1, 0.2))
 ON_ITS_BACK = -AT_REST
 SLACK = 0.08
 """What rates of change and blends that end between two steps leave, rad."""
-SLACK_OF = {"trot_feedback": 0.1, "mpc_wbc": 0.05}
-"""The same of a gait that, asked at 50 Hz, has but six steps a cycle, and of one that moves its joints by little."""
+SLACK_OF = {"mpc_wbc": 0.05}
+"""The same of a gait that moves its joints by little."""
 LEAPS = 0.05
 """Share of the times at which a motion begins with a leap that may come a step later."""
-LEAPS_OF = {"mpc_wbc_bound": 0.2, "mpc_wbc": 0.15, "trot_virtual": 0.1}
+LEAPS_OF = {"mpc_wbc_bound": 0.2, "mpc_wbc": 0.15, "trot_feedback": 0.1}
 """The same of gaits by what the feet feel, and of one that lifts its feet twice in a cycle of which a half is no whole
 number of such steps."""
 WAITING = 0.6

@@ -10,16 +10,17 @@ from policies import parameters
 from policies.gaits import parameters as gaits
 from policies.mpc import parameters as mpc
 from policies.parameters import limits_of
-from policies.trot import feedback_parameters, integral, open_loop, reference
+from policies.trot import integral, open_loop, reference
+from policies.virtual_model import parameters as virtual_model
 from quad_env.files.reading import read_bytes
 
 MODULES = {
-    feedback_parameters: (feedback_parameters.FeedbackParameters, "trot_feedback", "restore the file as it shipped"),
     gaits: (gaits.GaitParameters, "walk", "restore the file as it shipped"),
     integral: (integral.IntegralParameters, "trot_integral", "restore the file as it shipped"),
     mpc: (mpc.MpcParameters, "mpc_wbc", "restore the file as it shipped"),
     open_loop: (open_loop.TrotParameters, "trot", "train search trot"),
     reference: (reference.ReferenceParameters, "trot_reference", "restore the file as it shipped"),
+    virtual_model: (virtual_model.VirtualParameters, "trot_feedback", "restore the file as it shipped"),
 }
 """Kind of the parameters, a policy that has them, and the remedy for a file that is damaged."""
 EACH = pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__)

@@ -1,4 +1,3 @@
-from dataclasses import replace
 from functools import partial
 
 import gymnasium as gym
@@ -11,8 +10,6 @@ from policies.legs.kinematics import foot_positions
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
 from policies.residual_bases import BASES
-from policies.trot.feedback import TrotFeedback
-from policies.trot.feedback_parameters import searched_parameters as feedback_parameters
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan
@@ -33,7 +30,6 @@ MAKERS = {
     **{name: partial(policies.make, name) for name in ("bound", "crouch", "gaits", "pace", "pronk", "stand", "walk")},
     **{name: partial(policies.make, name) for name in ("behaviour", "document", "document_repaired", "safe:trot")},
     **{name: partial(policies.make, name) for name in ("trot", "trot_integral", "trot_reference")},
-    "trot_feedback": lambda: TrotFeedback(replace(feedback_parameters(), least_following=1.0)),
     "residual": small_residual,
 }
 every_policy = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS.keys())
@@ -171,8 +167,8 @@ def test_crouch_puts_its_feet_under_the_thigh_joints():
 def test_names_are_sorted_and_every_one_can_be_made():
     ours = (
         "behaviour, bound, crouch, document, document_repaired, end_to_end, gaits, mpc, mpc_wbc, mpc_wbc_bound, "
-        "mpc_wbc_pace, mpc_wbc_pronk, mpc_wbc_sighted, mpc_wbc_walk, pace, pronk, residual, residual_feedback, robust, "
-        "stand, trot, trot_feedback, trot_integral, trot_reference, trot_virtual, walk"
+        "mpc_wbc_pace, mpc_wbc_pronk, mpc_wbc_sighted, mpc_wbc_walk, pace, pronk, residual, robust, "
+        "stand, trot, trot_feedback, trot_integral, trot_reference, walk"
     )
     assert ", ".join(policies.names()) == ours
     for name in policies.names():

@@ -7,6 +7,7 @@ from policies.network import Network
 from policies.residual import Features, ResidualPolicy, authority_of, compose
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.sensing.height_scan import UNSEEN, HeightScan
 from quad_env.task.observations import observation_table
 
 SCALE = observation_table(SIMPLE_QUAD).scale
@@ -73,7 +74,18 @@ def test_a_clock_of_its_own_turns_by_its_frequency():
 
 def test_correction_is_bounded_by_the_authority():
     base = np.tile(SIMPLE_QUAD.home_pose, (1, 1)).astype(np.float32)
-    corrected = compose(SIMPLE_QUAD, base, np.full((1, 12), 50.0, np.float32), authority_of(SIMPLE_QUAD))
+    corrected = compose(SIMPLE_QUAD, base, np.full((1, 12), 50.0, np.float32), authority_of(SIMPLE_QUAD, 0.15, 0.3))
     np.testing.assert_allclose(corrected - base, [[0.15, 0.3, 0.3] * 4], atol=1e-6)
-    halved = compose(SIMPLE_QUAD, base, np.full((1, 12), -0.5, np.float32), authority_of(SIMPLE_QUAD))
+    halved = compose(SIMPLE_QUAD, base, np.full((1, 12), -0.5, np.float32), authority_of(SIMPLE_QUAD, 0.15, 0.3))
     np.testing.assert_allclose(halved - base, [[-0.075, -0.15, -0.15] * 4], atol=1e-6)
+
+
+def test_a_lost_height_scan_looks_like_level_ground_and_a_step_as_high_as_it_is():
+    base = policies.make("trot", height_scan=HeightScan(ahead=1, behind=0, aside=0))
+    features, height = Features(base), base.robot.home_height
+    features.reset(3)
+    observation = np.zeros((3, OBSERVATION_SIZE + 2), np.float32)
+    observation[:, OBSERVATION_SIZE:] = [[-height, -height], [UNSEEN, UNSEEN], [-height, 0.1 - height]]
+    base.reset(3)
+    seen = features.see(observation, base.act(observation))[:, OBSERVATION_SIZE : OBSERVATION_SIZE + 2]
+    np.testing.assert_allclose(seen, 2.5 * np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 0.1]]), atol=1e-6)

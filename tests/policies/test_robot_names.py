@@ -14,9 +14,9 @@ from policies.gaits.policy import Gaits
 from policies.mpc.policy import Mpc, MpcWbc
 from policies.mpc.sighted import SightedMpcWbc
 from policies.safety import SafetyLimits
-from policies.trot.feedback import TrotFeedback
 from policies.trot.integral import TrotIntegral
 from policies.trot.reference import TrotReference
+from policies.virtual_model.policy import TrotFeedback
 from quad_env.robots.named import EXTRA, WHEEL
 
 MAKERS: dict[str, Callable[..., object]] = {

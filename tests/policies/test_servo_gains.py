@@ -38,16 +38,16 @@ def soft(tmp_path_factory: pytest.TempPathFactory) -> quad_env.Robot:
 
 def test_a_controller_that_needs_stiff_servos_commands_them_unless_the_gains_are_given(soft: quad_env.Robot) -> None:
     assert Soft(robot=soft).robot.servo == soft.servo == GAINS
-    assert policies.make("mpc_wbc", robot=soft).robot.servo == GAINS  # its targets carry its torques
-    for name in ("stand", "trot", "trot_feedback", "behaviour", "safe:trot"):
+    for name in ("mpc_wbc", "trot_feedback"):  # their targets carry their torques
+        assert policies.make(name, robot=soft).robot.servo == GAINS, name
+    for name in ("stand", "trot", "trot_integral", "behaviour", "safe:trot"):
         assert policies.make(name, robot=soft).robot.servo == SIMPLE_QUAD.servo, name
         assert policies.make(name, robot=soft.with_servo(35.0, 0.5)).robot.servo == GAINS, name
 
 
-def test_the_reference_trot_has_its_own_gains_unless_the_robot_s_are_softer_or_given(soft: quad_env.Robot) -> None:
+def test_the_reference_trot_has_its_own_gains_unless_they_are_given(soft: quad_env.Robot) -> None:
     make = partial(policies.make, "trot_reference")
-    assert make().robot.servo == "60 N·m/rad and 1.5 N·m·s/rad"
-    assert make(robot=soft).robot.servo == GAINS
+    assert make().robot.servo == make(robot=soft).robot.servo == "150 N·m/rad and 7.5 N·m·s/rad"
     assert make(robot=SIMPLE_QUAD.with_servo(90.0, 2.0)).robot.servo == "90 N·m/rad and 2 N·m·s/rad"
 
 
@@ -114,5 +114,5 @@ def test_named_robots_have_the_gains_of_their_makers_and_our_controllers_stiffer
         np.testing.assert_array_equal(model.actuator_gainprm[:, 0], robot.servo_stiffness)
         np.testing.assert_array_equal(model.actuator_biasprm[:, 2], -robot.servo_damping)
     residual = policies.make("residual", robot="go1")
-    assert residual.robot.servo == ROBOTS["go1"].stiffer.servo
+    assert residual.robot.servo == policies.make("trot_reference", robot="go1").robot.servo
     assert set(SERVOS) | {"simple_quad"} == set(ROBOTS)

@@ -41,7 +41,7 @@ def test_runs_that_differ_in_their_seed_alone_are_one_band_over_the_seeds(tmp_pa
     np.testing.assert_allclose(mean, [[0.3, 0.5], [1.5, 0.7]])
     np.testing.assert_allclose(low, [[0.2, 0.4], [1.0, 0.6]])
     np.testing.assert_allclose(high, [[0.4, 0.6], [2.0, 0.8]])
-    assert [band.label, other.label] == ["base trot_integral (2 seeds)", "base trot (seed 0)"]
+    assert [band.label, other.label] == ["base trot_reference (2 seeds)", "base trot (seed 0)"]
     np.testing.assert_allclose(other.over_seeds()[0], [[0.5], [3.0]])
 
 

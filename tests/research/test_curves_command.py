@@ -21,7 +21,7 @@ def test_the_picture_is_written_and_each_curve_ends_on_a_line(
     said = capsys.readouterr()
     assert said.err == f"{tmp_path / 'new'} has no validation yet: left out\n"
     assert said.out.splitlines() == [
-        "base trot_integral (2 seeds): success 55%, cost of transport 2.00 after 1,000 steps",
+        "base trot_reference (2 seeds): success 55%, cost of transport 2.00 after 1,000 steps",
         "base trot (seed 0): success 100%, cost of transport – after 7 steps",
         str(out),
     ]

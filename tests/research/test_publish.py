@@ -65,14 +65,16 @@ def test_the_command_of_the_card_repeats_the_run():
         assert words[:3] == ["python", "-m", "train"]
         assert to_dict(parse(words[3:])) == to_dict(config), kind
     assert command(DEFAULTS["residual"]) == "python -m train --seed 0"
+    walking = dataclasses.replace(DEFAULTS["residual"], base="trot", servo="150/5", hip_authority=0.2)
+    assert command(walking) == "python -m train --base trot --hip-authority 0.2 --servo 150/5 --seed 0"
 
 
 def test_the_card_says_how_the_policy_corrects_its_base_and_names_motors_and_sensors_that_are_not_ideal():
     plain, sensing = trained_run(), trained_run(sensors="typical")
     config = plain.config
-    assert does(config) == "corrects `trot_integral` at 50 Hz by at most 0.3 rad a joint, 0.15 rad at the hips"
+    assert does(config) == "corrects `trot_reference` at 50 Hz by at most 1 rad a joint, 0.6 rad at the hips"
     held = dataclasses.replace(config, ppo=dataclasses.replace(config.ppo, hold=1))
-    assert does(held).startswith("corrects `trot_integral` at 100 Hz")
+    assert does(held).startswith("corrects `trot_reference` at 100 Hz")
     nothing = analyse([], seed=0, episodes=1, complete=True, baseline="trot")
     card = model_card("residual", [sensing], sensing, nothing)
     assert "source revision. Motors: ideal; sensors: typical. The shipped" in card
@@ -80,7 +82,7 @@ def test_the_card_says_how_the_policy_corrects_its_base_and_names_motors_and_sen
 
 
 def test_the_card_scores_each_seed_against_the_base():
-    runs = [trained_run(seed=0), trained_run(seed=1)]
+    runs = [trained_run(seed=0, base="trot_integral"), trained_run(seed=1, base="trot_integral")]
     nothing = analyse([], seed=0, episodes=1, complete=True, baseline="trot_integral")
     assert scores({"residual": "mine"}, runs, runs[0], nothing) == ""
     worth = {runs[0].label: 0.9, "trot_integral": 0.5, runs[1].label: 0.25}
@@ -131,7 +133,7 @@ def test_a_policy_is_published_stopped_or_not_and_evaluated_again(runs, tmp_path
     assert "Success is by the rule `success/2`; every step after a fall" in card
     assert row.count("p\u00a0") == 4
     assert "- Succeeds in less than half of the episodes: " in card
-    assert card.count(f"minus `{parse([]).base}`") == 1
+    assert card.count("minus `trot_reference`") == 1
     assert str(tmp_path) not in card
     assert str(runs) not in card
 

@@ -88,7 +88,7 @@ def test_a_search_writes_parameters_their_account_and_its_trials_and_is_the_same
 @pytest.mark.usefixtures("brief_judgement")
 def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_force(tmp_path, monkeypatch):
     in_force = policies.make("trot_feedback").parameters
-    worse = dataclasses.replace(in_force, forward_gain=0.4, integral_gain=0.0)
+    worse = dataclasses.replace(in_force, forward_damping=0.2, tilt_damping=0.0)
     seen, real = [], walked
     monkeypatch.setattr(trials, "walked", lambda *walk, **options: seen.append(walk[3:5]) or real(*walk, **options))
     out, start = tmp_path / "found.json", tmp_path / "start.json"

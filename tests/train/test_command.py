@@ -52,17 +52,17 @@ def files(folder):
     return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
 
 
-def test_training_goes_by_its_timestep_and_validation_by_the_robots_own(tmp_path, monkeypatch):
+def test_training_has_its_own_physics_step_and_solver_iterations_and_validation_the_robots(tmp_path, monkeypatch):
     made, compiled = [], simulation.compile_model
 
     def noted(*args):
         model = compiled(*args)
-        made.append((args[1].name, model.opt.timestep))
+        made.append((args[1].name, model.opt.timestep, model.opt.iterations))
         return model
 
     monkeypatch.setattr(simulation, "compile_model", noted)
     assert main([*TINY, "--steps", "128", "--out", str(tmp_path / "run")]) == 0
-    assert made == [("flat", 0.005), ("push", 0.005), ("flat", 0.002)]
+    assert made == [("flat", 0.005, 4), ("push", 0.005, 4), ("flat", 0.002, 30)]
 
 
 def test_a_validation_has_success_falls_and_effort_and_the_picture_is_that_of_the_run(finished_run, tmp_path):

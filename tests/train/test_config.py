@@ -88,9 +88,10 @@ def test_every_base_that_a_bundle_can_hold_can_be_trained_on():
 
 def test_each_policy_has_its_own_defaults_and_options_override_them():
     usual = parse([])
-    assert (usual.base, usual.joint_authority, usual.hip_authority) == ("trot_integral", 0.3, 0.15)
-    end_to_end = parse(["--policy", "end-to-end", "--hip-authority", "0.4"])
-    assert end_to_end == dataclasses.replace(DEFAULTS["end-to-end"], hip_authority=0.4)
+    assert (usual.base, usual.joint_authority, usual.hip_authority) == ("trot_reference", 1.0, 0.6)
+    assert parse(["--base", "trot_integral", "--hip-authority", "0.2"]).hip_authority == 0.2
+    end_to_end = parse(["--policy", "end-to-end", "--hip-authority", "0.2"])
+    assert end_to_end == dataclasses.replace(DEFAULTS["end-to-end"], hip_authority=0.2)
     assert end_to_end.base == "crouch"
 
 

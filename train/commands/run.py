@@ -9,12 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, get_type_hints
 
-from evaluate.rollouts.hardware import Hardware, hardware_of
 from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError, as_spelled
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP, Command, Program
-from train.config import DEFAULTS, TrainConfig, check, for_robot
+from train.config import DEFAULTS, TrainConfig, check
 from train.run_folder import has_checkpoint, steps_done
 from train.run_record import differences, load_config
 
@@ -55,7 +54,7 @@ def run(words: list[str]) -> int:
 def parse(words: Sequence[str]) -> TrainConfig:
     """The settings of a command line. Raises UsageError; SystemExit(0) after --help.
 
-    The defaults are those of the chosen --policy and --robot, or with --resume those of the run that is continued.
+    The defaults are those of the chosen --policy and --base, or with --resume those of the run that is continued.
     """
     asked = as_spelled(TrainConfig, list(words))
     words = ["--help" if word == ALL else word for word in asked]
@@ -85,7 +84,7 @@ def _brief() -> type[TrainConfig]:
 def _defaults(words: list[str]) -> TrainConfig:
     scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     scout.add_argument("--policy", choices=list(DEFAULTS), default="residual")
-    scout.add_argument("--robot", default=Hardware.robot)
+    scout.add_argument("--robot", default=TrainConfig.robot)
     scout.add_argument("--seed", type=int, default=0)
     scout.add_argument("--out", type=Path)
     scout.add_argument("--resume", action="store_true")
@@ -93,9 +92,7 @@ def _defaults(words: list[str]) -> TrainConfig:
         found, _ = scout.parse_known_args(words)
     except (argparse.ArgumentError, SystemExit):
         return DEFAULTS["residual"]  # the real parser, which reads the same words next, says what is wrong with them
-    defaults = DEFAULTS[found.policy]
-    if found.robot != Hardware.robot:  # else --help would wait for MuJoCo
-        defaults = for_robot(defaults, hardware_of(found.robot))
+    defaults = dataclasses.replace(DEFAULTS[found.policy], robot=found.robot)
     if found.resume and not HELP & set(words):
         asked = dataclasses.replace(defaults, seed=found.seed, out=found.out)
         return dataclasses.replace(load_config(asked.folder), out=found.out)

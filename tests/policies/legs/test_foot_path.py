@@ -1,24 +1,17 @@
-"""Paths of feet over a cycle, and footholds: neutral points, velocity errors, pushes, the legs' reach; by hand."""
+"""Paths of feet over a cycle and to a foothold; by hand."""
 
 import numpy as np
 import pytest
 
 from policies.gait_cycle import Gait, LegCycle
 from policies.legs.foot_path import (
-    REACH_FORWARD,
-    REACH_LATERAL,
-    captured,
     cycloid,
     hip_height,
     lift,
     load,
-    passing,
-    raibert,
     stride,
     swung,
-    within_reach,
 )
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 LEG = (0.0, 0.0, 0.0, 0.0)
 
@@ -77,63 +70,6 @@ def test_a_thrown_hip_has_no_jump_and_no_kink():
         before, left, right, after = (thrown((at + k) % 1.0) for k in (-2 * h, -h, h, 2 * h))
         np.testing.assert_allclose(left, right, atol=1e-5)
         np.testing.assert_allclose((left - before) / h, (after - right) / h, atol=1e-3)
-
-
-HIPS = SIMPLE_QUAD.hip_positions[:, :2].T[..., None]
-GAINS = (0.1, 0.2, 0.05)
-
-
-def number(value):
-    return np.array([value])
-
-
-def offsets(velocity, errors):
-    """Of the footholds from the hips, (2, 4), for a stance of 0.2 s."""
-    return (raibert(HIPS, tuple(map(number, velocity)), 0.2, tuple(map(number, errors)), GAINS) - HIPS)[..., 0]
-
-
-TURNED = 0.1 * np.stack([-HIPS[1], HIPS[0]])[..., 0]
-"""v = ω × r at the hips (±0.25, ±0.15): to the left at 1 rad/s, (-y, x) times half of 0.2 s."""
-
-
-@pytest.mark.parametrize(
-    ("velocity", "errors", "expected"),
-    [
-        ((1.0, -0.5, 0.0), (0.0, 0.0, 0.0), [[0.1] * 4, [-0.05] * 4]),
-        ((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), TURNED),
-        ((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), [[0.05] * 4, [0.0] * 4]),
-        ((0.0, 0.0, 0.0), (0.0, 0.5, 0.0), [[0.0] * 4, [0.1] * 4]),
-        ((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), TURNED),
-    ],
-)
-def test_a_foot_lands_half_a_stance_ahead_of_its_hip_and_where_the_robot_is_pushed(velocity, errors, expected):
-    np.testing.assert_allclose(offsets(velocity, errors), expected)
-
-
-def test_a_push_is_caught_by_what_is_beyond_the_threshold_and_along_it():
-    """|(0.6, 0.8)| = 1: 0.4 m/s beyond 0.6, times 0.1 s, along the error."""
-    np.testing.assert_allclose(np.ravel(captured(np.array([[0.6], [0.8]]), 0.6, 0.1)), [0.024, 0.032])
-    assert not captured(np.array([[0.3], [0.4]]), 0.6, 0.1).any()
-    assert not captured(np.zeros((2, 1)), 0.0, 0.1).any()
-
-
-@pytest.mark.parametrize(
-    ("away", "expected"),
-    [
-        ((0.1, 0.0), (0.1, 0.0)),
-        ((1.0, 0.0), (REACH_FORWARD, 0.0)),
-        ((0.0, -1.0), (0.0, -REACH_LATERAL)),
-        ((REACH_FORWARD, REACH_LATERAL), (REACH_FORWARD / np.sqrt(2), REACH_LATERAL / np.sqrt(2))),
-    ],
-)
-def test_feet_stay_within_the_ellipse_about_their_neutral_points(away, expected):
-    found = within_reach(HIPS + np.reshape(away, (2, 1, 1)), HIPS) - HIPS
-    np.testing.assert_allclose(found[..., 0].T, [expected] * 4, atol=1e-12)
-
-
-def test_the_ground_passes_against_the_velocity_at_the_foot():
-    x, y = passing(np.array([[0.3], [0.2]]), (number(1.0), number(0.5), number(2.0)))
-    assert (x.item(), y.item()) == pytest.approx((-(1.0 - 2.0 * 0.2), -(0.5 + 2.0 * 0.3)))
 
 
 def test_a_swing_leaves_and_lands_where_it_should_with_the_speed_of_the_ground():

@@ -3,14 +3,9 @@
 import numpy as np
 import pytest
 
-from policies.base import CONTROL_PERIOD
 from policies.legs.ground_plane import STEEPEST, above, carried, fitted
-from policies.legs.level_frame import Senses, level_frame
-from policies.trot.perception import EVEN, LARGEST_ROUGHNESS, GroundSense
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 FEET_X, FEET_Y = np.array([[0.3, 0.2, -0.2, -0.3]]).T, np.array([[0.2, -0.3, 0.3, -0.2]]).T
-UNDISTURBED = np.ones(1, bool)
 
 
 def number(value):
@@ -43,58 +38,3 @@ def test_footprints_pass_backward_under_a_trunk_that_moves_on_and_turn_right_und
     still = (number(0.0), number(0.0), number(0.0))
     x, y, _ = carried(np.array([[1.0], [0.0], [0.0]]), still, number(2.0), 0.01)
     assert (x.item(), y.item()) == (1.0, -0.02)
-
-
-def feet_on(forward, lateral, twist=0.0):
-    """Senses of a level trunk at rest over that ground; a twist lifts one diagonal and lowers the other, m."""
-    z = -0.3 + forward * FEET_X + lateral * FEET_Y + twist * np.array([[1.0, -1.0, -1.0, 1.0]]).T
-    nothing = number(0.0)
-    frame = level_frame(np.array([[0.0], [0.0], [-1.0]]))
-    return Senses(frame, (nothing, nothing, nothing), nothing, nothing, nothing, (FEET_X, FEET_Y, z))
-
-
-def felt(senses, seconds=1.0, plane_filter=0.1):
-    ground = GroundSense(SIMPLE_QUAD, CONTROL_PERIOD, plane_filter)
-    for _ in range(round(seconds / CONTROL_PERIOD)):
-        ground.update(senses, np.ones((4, 1), bool), UNDISTURBED)
-    return ground
-
-
-def test_a_robot_that_stands_on_a_plane_feels_that_plane_and_that_it_is_even():
-    ground = felt(feet_on(0.3, -0.2), seconds=3.0)
-    np.testing.assert_allclose(np.ravel(ground.slope), [0.3, -0.2], atol=1e-4)
-    assert ground.steepness.item() == pytest.approx(np.hypot(0.3, 0.2), abs=1e-4)
-    assert ground.height.item() == pytest.approx(-0.3, abs=1e-4)
-    np.testing.assert_allclose(ground.unevenness, 0.0, atol=1e-4)
-
-
-def test_the_slope_that_a_robot_starts_on_is_not_taken_for_roughness():
-    ground = felt(feet_on(0.36, 0.0), seconds=CONTROL_PERIOD)
-    np.testing.assert_allclose(np.ravel(ground.slope), [0.36, 0.0], atol=1e-4)
-    assert felt(feet_on(0.36, 0.0)).worst_roughness.item() == 0.0
-
-
-def test_even_ground_is_not_rough_and_twisted_ground_is_by_what_is_beyond_even():
-    assert felt(feet_on(0.0, 0.0)).roughness.item() == 0.0
-    # The plane cannot follow the twist of a square; this stance is turned a little, which takes a part of it.
-    ground = felt(feet_on(0.0, 0.0, twist=0.05), seconds=3.0)
-    residual = np.sqrt((ground.unevenness**2).mean())
-    assert ground.roughness.item() == pytest.approx(residual - EVEN, rel=0.02)
-    assert felt(feet_on(0.0, 0.0, twist=5.0)).roughness.item() <= LARGEST_ROUGHNESS
-
-
-def test_what_a_tumbling_robot_feels_is_not_taken_for_rough_ground():
-    ground = GroundSense(SIMPLE_QUAD, CONTROL_PERIOD, 0.1)
-    for _ in range(100):
-        ground.update(feet_on(0.0, 0.0, twist=0.1), np.ones((4, 1), bool), ~UNDISTURBED)
-    assert ground.roughness.item() == ground.worst_roughness.item() == 0.0
-
-
-def test_the_roughest_ground_is_remembered_longest():
-    ground = felt(feet_on(0.0, 0.0, twist=0.1), seconds=2.0)
-    learnt = ground.worst_roughness.item()
-    assert learnt == ground.roughness.item()
-    for _ in range(300):
-        ground.update(feet_on(0.0, 0.0), np.ones((4, 1), bool), UNDISTURBED)
-    assert ground.roughness.item() < 0.3 * learnt
-    assert ground.worst_roughness.item() > 0.8 * learnt

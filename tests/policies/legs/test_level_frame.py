@@ -35,13 +35,6 @@ def test_level_vectors_are_world_vectors_but_for_the_yaw(roll, pitch):
         np.testing.assert_allclose(np.ravel(level), expected, atol=1e-12)
 
 
-def test_there_and_back_is_the_same_vector():
-    frame = level_frame(np.stack([rotation(0.4, -0.9, 1.0).T[:, 2], rotation(2.0, 0.3, 0.0).T[:, 2]], axis=-1) * -1.0)
-    vector = tuple(RNG.normal(size=(4, 2)) for _ in range(3))
-    for there, here in zip(frame.to_body(frame.to_level(vector)), vector, strict=True):
-        np.testing.assert_allclose(there, here, atol=1e-12)
-
-
 def test_roll_and_pitch_are_those_of_the_trunk():
     frame = frame_of(rotation(0.3, -0.2, 1.3))
     assert frame.roll.item() == pytest.approx(0.3)

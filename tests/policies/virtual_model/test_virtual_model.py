@@ -12,7 +12,7 @@ from policies.mpc.motion import motion
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.forces import pulled, shared
 from policies.virtual_model.parameters import FASTEST, VirtualParameters, searched_parameters
-from policies.virtual_model.policy import TrotVirtual
+from policies.virtual_model.policy import TrotFeedback
 from quad_env import OBSERVATION
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -89,7 +89,7 @@ def test_forces_stay_within_the_cone_and_never_pull() -> None:
     assert (np.hypot(found[:, 0], found[:, 1]) <= 0.6 * found[:, 2] + 1e-9).all()
 
 
-def acted(policy: TrotVirtual, **readings: float) -> TrotVirtual:
+def acted(policy: TrotFeedback, **readings: float) -> TrotFeedback:
     """After a while at rest with those readings."""
     policy.reset(1)
     for _ in range(8):
@@ -98,13 +98,13 @@ def acted(policy: TrotVirtual, **readings: float) -> TrotVirtual:
 
 
 def test_diagonal_legs_swing_together() -> None:
-    assert acted(TrotVirtual(P))._swinging[0].tolist() in ([True, False, False, True], [False, True, True, False])
+    assert acted(TrotFeedback(P))._swinging[0].tolist() in ([True, False, False, True], [False, True, True, False])
 
 
 def test_one_robot_has_the_same_targets_alone_and_in_a_batch() -> None:
     rng = np.random.default_rng(3)
     rows = [reading(3) + rng.normal(0.0, 0.05, (3, reading(1).shape[1])).astype(np.float32) for _ in range(25)]
-    together, alone = policies.make("trot_virtual"), policies.make("trot_virtual")
+    together, alone = policies.make("trot_feedback"), policies.make("trot_feedback")
     together.reset(3)
     alone.reset(1)
     for row in rows:
@@ -116,7 +116,7 @@ def test_a_small_robot_steps_no_faster_than_a_slow_trot(tmp_path: Path) -> None:
 
 
 def test_joint_targets_follow_the_readings_finitely_when_fallen_over() -> None:
-    policy = acted(policies.make("trot_virtual"), linear_velocity=3.0)
+    policy = acted(policies.make("trot_feedback"), linear_velocity=3.0)
     fallen = reading(1)
     fallen[:, OBSERVATION["projected_gravity"]] = 1.0, 0.0, 0.0
     assert np.isfinite(policy.act(fallen)).all()

@@ -424,6 +424,7 @@ FIELDS = {
     "TaskConfig.timestep": Effect(
         0.0025, after(lambda robot: [robot.model.opt.timestep, robot.now.time]), [0.0025, DT]
     ),
+    "TaskConfig.solver_iterations": Effect(3, after(lambda robot: robot.model.opt.iterations), 3),
     "FallRule.tilt": Effect(1e-9, after(fallen), [2, 1]),
     "FallRule.height": Effect(0.7, after(fallen), [3, 1]),
     "CommandRanges.forward": Effect((0.2, 0.7), series(command), commanded(forward=(0.2, 0.7))),

@@ -65,13 +65,14 @@ def test_feet_are_where_mujoco_has_them_and_inverse_kinematics_undo_that(robot: 
 def test_it_stands_marches_on_the_spot_and_walks_ahead(robot: Robot) -> None:
     """By a policy with feedback: the first of two robots is commanded to stay, the second to go ahead at 0.3 m/s."""
     policy = policies.make("trot_feedback", robot=robot)
-    env = SimpleQuadVectorEnv(2, robot=policy.robot, nthread=1)
+    env = SimpleQuadVectorEnv(2, robot=robot.stiffer, nthread=1)
     env.reset(seed=0, options={"command": np.zeros((2, 3))})
     for _ in range(100):
         observation, _, terminated, _, _ = env.step(np.tile(robot.home_pose, (2, 1)).astype(np.float32))
         assert not terminated.any()
     assert (observation[:, OBSERVATION["projected_gravity"]][:, 2] < -0.99).all()
     assert np.abs(observation[:, OBSERVATION["joint_position"]]).max() < 0.06
+    env = SimpleQuadVectorEnv(2, robot=policy.robot, nthread=1)
     observation, _ = env.reset(seed=0, options={"command": np.array(((0.0, 0.0, 0.0), (0.3, 0.0, 0.0)))})
     policy.reset(num_envs=2)
     velocities, heights, places = [], [], []

@@ -16,15 +16,14 @@ from policies.gaits.parameters import GaitParameters
 from policies.mpc.parameters import MpcParameters
 from policies.parameters import Parameters, scaled_parameters, scaled_ranges
 from policies.residual_bases import BASES
-from policies.trot.feedback_parameters import FeedbackParameters
 from policies.trot.integral import IntegralParameters
 from policies.trot.open_loop import SEARCH_RANGES, TrotParameters, searched_parameters
+from policies.virtual_model.parameters import VirtualParameters
 from quad_env import OBSERVATION, scenario
 from quad_env.robots import similarity
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import ratio, servo_gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.named import scaled_name
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
 from train.config import DEFAULTS
@@ -158,7 +157,7 @@ def told_units(kind: type[Parameters]) -> dict[str, str]:
     return units
 
 
-KINDS = TrotParameters, IntegralParameters, FeedbackParameters, GaitParameters, MpcParameters
+KINDS = TrotParameters, IntegralParameters, VirtualParameters, GaitParameters, MpcParameters
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -179,7 +178,7 @@ def test_robots_of_every_size_have_policies_scenarios_and_a_training(
     for name in BASES:
         assert policies.make(name, robot=robot).robot == robot
     for name, _ in DEFAULTS["residual"].mixture:
-        assert scenario(scaled_name(name, robot), robot).name
+        assert scenario(name, robot).name
 
 
 def test_a_size_beyond_any_is_one_line(tmp_path: Path) -> None:

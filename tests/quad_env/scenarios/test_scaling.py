@@ -142,14 +142,13 @@ def test_an_evaluation_and_a_training_take_it(small: Robot, tmp_path: Path) -> N
     assert all(each == axes_of(small)[each.axis].scenario(each.severity, each.name) for each in of_axes)
     assert plan.policies[0].policy.robot == small
     config = parse(["--robot", path])
-    assert ("payload=2", 0.07) in config.mixture
-    place = [name for name, _ in config.mixture].index("payload=2")
+    place = [name for name, _ in config.mixture].index("payload:4")
     batch = make_batch(config, place, 1.0)
     assert batch.robot == small
-    assert batch.scenario.payload.mass == pytest.approx(2.0)
+    assert batch.scenario.payload.mass == pytest.approx(0.1 * AXES["payload"].levels[3])
     assert batch.scenario.commands == scenario("flat", small).commands
     batch.close()
-    place = [name for name, _ in config.mixture].index("rough=0.08")
+    place = [name for name, _ in config.mixture].index("rough:3")
     mild = make_batch(parse(["--robot", path, "--curriculum", "0.0"]), place, 0.0)
     assert mild.scenario.terrain.peak_to_valley == pytest.approx(0.4 * AXES["rough"].levels[0])
     mild.close()
