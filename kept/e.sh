@@ -1,0 +1,5 @@
+#!/bin/bash
+# e.sh WORKTREE ROBOT OUT STEPS extra...: end to end with the maker's gains
+W=$1; R=$2; O=$3; N=$4; shift 4
+cd /root/wt/$W
+OMP_NUM_THREADS=1 exec /work/main/.venv/bin/python -m train --policy end-to-end --robot $R --base stand --out /root/wt/runs/$O --steps $N --threads 1 --seed 0 --curriculum 0.1 --effort-ramp 0.25 --joint-authority 1.0 --hip-authority 0.6 --mixture flat 0.2 flat:2 0.1 push:2 0.2 rough:2 0.2 stairs:2 0.05 gravel:2 0.05 slope:3 0.05 latency:2 0.05 payload:3 0.05 force:2 0.05 --inputs.lags 0.04 0.08 0.16 --inputs.averages 0.5 2.0 --inputs.clock 3.0 --ppo.envs 2048 --ppo.rollout-steps 12 --ppo.minibatch 8192 --ppo.epochs 3 --ppo.learning-rate 1e-3 --ppo.learning-rate-schedule adaptive --ppo.target-kl 0.012 --ppo.gamma 0.98 --ppo.log-std-init -1.0 --rewards.linear-velocity-error -0.6 --rewards.yaw-rate-error -0.3 --rewards.foot-air-time 5 --rewards.mechanical-power -0.0025 --rewards.action-rate -0.05 --rewards.crouch -3 --rewards.fall -5 --validation.interval 5000000 --validation.episodes 6 "$@"

@@ -1,0 +1,5 @@
+#!/bin/bash
+# f.sh WORKTREE ROBOT OUT STEPS extra...
+W=$1; R=$2; O=$3; N=$4; shift 4
+cd /root/wt/$W
+OMP_NUM_THREADS=1 exec /work/main/.venv/bin/python -m train --robot $R --base trot_reference --out /root/wt/runs/$O --steps $N --threads 1 --seed 0 --curriculum 0.1 --effort-ramp 0.125 --joint-authority 1.0 --hip-authority 0.6 --mixture flat:2 0.02 flat:4 0.06 push:3 0.15 push:2+hardware 0.12 rough:3 0.10 rough:2+hardware 0.03 stairs:3 0.08 gravel:3 0.07 soft:4 0.03 slope:4 0.03 slope:3+hardware 0.02 slippery:4 0.03 latency:2 0.01 latency:4 0.03 noise:4 0.02 dropout:4 0.01 payload:4 0.06 payload:3+hardware 0.02 force:3 0.06 force:2+hardware 0.03 slow_motors:4 0.05 weak_motors:4 0.04 surprise:3 0.06 flat:2+hardware 0.02 --ppo.envs 2048 --ppo.rollout-steps 12 --ppo.minibatch 8192 --ppo.learning-rate-schedule adaptive --ppo.target-kl 0.012 --ppo.log-std-init -2.0 --rewards.mechanical-power -0.0025 --rewards.action-rate -0.05 --rewards.crouch -3 --validation.interval 5000000 --validation.episodes 6 "$@"

@@ -1,0 +1,5 @@
+#!/bin/bash
+# m.sh WORKTREE ROBOT OUT STEPS extra...: residual on mpc_wbc
+W=$1; R=$2; O=$3; N=$4; shift 4
+cd /root/wt/$W
+OMP_NUM_THREADS=1 exec /work/main/.venv/bin/python -m train --robot $R --base mpc_wbc --out /root/wt/runs/$O --steps $N --threads 1 --seed 0 --curriculum 1.0 --effort-ramp 0 --joint-authority 0.6 --hip-authority 0.4 --mixture flat:2 0.03 flat:4 0.08 push:3 0.10 push:2+hardware 0.04 rough:3 0.03 rough:2+hardware 0.02 stairs:3 0.08 gravel:3 0.05 soft:4 0.08 slope:4 0.02 slope:3+hardware 0.02 slippery:4 0.07 latency:2 0.01 latency:4 0.05 noise:4 0.04 dropout:4 0.01 payload:4 0.08 payload:3+hardware 0.01 force:3 0.07 force:2+hardware 0.01 slow_motors:4 0.06 weak_motors:4 0.03 surprise:3 0.08 flat:2+hardware 0.02 --ppo.envs 1024 --ppo.rollout-steps 12 --ppo.minibatch 4096 --ppo.learning-rate 3e-4 --ppo.target-kl 0.012 --ppo.log-std-init -2.3 --rewards.mechanical-power -0.0025 --rewards.action-rate -0.05 --rewards.crouch -3 --validation.interval 1000000 --validation.episodes 6 "$@"

@@ -1,0 +1,5 @@
+#!/bin/bash
+# v.sh WORKTREE ROBOT OUT STEPS extra...: residual on trot_feedback (virtual model control)
+W=$1; R=$2; O=$3; N=$4; shift 4
+cd /root/wt/$W
+OMP_NUM_THREADS=1 exec /work/main/.venv/bin/python -m train --robot $R --base trot_feedback --out /root/wt/runs/$O --steps $N --threads 1 --seed 0 --curriculum 0.3 --effort-ramp 0 --joint-authority 0.7 --hip-authority 0.5 --mixture flat:2 0.03 flat:4 0.06 push:3 0.13 push:2+hardware 0.08 rough:3 0.07 rough:2+hardware 0.03 stairs:3 0.08 gravel:3 0.06 soft:4 0.05 slope:4 0.03 slope:3+hardware 0.02 slippery:4 0.04 latency:2 0.01 latency:4 0.04 noise:4 0.03 dropout:4 0.01 payload:4 0.07 payload:3+hardware 0.01 force:3 0.07 force:2+hardware 0.02 slow_motors:4 0.05 weak_motors:4 0.03 surprise:3 0.07 flat:2+hardware 0.02 --ppo.envs 1024 --ppo.rollout-steps 24 --ppo.minibatch 8192 --ppo.learning-rate 5e-4 --ppo.learning-rate-schedule adaptive --ppo.target-kl 0.012 --ppo.log-std-init -2.5 --rewards.mechanical-power -0.0015 --rewards.fall -3 --rewards.action-rate -0.05 --rewards.crouch -3 --validation.interval 2000000 --validation.episodes 6 "$@"
