@@ -16,9 +16,7 @@ SUMMARIES = {
         "a slow, upright trot by virtual model control: the trunk on springs and dampers that the standing feet bear, "
         "and footholds from the velocity error"
     ),
-    "trot_reference": (
-        "an upright trot on compliant servos with the integral of the velocity error, for learned policies to correct"
-    ),
+    "trot_reference": "an upright trot on compliant servos with the velocity error's integral, for learned policies",
     "walk": "four beats, three feet on the ground; follows the command within its limit of 0.4 m/s ahead",
     "pace": "the legs of one side together; at most 0.8 m/s ahead",
     "bound": "the fore legs together, then the hind legs; at most 0.8 m/s ahead",
@@ -28,10 +26,7 @@ SUMMARIES = {
         "the gait under way"
     ),
     "behaviour": "states (stand, walk, run, jump, fall, recover) and one table of transitions",
-    "mpc": (
-        "model-predictive control of a trot: each leg bears the force that is planned for it and follows its path by "
-        "itself"
-    ),
+    "mpc": "model-predictive control of a trot; joint torques are computed leg by leg",
     "mpc_wbc": "mpc with a quadratic program of the whole body",
     "mpc_wbc_sighted": "mpc_wbc that is shown a height scan, which no other policy is",
     "mpc_wbc_walk": "mpc_wbc's walk",

@@ -80,15 +80,16 @@ def on_grid(scan: HeightScan, ground: Ground) -> Floats:
     return ground.at(*np.moveaxis(grid, -1, 0).reshape(2, -1)).reshape(-1, *grid.shape[:2])
 
 
-def believed(seen: SeenGround, ground: Ground, noise: Floats) -> SeenGround:
-    """The ground as near to the plane as what is seen off it is noise of that variance, (n,), m².
+def believed(seen: SeenGround, ground: Ground, noise: Floats) -> tuple[SeenGround, Floats]:
+    """The ground as near to the plane as what is seen off it is noise of that variance, (n,), m²; and what share of
+    its distance from the plane is kept, (n,).
 
     Every point by the linear estimate of least mean square error that knows nothing of the others.
     """
     plane = on_grid(seen.scan, ground)
     apart = seen.heights - plane
     share = np.clip(1.0 - noise / np.maximum((apart * apart).mean(axis=(1, 2)), _EDGE), 0.0, 1.0)
-    return seen._replace(heights=plane + share[:, None, None] * apart)
+    return seen._replace(heights=plane + share[:, None, None] * apart), share
 
 
 class Steps(NamedTuple):
@@ -111,7 +112,7 @@ class SightedMpcWbc(MpcWbc):
 
     Swings end there and clear what lies on the way, forces are planned for feet at their own heights, and the trunk
     keeps level with the ground under the legs and at its height above that. Where the scan shows nothing the ground is
-    the footprints' plane.
+    the footprints' plane. Without its scan it walks as `MpcWbc`; the noisier the scan, the more it lifts its feet so.
 
     Args:
         parameters, robot, control_period, late, actuator: as of `MpcWbc`.
@@ -145,19 +146,22 @@ class SightedMpcWbc(MpcWbc):
         ground = super()._ground(now, landed)
         seen = seen_ground(self._scan, self._heights, ground, self.robot.foot_radius)
         noise = self._scan_noise.variances(seen.heights.reshape(self.num_envs, -1))[:, 0]
-        self._seen_ground = believed(seen, ground, noise)
+        self._seen_ground, share = believed(seen, ground, noise)
+        self._trust = np.where((self._heights <= UNSEEN).all(axis=1), 0.0, share)[:, None]
         mean = np.einsum("cij,nij->cn", mean_plane(self._scan), self._seen_ground.heights)
         mean[1:] = np.clip(mean[1:], -STEEPEST, STEEPEST)
         share = np.where(self._new, 1.0, taken_in(self.control_period, LEVELLING_TIME))
         self._level = self._level + share * (mean - self._level)
-        return Ground(*self._level)
+        return Ground(*np.where(self._trust[:, 0] > 0.0, self._level, ground))
 
     def _over(self, aim: Floats, ground: Ground) -> Terrain:
         x, y, start = self.prints.places.transpose(0, 2, 1)
         last, end = np.stack((x, y), axis=-1), self._seen_ground.at(aim)
         between = [self._seen_ground.at(last + share * (aim - last)) for share in ON_THE_WAY]
-        return Steps(start, end, np.max([start, end, *between], axis=0)).over
+        over, steps = super()._over(aim, ground), Steps(start, end, np.max([start, end, *between], axis=0)).over
+        return lambda x, y, t: self._trust * steps(x, y, t) + (1.0 - self._trust) * over(x, y, t)
 
     def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:
         lasting = np.cumprod(stands, axis=1).astype(np.bool_)
-        return np.where(lasting, now.bodies.feet[:, None, :, 2], self._seen_ground.at(aim)[:, None])
+        seen = np.where(lasting, now.bodies.feet[:, None, :, 2], self._seen_ground.at(aim)[:, None])
+        return np.where(self._trust[..., None] > 0.0, seen, super()._footing(now, aim, ground, stands))

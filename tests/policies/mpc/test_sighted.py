@@ -70,11 +70,12 @@ def test_noise_draws_what_is_seen_to_the_footprints_plane() -> None:
     rng, flat = np.random.default_rng(0), Ground(*np.zeros((3, 2)))
     shown = np.stack((steps, steps + 0.1 * rng.choice((-1.0, 1.0), len(steps))))
     seen = seen_ground(SMALL, shown, flat, 0.0)
-    found = believed(seen, flat, np.array([0.0, 0.01]))
+    found, kept = believed(seen, flat, np.array([0.0, 0.01]))
     np.testing.assert_array_equal(found.heights[0], seen.heights[0])
     share = 1.0 - 0.01 / np.square(shown[1]).mean()
     np.testing.assert_allclose(found.heights[1], share * seen.heights[1])
-    np.testing.assert_allclose(believed(seen, flat, np.ones(2)).heights, 0.0)
+    np.testing.assert_allclose(kept, (1.0, share))
+    np.testing.assert_allclose(believed(seen, flat, np.ones(2))[0].heights, 0.0)
 
 
 def test_the_trunk_levels_with_the_plane_under_the_legs_whatever_stands_beyond() -> None:
@@ -144,3 +145,20 @@ def test_steps_that_pass_are_no_noise_and_noise_shows(sighted: Walk) -> None:
 
 def test_very_rough_ground_costs_it_less_energy_than_one_that_does_not_see(sighted: Walk) -> None:
     assert sighted.cost < 0.8 * Walk(MpcWbc(), "rough=0.24").cost
+
+
+def test_without_its_scan_it_walks_as_one_that_does_not_see() -> None:
+    lost = "rough=0.24+scan_lost"
+    assert Walk(SightedMpcWbc(), lost).cost == Walk(MpcWbc(), lost).cost
+
+
+def test_the_less_a_scan_is_trusted_the_more_the_feet_are_lifted_for_rough_footprints() -> None:
+    """Halfway, on level ground, by the roughness of the footprints times its gain."""
+    policy, flat = SightedMpcWbc(height_scan=SMALL), Ground(*np.zeros((3, 3)))
+    policy.reset(num_envs=3)
+    policy.prints.roughness[:] = 0.02
+    policy._trust, policy._seen_ground = np.array([[0.0], [0.25], [1.0]]), SeenGround(SMALL, np.zeros((3, 7, 7)))
+    halfway = policy._over(places(3), flat)(np.zeros((3, 4)), np.zeros((3, 4)), np.full((3, 4), 0.5))
+    lift = policy.parameters.roughness_gain * 0.02
+    assert lift > 0.01
+    np.testing.assert_allclose(halfway, np.outer((lift, 0.75 * lift, 0.0), np.ones(4)))
