@@ -1,0 +1,5 @@
+#!/bin/bash
+# e2.sh WORKTREE ROBOT OUT STEPS extra...: end to end, the maker's gains, little effort, on flat ground first
+W=$1; R=$2; O=$3; N=$4; shift 4
+cd /root/wt/$W
+OMP_NUM_THREADS=1 exec /work/main/.venv/bin/python -m train --policy end-to-end --robot $R --base stand --out /root/wt/runs/$O --steps $N --threads 1 --seed 0 --curriculum 0.3 --effort-ramp 0.5 --joint-authority 1.0 --hip-authority 0.5 --mixture flat 0.6 push:2 0.2 rough:2 0.2 --inputs.lags 0.04 0.08 --inputs.averages --inputs.clock 2.5 --ppo.envs 1024 --ppo.rollout-steps 24 --ppo.minibatch 6144 --ppo.epochs 5 --ppo.learning-rate 1e-3 --ppo.learning-rate-schedule adaptive --ppo.target-kl 0.012 --ppo.gamma 0.98 --ppo.log-std-init -1.0 --ppo.log-std-final None --ppo.entropy 0.0 --rewards.linear-velocity-error -0.6 --rewards.yaw-rate-error -0.3 --rewards.foot-air-time 20 --rewards.mechanical-power -0.0003 --rewards.action-rate -0.01 --rewards.crouch -1 --rewards.fall -5 --validation.interval 5000000 --validation.episodes 6 "$@"

@@ -1,0 +1,5 @@
+#!/bin/bash
+# st2.sh WORKTREE ROBOT OUT STEPS extra...: the sighted network of sq_st trained further, on terrain mostly
+W=$1; R=$2; O=$3; N=$4; shift 4
+cd /root/wt/$W
+OMP_NUM_THREADS=1 exec /work/main/.venv/bin/python -m train --robot $R --base trot_reference --start /root/wt/runs/sq_st --out /root/wt/runs/$O --steps $N --threads 1 --seed 0 --curriculum 0.5 --effort-ramp 0 --joint-authority 1.0 --hip-authority 0.6 --sighted --mixture flat:2 0.04 push:2 0.04 rough=0.2 0.10 rough=0.24 0.16 stairs=0.15 0.16 stairs=0.1 0.12 gravel:3 0.08 gravel:4 0.08 soft=0.04 0.10 slope:3 0.04 rough=0.2+scan_lost 0.04 stairs=0.1+scan_lost 0.04 --ppo.envs 2048 --ppo.rollout-steps 12 --ppo.minibatch 8192 --ppo.learning-rate 3e-4 --ppo.learning-rate-schedule adaptive --ppo.target-kl 0.012 --ppo.log-std-init -2.0 --rewards.linear-velocity-error -1.2 --rewards.mechanical-power -0.0007 --rewards.fall -5 --rewards.action-rate -0.03 --rewards.crouch -2 --validation.interval 2500000 --validation.episodes 8 --validation.scenarios rough=0.24 stairs=0.15 stairs=0.1 gravel:4 soft=0.04 rough=0.2+scan_lost "$@"
