@@ -149,7 +149,7 @@ class TrainConfig:
     grows where the robots track their commands and shrinks where they do not. 1: full severity from the start."""
     effort_ramp: float = number(0.25, limits=(0.0, 1.0))
     """Share of the run over which the reward weights of effort (action rate, torque, power, touch-down speed) grow
-    from zero; 0: in full from the start."""
+    from zero, after each episode of all robots (by default a million steps); 0: in full from the start."""
     max_episode_steps: int = number(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
     robot: str = "simple_quad"
