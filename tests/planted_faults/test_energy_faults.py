@@ -1,7 +1,6 @@
 """Faults of measured work, planted into the real code: each must turn a named check red."""
 
 from collections.abc import Iterator
-from importlib.util import find_spec
 from typing import Any
 
 import mujoco
@@ -13,8 +12,8 @@ import quad_env
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics import energy
 from quad_env.physics.energy import OF_JOINTS, Meter
-from quad_env.robots.named import WHEEL
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
+from tests.robot_models import NEEDS_MODELS
 
 RATE = 500.0
 """Hz; every control step is one physics step, so that each can be looked at."""
@@ -158,11 +157,10 @@ test_the_code_passes, test_a_planted_fault_is_found, test_every_check_finds_one 
 )
 
 
-GO1 = pytest.mark.skipif(find_spec(WHEEL) is None, reason="the robots' models are not installed")
-
-
 @pytest.mark.parametrize(
-    "options", [{"actuator": "motor"}, pytest.param({"robot": "go1", "policy": "trot_feedback"}, marks=GO1)], ids=str
+    "options",
+    [{"actuator": "motor"}, pytest.param({"robot": "go1", "policy": "trot_feedback"}, marks=NEEDS_MODELS)],
+    ids=str,
 )
 def test_both_hold_with_motors_and_on_another_robot(options: dict[str, Any]) -> None:
     """Motors with a curve brake by themselves; the joints of go1 have dry friction."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -17,7 +16,7 @@ from policies.safety import SafetyLimits
 from policies.trot.integral import TrotIntegral
 from policies.trot.reference import TrotReference
 from policies.virtual_model.policy import TrotFeedback
-from quad_env.robots.named import EXTRA, WHEEL
+from tests.robot_models import NEEDS_MODELS
 
 MAKERS: dict[str, Callable[..., object]] = {
     kind.__name__: kind
@@ -39,7 +38,7 @@ def test_an_unknown_name_is_said_with_those_that_there_are(make: Callable[..., o
     make(robot="simple_quad")
 
 
-@pytest.mark.skipif(find_spec(WHEEL) is None, reason=EXTRA)
+@NEEDS_MODELS
 @pytest.mark.parametrize("make", [policies.Trot, MpcWbc], ids=lambda kind: kind.__name__)
 def test_a_policy_is_made_for_the_robot_of_a_name(make: Callable[..., policies.Policy]) -> None:
     assert make(robot="go1").robot == quad_env.ROBOTS["go1"]

@@ -3,7 +3,6 @@
 import json
 from dataclasses import asdict, replace
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +16,9 @@ from policies.parameters import scaled_parameters
 from policies.poses import Stand
 from policies.trot.open_loop import TrotParameters, searched_parameters
 from quad_env import SIMPLE_QUAD
-from quad_env.robots.named import EXTRA, ROBOTS, SERVOS, WHEEL
+from quad_env.robots.named import ROBOTS, SERVOS
 from tests.quad_env.robots.alike import alike
+from tests.robot_models import NEEDS_MODELS
 
 GAINS = "35 N·m/rad and 0.5 N·m·s/rad"
 
@@ -104,7 +104,7 @@ def test_the_option_servo_is_for_every_controller_of_ours() -> None:
         _ = Hardware(servo="35").quadruped
 
 
-@pytest.mark.skipif(find_spec(WHEEL) is None, reason=EXTRA)
+@NEEDS_MODELS
 def test_named_robots_have_the_gains_of_their_makers_and_our_controllers_stiffer_ones() -> None:
     for name, stiffness, damping in (("go1", 35.0, 0.5), ("go2", 25.0, 0.5), ("spot", 286.0, 2.04)):
         robot = ROBOTS[name]

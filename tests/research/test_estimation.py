@@ -1,19 +1,18 @@
 """The tables of the estimators: their places on a page, their figures, and what cannot be measured."""
 
 import warnings
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from evaluate.rollouts import rollout
-from quad_env.robots.named import EXTRA, WHEEL
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.error_state import VELOCITY, size
 from research.studies import estimation
 from tests.batches import begun
+from tests.robot_models import NEEDS_MODELS
 
 DOWN = np.array([[0.0, 0.0, -1.0]])
 
@@ -37,7 +36,7 @@ def test_the_table_goes_to_its_place(brief, tmp_path: Path, capsys) -> None:
     assert all(line in printed for line in text.splitlines() if line.startswith("|"))
 
 
-@pytest.mark.skipif(find_spec(WHEEL) is None, reason=EXTRA)
+@NEEDS_MODELS
 def test_errors_after_pushes_go_to_their_own_place(monkeypatch, brief, tmp_path: Path) -> None:
     monkeypatch.setattr(estimation, "ROBOTS", ("go1",))
     page = tmp_path / "page.md"

@@ -1,7 +1,5 @@
 """The hardware profile: what it is, that it reaches the compiled model and the observations, and what excludes it."""
 
-from importlib.util import find_spec
-
 import gymnasium as gym
 import mujoco
 import numpy as np
@@ -14,10 +12,11 @@ from quad_env.actuation.models import ACTUATORS, Actuator, TorqueSpeed
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.model import compile_model
-from quad_env.robots.named import ROBOTS, WHEEL
+from quad_env.robots.named import ROBOTS
 from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.scenario import Scenario
 from quad_env.serialisation import from_plain, to_plain
+from tests.robot_models import NEEDS_MODELS
 
 PER_JOINT = TorqueSpeed((20.0, 30.0, 40.0), (10.0, 20.0, 5.0), (15.0, 30.0, 35.0))
 
@@ -102,7 +101,7 @@ def test_a_users_robot_has_its_rated_torque_and_speed_whatever_it_is_called() ->
     assert set(actuator.curve.on(mine).peak_torque) == {50.0}
 
 
-@pytest.mark.skipif(find_spec(WHEEL) is None, reason="the robots' models are in a package of their own")
+@NEEDS_MODELS
 @pytest.mark.parametrize("name", CURVES)
 def test_a_named_robot_has_the_motors_that_its_maker_publishes(name: str) -> None:
     """20.2 N·m at 13.5 rad/s, between the peak of the current and standing without load at 30 rad/s."""

@@ -1,7 +1,5 @@
 """Drake's robots are MuJoCo's: mass, stand and payload; they repeat to the bit, alone or in a batch."""
 
-from importlib.util import find_spec
-
 import mujoco
 import numpy as np
 import pytest
@@ -14,21 +12,19 @@ from quad_env.physics import batch
 from quad_env.physics.batch import check_simulator
 from quad_env.physics.model import compile_model
 from quad_env.physics.simulation import Simulation
-from quad_env.robots.named import WHEEL, robot_of
+from quad_env.robots.named import robot_of
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import on_hardware
 
 pytest.importorskip("pydrake")
 from quad_env.physics.drake.batch import DrakeBatch
+from tests.robot_models import NEEDS_MODELS
 
 MODELS = [
     ("simple_quad", "flat"),
     ("simple_quad", "payload=10"),
-    *(
-        pytest.param(robot, "flat", marks=pytest.mark.skipif(find_spec(WHEEL) is None, reason="no models of robots"))
-        for robot in ("go1", "go2")
-    ),
+    *(pytest.param(robot, "flat", marks=NEEDS_MODELS) for robot in ("go1", "go2")),
 ]
 
 

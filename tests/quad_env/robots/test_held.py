@@ -15,8 +15,9 @@ from quad_env.robots.named import ROBOTS
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.named import SCENARIOS
 from tests.quad_env.robots.made import ARM, WHEEL, Made
-from tests.quad_env.robots.test_imported import THERE, changed
+from tests.quad_env.robots.test_imported import changed
 from tests.quad_env.robots.test_model_files import PLAIN, SHIN, TRUNK, UNSEEN, robot_of_text, standing
+from tests.robot_models import NEEDS_MODELS
 
 NAMES = "shoulder", "elbow", "finger"
 KEY = 0.4, -0.7, 0.03, *4 * (0.0, 0.8, -1.5)
@@ -70,7 +71,7 @@ def test_a_locked_wheel_is_the_foot_of_its_leg(tmp_path: Path) -> None:
     assert np.abs(info["foot_height"]).max() < 3e-3
 
 
-@pytest.mark.skipif(not THERE, reason="the robots' models are not installed")
+@NEEDS_MODELS
 def test_spot_with_its_arm_stands_as_spot_does() -> None:
     spot = ROBOTS["spot"]
     robot = Robot.from_mjcf(spot.mjcf.with_name("spot_arm.xml"))

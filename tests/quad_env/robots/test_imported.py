@@ -13,12 +13,12 @@ from policies.legs.kinematics import joint_angles
 from quad_env import OBSERVATION, ModelError, Robot
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.dynamics import Dynamics
-from quad_env.robots import named
 from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.named import ROBOTS, robot_of
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.made import ANKLE, ARM, PLACES, Made
+from tests.robot_models import NEEDS_MODELS
 
 MADE = {
     "plain": Made(),
@@ -29,8 +29,7 @@ MADE = {
     "knees apart": Made(order=("hr", "fl", "hl", "fr"), knees=(1, -1), mass=9.0),
     "forward knees without limits": Made(limits=()),
 }
-THERE = named.find_spec(named.WHEEL) is not None
-NAMED = [pytest.param(name, marks=[] if THERE else pytest.mark.skip(named.EXTRA)) for name in ROBOTS]
+NAMED = [pytest.param(name, marks=NEEDS_MODELS) for name in ROBOTS]
 WALKING = [*MADE, *(each for each in NAMED if each.values[0] in ("simple_quad", "go1", "mini_cheetah"))]
 
 
