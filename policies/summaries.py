@@ -35,7 +35,7 @@ SUMMARIES = {
     "mpc_wbc_pronk": "mpc_wbc's pronk, with a flight",
     "residual": "a learned correction of a trot: of trot_integral on SimpleQuad, of trot_reference on go1 and go2",
     "robust": "the same as residual, trained for six times as long",
-    "end_to_end": ("learned without a gait, from a crouch, by up to 1 rad a joint: what the base of residual is worth"),
+    "end_to_end": "learned without a gait, from a crouch, by up to 1 rad a joint: what the base of residual is worth",
 }
 """Of every policy that ships, in the order in which they are listed."""
 

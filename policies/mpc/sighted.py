@@ -146,8 +146,8 @@ class SightedMpcWbc(MpcWbc):
         ground = super()._ground(now, landed)
         seen = seen_ground(self._scan, self._heights, ground, self.robot.foot_radius)
         noise = self._scan_noise.variances(seen.heights.reshape(self.num_envs, -1))[:, 0]
-        self._seen_ground, share = believed(seen, ground, noise)
-        self._trust = np.where((self._heights <= UNSEEN).all(axis=1), 0.0, share)[:, None]
+        self._seen_ground, kept = believed(seen, ground, noise)
+        self._trust = np.where((self._heights <= UNSEEN).all(axis=1), 0.0, kept)[:, None]
         mean = np.einsum("cij,nij->cn", mean_plane(self._scan), self._seen_ground.heights)
         mean[1:] = np.clip(mean[1:], -STEEPEST, STEEPEST)
         share = np.where(self._new, 1.0, taken_in(self.control_period, LEVELLING_TIME))
