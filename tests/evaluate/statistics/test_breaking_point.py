@@ -93,6 +93,14 @@ def test_a_bracket_is_of_exact_tests_in_their_order() -> None:
     assert bracket(failed[2:5]) == (-1, 3)
 
 
+def test_each_side_of_a_bracket_errs_with_a_chance_of_one_in_forty() -> None:
+    """Of 24 episodes P(7 or fewer) = 0.032 shows nothing, P(6 or fewer) = 0.011 does; 17 and 18 mirror them."""
+    failed = np.array([np.arange(24) < count for count in (0, 7, 17, 24)])
+    assert bracket(failed) == (0, 3)
+    failed = np.array([np.arange(24) < count for count in (0, 6, 18, 24)])
+    assert bracket(failed) == (1, 2)
+
+
 @pytest.mark.parametrize("severities", [[1.0, 2.0], [1.0, 3.0, 2.0], [1.0, 1.0, 2.0], [-1.0, 0.0, 1.0]])
 def test_severities_without_order_are_refused(severities) -> None:
     with pytest.raises(ValueError, match="from the mildest to the hardest"):
