@@ -16,7 +16,7 @@ P = MpcParameters(
 HEIGHT = 0.42
 STANCE = np.array([0.2])
 CENTRE = np.array([-0.05, 0.02])
-NEUTRAL = CENTRE + [0.03, 0.0] + np.array([[0.2, 0.3], [0.2, -0.3], [-0.2, 0.3], [-0.2, -0.3]])
+NEUTRAL = CENTRE + np.array([0.03, 0.0]) + np.array([[0.2, 0.3], [0.2, -0.3], [-0.2, 0.3], [-0.2, -0.3]])
 """Half the length and width off the centre of mass, and 0.03 m ahead."""
 
 
@@ -39,14 +39,14 @@ def test_feet_of_a_robot_at_rest_are_put_to_their_neutral_places() -> None:
 
 def test_feet_are_put_to_where_they_bear_a_lasting_force() -> None:
     """With the push, by lean_gain · height / g = 0.5 · 0.42 / 9.81 = 0.021407 m per m/s²; 0.2 m at most."""
-    np.testing.assert_allclose(aims(moving(), (2.0, -1.0)), NEUTRAL + [0.042813, -0.021407], atol=1e-6)
-    np.testing.assert_allclose(aims(moving(), (-50.0, 0.0)), NEUTRAL + [-0.2, 0.0], atol=1e-12)
+    np.testing.assert_allclose(aims(moving(), (2.0, -1.0)), NEUTRAL + np.array([0.042813, -0.021407]), atol=1e-6)
+    np.testing.assert_allclose(aims(moving(), (-50.0, 0.0)), NEUTRAL + np.array([-0.2, 0.0]), atol=1e-12)
 
 
 def test_feet_are_put_ahead_by_half_the_way_of_a_stance_and_by_the_error_of_the_velocity() -> None:
     """0.1 s at (0.6, -0.1) m/s, and 0.1 s times (0.6 - 0.4, -0.1 - 0) m/s."""
     now = moving((0.6, -0.1), (0.4, 0.0, 0.0))
-    np.testing.assert_allclose(aims(now), NEUTRAL + [0.06 + 0.02, -0.01 - 0.01], atol=1e-12)
+    np.testing.assert_allclose(aims(now), NEUTRAL + np.array([0.06 + 0.02, -0.01 - 0.01]), atol=1e-12)
 
 
 def test_feet_of_a_robot_that_is_to_turn_are_put_round_it() -> None:
@@ -58,7 +58,7 @@ def test_feet_of_a_robot_that_is_to_turn_are_put_round_it() -> None:
 def test_no_foot_is_put_further_than_it_reaches() -> None:
     """By 0.1 s at (2, -1.5) m/s and as much for the error: (0.4, -0.3), of which 0.35 m are left."""
     far = aims(moving((2.0, -1.5)), height=2.0)
-    np.testing.assert_allclose(far, NEUTRAL + [0.28, -0.21], atol=1e-12)
+    np.testing.assert_allclose(far, NEUTRAL + np.array([0.28, -0.21]), atol=1e-12)
 
 
 def test_no_foot_is_put_further_aside_than_its_hip_turns() -> None:
@@ -144,8 +144,11 @@ def test_arms_of_feet_that_stand_lag_behind_and_those_of_feet_that_land_from_the
         np.array([[[-0.4]]]),
     )[0]
     stood, landing = np.array([0.25, 0.18]), np.array([0.35, -0.32])
-    np.testing.assert_allclose(found[:, 0, :2], [stood + [-0.01, 0.004], stood + [-0.03, 0.012], stood + [-0.05, 0.02]])
-    np.testing.assert_allclose(found[:, 1, :2], [[0.24, -0.216], landing, landing + [-0.005, 0.002]])
+    np.testing.assert_allclose(
+        found[:, 0, :2],
+        [stood + np.array([-0.01, 0.004]), stood + np.array([-0.03, 0.012]), stood + np.array([-0.05, 0.02])],
+    )
+    np.testing.assert_allclose(found[:, 1, :2], [[0.24, -0.216], landing, landing + np.array([-0.005, 0.002])])
     np.testing.assert_allclose(found[:, 2, :2], np.tile([-0.05, 0.28], (3, 1)))
     np.testing.assert_allclose(found[:, 3, :2], [[-0.05, -0.32], [-0.065, -0.314], [-0.085, -0.306]])
     np.testing.assert_array_equal(found[..., 2], -0.4)

@@ -103,3 +103,18 @@ def test_legs_hold_a_robot_that_stands() -> None:
     held = of.bias[:, 6:] - np.einsum("nlxk,nlx->nk", of.jacobians, forces)[:, 6:]
     np.testing.assert_allclose(found.torque, held, atol=1e-9)
     np.testing.assert_allclose(found.acceleration, 0.0, atol=1e-9)
+
+
+def test_legs_ask_for_no_more_than_the_motors_give() -> None:
+    """Each joint's own limits, below and above, for feet that are to be accelerated by 500 m/s²."""
+    of, random = bodies(), np.random.default_rng(10)
+    limits = -random.uniform(20.0, 40.0, (COUNT, 12)), random.uniform(41.0, 60.0, (COUNT, 12))
+    hasty = wish(of)._replace(feet=500.0 * random.choice((-1.0, 1.0), (COUNT, 4, 3)))
+    found = leg_torques(of, hasty, NOTHING, limits)
+    free = leg_torques(of, hasty, NOTHING, (np.full((COUNT, 12), -np.inf), np.full((COUNT, 12), np.inf))).torque
+    below, above = free < limits[0], free > limits[1]
+    assert min(below.sum(), above.sum()) > COUNT
+    np.testing.assert_array_equal(found.torque[below], limits[0][below])
+    np.testing.assert_array_equal(found.torque[above], limits[1][above])
+    np.testing.assert_array_equal(found.torque[~below & ~above], free[~below & ~above])
+    assert found.found.all()

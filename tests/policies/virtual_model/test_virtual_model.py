@@ -72,6 +72,44 @@ def test_a_command_pulls_along_and_on_a_slope_up_with_the_trunk_parallel_to_it()
     assert uphill[4] == pytest.approx(-np.arctan(0.1) * P.tilt_stiffness, abs=1e-6)
 
 
+def test_a_command_pulls_up_a_side_slope_with_the_trunk_parallel_to_it() -> None:
+    """Ground that rises by 0.1 to the left: up at 0.04 m/s with 0.4 m/s to the left, and left side up: roll above 0."""
+    now = standing(command=(0.0, 0.4, 0.0))
+    uphill, downhill = pull(now, lateral=0.1), pull(now, lateral=-0.1)
+    assert uphill[2] == pytest.approx(0.04 * P.height_damping, abs=1e-6)
+    assert downhill[2] == pytest.approx(-0.04 * P.height_damping, abs=1e-6)
+    assert uphill[3] == pytest.approx(0.0996687 * P.tilt_stiffness, abs=1e-5)  # arctan 0.1
+    assert downhill[3] == pytest.approx(-0.0996687 * P.tilt_stiffness, abs=1e-5)
+    assert uphill[1] == pytest.approx(0.4 * P.lateral_damping, abs=1e-6)
+    assert uphill[[0, 4, 5]] == pytest.approx(np.zeros(3), abs=1e-6)
+
+
+def test_springs_and_dampers_ask_for_no_more_than_a_robot_can_do() -> None:
+    """After a blow: 1.2 rad of tilt, 1 m too low or too high, and far too fast."""
+    assert pull(standing(projected_gravity=(0.0, -np.sin(1.2), -np.cos(1.2))))[3] == -60.0
+    assert pull(standing(projected_gravity=(np.sin(1.2), 0.0, -np.cos(1.2))))[4] == -60.0
+    assert pull(standing(), height=-0.55)[2] == 9.0
+    assert pull(standing(), height=1.45)[2] == -4.0
+    fast = pull(standing(linear_velocity=(4.0, -4.0, 0.0), angular_velocity=(0.0, 0.0, 9.0)))
+    assert fast[[0, 1, 5]].tolist() == [-5.0, 5.0, -60.0]
+
+
+def test_feet_bear_against_a_lasting_push() -> None:
+    """One of 0.8 m/s² ahead, 0.5 to the right and 1 down: forces of mass · (-0.8, 0.5, 9.81 + 1) N in all."""
+    policy, now = TrotFeedback(P), standing()
+    policy.reset(1)
+    ground = Ground(*(np.array([value]) for value in (-P.height, 0.0, 0.0)))
+    friction, aim = Friction(np.array([0.6]), np.array([2.0 * WEIGHT])), now.bodies.feet[..., :2]
+    pushed = np.array([[0.8, -0.5, -1.0, 0.0, 0.0, 0.0]])
+    borne = policy._borne(now, ALL, aim, ground, pushed, friction)
+    assert borne.forces[0].sum(axis=0) == pytest.approx(SIMPLE_QUAD.mass * np.array([-0.8, 0.5, 10.81]), rel=2e-3)
+    np.testing.assert_allclose(borne.arms, now.bodies.feet - now.bodies.centre[:, None])
+    turned = policy._borne(now, ALL, aim, ground, np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 2.0]]), friction)
+    moment = np.cross(turned.arms[0], turned.forces[0]).sum(axis=0)
+    acceleration = np.linalg.solve(now.bodies.rotational_inertia[0], moment)
+    assert acceleration == pytest.approx([0.0, 0.0, -2.0], abs=0.02)
+
+
 @pytest.mark.parametrize(("priority", "upright"), [(100.0, True), (0.01, False)])
 def test_two_feet_keep_the_trunk_level_or_brake_it_by_priority(priority: float, upright: bool) -> None:
     now, diagonal = standing(), np.array([[True, False, False, True]])

@@ -1,0 +1,105 @@
+"""What controllers by the robot's model ask of the joints, by hand."""
+
+import numpy as np
+import pytest
+
+from policies.mpc.motion import Motion, motion
+from policies.mpc.policy import MpcWbc
+from policies.mpc.whole_body import Torques
+from quad_env.actuation.models import Actuator, TorqueSpeed
+from quad_env.physics.dynamics import Dynamics
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.policies.readings import reading
+
+MOTOR = Actuator(TorqueSpeed(stall_torque=100.0, no_load_speed=10.0, peak_torque=80.0))
+SPEEDS = np.tile([0.0, 5.0, -5.0, 8.0], 3)
+
+
+def turning(robots: int = 1, **readings: object) -> Motion:
+    """Robots whose joints turn at SPEEDS."""
+    rows = reading(robots, joint_velocity=SPEEDS, **readings)
+    return motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
+
+
+def policy_of(actuator: Actuator = MOTOR, robots: int = 1) -> MpcWbc:
+    policy = MpcWbc(actuator=actuator)
+    policy.reset(num_envs=robots)
+    return policy
+
+
+def test_motors_are_asked_for_what_they_give_at_the_speeds_of_the_joints() -> None:
+    """100 (1 - 5 / 10) = 50 N·m ahead and, at 8 rad/s, 20; at standstill, and against the way, the peak of 80."""
+    least, most = policy_of()._limits(turning())
+    np.testing.assert_allclose(most[0, :4], [80.0, 50.0, 80.0, 20.0])
+    np.testing.assert_allclose(least[0, :4], [-80.0, -80.0, -50.0, -80.0])
+
+
+def found(torque: float = 0.0, acceleration: float = 0.0, robots: int = 1) -> Torques:
+    each = np.ones((robots, 12))
+    return Torques(torque * each, acceleration * each, np.ones(robots, np.bool_))
+
+
+def test_joint_targets_give_the_torques_halfway_through_the_control_period() -> None:
+    """k (u - q - 5 ms q̇ - ½ (5 ms)² q̈) - d (q̇ + 5 ms q̈) = τ, with k = 300 and d = 10: for 6 N·m at 40 rad/s²."""
+    policy, now = policy_of(), turning()
+    assert not policy._aim(now, found(6.0, 40.0)).any()
+    angle = SIMPLE_QUAD.home_pose + 0.005 * SPEEDS + 0.0005
+    np.testing.assert_allclose(policy._targets[0], angle + 6.0 / 300.0 + 10.0 / 300.0 * (SPEEDS + 0.2), atol=1e-6)
+
+
+def test_no_joint_is_taken_to_accelerate_faster_than_2000() -> None:
+    policy, now = policy_of(robots=2), turning(2)
+    policy._aim(now, found(0.0, 2000.0, 2))
+    fastest = policy._targets.copy()
+    policy._aim(now, found(0.0, 1e6, 2))
+    np.testing.assert_array_equal(policy._targets, fastest)
+
+
+def test_a_robot_without_finite_torques_keeps_its_targets_and_the_other_gets_its_own() -> None:
+    policy, now = policy_of(robots=2), turning(2)
+    policy._aim(now, found(1.0, robots=2))
+    before, broken = policy._targets.copy(), found(2.0, robots=2)
+    broken.torque[0, 3] = np.nan
+    assert policy._aim(now, broken).tolist() == [True, False]
+    np.testing.assert_array_equal(policy._targets[0], before[0])
+    np.testing.assert_allclose(policy._targets[1] - before[1], 1.0 / 300.0, atol=1e-9)
+    broken = found(3.0, robots=2)._replace(found=np.array([True, False]))
+    assert policy._aim(now, broken).tolist() == [False, True]
+
+
+def test_a_robot_that_is_off_its_command_steps_faster_by_and_by() -> None:
+    """By 2 Hz per m/s beyond 0.4 m/s, at most by 1.5 Hz; 0.3 of the change is made in a control step."""
+    policy = policy_of(robots=3)
+    policy.parameters = policy.parameters.__class__(frequency_gain=2.0, most_faster=1.5)
+    policy.frequency = 2.5
+    policy._frequencies = np.full(3, 2.5)
+    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(3))
+    now = now._replace(
+        velocity=np.array([[0.3, 0.0, 0.0], [0.6, -0.8, 0.0], [3.0, 0.0, 0.0]]), command=np.zeros((3, 3))
+    )
+    phase = policy._phase.copy()
+    policy._hurry(now)
+    frequencies = [2.5, 2.5 + 0.3 * 1.2, 2.5 + 0.3 * 1.5]
+    np.testing.assert_allclose(policy._frequencies, frequencies)
+    np.testing.assert_allclose((policy._phase - phase) / (2.0 * np.pi * 0.01), frequencies)
+
+
+def test_a_robot_is_stopped_after_a_tenth_of_a_second_without_solutions_in_a_row_and_no_other() -> None:
+    policy, observation, angles = policy_of(robots=2), reading(2), np.tile(SIMPLE_QUAD.home_pose, (2, 1))
+    for step in range(14):
+        policy._give_way(np.array([True, step % 6 > 0]), observation, angles)
+        assert policy.stopped.tolist() == [step >= 10, False]
+
+
+def test_ground_is_cleared_the_more_the_rougher_the_footprints_are() -> None:
+    """At the middle of a swing, by 16 · (¼)² = 1 times the gain and the roughness; at its ends not at all."""
+    policy = policy_of()
+    policy.parameters = policy.parameters.__class__(roughness_gain=3.0)
+    policy.prints.roughness[:] = 0.02
+    now = turning()
+    ground = policy.prints.ground(now, np.ones((1, 4), np.bool_))
+    rough = float(policy.prints.roughness[0])
+    assert rough == pytest.approx(0.02, rel=0.02)
+    over, zero = policy._over(np.zeros((1, 4, 2)), ground), np.zeros((1, 4))
+    np.testing.assert_allclose(over(zero, zero, zero + 0.5) - ground.at(zero, zero), 3.0 * rough)
+    np.testing.assert_allclose(over(zero, zero, zero + np.array([0.0, 1.0, 0.0, 1.0])), ground.at(zero, zero))
