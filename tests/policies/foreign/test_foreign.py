@@ -161,6 +161,71 @@ def test_a_failure_is_that_of_one_robot(file: Path, name: str) -> None:
     np.testing.assert_allclose(again.actions[OTHERS], 0.04)
 
 
+PASSING = (
+    """
+import numpy as np
+import policies
+
+class Passing:
+    """
+    + '"""Fails in its third call where it is commanded forward, and never again."""'
+    + """
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, observation):
+        self.calls += 1
+        if observation[-3] > 0.0 and self.calls == 3:
+            raise ValueError("for once")
+        return np.full(12, 0.01 * self.calls)
+
+class Whole(policies.Trot):
+    """
+    + '"""The same of all robots at once."""'
+    + """
+    fails = 3
+
+    def _act(self, observation):
+        self.fails -= 1
+        if self.fails == 0:
+            raise ValueError("for once")
+        return super()._act(observation)
+"""
+)
+
+
+def test_a_robot_that_its_policy_failed_is_moved_again_in_its_next_episode(tmp_path: Path) -> None:
+    """And fails again then, and is told of again; a robot that is not reset stays without actions."""
+    path = tmp_path / "passing.py"
+    path.write_text(PASSING, encoding="utf-8")
+    of = served(path, "Passing")
+    told = {1: "raised ValueError: for once"}
+    assert third_step(of)[1] == told
+    assert of.step(OBSERVATIONS).failures == {}  # told once
+    assert of.reset_where(np.array([True, False, False])) == {}
+    assert not of.step(OBSERVATIONS).actions[1].any()
+    assert of.reset_where(np.array([False, True, False])) == {}
+    np.testing.assert_allclose(of.step(OBSERVATIONS).actions[:, 0], [0.02, 0.01, 0.06])
+    assert of.step(OBSERVATIONS).failures == {}
+    assert of.step(OBSERVATIONS).failures == told
+    assert of.reset(3, 0) == {}
+    np.testing.assert_allclose(of.step(OBSERVATIONS).actions[:, 0], 0.01)
+
+
+def test_a_policy_of_all_robots_that_failed_moves_those_that_begin_again(tmp_path: Path) -> None:
+    path = tmp_path / "passing.py"
+    path.write_text(PASSING, encoding="utf-8")
+    of = served(path, "Whole")
+    of.reset(3, 0)
+    assert of.step(OBSERVATIONS).failures == {}
+    assert of.step(OBSERVATIONS).failures == dict.fromkeys(range(3), "raised ValueError: for once")
+    assert not of.step(OBSERVATIONS).actions.any()
+    assert of.reset_where(np.array([False, True, False])) == {}
+    answer = of.step(OBSERVATIONS)
+    assert answer.failures == {}
+    assert answer.actions[1].any()
+
+
 def test_a_process_that_gives_no_answer_is_ended_within_a_deadline_whatever_the_number_of_robots(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -178,6 +178,15 @@ def test_the_ground_under_the_trunk_is_the_mean_of_the_footprints_and_roughness_
     np.testing.assert_allclose(ground.at(x, y)[0], by_hand, rtol=1e-4)
 
 
+def test_roughness_is_the_largest_distance_from_the_plane() -> None:
+    """Feet 0.4 m apart in front and 0.2 m behind leave (1, -1, -2, 2) / 10 of the first's height: 0.01 m at most."""
+    now = standing_on([0.0] * 4)
+    feet = np.column_stack(([0.3, 0.3, -0.3, -0.3], [0.2, -0.2, 0.1, -0.1], [-0.35, -0.4, -0.4, -0.4]))
+    prints = Footprints(slope_time=0.2, period=0.01)
+    prints.ground(now._replace(bodies=now.bodies._replace(feet=feet[None])), ALL)
+    np.testing.assert_allclose(prints.roughness, 0.01 * 0.01 / 1.01, rtol=1e-3)
+
+
 def test_footprints_pass_under_the_trunk_until_their_foot_lands_again() -> None:
     """In 10 ms at (1, -0.5, 0.2) m/s, turning at 2 rad/s: a print (x, y) moves by -0.01 (1 - 2 y, -0.5 + 2 x, 0.2)."""
     prints = Footprints(slope_time=0.2, period=0.01)
@@ -192,9 +201,9 @@ def test_footprints_pass_under_the_trunk_until_their_foot_lands_again() -> None:
 
 def test_no_slope_beyond_the_steepest_is_believed() -> None:
     """Feet on slopes of 1 ahead and -0.9 to the left show 0.6 and -0.6 in the end."""
-    prints = Footprints(slope_time=0.02, period=0.01)
+    prints, now = Footprints(slope_time=0.02, period=0.01), standing_on([-0.33, 0.03, -0.83, -0.47])
     for _ in range(60):
-        ground = prints.ground(standing_on([-0.33, 0.03, -0.83, -0.47]), ALL)
+        ground = prints.ground(now, ALL)
     np.testing.assert_allclose([ground.forward[0], ground.lateral[0]], [0.6, -0.6], atol=1e-6)
 
 

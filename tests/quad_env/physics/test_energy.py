@@ -124,3 +124,24 @@ def test_a_robot_that_does_not_move_keeps_its_readings_and_a_new_episode_begins_
         assert later[name][0].any(), name
     _, begun = env.reset(options={"reset_mask": np.array([True, False])})
     assert not any(begun[name].any() for name in MEASURED)
+
+
+def test_the_first_step_after_a_reset_is_measured_as_that_of_a_robot_that_has_done_nothing_before() -> None:
+    """Of the robot that begins again; the change of the other one's torque is from its step before."""
+    used, fresh = (SimpleQuadVectorEnv(2, readings=True, autoreset_mode="DISABLED") for _ in range(2))
+    twin = SimpleQuadVectorEnv(2, readings=True, autoreset_mode="DISABLED")
+    rng = np.random.default_rng(2)
+    for env in (used, twin):
+        env.reset(seed=[4, 5])
+    for _ in range(15):
+        action = HOME + rng.uniform(-0.3, 0.3, (2, 12)).astype(np.float32)
+        for env in (used, twin):
+            env.step(action)
+    used.reset(seed=[4, 5], options={"reset_mask": np.array([True, False])})
+    fresh.reset(seed=[4, 5])
+    action = HOME + rng.uniform(-0.3, 0.3, (2, 12)).astype(np.float32)
+    found, first, later = (env.step(action)[-1] for env in (used, fresh, twin))
+    for name in MEASURED:
+        np.testing.assert_array_equal(found[name][0], first[name][0], err_msg=name)
+        np.testing.assert_array_equal(found[name][1], later[name][1], err_msg=name)
+    assert (found["torque_change"][1] != first["torque_change"][1]).any()

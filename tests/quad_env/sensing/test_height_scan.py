@@ -13,6 +13,7 @@ from quad_env import OBSERVATION_SIZE, SCENARIOS, CommandRanges, HeightScan, Sce
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.disturbances import Latency
 
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
 SMALL = HeightScan(ahead=6, behind=2, aside=3, spacing=0.13)
@@ -90,6 +91,40 @@ def test_it_changes_nothing_else_and_a_scenario_s_noise_comes_on_top() -> None:
     assert added.std() == pytest.approx(0.05, rel=0.03)
     flat = added.transpose(1, 0, 2).reshape(6, -1)
     assert np.abs(np.corrcoef(flat) - np.eye(6)).max() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("delay", "latency", "late"), [(0.0, 0.05, 5), (0.02, 0.0, 2), (0.02, 0.05, 7), (0.015, 0.05, 7), (0.0, 0.0, 0)]
+)
+def test_it_is_as_late_as_the_scan_and_the_scenario_s_readings_together(
+    delay: float, latency: float, late: int
+) -> None:
+    """In control steps of 10 ms; what arrives between two is seen at the next. Until then it shows the first."""
+    behind = replace(ROUGH, latency=Latency(action=0.0, observation=latency))
+    found, exact = scans(replace(SMALL, delay=delay), scenario=behind), scans(SMALL)
+    np.testing.assert_array_equal(found[late:], exact[: len(exact) - late])
+    np.testing.assert_array_equal(found[:late], np.repeat(exact[:1], late, axis=0))
+
+
+def test_a_sample_is_shown_until_the_next_one() -> None:
+    found, exact = scans(replace(SMALL, rate=25.0)), scans(SMALL)
+    np.testing.assert_array_equal(found, exact[np.arange(len(exact)) // 4 * 4])
+
+
+def test_a_robot_that_begins_again_sees_the_ground_at_its_new_start_and_the_others_go_on() -> None:
+    late = replace(SMALL, delay=0.03)
+    env, twin = (SimpleQuadVectorEnv(2, "rough", height_scan=late, autoreset_mode="DISABLED") for _ in range(2))
+    for each in (env, twin):
+        each.reset(seed=3)
+        for action in waved(2, 6):
+            each.step(action)
+    begun, _ = env.reset(seed=8, options={"reset_mask": np.array([False, True])})
+    fresh, _ = SimpleQuadVectorEnv(2, "rough", height_scan=late).reset(seed=8)
+    np.testing.assert_array_equal(begun[1], fresh[1])
+    for action in waved(2, 4):
+        one, other = env.step(action)[0], twin.step(action)[0]
+        np.testing.assert_array_equal(one[0], other[0])
+        assert (one[1, OBSERVATION_SIZE:] != other[1, OBSERVATION_SIZE:]).any()
 
 
 def test_a_lost_scan_shows_unseen_ground_and_changes_nothing_else() -> None:

@@ -196,6 +196,15 @@ def test_himloco_shows_six_steps_the_newest_first_and_scales_hips_less(tmp_path:
     assert policy.width == 270
 
 
+@pytest.mark.parametrize("key", ["hip_reduction", "hip_scale_reduction"])
+def test_either_key_of_legged_gym_s_offspring_scales_hips_less(tmp_path: Path, key: str) -> None:
+    found = files.legged_gym()
+    found["control"] |= {key: 0.4}
+    network(tmp_path, "policy.pt")
+    policy = described(written(tmp_path / "settings.yaml", found))
+    assert policy.action_scale == pytest.approx((0.1, 0.25, 0.25) * 4)
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_mjlab_metadata_is_in_the_order_of_its_joints(tmp_path: Path, seed: int) -> None:
     names = tuple(MOTORS[each] for each in permuted(seed))
