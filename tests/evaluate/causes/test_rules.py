@@ -111,8 +111,8 @@ def test_a_steady_force_counts_where_the_robot_gives_way_to_it(way: float, count
 
 @pytest.mark.parametrize(("friction", "factor"), [(0.25, 1.0), (0.8, 0.5 / 0.8)])
 def test_feet_that_stand_and_slide_count_by_their_share_and_the_ground(friction: float, factor: float) -> None:
-    """Of 50 steps the first foot slides at 0.6 m/s in the last ten, the second at 0.3; the third lands there, and counts
-    from its second step on, and the last swings: 10 of 50 + 50 + 9, by 0.55."""
+    """Of 50 steps the first foot slides at 0.6 m/s in the last ten, the second at 0.3; the third lands then, and
+    counts from its second step on; the last swings: 10 of 50 + 50 + 9, by 0.55."""
     points, velocity = np.zeros((2, END, 4, 4, 3))
     velocity[150:, 0, 3, 1], velocity[150:, 1, 3, 0] = 0.6, 0.3
     velocity[150:151, 2, 3, 0] = 2.0

@@ -66,6 +66,17 @@ def test_a_joint_that_hears_nothing_holds_its_target_and_the_others_follow() -> 
         np.testing.assert_array_equal(delay.received(targets, np.array([step]), np.zeros(1, np.intp))[0], expected)
 
 
+def test_targets_are_as_late_as_the_scenario_s_delay_and_the_drawn_one_together() -> None:
+    scenario = Scenario("made", latency=Latency(action=0.02), randomisation=DomainRandomisation(delay=0.03))
+    delay, episodes = delays(scenario, list(range(20)))
+    late, targets = np.array([2 + round(each.randomised.delay / DT) for each in episodes]), wild(15, 20)  # type: ignore
+    assert set(late) == {2, 3, 4, 5}
+    for step in range(15):
+        received = delay.received(targets[step], np.full(20, step), np.arange(20))
+        arrived = targets[np.maximum(step - late, 0), np.arange(20)]
+        np.testing.assert_array_equal(received, np.where((step >= late)[:, None], arrived, HOME))
+
+
 def test_targets_of_the_episode_before_never_arrive_in_the_next() -> None:
     """Two control steps late: a robot that begins again holds the home pose, and the other goes on."""
     delay, _ = delays(LATE, [1, 2])
