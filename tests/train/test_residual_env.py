@@ -7,7 +7,7 @@ import pytest
 import policies
 from policies.history import Inputs
 from policies.network import Network
-from policies.residual import PRESENT, Features, ResidualPolicy, authority_of
+from policies.residual import PRESENT, Features, ResidualPolicy, authority_of, compose
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.residual_env import ResidualVectorEnv
@@ -48,6 +48,39 @@ def test_the_first_features_after_a_restart_are_those_of_a_fresh_robot_with_the_
     features.reset(2)
     np.testing.assert_array_equal(seen, features.see(observation, trot.act(observation)))
     np.testing.assert_array_equal(infos["command"], fresh["command"])
+
+
+@pytest.mark.parametrize(("base", "scenario"), [("trot", "push"), ("trot_integral", "rough")])
+def test_a_robot_that_restarts_alone_is_seen_from_then_on_as_one_that_has_just_begun(base, scenario):
+    """Robot 1 falls by itself: lags, averages and clock of five more steps are those of its next episode alone, and
+    those of the others those of robots that never saw it."""
+    inputs = Inputs(lags=(0.03,), averages=(0.2,), clock=1.5)
+    env, _ = residual(3, base=base, scenario=scenario, inputs=inputs)
+    seeds = SEEDS[:3]
+    for step in range(8):
+        if step == 7:
+            env.unwrapped.simulation.qpos[1, 3:7] = (0.0, 1.0, 0.0, 0.0)
+        _, _, terminated, _, infos = env.step(noise(step, 3))
+    assert terminated.tolist() == [False, True, False]
+    assert infos["_final_obs"].tolist() == [False, True, False]
+    plain, policy = robots(3, scenario=scenario), policies.make(base)
+    plain.reset(seed=seeds)
+    observation, _ = plain.reset()
+    policy.reset(3)
+    features = Features(policy, inputs)
+    features.reset(3)
+    twin, _ = residual(3, base=base, scenario=scenario, inputs=inputs)
+    for step in range(8):
+        twin.step(noise(step, 3))
+    action = policy.act(observation)
+    features.see(observation, action)
+    for step in range(8, 13):
+        observation, *_ = plain.step(compose(SIMPLE_QUAD, action, noise(step, 3), authority_of(SIMPLE_QUAD)))
+        action = policy.act(observation)
+        expected = features.see(observation, action)
+        found, uncut = env.step(noise(step, 3))[0], twin.step(noise(step, 3))[0]
+        np.testing.assert_array_equal(found[1], expected[1])
+        np.testing.assert_array_equal(found[[0, 2]], uncut[[0, 2]])
 
 
 @pytest.mark.parametrize(("base", "steps"), [("trot_integral", 40), ("mpc", 10), ("stand", 40)])
