@@ -7,31 +7,10 @@ import pytest
 
 from evaluate.causes import rules
 from evaluate.causes.record import Record
-from evaluate.measures.episodes import blank
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, SteadyForce
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import Stairs
-from tests.evaluate.measures.uneventful import uneventful
-
-STEPS, END = 300, 200
-TIME_CONSTANT = 0.23604
-"""√(0.54655 / 9.81), s."""
-RISER = Stairs(rise=0.15, run=0.3, landing=0.75)
-
-
-def recorded(scenario: Scenario | None = None, number: int = 1, end: int = END, **known: Any) -> Record:
-    """Of two robots the second, which has fallen at step 200; `known`: signals, or what follows from them."""
-    signals = {name: known.pop(name) for name in [*known] if name not in ("onset", "window", "shank", "capture")}
-    scenario = scenario or Scenario("made")
-    episodes = uneventful(SIMPLE_QUAD, STEPS, 2, fall_step=np.array([END - 50, end]), scenario=scenario, **signals)
-    record = Record(episodes, scenario, number)
-    vars(record).update({"onset": 150, "window": slice(110, 160), **known})
-    return record
-
-
-def signal(name: str) -> np.ndarray:
-    return blank(SIMPLE_QUAD, name, STEPS, 2)
+from tests.evaluate.causes.made import END, RISER, STEPS, TIME_CONSTANT, recorded, signal
 
 
 def blow(step: int, before: float = 1.0, at: float = 0.4, after: float = 0.0, *, lands: bool = True) -> Record:
@@ -61,6 +40,10 @@ def test_a_leg_trips_only_where_it_touches_after_a_swing_and_within_the_window()
     assert not list(rules.trips(blow(130, before=0.2, at=0.15)))  # loses 0.125 m/s
     seen = {step: [event.step for event in rules.trips(blow(step))] for step in (107, 108, 159, 160)}
     assert seen == {107: [], 108: [110], 159: [159], 160: []}
+    for step, seen_there in ((198, [198]), (199, [])):  # the record ends at 199
+        record = blow(step)
+        vars(record)["window"] = slice(110, END)
+        assert [event.step for event in rules.trips(record)] == seen_there
     level = blow(130)
     object.__setattr__(level, "scenario", Scenario("made"))
     assert not list(rules.trips(level))
@@ -158,10 +141,11 @@ def test_servos_of_a_bandwidth_count_by_how_far_they_are_behind() -> None:
 
 
 def test_standing_legs_count_at_a_joint_limit_and_stretched() -> None:
-    """Two legs stand all the time: one at the limit of its hip in 20 steps, one straight in 10: 30 of 100, by 0.7."""
+    """Two legs stand all the time: one at the limits of its hip in 10 + 10 steps, one straight in 10: 30 of 100, by
+    0.7."""
     joints, contact = signal("joint_position"), signal("foot_contact")
     joints[..., 2::3] = -1.2
-    joints[140:, 1, 0] = SIMPLE_QUAD.joint_lower[0]
+    joints[140:150, 1, 0], joints[150:, 1, 0] = SIMPLE_QUAD.joint_lower[0], SIMPLE_QUAD.joint_upper[0]
     joints[150:, 1, 5] = 0.0
     joints[:, 1, 8] = 0.0  # a leg that swings
     contact[:, 1, :2] = True
@@ -187,6 +171,16 @@ def test_an_estimate_counts_by_the_error_of_tilt_and_velocity_at_the_moment_that
     observed[..., 6:8] = 0.45, 0.6
     (event,) = rules.estimates(recorded(scenario, quaternion=facing(0.0), observed=observed))
     assert event.strength == pytest.approx(1.5, rel=1e-5)
+    rolling = np.zeros((STEPS, 1, 4))
+    pitch = 0.05 * np.arange(STEPS)[:, None] % 1.0
+    rolling[..., 0], rolling[..., 2] = np.cos(pitch / 2), np.sin(pitch / 2)
+    observed[..., :3] = 0.0, 0.0, -1.0
+    observed[3:, :, 0], observed[3:, :, 2] = np.sin(pitch[:-3]), -np.cos(pitch[:-3])
+    observed[..., 6:9] = 0.0
+    turning = np.repeat(rolling, 2, axis=1).astype(np.float32)
+    (event,) = rules.estimates(recorded(scenario, quaternion=turning, observed=observed))
+    assert event.strength == pytest.approx(0.0, abs=5e-3)
+    observed[..., :3] = 0.0, 0.0, -1.0
     moving, quaternion = signal("heading_velocity"), facing(0.0)
     moving[:, :, 0] = 0.01 * np.arange(STEPS)[:, None]
     observed[..., 6:9] = 0.0
@@ -219,3 +213,5 @@ def test_a_servo_without_targets_counts_by_how_far_its_joint_should_have_gone() 
     assert event.strength == pytest.approx(3.0, rel=1e-5)
     assert " receives no targets for 0.30 s, 0.45 rad off" in event.words
     assert len(list(rules.signals(recorded(scenario, action=action, window=slice(10, 100), onset=90)))) == 1
+    assert len(list(rules.signals(recorded(scenario, action=action, window=slice(start + 65, 195), onset=190)))) == 1
+    assert len(list(rules.signals(recorded(scenario, action=action, window=slice(start + 64, 195), onset=190)))) == 2

@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from policies.gait_cycle import LegCycle
+from policies.mpc.contact import ContactStates
+from policies.mpc.footing import passing
 from policies.mpc.motion import Motion, motion
 from policies.mpc.policy import MpcWbc
 from policies.mpc.whole_body import Torques
@@ -103,3 +106,106 @@ def test_ground_is_cleared_the_more_the_rougher_the_footprints_are() -> None:
     over, zero = policy._over(np.zeros((1, 4, 2)), ground), np.zeros((1, 4))
     np.testing.assert_allclose(over(zero, zero, zero + 0.5) - ground.at(zero, zero), 3.0 * rough)
     np.testing.assert_allclose(over(zero, zero, zero + np.array([0.0, 1.0, 0.0, 1.0])), ground.at(zero, zero))
+
+
+def moving_feet(robots: int = 1) -> Motion:
+    """A robot that goes at (0.4, -0.2, 0.1) m/s and turns at 0.5 rad/s, its joints still."""
+    rows = reading(robots, linear_velocity=(0.4, -0.2, 0.1), angular_velocity=(0.0, 0.0, 0.5))
+    return motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
+
+
+FIRST_SWINGS = np.array([[True, False, False, True]])
+
+
+def flat(x: np.ndarray, y: np.ndarray, t: np.ndarray) -> np.ndarray:
+    return np.full(x.shape, -0.4)
+
+
+def accelerations(
+    policy: MpcWbc,
+    now: Motion,
+    progress: float,
+    standing: list[int],
+    late: list[int],
+    swings: np.ndarray = FIRST_SWINGS,
+) -> np.ndarray:
+    """Of the feet, two of which swing, at that progress of all."""
+    cycle = LegCycle(swings, np.full((1, 4), progress))
+    states = ContactStates(*(np.array([each], np.bool_) for each in (standing, late, standing)))
+    return policy._feet(now, cycle, states, now.bodies.feet[..., :2] + 0.1, flat)[0]
+
+
+def test_standing_feet_are_to_rest_and_late_ones_to_come_down() -> None:
+    """-20 / s of their velocity; 30 / s to the trunk's less the search speed of 0.5 m/s, straight down."""
+    policy, now = policy_of(), moving_feet()
+    policy.parameters = policy.parameters.__class__(stance_damping=20.0, swing_damping=30.0, search_speed=0.5)
+    found, velocity = accelerations(policy, now, 0.5, [0, 1, 0, 0], [0, 0, 1, 0]), now.feet_velocity[0]
+    np.testing.assert_allclose(found[1], -20.0 * velocity[1], atol=1e-9)
+    np.testing.assert_allclose(found[2], 30.0 * (np.array([0.0, 0.0, 0.1 - 0.5]) - velocity[2]), atol=1e-6)
+
+
+def test_swinging_feet_follow_their_path_from_where_they_were_lifted() -> None:
+    """The path's acceleration, 300 / s² of its distance and 30 / s of the error of the velocity, which is that of a
+    place that goes along with the robot and the path's own."""
+    policy, now = policy_of(), moving_feet()
+    policy.parameters = p = policy.parameters.__class__(
+        swing_stiffness=300.0, swing_damping=30.0, duty=0.6, step_height=0.1, landing_depth=0.0
+    )
+    policy._frequencies = np.array([2.0])
+    accelerations(policy, now, 0.0, [0, 1, 1, 0], [0] * 4)
+    lifted = now.bodies.feet[0, :, :2].copy()
+    bodies = now.bodies._replace(feet=now.bodies.feet + np.array([0.03, -0.01, 0.05]))
+    later = now._replace(bodies=bodies)
+    found = accelerations(policy, later, 0.5, [0, 1, 1, 0], [0] * 4)
+    np.testing.assert_allclose(policy._start[0, [0, 3]], lifted[[0, 3]])
+    time, feet = (1.0 - 0.6) / 2.0, later.bodies.feet[0]
+    aim, past = feet[:, :2] + 0.1, passing(later, later.command[:, 2])[0]
+    for foot in (0, 3):
+        place = np.array([*(lifted[foot] + aim[foot]) / 2.0, -0.4 + 0.1])
+        rate = np.array([*(1.5 * (aim[foot] - lifted[foot]) - 0.5 * past[foot] * time) / time, 0.0])
+        t = 0.5 + 0.01 / time
+        then = 6.0 * t * (1.0 - t) * (aim[foot] - lifted[foot]) + (1.0 - 6.0 * t + 6.0 * t * t) * past[foot] * time
+        rise = 0.1 * 2.0 * 4.0 * t * (1.0 - t) * 4.0 * (1.0 - 2.0 * t)
+        ahead = (np.array([*then, rise]) / time - rate) / 0.01
+        x, y, _ = place
+        velocity = later.bodies.centre_velocity[0]
+        along = np.array([velocity[0] - 0.5 * y, velocity[1] + 0.5 * x, 0.1])
+        by_hand = ahead + 300.0 * (place - feet[foot]) + 30.0 * (along + rate - later.feet_velocity[0, foot])
+        np.testing.assert_allclose(found[foot], by_hand, rtol=1e-4, atol=0.02)
+    assert p.duty == 0.6
+
+
+def test_a_foot_that_is_lifted_again_starts_from_there() -> None:
+    policy, now = policy_of(), moving_feet()
+    for swings in (FIRST_SWINGS, ~FIRST_SWINGS, FIRST_SWINGS):
+        now = now._replace(bodies=now.bodies._replace(feet=now.bodies.feet + 0.02))
+        accelerations(policy, now, 0.3, [0] * 4, [0] * 4, swings)
+    np.testing.assert_allclose(policy._start[0, [0, 3]], now.bodies.feet[0, [0, 3], :2])
+    np.testing.assert_allclose(policy._start[0, [1, 2]], now.bodies.feet[0, [1, 2], :2] - 0.02)
+
+
+def test_contacts_are_of_where_the_legs_were_when_the_readings_were_taken() -> None:
+    """Three control steps ago at 2.5 Hz: 0.075 of a cycle; each robot by its own delay."""
+    policy = policy_of(robots=2)
+    policy._frequencies = np.array([2.5, 2.5])
+    policy.observer.delays = np.array([0, 3])
+    phase = 2.0 * np.pi * 0.4
+    policy._phase = np.array([phase, phase + 2.0 * np.pi * 0.075])
+    earlier = policy._earlier()
+    np.testing.assert_allclose(earlier.progress[0], earlier.progress[1], atol=1e-9)
+    np.testing.assert_array_equal(earlier.swing[0], policy._gait.legs(np.array(phase)).swing)
+
+
+def test_robots_that_give_up_stop_from_their_own_targets_at_their_own_joints() -> None:
+    """The second of two, which stands otherwise than the first, is stopped as it would be alone."""
+    together, alone = policy_of(robots=2), policy_of()
+    angles = np.tile(SIMPLE_QUAD.home_pose, (2, 1))
+    angles[1] += 0.1
+    for policy, row in ((together, slice(0, 2)), (alone, slice(1, 2))):
+        policy._targets = angles[row] + 0.05
+        rows = reading(2, projected_gravity=[(0.0, 0.0, -1.0), (0.2, 0.1, -0.97)])[row]
+        for _ in range(20):
+            policy._give_way(np.array([False, True])[row], rows, angles[row])
+    assert together.stopped.tolist() == [False, True]
+    np.testing.assert_array_equal(together._targets[1], alone._targets[0])
+    np.testing.assert_array_equal(together._targets[0], angles[0] + 0.05)

@@ -76,6 +76,18 @@ def test_a_control_step_by_hand() -> None:
     assert meter.readings["foot_impulse"][0, 0] == 0.0
 
 
+def test_the_change_of_a_robot_s_torque_is_from_its_own_before_where_it_moves_alone() -> None:
+    """Robot 1 from 0 to 7 and then to 4 N·m, while robot 0 has stayed at 5."""
+    batch, meter = metered(Actuator())
+    both = np.arange(2)
+    for ids, torques, changes in (([0, 1], [5.0, 7.0], [5.0, 7.0]), ([1], [0.0, 4.0], [5.0, 3.0])):
+        batch.fields["actuator_force"][:, 2] = torques
+        meter.advance(np.array(ids), 1, lambda *_: None)
+        meter.finish(np.array(ids))
+        assert meter.readings["torque_change"][both, 2].tolist() == changes
+    assert meter.readings["peak_torque"][both, 2].tolist() == [5.0, 4.0]
+
+
 def test_motors_without_a_curve_have_no_heat_and_the_rated_speed() -> None:
     _, meter = metered(Actuator())
     meter.advance(slice(None), 1, lambda *_: None)

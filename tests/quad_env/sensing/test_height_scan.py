@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import quad_env
-from quad_env import OBSERVATION_SIZE, SCENARIOS, CommandRanges, HeightScan, Scenario, SensorNoise
+from quad_env import OBSERVATION_SIZE, SCENARIOS, CommandRanges, HeightScan, Scenario, SensorNoise, StartNoise
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Latency
+from quad_env.scenarios.terrain import Stairs
 
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
 SMALL = HeightScan(ahead=6, behind=2, aside=3, spacing=0.13)
@@ -109,6 +110,24 @@ def test_it_is_as_late_as_the_scan_and_the_scenario_s_readings_together(
 def test_a_sample_is_shown_until_the_next_one() -> None:
     found, exact = scans(replace(SMALL, rate=25.0)), scans(SMALL)
     np.testing.assert_array_equal(found, exact[np.arange(len(exact)) // 4 * 4])
+
+
+def test_each_sample_has_the_noise_of_its_number_however_often_samples_are_taken() -> None:
+    noisy, exact = replace(SMALL, noise=0.05), scans(SMALL)
+    often, seldom = scans(noisy) - exact, scans(replace(noisy, rate=25.0)) - exact[np.arange(len(exact)) // 4 * 4]
+    np.testing.assert_allclose(seldom[::4], often[: len(seldom[::4])], atol=1e-6)
+    assert np.abs(seldom).max() > 0.1
+
+
+def test_ground_two_metres_above_or_below_the_trunk_or_further_reads_two_metres() -> None:
+    steep = Scenario("steep", terrain=Stairs(rise=1.5), start=StartNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    wide = HeightScan(ahead=20, behind=20, aside=0, spacing=0.1)
+    found = scans(wide, robots=1, steps=0, scenario=steep)[0, 0]
+    ahead = wide.points[:, 0]
+    np.testing.assert_array_equal(found[ahead > 1.1], 2.0)  # two steps up
+    np.testing.assert_array_equal(found[ahead < -1.1], -2.0)
+    assert found[ahead > 0.0].min() < 0.0 < found[(ahead > 0.8) & (ahead < 1.0)].min() < 1.5
+    assert -0.6 < found[20] < -0.3
 
 
 def test_a_robot_that_begins_again_sees_the_ground_at_its_new_start_and_the_others_go_on() -> None:
