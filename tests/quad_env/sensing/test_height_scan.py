@@ -119,6 +119,16 @@ def test_each_sample_has_the_noise_of_its_number_however_often_samples_are_taken
     assert np.abs(seldom).max() > 0.1
 
 
+def test_each_robot_has_the_noise_of_its_own_episode_whatever_the_others_do() -> None:
+    noisy, seeds = replace(SMALL, noise=0.05), [5, 6, 7]
+    together = SimpleQuadVectorEnv(3, "rough", height_scan=noisy)
+    rows = [together.reset(seed=seeds)[0], *(together.step(action)[0] for action in waved(3, 3))]
+    for robot, seed in enumerate(seeds):
+        alone = SimpleQuadVectorEnv(1, "rough", height_scan=noisy)
+        own = [alone.reset(seed=seed)[0], *(alone.step(each[[robot]])[0] for each in waved(3, 3))]
+        np.testing.assert_array_equal(np.array(rows)[:, robot], np.array(own)[:, 0])
+
+
 def test_ground_two_metres_above_or_below_the_trunk_or_further_reads_two_metres() -> None:
     steep = Scenario("steep", terrain=Stairs(rise=1.5), start=StartNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     wide = HeightScan(ahead=20, behind=20, aside=0, spacing=0.1)
