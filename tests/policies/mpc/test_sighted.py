@@ -168,6 +168,7 @@ def test_one_point_too_deep_to_see_makes_no_robot_blind_and_none_that_is_seen_do
     heights = shown(-0.35, 0.2, -0.1)
     heights[0, 3], heights[1] = UNSEEN, UNSEEN
     policy = looking(heights)
+    policy._new[1] = False
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     ground = policy._ground(now, STANDS)
     assert policy._trust[:, 0].tolist() == [1.0, 0.0]
@@ -176,13 +177,14 @@ def test_one_point_too_deep_to_see_makes_no_robot_blind_and_none_that_is_seen_do
 
 
 def test_forces_are_planned_for_feet_that_stand_at_their_heights_and_for_those_that_land_at_the_ground_s() -> None:
-    """The first foot stands all along, the second until it is lifted, then on the ground at its foothold."""
-    policy = looking(shown(-0.35, 0.2, -0.1))
+    """The first foot stands all along, the second until it is lifted, then on the ground at its foothold; a step of
+    0.1 m is 0.25 m ahead."""
+    policy = looking(shown(-0.35, 0.2, -0.1) + 0.1 * (SMALL.points[:, 0] > 0.25))
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     ground = policy._ground(now, STANDS)
     stands = np.array([[[1, 1, 0, 1], [1, 0, 0, 1], [1, 1, 1, 1]]] * 2, np.bool_)
     aim = np.tile([[0.3, 0.2], [0.3, -0.2], [-0.1, 0.2], [-0.1, -0.2]], (2, 1, 1))
-    feet, seen = now.bodies.feet[0, :, 2], np.array([-0.31, -0.27, -0.39, -0.35])
+    feet, seen = now.bodies.feet[0, :, 2], np.array([-0.21, -0.17, -0.39, -0.35])
     landed = np.array([[0, 0, 1, 0], [0, 1, 1, 0], [0, 1, 1, 0]], np.bool_)
     np.testing.assert_allclose(policy._footing(now, aim, ground, stands)[0], np.where(landed, seen, feet), atol=1e-9)
     policy._trust[1] = 0.0
