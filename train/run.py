@@ -95,4 +95,4 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     robots = make_robots(config)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
     env = ResidualVectorEnv(robots, bases_of(config), authority, config.ppo.hold, config.inputs)
-    return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged=True)
+    return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged=True, keep_actions=True)

@@ -32,6 +32,8 @@ class TrainedRun:
     git_revision: str
     bundle: Path
     """Folder of the weights of its best validation."""
+    command_then: str | None = None
+    """Command of the run at its git revision; None where it is today's."""
 
     @property
     def baseline(self) -> str:
@@ -56,14 +58,7 @@ A {" × ".join(map(str, config.ppo.actor))} network ({ACTIVATION}) that {does(co
 `policy.json` says what it reads, on what base and with which settings it was trained; `policy.safetensors` \
 holds its weights. Nothing in this folder is code.
 
-## Training
-
-    {command(config)}
-
-{config.steps:,} steps of {config.ppo.envs} robots ({mixture(config)}), {shipped.minutes:.1f} min, \
-source {shipped.git_revision}.{hardware.words(config.hardware)} The shipped seed is {config.seed}, \
-fixed beforehand, and of its run the weights of the best validation, on seeds and ground that neither training nor \
-evaluation uses.
+{training(shipped)}
 
 ## Results
 
@@ -79,6 +74,30 @@ Success is by the rule `{results.versions["success_rule"]}`; every step after a 
 
 {verdicts(shipped, results)}
 """
+
+
+def training(run: TrainedRun) -> str:
+    """Return the section of the card on the run's training: its command, its settings and the revision of its code."""
+    config = run.config
+    return f"""## Training
+
+    {command(config)}
+
+{config.steps:,} steps of {config.ppo.envs} robots ({mixture(config)}), {run.minutes:.1f} min, \
+source {run.git_revision}.{hardware.words(config.hardware)} The shipped seed is {config.seed}, \
+fixed beforehand, and of its run the weights of the best validation, on seeds and ground that neither training nor \
+evaluation uses. {origin(run)}"""
+
+
+def origin(run: TrainedRun) -> str:
+    """Say at which revision a run was trained, and which command has its settings there."""
+    today = command(run.config)
+    then = run.command_then or today
+    there = "has these settings too" if then == today else f"is `{then}`"
+    return (
+        f"The command above has these settings in this version's options. The weights were trained at revision "
+        f"{run.git_revision[:8]}, where the command {there}; later code may train other weights."
+    )
 
 
 def does(config: TrainConfig) -> str:

@@ -30,7 +30,7 @@ from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.scenarios.named import scaled_name
 from research.training.model_card import TrainedRun, model_card
-from train.config import TIMESTEP
+from train.config import TIMESTEP, TrainConfig
 from train.run_folder import BEST, CHECKPOINTS
 from train.run_record import differences, from_dict, load_config
 
@@ -147,11 +147,14 @@ _REMOVED: Mapping[str, Mapping[str, Any]] = {
     "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
 }
 """Settings of shipped policies of older versions, by group, and the only value that they may have; None: any."""
+_ADDED: Mapping[str, Any] = {"effort_ramp": 0.0}
+"""Settings that older versions did not have, with the value that their training amounts to, where it is not today's
+default."""
 
 
 def todays(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings of a shipped policy without those that were removed since. Raises ValueError for another value."""
-    found = {**settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
+    """Settings of a shipped policy in today's terms. Raises ValueError for a removed setting with another value."""
+    found = {**_ADDED, **settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
     for group, removed in _REMOVED.items():
         values = found.get(group, {}) if group else found
         for name, only in removed.items():
@@ -160,14 +163,41 @@ def todays(settings: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
+def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
+    """Return the settings of a shipped policy's run, whose steps are those that its card says.
+
+    A bundle holds the settings at the time of its checkpoint, and a run may have been ended after fewer steps.
+
+    Args:
+        settings: Training settings of the bundle.
+        card: Text of its MODEL.md.
+
+    Raises:
+        ValueError: The card says no steps, or the schedules of the run depend on its length.
+    """
+    config = from_dict(todays(settings))
+    said = re.search(r"^([\d,]+) steps of ", card, re.MULTILINE)
+    if said is None:
+        raise ValueError(f"{CARD}: no number of steps")
+    steps = int(said[1].replace(",", ""))
+    if steps == config.steps:
+        return config
+    if config.ppo.learning_rate_schedule == "linear" or config.ppo.log_std_final is not None:
+        raise ValueError(f"{CARD}: {steps:,} steps, but the schedules of the bundle are those of {config.steps:,}")
+    return replace(config, steps=steps, effort_ramp=config.effort_ramp * config.steps / steps)
+
+
 def _shipped(folder: Path) -> TrainedRun:
     """The run that a shipped policy comes from, by its bundle and its card. Raises UsageError."""
     try:
         description = json.loads(read_bytes(folder / "policy.json"))
-        config = from_dict(todays(description["training"]))
-        minutes = re.search(r"([\d.]+) min, source", read_bytes(folder / CARD).decode())
+        card = read_bytes(folder / CARD).decode()
+        config = settings_of_card(description["training"], card)
+        minutes = re.search(r"([\d.]+) min, source", card)
+        then = re.search(r"where the command is `(python -m train[^`]*)`", card)
         policies.load(folder, config.hardware.quadruped)
-        return TrainedRun(str(folder), config, float(minutes[1]), description["git_revision"], folder)  # type: ignore[index]
+        revision = description["git_revision"]
+        return TrainedRun(str(folder), config, float(minutes[1]), revision, folder, then and then[1])  # type: ignore[index]
     except (OSError, ValueError, KeyError, TypeError, policies.PolicyError) as error:
         raise UsageError(f"{folder} holds no shipped policy with its {CARD}: {error}") from None
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -15,17 +16,30 @@ from evaluate.records.store import ChunkStore
 from policies.shipped import MODELS
 from quad_env.cli.command_line import UsageError
 from research.__main__ import main
-from research.training.model_card import TrainedRun, difference, does, model_card, scores
-from research.training.publish import choose, todays
+from research.training.model_card import TrainedRun, difference, does, model_card, scores, training
+from research.training.publish import choose, settings_of_card, todays
+from research.training.publish import trained_run as trained_run_of
+from tests.robot_models import NEEDS_MODELS
 from train.__main__ import main as train
 from train.commands.run import parse
 from train.config import DEFAULTS
-from train.run_record import command, from_dict, to_dict
+from train.run_record import command, differences, from_dict, to_dict
 
 OPTIONS = (
     "--threads 1 --mixture flat 1.0 --validation.episodes 1 --validation.scenarios flat --steps 64 "
     "--ppo.envs 8 --ppo.rollout-steps 4 --ppo.minibatch 32 --ppo.epochs 1 --ppo.actor 8 --ppo.critic 8"
 )
+
+
+CARDS = [
+    pytest.param(
+        file,
+        id=file.parent.relative_to(MODELS).as_posix(),
+        marks=[NEEDS_MODELS] if file.parent.parent != MODELS else [],
+    )
+    for file in sorted(MODELS.rglob("MODEL.md"))
+]
+"""Cards of all shipped policies; those of other robots are in a folder of the robot."""
 
 
 def publish(words):
@@ -67,6 +81,30 @@ def test_the_command_of_the_card_repeats_the_run():
     assert command(DEFAULTS["residual"]) == "python -m train --seed 0"
     walking = dataclasses.replace(DEFAULTS["residual"], base="trot", servo="150/5", hip_authority=0.2)
     assert command(walking) == "python -m train --base trot --hip-authority 0.2 --servo 150/5 --seed 0"
+
+
+@pytest.mark.parametrize("file", CARDS)
+def test_the_command_of_a_shipped_card_has_the_settings_of_its_bundle_and_the_card_names_the_revision(file):
+    """Training options whose defaults change would make another policy of the command of an older card."""
+    text, bundle = file.read_text(encoding="utf-8"), json.loads((file.parent / "policy.json").read_text("utf-8"))
+    (printed,) = re.findall(r"^    (python -m train .*)$", text, re.MULTILINE)
+    settings = settings_of_card(bundle["training"], text)
+    assert differences(settings, parse(printed.split()[3:])) == []
+    assert f"source {bundle['git_revision']}." in text
+    assert f"trained at revision {bundle['git_revision'][:8]}" in text
+    assert training(trained_run_of(file.parent)) in text
+
+
+def test_steps_of_a_card_are_those_of_its_run_unless_a_schedule_depends_on_them():
+    bundle = to_dict(dataclasses.replace(DEFAULTS["residual"], steps=40_000_000, effort_ramp=0.125))
+    found = settings_of_card(bundle, "x\n\n25,600,000 steps of 2048 robots")
+    assert (found.steps, found.effort_ramp * found.steps) == (25_600_000, 0.125 * 40_000_000)
+    assert settings_of_card(bundle, "40,000,000 steps of 2048 robots").effort_ramp == 0.125
+    for ppo in ({"learning_rate_schedule": "linear"}, {"log_std_final": -3.0}):
+        with pytest.raises(ValueError, match="schedules"):
+            settings_of_card({**bundle, "ppo": bundle["ppo"] | ppo}, "25,600,000 steps of 2048 robots")
+    with pytest.raises(ValueError, match="no number of steps"):
+        settings_of_card(bundle, "many steps")
 
 
 def test_the_card_says_how_the_policy_corrects_its_base_and_names_motors_and_sensors_that_are_not_ideal():

@@ -18,11 +18,16 @@ SHARED = "robots of a batch are no objects with attributes of their own: make ne
 class TrainingVecEnv(VecEnv):
     """A vector environment with same-step autoreset in SB3's protocol.
 
+    Return and length of a finished episode reach SB3's log where `env` counts them, as Gymnasium's
+    RecordEpisodeStatistics does.
+
     Args:
         env: what is trained on.
         seeds: one for each robot; every `reset` uses them, until `begin` gives others.
         reward_scale: factor on the rewards that the learner gets.
         privileged: append what only the value network may see, `infos["privileged"]`, to the observations.
+        keep_actions: keep all actions since the start of the robots in `taken`, from which a run can be resumed. Their
+            memory grows with every step until `begin`.
     """
 
     def __init__(
@@ -31,6 +36,7 @@ class TrainingVecEnv(VecEnv):
         seeds: Sequence[int],
         reward_scale: float = 1.0,
         privileged: bool = False,
+        keep_actions: bool = False,
     ) -> None:
         (seen,) = env.single_observation_space.shape or (0,)
         self.privileged: int = env.unwrapped.privileged_width if privileged else 0  # type: ignore[attr-defined]
@@ -40,8 +46,9 @@ class TrainingVecEnv(VecEnv):
         self.env = env
         self._episode_seeds = seeds
         self._reward_scale = reward_scale
+        self._keep_actions = keep_actions
         self.taken: list[FloatArray] = []
-        """Actions since the start of the robots, each (n, k)."""
+        """Actions since the start of the robots, each (n, k); empty unless they are kept."""
         self._no_infos: list[dict[str, Any]] = [{}] * env.num_envs
 
     def reset(self) -> FloatArray:
@@ -62,9 +69,10 @@ class TrainingVecEnv(VecEnv):
         return observation, finished
 
     def step_async(self, actions: FloatArray) -> None:
-        """Take the corrections, (n, 12)."""
+        """Take the actions, (n, k)."""
         self._actions = actions
-        self.taken.append(actions)
+        if self._keep_actions:
+            self.taken.append(actions)
 
     def step_wait(self) -> tuple[FloatArray, FloatArray, BoolArray, list[dict[str, Any]]]:
         """Move the robots; features, rewards, ends of episodes, and infos of the robots that ended one."""
@@ -76,8 +84,9 @@ class TrainingVecEnv(VecEnv):
             ends[i] = {
                 "terminal_observation": final[i],
                 "TimeLimit.truncated": not terminated[i],
-                "episode": {"r": float(infos["episode"]["r"][i]), "l": int(infos["episode"]["l"][i])},
             }
+            if "episode" in infos:
+                ends[i]["episode"] = {"r": float(infos["episode"]["r"][i]), "l": int(infos["episode"]["l"][i])}
         return self._shown(observation, infos), (self._reward_scale * rewards).astype(np.float32), finished, ends
 
     def _shown(self, observation: FloatArray, infos: dict[str, Any]) -> FloatArray:

@@ -2,15 +2,19 @@
 
 import dataclasses
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 import policies
+from quad_env import VectorHomePoseActions
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.scenarios.disturbances import Pushes
 from quad_env.scenarios.named import scenario
 from quad_env.seeding import episode_seeds
+from train.config import PpoConfig, TrainConfig
 from train.residual_env import ResidualVectorEnv
+from train.run import make_env
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import TrainingRobots
 
@@ -100,3 +104,34 @@ def test_a_fall_at_the_time_limit_is_a_fall(monkeypatch):
     monkeypatch.setattr(env.env, "step", lambda _: (inner[0], inner[1], np.ones(1, bool), np.ones(1, bool), ends))
     _, _, _, infos = env.step(noise(0, 1))
     assert infos[0]["TimeLimit.truncated"] is False
+
+
+def home_pose_env(num_envs, max_episode_steps=1000):
+    robots = gym.make_vec(
+        "quad_env:SimpleQuad-v0", num_envs, autoreset_mode="SAME_STEP", max_episode_steps=max_episode_steps
+    )
+    return TrainingVecEnv(VectorHomePoseActions(robots), seeds=range(num_envs))
+
+
+def test_actions_are_kept_only_for_a_run_that_can_be_resumed():
+    env = home_pose_env(2)
+    env.reset()
+    resumable = make_env(TrainConfig(base="trot", mixture=(("flat", 1.0),), ppo=PpoConfig(envs=2), threads=1))
+    resumable.reset()
+    for step in range(3):
+        env.step(noise(step, 2))
+        resumable.step(noise(step, 2))
+    assert env.taken == []
+    np.testing.assert_array_equal(resumable.taken, [noise(step, 2) for step in range(3)])
+    resumable.begin(SEEDS[:2])
+    assert resumable.taken == []
+
+
+def test_an_environment_that_counts_no_returns_ends_its_episodes_without_them():
+    env = home_pose_env(2, max_episode_steps=2)
+    env.reset()
+    env.step(noise(0, 2))
+    _, _, finished, infos = env.step(noise(1, 2))
+    assert finished.tolist() == [True, True]
+    for info in infos:
+        assert set(info) == {"terminal_observation", "TimeLimit.truncated"}
