@@ -51,7 +51,7 @@ def heading(name: str, unit: str) -> str:
 
 def breakable(text: str) -> str:
     """A text whose names may break at the ends of their words where a phone needs it to."""
-    return re.sub(r"(?<=[^\s/_.:@+-][/_.:@+-])(?=[^\s/_.:@+-])", "<wbr>", escape(text))
+    return re.sub(r"(?<=[^\W_][/_:@+-])(?=[^\W_])", "<wbr>", escape(text))
 
 
 def mark(colour: str, glyph: str) -> str:

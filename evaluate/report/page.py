@@ -71,7 +71,7 @@ def render(results: Results, *, made_by: Origin = ("", ""), folder: Path = Path(
 def _head(results: Results, made_by: Origin) -> str:
     interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     warning = "" if results.complete else interrupted
-    warning += "".join(f'<p class="warning">{breakable(line)}.</p>' for line in warnings(results))
+    warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in warnings(results))
     command, date = map(escape, made_by)
     begun = f", begun on {date}" if date else ""
     made = f" Made by <code>{command}</code>{begun}." if command else ""

@@ -140,11 +140,11 @@ def listed(names: Sequence[str]) -> str:
 def broken(name: str, width: int) -> list[str]:
     """Break a name into lines of at most `width` characters, at the ends of its words.
 
-    Words end after `/`, `_`, `-`, `.`, `:`, `@`, `+` or a space. Only a word longer than a line is broken inside, if
+    Words end after `/`, `_`, `-`, `:`, `@`, `+` or a space. Only a word longer than a line is broken inside, if
     possible before a capital letter.
     """
     lines = [""]
-    for word in re.findall(r"[^/_\-.:@+ ]*[/_\-.:@+ ]|[^/_\-.:@+ ]+", name):
+    for word in re.findall(r"[^/_\-:@+ ]*[/_\-:@+ ]|[^/_\-:@+ ]+", name):
         parts = [word] if len(word) <= width else re.split(r"(?<=[a-z0-9])(?=[A-Z])", word)
         for piece in (piece for part in parts for piece in re.findall(f".{{1,{width}}}", part)):
             if len(lines[-1]) + len(piece) > width:

@@ -111,7 +111,7 @@ def text_width(text: str, size: float = 9.0, weight: str = "normal") -> float:
 
 def short_name(policy: str) -> str:
     """A policy's name, or the end of a long path, as a plot has room for it."""
-    words = [each.end() for each in re.finditer(r"[/_\-.:@+]", policy) if each.end() < len(policy)]
+    words = [each.end() for each in re.finditer(r"[/_\-:@+]", policy) if each.end() < len(policy)]
     cuts = (policy, *(f"…{policy[first:]}" for first in (*words, *range(1, len(policy)))))
     return next((name for name in cuts if text_width(name) <= LONGEST_NAME), "…")
 
