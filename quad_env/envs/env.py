@@ -1,6 +1,6 @@
 """The single environment: one robot, its readings, rewards and falls worked out on floats."""
 
-from typing import Any, Unpack
+from typing import Any, ClassVar, Unpack
 
 import gymnasium as gym
 import mujoco
@@ -52,6 +52,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     docs/environment.md says what has changed its figures since it was first registered.
     """
 
+    SETTABLE: ClassVar = frozenset(("terminate_on_fall", "render_mode"))
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012 -- typed so by Gymnasium
 
     def __init__(
@@ -75,6 +76,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self._fall = 0
         self._started = self._diverged = self._terminated = False
         self._frame = (width, height, camera)
+        self._made = True
 
     @property
     def model(self) -> mujoco.MjModel:

@@ -1,7 +1,7 @@
 """The native batch: n robots as one `gymnasium.vector.VectorEnv`."""
 
 from collections.abc import Sequence
-from typing import Any, Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from gymnasium.error import ResetNeeded
@@ -45,6 +45,8 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         readings: True adds to the infos what happened in the step beyond what policies observe: see
             `quad_env.task.readings`.
     """
+
+    SETTABLE: ClassVar = frozenset(("terminate_on_fall", "render_mode", "max_episode_steps"))
 
     def __init__(
         self,
@@ -91,6 +93,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._everyone.flags.writeable = False
         self._state: QuadState[Array] | None = None
         """Of all robots now, where it is known."""
+        self._made = True
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None

@@ -10,6 +10,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from rich.text import Text
 
 from evaluate.rollouts.rollout import STEPS
+from quad_env.cli.format import whole_percent
 from train.config import TrainConfig
 from train.training_robots import robots_per_scenario
 
@@ -73,7 +74,7 @@ def summary(figures: Mapping[str, float]) -> str:
     if count:
         ended = f"return {figures['return']:7.2f}  {round(figures['falls'] * count)} of {count} episodes fell"
     errors = f"velocity error {figures['velocity_error']:.3f} m/s  yaw-rate error {figures['yaw_rate_error']:.3f} rad/s"
-    validated = f"{figures['success']:.0%} succeeded in validation  " if "success" in figures else ""
+    validated = f"{whole_percent(figures['success'])} succeeded in validation  " if "success" in figures else ""
     return f"{validated}{ended}  {errors}"
 
 
