@@ -40,7 +40,7 @@ class Reference:
         """All that is read of it."""
         network = None if self.description is None else self.description.network
         files = [file for file in dict.fromkeys((self.file, self.normaliser, network)) if file is not None]
-        said = "" if self.description is None else repr(vars(self.description) | {"network": ""})
+        said = "" if self.description is None else self.description.text
         return b"".join(file.read_bytes() for file in files) + said.encode()
 
     def __str__(self) -> str:
