@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from policies.base import Mask, PolicyError
 from policies.foreign.description import PolicyDescription
 from policies.foreign.onnx_file import acting, session_of
+from policies.foreign.onnx_roles import roles_of
 from policies.foreign.packages import package
 from policies.foreign.python_file import Act
 from policies.memory import Memory
@@ -87,7 +88,7 @@ def _onnx(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
     """What makes the network of an ONNX file, and whether it has a memory."""
     session = session_of(description.network)
     made = acting(session, description.network)
-    width = session.get_inputs()[0].shape[-1]
+    width = roles_of(session.get_inputs(), session.get_outputs(), description.network).observation.shape[-1]
     if isinstance(width, int) and width != description.width:
         raise _other_width(description, width)
     return made

@@ -49,20 +49,21 @@ def term(function: str, settings: Settings, grid: HeightGrid | None = None) -> T
     if settings.find("modifiers"):
         raise unknown(f"{function} with modifiers")
     clip = None if settings.find("clip") is None else settings.range("clip")
-    found = Term(name, clip=clip, history=history_of(settings), grid=grid, **_clock(function, settings))
+    clock, zero_below = _clock(function, settings)
+    found = Term(name, clip=clip, history=history_of(settings), clock=clock, grid=grid, zero_below=zero_below)
     return scaled(found, settings)
 
 
-def _clock(function: str, settings: Settings) -> dict[str, float]:
-    """Return `clock` and `zero_below` of a clock; nothing for other functions."""
+def _clock(function: str, settings: Settings) -> tuple[float, float]:
+    """Return a clock's cycles a second, Hz, and the norm of a command below which it is zero; 0 for other functions."""
     if function not in _PERIODS:
-        return {}
+        return 0.0, 0.0
     params = settings.inside("params")
     key = _PERIODS[function] if params.find(_PERIODS[function]) is not None else "period"
     given = [each for each in _THRESHOLDS if params.find(each) is not None]
     is_gated = function == "gait_phase_my" or params.find("command_name") is not None
     threshold = params.number(given[0]) if given else ZERO_BELOW * is_gated
-    return {"clock": 1 / params.number(key), "zero_below": threshold}
+    return 1 / params.number(key), threshold
 
 
 def remarks_on(terms: Iterable[tuple[str, Settings]]) -> tuple[str, ...]:
@@ -71,7 +72,7 @@ def remarks_on(terms: Iterable[tuple[str, Settings]]) -> tuple[str, ...]:
         f"{function} in {settings.file.name} does not say whether it is (0, 0) at commands below {ZERO_BELOW:g}, as in "
         f"newer unitree_rl_mjlab; read as a clock that always runs: if not so, `zero_below = {ZERO_BELOW:g}` in a TOML"
         for function, settings in terms
-        if function in ("gait_phase", "phase") and not _clock(function, settings)["zero_below"]
+        if function in ("gait_phase", "phase") and not _clock(function, settings)[1]
     )
 
 

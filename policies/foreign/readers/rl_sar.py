@@ -5,8 +5,7 @@ Sources: fan-ziqi/rl_sar `library/core/rl_sdk/rl_sdk.cpp` and `observation_buffe
 From v2.3 on, a history is in the order of `observations_history`. Up to v2.2, `get_obs_vec` walks through that list
 from its end; `hip_scale_reduction` multiplies the actions of `hip_scale_reduction_indices`, also those that are
 observed; vectors of joints are by leg, and with `framework: isaacsim` those of the policy are their `rows` x `cols`,
-transposed (`ReadVectorFromYaml`). In v2.0 and v2.1 the observation is not named in the file. `hip_scale_reduction` and `rows` are
-the marks of files up to v2.2.
+transposed (`ReadVectorFromYaml`). Files of v2.1 and older do not name the observation.
 """
 
 from dataclasses import replace
