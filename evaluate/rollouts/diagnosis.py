@@ -86,8 +86,7 @@ def _deviations(policy: Foreign, robot: str, count: int) -> Iterator[tuple[float
 
 def remarks(policy: Policy) -> tuple[str, ...]:
     """Return what the file of a foreign policy leaves open, a line each."""
-    description = getattr(getattr(policy, "policy", policy), "description", None)
-    return () if description is None else tuple(description.remarks)
+    return tuple(getattr(getattr(policy, "policy", policy), "remarks", ()))
 
 
 def warning(policy: Policy, robot: str) -> str | None:
