@@ -113,6 +113,7 @@ def understood(described: PolicyDescription, robot: Robot) -> Iterator[str]:
     scale = _numbers(dict.fromkeys(described.action_scale))
     yield f"servos  {with_gains(robot, described).servo}; an action of 1 is {scale} rad"
     yield f"reads   {', '.join(map(_words, described.terms))}"
+    yield from (f"open    {remark}" for remark in described.remarks)
 
 
 def _words(term: Term) -> str:

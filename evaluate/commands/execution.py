@@ -49,8 +49,9 @@ def _execute(plan: Plan, show: Show) -> int:
         if is_unfinished(out):
             print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
         for each in plan.policies:
-            if words := diagnosis.warning(each.policy, manifest.hardware.robot):
-                print(f"warning: {each.label}: {words}", file=sys.stderr)
+            words = diagnosis.warning(each.policy, manifest.hardware.robot)
+            for line in (*diagnosis.remarks(each.policy), *([words] if words else ())):
+                print(f"warning: {each.label}: {line}", file=sys.stderr)
     if (slower := SLOWNESS[manifest.hardware.simulator]) > 1:
         print(f"{manifest.hardware.simulator} takes about {slower:g} times as long as {MUJOCO}", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)

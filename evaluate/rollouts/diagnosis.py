@@ -84,6 +84,11 @@ def _deviations(policy: Foreign, robot: str, count: int) -> Iterator[tuple[float
         yield from ((float(off), correction) for off, (correction, _) in zip(worst, group, strict=True))
 
 
+def remarks(policy: Policy) -> tuple[str, ...]:
+    """Return what the file of a foreign policy leaves open, a line each."""
+    return tuple(getattr(getattr(policy, "policy", policy), "remarks", ()))
+
+
 def warning(policy: Policy, robot: str) -> str | None:
     """A line about a policy that does not stand or walk as its description says; None for others."""
     inner: Any = getattr(policy, "policy", policy)  # within a safety layer

@@ -4,7 +4,7 @@ Joint angles, order and names are those of the policy's own files, in its maker'
 this package bring them to the robot's. A target is `offset + scale * clip(action)`, rad.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from reprlib import repr as shortened
 from typing import Annotated, Literal
@@ -32,7 +32,7 @@ TERMS: dict[str, int | None] = {
 }
 """Names of observation terms, and how many numbers each has; None where the term's own settings say it."""
 
-OF_JOINTS = "default_position", "action_scale", "stiffness", "damping", "action_offset", "target_clip"
+OF_JOINTS = "default_position", "action_scale", "stiffness", "damping", "action_offset", "target_clip", "signs", "zeros"
 """Fields of a description with a value for each of its `joints`, in their order."""
 
 MOST_POINTS = 10_000
@@ -89,6 +89,8 @@ class Term(_Checked):
     """Cycles a second of a `gait_clock`, Hz."""
     grid: HeightGrid | None = None
     """Of a `height_scan`."""
+    zero_below: Amount = field(default=0.0, repr=False)
+    """Of a `gait_clock`: it is shown as (0, 0) where the norm of the command is smaller; 0: it always runs."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -97,6 +99,8 @@ class Term(_Checked):
         for setting, owner in _OWNERS.items():
             if bool(getattr(self, setting)) != (owner == self.name):
                 raise PolicyError(f"`{setting}` belongs to the term {owner} and to no other, not to {self.name}")
+        if self.zero_below and self.name != "gait_clock":
+            raise PolicyError(f"`zero_below` belongs to the term gait_clock and to no other, not to {self.name}")
         if len(self.scale) not in (1, self.width):
             raise PolicyError(f"`scale` must be 1 or {self.width} numbers, not {len(self.scale)}")
         _check_ranges("clip", self.clip)
@@ -148,6 +152,13 @@ class PolicyDescription(_Checked):
     """What fills the history at the start of an episode: the first observation, or zeros."""
     previous_action: Literal["raw", "scaled"] = "raw"
     """Whether the previous action is what the network gave, clipped, or the target minus its offset, rad."""
+    signs: Numbers | None = None
+    """1 or -1 in the order of `joints`; -1 where the policy's joint turns the other way than the robot file's. None: 1.
+    The robot file's angle is `zeros + signs * the policy's`."""
+    zeros: Numbers | None = None
+    """Angles of the robot file's joints where the policy's are zero, rad, in the order of `joints`; None: 0."""
+    remarks: tuple[str, ...] = field(default=(), compare=False)
+    """What the file leaves open and was assumed, a line each."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -158,6 +169,8 @@ class PolicyDescription(_Checked):
         for name in OF_JOINTS:
             if (values := getattr(self, name)) is not None and len(values) != 12:
                 raise PolicyError(f"`{name}` must be of 12 joints, not of {len(values)}")
+        if self.signs is not None and not {*self.signs} <= {-1.0, 1.0}:
+            raise PolicyError(f"`signs` must be 1 or -1, not {shortened(self.signs)}")
         _check_ranges("action_clip", self.action_clip)
         _check_ranges("target_clip", *self.target_clip or ())
         if not self.terms:
@@ -169,6 +182,18 @@ class PolicyDescription(_Checked):
     def width(self) -> int:
         """Numbers of the whole observation."""
         return sum(term.width * term.history for term in self.terms)
+
+    @property
+    def text(self) -> str:
+        """All that decides what the policy does beside its network, for a digest.
+
+        Fields that came later are in it only where they are set, so that older descriptions keep their digests.
+        """
+        later = {name: value for name in ("signs", "zeros") if (value := getattr(self, name)) is not None}
+        if any(thresholds := [term.zero_below for term in self.terms]):
+            later["zero_below"] = thresholds
+        known = {name: value for name, value in vars(self).items() if name not in ("signs", "zeros", "remarks")}
+        return repr(known | {"network": ""}) + (repr(later) if later else "")
 
 
 def _check_ranges(name: str, *ranges: Range | None) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, PolicyError
+from policies.foreign.description import PolicyDescription
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEG_WORDS, LINK_WORDS
 from quad_env.robots.model_file import read
 from quad_env.robots.robot import Robot
@@ -64,6 +65,25 @@ def joints_of(names: Sequence[str], robot: Robot) -> Joints:
     places = np.array(_exact(names, robot) or _by_words(names, robot))
     signs, zeros = _convention(robot)
     return Joints(places, signs[places], zeros[places])
+
+
+def action_joints(description: PolicyDescription, robot: Robot) -> Joints:
+    """Return the robot's joints in the order of a policy's actions. Raises PolicyError."""
+    return _of_description(description.joints, description, robot)
+
+
+def observed_joints(description: PolicyDescription, robot: Robot) -> Joints:
+    """Return the robot's joints in the order in which a policy observes them. Raises PolicyError."""
+    return _of_description(description.observed_joints or description.joints, description, robot)
+
+
+def _of_description(names: Sequence[str], description: PolicyDescription, robot: Robot) -> Joints:
+    """Return joints of those names with the description's signs and zeros on top of the robot file's."""
+    found = joints_of(names, robot)
+    order = [description.joints.index(name) for name in names]
+    signs = np.ones(len(order)) if description.signs is None else np.array(description.signs)[order]
+    zeros = np.zeros(len(order)) if description.zeros is None else np.array(description.zeros)[order]
+    return Joints(found.places, found.signs * signs, found.zeros + found.signs * zeros)
 
 
 def _exact(names: Sequence[str], robot: Robot) -> list[int]:

@@ -40,6 +40,8 @@ class Foreign(Policy):
     """Why the policy failed each robot, (n,); None where it has not."""
     description: PolicyDescription | None = None
     """How its network is run; None of a policy that acts on our observation by itself."""
+    remarks: tuple[str, ...]
+    """What its files leave open and was assumed, a line each."""
 
     def __init__(self, reference: str | Path, *, trust: bool = False, **made_for: Unpack[MadeFor]) -> None:
         super().__init__(**made_for)
@@ -48,6 +50,7 @@ class Foreign(Policy):
             self.robot, self.description = with_gains(self.robot, found.description), found.description
             self.height_scan = scan_of(found.description)
         self.name = str(reference)
+        self.remarks = found.remarks if found.description is None else found.description.remarks
         self.sha256 = hashlib.sha256(found.content).hexdigest()
         served = partial(serve, found, self.robot, self.control_period, DEADLINE)
         self._process, self._stepped = Watched(partial(_on_stderr, served)), False

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from policies.base import PolicyError
 from policies.foreign.description import PolicyDescription
+from policies.foreign.network_kind import is_onnx
 from policies.foreign.readers import isaac_lab, legged_gym, mjlab_onnx, rl_sar, toml_file, unitree_deploy
 from policies.foreign.readers.settings import BY_HAND, Settings, load
 from policies.foreign.readers.toml_file import write_toml
@@ -20,9 +21,9 @@ def read(path: Path) -> PolicyDescription | None:
             case ".onnx":
                 return mjlab_onnx.describe(path)
             case ".toml":
-                return _whole(toml_file.describe(load(path)), corrected=True)
+                return whole(toml_file.describe(load(path)), corrected=True)
             case ".yaml" | ".yml" | ".json":
-                return _whole(_settings(load(path)))
+                return whole(_settings(load(path)))
     except PolicyError as error:
         raise PolicyError(f"{path}: {error}") from None
     except ZeroDivisionError:
@@ -30,9 +31,17 @@ def read(path: Path) -> PolicyDescription | None:
     return None
 
 
-def _whole(found: PolicyDescription, corrected: bool = False) -> PolicyDescription:
-    """The description, if its network is in one file and names no other joints. Raises PolicyError."""
-    if found.network.suffix == ".onnx":
+def whole(found: PolicyDescription, corrected: bool = False) -> PolicyDescription:
+    """Return the description if its network, whatever its name, is in one file and names no other joints.
+
+    Args:
+        found: The description.
+        corrected: Whether a user wrote it, so that other joints than the network's are no fault.
+
+    Raises:
+        PolicyError: The network's weights lie in another file, or its joints are others.
+    """
+    if is_onnx(found.network):
         names = mjlab_onnx.metadata_of(found.network).get("joint_names")
         if names is not None and not corrected and names != ",".join(found.joints):
             raise PolicyError(f"`joint_names` in {found.network.name} disagree, {names}", BY_HAND)
@@ -57,4 +66,4 @@ def _settings(found: Settings) -> PolicyDescription:
     )
 
 
-__all__ = ["read", "write_toml"]
+__all__ = ["read", "whole", "write_toml"]

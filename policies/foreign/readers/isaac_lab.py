@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from policies.base import PolicyError
 from policies.foreign.description import HeightGrid, PolicyDescription, Range, Term
-from policies.foreign.readers.isaac_terms import history_of, observed_joints, term
+from policies.foreign.readers.isaac_terms import history_of, observed_joints, remarks_on, term
 from policies.foreign.readers.joint_orders import FAMILIES, Joints, by_kind
 from policies.foreign.readers.settings import BY_HAND, Settings, load, matches
 
@@ -39,6 +39,7 @@ def describe(settings: Settings) -> PolicyDescription:
         damping=tuple(_gain(robot, joint, "damping") for joint in joints),
         terms=tuple(terms.values()),
         observed_joints=observed if observed != joints else None,
+        remarks=remarks_on((_function(each), each) for _, each in group.groups()),
     )
 
 
@@ -80,7 +81,7 @@ def _chosen(settings: Settings, asset: Joints | None) -> Joints:
 
 
 def _term(settings: Settings, group: Settings, each: Settings) -> Term:
-    function = str(each.get("func")).rpartition(":")[2]
+    function = _function(each)
     if function == "generated_commands":
         name = str(each.inside("params").get("command_name"))
         kind = str(settings.inside("commands", name).get("class_type")).rpartition(":")[2]
@@ -88,6 +89,10 @@ def _term(settings: Settings, group: Settings, each: Settings) -> Term:
             raise PolicyError(f"the command {name} is a {kind}: commands of velocity are read", BY_HAND)
     found = term(function, each, _grid(settings, each.inside("params")) if function == "height_scan" else None)
     return found if group.find("history_length") is None else replace(found, history=history_of(group))
+
+
+def _function(term: Settings) -> str:
+    return str(term.get("func")).rpartition(":")[2]
 
 
 def _grid(settings: Settings, params: Settings) -> HeightGrid:

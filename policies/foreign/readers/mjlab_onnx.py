@@ -48,6 +48,7 @@ def describe(file: Path) -> PolicyDescription | None:
         stiffness=found.numbers("joint_stiffness"),
         damping=found.numbers("joint_damping"),
         terms=_terms(found),
+        remarks=(f"{file.name} does not say the control rate; read as {CONTROL_RATE:g} Hz, that of mjlab's tasks",),
     )
 
 

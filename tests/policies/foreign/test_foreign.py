@@ -366,18 +366,41 @@ def normalised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
         ("model.zip", "vec_normalize.pkl"),
         ("model.zip", "model/vecnormalize.pkl"),
         ("walk_v2_128_steps.zip", "walk_v2_vecnormalize_128_steps.pkl"),
+        ("best_model/best_model.zip", "vecnormalize.pkl"),
+        ("best_model/best_model.zip", "vec_normalize.pkl"),
+        ("best_model/best_model.zip", "walk_vecnormalize.pkl"),
+        ("Walk-v0_1/best_model.zip", "Walk-v0_1/Walk-v0/vecnormalize.pkl"),
+        ("Walk-v0_1/rl_model_128_steps.zip", "Walk-v0_1/Walk-v0/vecnormalize.pkl"),
     ],
 )
 def test_a_model_of_normalised_observations_is_given_such(
     model: str, statistics: str, normalised: tuple[Path, Any], tmp_path: Path
 ) -> None:
     folder, targets = normalised
-    (tmp_path / statistics).parent.mkdir(exist_ok=True)
+    (tmp_path / model).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / statistics).parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(folder / "model.zip", tmp_path / model)
     shutil.copy(folder / "vecnormalize.pkl", tmp_path / statistics)
     of = serve(checked(tmp_path / model, trust=True), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
     of.reset(3, 0)
     np.testing.assert_allclose(of.step(OBSERVATIONS).actions, targets(OBSERVATIONS), atol=1e-6)
+
+
+def test_several_statistics_of_a_run_are_asked_about(normalised: tuple[Path, Any], tmp_path: Path) -> None:
+    folder, _ = normalised
+    model = tmp_path / "best_model/best_model.zip"
+    model.parent.mkdir()
+    shutil.copy(folder / "model.zip", model)
+    assert checked(model, trust=True).remarks == ()
+    for steps in (128, 256):
+        shutil.copy(folder / "vecnormalize.pkl", tmp_path / f"walk_vecnormalize_{steps}_steps.pkl")
+    with pytest.raises(PolicyError, match=r"walk_vecnormalize_128_steps\.pkl, .*_256_steps\.pkl; rename the one"):
+        checked(model, trust=True)
+    (tmp_path / "walk_vecnormalize_128_steps.pkl").unlink()
+    found = checked(model, trust=True)
+    assert found.remarks == (f"its observations are normalised by {found.normaliser}, the only statistics of its run",)
+    with pytest.raises(PolicyError, match=r"best_model\.zip and .*_256_steps\.pkl can run code .* in them: .*--trust"):
+        checked(model, trust=False)
 
 
 def test_statistics_that_may_belong_to_a_model_are_never_left_out_silently(

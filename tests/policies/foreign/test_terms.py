@@ -101,6 +101,19 @@ def test_a_clock_is_at_zero_at_the_first_step() -> None:
     np.testing.assert_allclose(shown, (np.sin(0.48 * np.pi), np.cos(0.48 * np.pi)), atol=1e-6)
 
 
+@pytest.mark.parametrize(("command", "is_shown"), [((0.06, 0.06, 0.06), True), ((0.05, 0.05, 0.05), False)])
+def test_a_clock_that_is_zero_at_small_commands_goes_on_meanwhile(
+    command: tuple[float, float, float], is_shown: bool
+) -> None:
+    of = terms(Term("gait_clock", clock=2.0, zero_below=0.1))
+    shown = seen(of, *[standing(command=command)] * 7)
+    np.testing.assert_allclose(shown, (np.sin(0.48 * np.pi), np.cos(0.48 * np.pi)) if is_shown else 0.0, atol=1e-6)
+    after = seen(of, standing(command=(0.5, 0.0, 0.0)))
+    np.testing.assert_allclose(after, (np.sin(0.56 * np.pi), np.cos(0.56 * np.pi)), atol=1e-6)
+    with pytest.raises(PolicyError, match="`zero_below` belongs to the term gait_clock"):
+        Term("command", zero_below=0.1)
+
+
 @pytest.mark.parametrize("x_first", [True, False])
 def test_points_of_a_height_scan_are_found_in_the_environments(x_first: bool) -> None:
     grid = HeightGrid((-0.2, 0.0, 0.4), (-0.1, 0.1), x_first, offset=0.5)
