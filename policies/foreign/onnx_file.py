@@ -60,6 +60,8 @@ def acting(session: Any, file: Path) -> tuple[Callable[[], Act], bool]:
     """What makes the network of a session, from one observation to one action without the axis of a batch; and whether
     it has a memory: inputs after the first, which outputs after the first renew in the same order. Raises PolicyError.
     """
+    if not session.get_inputs() or not session.get_outputs() or not session.get_inputs()[0].shape:
+        raise PolicyError(f"{file} has no input of an observation, a vector, or no output")
     (seen, *states), (given, *renewed) = session.get_inputs(), session.get_outputs()
     shapes = [[size if isinstance(size, int) else 1 for size in state.shape] for state in states]
     if other := next((each for each in (seen, *states) if each.type not in TYPES), None):

@@ -36,7 +36,7 @@ def describe(settings: Settings) -> PolicyDescription:
         raise found.wrong("hip_scale_reduction", "in `action_scale`, joint by joint")
     steps, newest = _history(found)
     return PolicyDescription(
-        network=named(settings.file.parent, str(found.get("model_name"))),
+        network=named(settings.file.parent, found.text("model_name")),
         control_rate=1 / (found.number("dt") * found.number("decimation")),
         joints=_joints(own, base, found),
         default_position=found.numbers("default_dof_pos"),
