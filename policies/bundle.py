@@ -22,13 +22,15 @@ from policies.description import assembled, description_of, fail, network_of, pa
 from policies.network import Network
 from policies.residual import ResidualPolicy
 from quad_env.actuation.models import IDEAL, Actuator
-from quad_env.files.reading import LARGEST, TEXT, read_bytes
+from quad_env.files.reading import largest_network, read_bytes
 from quad_env.files.writing import write_atomically
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 
 BEST = "best"
 """Folder of a training run that holds its bundle."""
+LARGEST_DESCRIPTION = 2**22
+"""Most bytes of a `policy.json`; those of this project have 20 thousand."""
 
 
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
@@ -62,8 +64,8 @@ def load(
     Raises PolicyError, one line, if anything is missing, damaged or does not fit.
     """
     folder = folder_of(Path(path))
-    description = parsed(folder, _read(folder / DESCRIPTION, TEXT))
-    weights = _read(folder / WEIGHTS, LARGEST)
+    description = parsed(folder, _read(folder / DESCRIPTION, LARGEST_DESCRIPTION))
+    weights = _read(folder / WEIGHTS, largest_network())
     if hashlib.sha256(weights).hexdigest() != description.weights_sha256:
         fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
     network = network_of(folder, description.network, _parse_weights(folder, weights))

@@ -6,11 +6,11 @@ this package bring them to the robot's. A target is `offset + scale * clip(actio
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from reprlib import repr as shortened
 from typing import Annotated, Literal
 
 from policies.base import PolicyError
 from quad_env.config import Amount, Bounds, Finite, Positive, check_settings
+from quad_env.files.text import brief
 
 Numbers = tuple[Finite, ...]
 Range = tuple[Finite, Finite]
@@ -37,6 +37,20 @@ OF_JOINTS = "default_position", "action_scale", "stiffness", "damping", "action_
 
 MOST_POINTS = 10_000
 """Points of a height scan."""
+MAX_OBSERVATION = 100_000
+"""Numbers that are kept of a robot: those of one control step, times the longest history."""
+PLAUSIBLE = {
+    "control_rate": (1.0, 1e4, "Hz"),
+    "default_position": (-100.0, 100.0, "rad"),
+    "action_scale": (-100.0, 100.0, "rad"),
+    "action_offset": (-100.0, 100.0, "rad"),
+    "stiffness": (1e-3, 1e4, "N·m/rad"),
+    "damping": (0.0, 1e3, "N·m·s/rad"),
+    "observation_clip": (1e-6, float("inf"), ""),
+    "scale": (-1e6, 1e6, ""),
+    "clock": (0.01, 100.0, "Hz"),
+}
+"""Field -> least and largest value, unit: far beyond any robot's, so that what lies outside is a fault of the file."""
 _OWNERS = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
 
 
@@ -95,7 +109,7 @@ class Term(_Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.name not in TERMS:
-            raise PolicyError(f"{shortened(self.name)} is no observation term", f"the terms are {', '.join(TERMS)}")
+            raise PolicyError(f"{brief(self.name)} is no observation term", f"the terms are {', '.join(TERMS)}")
         for setting, owner in _OWNERS.items():
             if bool(getattr(self, setting)) != (owner == self.name):
                 raise PolicyError(f"`{setting}` belongs to the term {owner} and to no other, not to {self.name}")
@@ -104,6 +118,7 @@ class Term(_Checked):
         if len(self.scale) not in (1, self.width):
             raise PolicyError(f"`scale` must be 1 or {self.width} numbers, not {len(self.scale)}")
         _check_ranges("clip", self.clip)
+        _check_plausible(self)
 
     @property
     def width(self) -> int:
@@ -163,20 +178,28 @@ class PolicyDescription(_Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not len(self.joints) == len({*self.joints}) == 12:
-            raise PolicyError(f"`joints` must be the names of 12 different joints, not {shortened(self.joints)}")
+            raise PolicyError(f"`joints` must be the names of 12 different joints, not {brief(self.joints)}")
         if self.observed_joints is not None and sorted(self.observed_joints) != sorted(self.joints):
             raise PolicyError("`observed_joints` must be the names of `joints`, in another order")
         for name in OF_JOINTS:
             if (values := getattr(self, name)) is not None and len(values) != 12:
                 raise PolicyError(f"`{name}` must be of 12 joints, not of {len(values)}")
         if self.signs is not None and not {*self.signs} <= {-1.0, 1.0}:
-            raise PolicyError(f"`signs` must be 1 or -1, not {shortened(self.signs)}")
+            raise PolicyError(f"`signs` must be 1 or -1, not {brief(self.signs)}")
+        _check_plausible(self)
+        if not any(self.action_scale):
+            raise PolicyError("`action_scale` is 0 for every joint: the network would move nothing")
         _check_ranges("action_clip", self.action_clip)
         _check_ranges("target_clip", *self.target_clip or ())
         if not self.terms:
             raise PolicyError("`terms` must be one term or more", f"the terms are {', '.join(TERMS)}")
         if self.history_layout == "time" and len({term.history for term in self.terms}) > 1:
             raise PolicyError("with the history_layout `time`, all terms must have the same history")
+        kept = max(term.history for term in self.terms) * sum(term.width for term in self.terms)
+        if kept > MAX_OBSERVATION:
+            raise PolicyError(
+                f"`terms` show {kept} numbers with their history: an observation has at most {MAX_OBSERVATION}"
+            )
 
     @property
     def width(self) -> int:
@@ -194,6 +217,16 @@ class PolicyDescription(_Checked):
             later["zero_below"] = thresholds
         known = {name: value for name, value in vars(self).items() if name not in ("signs", "zeros", "remarks")}
         return repr(known | {"network": ""}) + (repr(later) if later else "")
+
+
+def _check_plausible(settings: object) -> None:
+    """Raise PolicyError, one line, for the first number beyond PLAUSIBLE; 0 stands for a clock that is none."""
+    for name, (least, largest, unit) in PLAUSIBLE.items():
+        value = getattr(settings, name, None)
+        for each in value if isinstance(value, tuple) else () if value is None else (value,):
+            if not least <= each <= largest and (name, each) != ("clock", 0.0):
+                limits = f"{least:g} to {largest:g} {unit}".rstrip()
+                raise PolicyError(f"`{name}` is beyond any robot's: got {each:g}; valid: {limits}")
 
 
 def _check_ranges(name: str, *ranges: Range | None) -> None:

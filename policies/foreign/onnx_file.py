@@ -61,6 +61,8 @@ def acting(session: Any, file: Path) -> tuple[Callable[[], Act], bool]:
     """What makes the network of a session, from one observation to one action without the axis of a batch; and whether
     it has a memory. Inputs and outputs are known by name (`onnx_roles`). Raises PolicyError.
     """
+    if not session.get_inputs() or not session.get_outputs() or not session.get_inputs()[0].shape:
+        raise PolicyError(f"{file} has no input of an observation, a vector, or no output")
     roles = roles_of(session.get_inputs(), session.get_outputs(), file)
     seen, states = roles.observation, [state for state, _ in roles.memory]
     shapes = [[size if isinstance(size, int) else 1 for size in state.shape] for state in states]

@@ -10,7 +10,7 @@ from policies.foreign import readers
 from policies.foreign.description import PolicyDescription
 from policies.foreign.network_kind import TORCH_ENDS, check_is_network, is_onnx
 from policies.foreign.readers.settings import BY_HAND
-from quad_env.files.reading import check_file
+from quad_env.files.reading import TEXT, check_file, largest_network
 
 DESCRIBED = ".onnx", ".pt", ".jit", ".toml", ".yaml", ".yml", ".json"
 """Ends of the names of files that may describe a policy, or that one next to them describes."""
@@ -131,7 +131,7 @@ def _check_file(file: Path) -> None:
     if not file.is_file():
         raise PolicyError(f"there is no file {file}")
     try:
-        check_file(file)
+        check_file(file, TEXT if file.suffix.lower() == ".py" else largest_network())
     except OSError as error:
         raise PolicyError(f"cannot read {file} ({error.strerror})") from None
 

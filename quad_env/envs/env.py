@@ -15,6 +15,7 @@ from quad_env.envs.vector_env import Observation
 from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.scenario import Scenario
+from quad_env.seeding import seeds_of
 from quad_env.sensing.observation import SensedObservation
 from quad_env.task.terminations import fall_code
 
@@ -92,8 +93,9 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode; `options["command"]`, (3,), is held for its whole length."""
-        super().reset(seed=seed)
         mask, held = reset_options(options, 1)
+        seed = None if seed is None else seeds_of([seed], 1)[0]
+        super().reset(seed=seed)
         if "reset_mask" in (options or ()):
             raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
         self._schedule.reseed(seed, mask)

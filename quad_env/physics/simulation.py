@@ -1,6 +1,7 @@
 """n robots on one batch of a simulator: joint targets in, state out."""
 
 import itertools
+import os
 from collections.abc import Iterable, Sequence
 from typing import Any, cast
 
@@ -91,6 +92,8 @@ class Simulation:
         links = [contact_sensors(self.model, f"{leg}_{link}") for leg in robot.leg_names for link in _LINKS if contacts]
         read = [*trunk, *itertools.chain(*soles, *links), *(() if imu is None else probed(robot))]
         read += touch_sensors(robot) if contacts else []
+        self._process = os.getpid()
+        self._threaded = nthread > 1
         self.batch = batch_of(simulator, stepped_model(self.model, read), num_envs, nthread)
         """The robots as the simulator steps them."""
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
@@ -144,6 +147,7 @@ class Simulation:
         (k, 2), N, acts on their trunks at every step, world frame; `load`, (k, 2), m, is where their payloads are, base
         frame; `drawn`, k or none, are figures that differ from episode to episode.
         """
+        self._check_process()
         robot = self.robot
         self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self.batch.warning[ids] = 0
@@ -179,6 +183,14 @@ class Simulation:
         self.qpos[ids, 2] += self._lift(ids, qpos)
         self._begin_readings(ids)
 
+    def _check_process(self) -> None:
+        """Raise RuntimeError in a forked process: it has no threads of the batch, so it would wait for ever."""
+        if self._threaded and os.getpid() != self._process:
+            raise RuntimeError(
+                f"this batch has threads of process {self._process}, which a fork, {os.getpid()}, does not have: make "
+                "it in the process that steps it, start processes by spawn, or give nthread=1"
+            )
+
     def _begin_readings(self, ids: Ids) -> None:
         """Nothing has happened to those robots yet."""
         if self._footsteps is not None:
@@ -207,6 +219,7 @@ class Simulation:
         None instead of forces leaves them as they are: since the reset, without any push. `received` are the
         targets that the servos hear, (n, 12), where they are not those of the action.
         """
+        self._check_process()
         self._previous_action[ids] = self._action[ids]
         self._action[ids] = action[ids]
         targets = (action if received is None else received)[ids]

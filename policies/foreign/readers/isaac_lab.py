@@ -46,16 +46,17 @@ def describe(settings: Settings) -> PolicyDescription:
 def _action(settings: Settings) -> Settings:
     """The only action, joint positions."""
     actions = dict(settings.inside("actions").groups())
-    kinds = {str(action.get("class_type")).rpartition(":")[2] for action in actions.values()}
+    kinds = {action.text("class_type").rpartition(":")[2] for action in actions.values()}
     if len(actions) != 1 or kinds != {"JointPositionAction"}:
-        given = ", ".join(f"{name} ({action.find('class_type')})" for name, action in actions.items())
+        given = ", ".join(f"{name} ({action.text('class_type')})" for name, action in actions.items())
         raise PolicyError(f"the actions are {given or 'none'}: one JointPositionAction is read", BY_HAND)
     return next(iter(actions.values()))
 
 
 def _asset(robot: Settings) -> Joints | None:
     """The joints of a known robot: its family's names match all expressions, and its model's path names it; or None."""
-    path = str(robot.inside("spawn").values).lower()
+    spawn = robot.inside("spawn").values
+    path = " ".join(f"{key} {value}" for key, value in spawn.items() if isinstance(value, str)).lower()
     patterns = [str(key) for key in robot.inside("init_state", "joint_pos").values]
     patterns += [each for _, actuator in robot.inside("actuators").groups() for each in actuator.texts(_NAMES)]
     orders = {words: by_kind(*family) for words, family in FAMILIES.items()}
@@ -83,8 +84,8 @@ def _chosen(settings: Settings, asset: Joints | None) -> Joints:
 def _term(settings: Settings, group: Settings, each: Settings) -> Term:
     function = _function(each)
     if function == "generated_commands":
-        name = str(each.inside("params").get("command_name"))
-        kind = str(settings.inside("commands", name).get("class_type")).rpartition(":")[2]
+        name = each.inside("params").text("command_name")
+        kind = settings.inside("commands", name).text("class_type").rpartition(":")[2]
         if "VelocityCommand" not in kind:
             raise PolicyError(f"the command {name} is a {kind}: commands of velocity are read", BY_HAND)
     found = term(function, each, _grid(settings, each.inside("params")) if function == "height_scan" else None)
@@ -92,12 +93,12 @@ def _term(settings: Settings, group: Settings, each: Settings) -> Term:
 
 
 def _function(term: Settings) -> str:
-    return str(term.get("func")).rpartition(":")[2]
+    return term.text("func").rpartition(":")[2]
 
 
 def _grid(settings: Settings, params: Settings) -> HeightGrid:
     """Points of a height scan: a grid about the sensor, yawed with the trunk."""
-    sensor = settings.inside("scene", str(params.inside("sensor_cfg").get("name")))
+    sensor = settings.inside("scene", params.inside("sensor_cfg").text("name"))
     if sensor.find("ray_alignment") != "yaw" and sensor.find("attach_yaw_only") is not True:
         raise sensor.wrong("ray_alignment", "yaw")
     grid = sensor.inside("pattern_cfg")

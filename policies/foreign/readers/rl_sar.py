@@ -51,7 +51,7 @@ def describe(settings: Settings) -> PolicyDescription:
     steps, newest = _history(found, is_old)
     scale = found.numbers("action_scale")
     described = PolicyDescription(
-        network=named(settings.file.parent, str(found.get("model_name"))),
+        network=named(settings.file.parent, found.text("model_name")),
         control_rate=1 / (found.number("dt") * found.number("decimation")),
         joints=_joints(own, base, found),
         default_position=found.numbers("default_dof_pos"),

@@ -19,10 +19,10 @@ def describe(settings: Settings) -> PolicyDescription:
     """The policy of a TOML. Raises PolicyError."""
     found = settings.values
     if "network" in found:
-        found["network"] = named(settings.file.parent, str(found["network"]))
+        found["network"] = named(settings.file.parent, settings.text("network"))
     for name in ("joints", "observed_joints"):
         if isinstance(legs := found.get(name), list) and len(legs) == 4:
-            found[name] = by_leg(" ".join(map(str, legs)))
+            found[name] = by_leg(" ".join(settings.texts(name)))
     found |= {name: _of_joints(name, found[name], found.get("joints")) for name in OF_JOINTS if name in found}
     if isinstance(terms := found.get("terms"), list):
         found["terms"] = tuple(_term(each) for each in terms)
