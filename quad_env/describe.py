@@ -76,7 +76,7 @@ def text(robot: Robot) -> Iterator[str]:
     if robot.held:
         yield f"joints       held at their reference: {', '.join(robot.held)}"
     if robot.imported:
-        yield from (f"{heading:12} {remark}" for heading, remark in remarks(robot.mjcf))
+        yield from (f"{heading:12} {remark}" for heading, remark in remarks(robot.mjcf, robot.keeps_contact))
     yield from (f"warning      {line}" for line in warnings_of(robot))
     yield from joint_table(robot)
     yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."

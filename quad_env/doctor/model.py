@@ -6,7 +6,7 @@ import numpy as np
 
 from quad_env.doctor.check import Finding, Subject, ok, problem
 from quad_env.robots.anatomy import JOINTS_PER_LEG, ModelError
-from quad_env.robots.model_file import DECISIVE, log_to_the_console
+from quad_env.robots.model_file import DECISIVE, log_to_the_console, omitted_from
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
 
@@ -37,7 +37,9 @@ def model(subject: Subject) -> Finding:
         )
     held = f"; held at their reference: {', '.join(robot.held)}" if robot.held else ""
     trunk = f"trunk {robot.home_height:.2f} m high"
-    return ok(f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, {trunk}{held}")
+    omitted = omitted_from(robot.mjcf, robot.keeps_contact) if robot.imported else ()
+    seen = f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, {trunk}{held}"
+    return Finding("ok", seen, details=tuple(f"{heading}: {text}" for heading, text in omitted))
 
 
 def plausible(subject: Subject) -> Finding:

@@ -77,6 +77,8 @@ class Anatomy:
     """Names of the joints that belong to no leg and are gone from the model, see `held`."""
     carried: frozenset[int] = frozenset()
     """Ids of the bodies that these joints would move."""
+    omitted: tuple[tuple[str, str], ...] = ()
+    """What the model has and the robot has not, heading and text of each line, see `omissions`."""
 
     @property
     def bodies(self) -> list[int]:

@@ -27,7 +27,7 @@ from quad_env.robots.collisions import (
 )
 from quad_env.robots.figures import REFERENCE, Figures
 from quad_env.robots.model_file import read
-from quad_env.robots.shapes import surface
+from quad_env.robots.shapes import Floats, surface
 
 _SENSOR = "name", "type", "objtype", "objname", "reftype", "refname", "intprm"
 """Fields of a sensor."""
@@ -56,9 +56,12 @@ def _on_our_ground(robot: Figures, _changed: int) -> Any:
     stage = mujoco.MjSpec.from_file(str(REFERENCE.mjcf))
     parts = Parts(*({part.id: part for part in kind} for kind in (own.bodies, own.joints, own.geoms)))
     _keep_masses(parts, model, found)
-    _turn_joints(parts, model, found)
-    _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights")
+    _turn_joints(parts, model, found, robot)
+    _leave_out_forces(parts, model, found)
+    _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes")
     rules = own_rules(own, found)
+    if not robot.keeps_contact:
+        _touch_like_ours(parts, own, found, stage.geom("fl_foot"))
     _name_parts(parts, model, found, robot)
     sensed = dict(watched(parts, model, found))
     meet_the_ground(parts, found)
@@ -107,17 +110,75 @@ def _keep_masses(parts: Parts, model: Any, found: Anatomy) -> None:
         part.ipos, part.iquat, part.ialt.type = model.body_ipos[body], model.body_iquat[body], 0
 
 
-def _turn_joints(parts: Parts, model: Any, found: Anatomy) -> None:
-    """Make the joints read what they are in the robot's terms; their angles in the unit of the model's compiler."""
+def _turn_joints(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> None:
+    """Make the joints read what they are in the robot's terms; their angles in the unit of the model's compiler.
+
+    A spring's force -(a x + b x² + c x³) has the other sign of b about the other axis; a damper's is odd. A joint has
+    the armature and damping of its motors, and no motor's torque is cut below the rated one.
+    """
+    of_motors = _of_motors(model)
     for joint, sign, zero, *limits in zip(found.joints, found.signs, found.zeros, *found.limits(model), strict=True):
         part, place = parts.joints[joint], int(model.jnt_qposadr[joint])
+        dof = int(model.jnt_dofadr[joint])
         unit = _unit(part)
         part.axis = sign * np.array(part.axis)
         part.springref = unit * (zero + sign * (model.qpos_spring[place] - model.qpos0[place]))
         part.ref = unit * zero
         part.limited, part.range = 1, unit * np.array(limits)
+        square, cube = model.jnt_stiffnesspoly[joint]
+        part.stiffness = (model.jnt_stiffness[joint], sign * square, cube)
+        part.damping = np.array((model.dof_damping[dof], *model.dof_dampingpoly[dof])) + of_motors[joint, 1:]
+        part.armature = model.dof_armature[dof] + of_motors[joint, 0]
+        part.springdamper = (0.0, 0.0)  # compiled into stiffness and damping
         if model.jnt_actfrclimited[joint]:
-            part.actfrclimited, part.actfrcrange = 1, np.sort(sign * model.jnt_actfrcrange[joint])
+            lower, upper = np.sort(sign * model.jnt_actfrcrange[joint])
+            part.actfrclimited = 1
+            part.actfrcrange = (min(lower, -robot.rated_torque), max(upper, robot.rated_torque))
+
+
+def _of_motors(model: Any) -> Floats:
+    """Armature and damping coefficients that each joint has from its motors, (njnt, 4): by the gear squared."""
+    import mujoco
+
+    found = np.zeros((model.njnt, 4))
+    for motor in range(model.nactuator):
+        if int(model.actuator_trntype[motor]) in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
+            gear = model.actuator_gear[model.actuator_outadr[motor], 0]
+            own = model.actuator_armature[motor], model.actuator_damping[motor], *model.actuator_dampingpoly[motor]
+            found[model.actuator_trnid[motor, 0]] += gear**2 * np.array(own)
+    return found
+
+
+def _leave_out_forces(parts: Parts, model: Any, found: Anatomy) -> None:
+    """Leave the robot its weight, its joints' springs and the ground: nothing else acts on it, see `omissions`."""
+    import mujoco
+
+    for body in found.bodies:
+        part = parts.bodies[body]
+        part.gravcomp = 0.0
+        part.sleep = mujoco.mjtSleepPolicy.mjSLEEP_AUTO
+        part.plugin.active = False
+    for joint in found.joints:
+        parts.joints[joint].springyield = 0.0
+        parts.joints[joint].actgravcomp = 0
+    free = parts.joints[int(model.body_jntadr[found.root])]
+    free.stiffness = free.damping = (0.0, 0.0, 0.0)
+    free.armature = free.frictionloss = 0.0
+    free.springdamper = (0.0, 0.0)
+
+
+def _touch_like_ours(parts: Parts, own: Any, found: Anatomy, foot: Any) -> None:
+    """Give geoms and pairs the contact parameters of SimpleQuad's foot; friction stays theirs."""
+    geoms = [part for part in parts.geoms.values() if part.parent.id in set(found.bodies)]
+    for part in (*geoms, *own.pairs):
+        part.solref, part.solimp = foot.solref, foot.solimp
+        part.margin = part.gap = part.adhesion = 0.0
+    for geom in geoms:
+        geom.solmix = foot.solmix
+        geom.surfacevel = np.zeros(6)
+    for pair in own.pairs:
+        pair.solreffriction = (0.0, 0.0)
+        pair.condim = foot.condim
 
 
 def _unit(joint: Any) -> float:

@@ -73,6 +73,12 @@ class Figures:
     source: Path | None = None
     """File of a user's that it was read from, its MJCF, URDF or a TOML; None of a robot that has a name here."""
 
+    @property
+    def keeps_contact(self) -> bool:
+        """Whether the geoms of the model keep their contact parameters: those of the robots by name, for which results
+        are published."""
+        return self.imported and self.source is None
+
     def __post_init__(self) -> None:
         for name in ("home_pose", "hip_positions", "trunk_size", "trunk_centre", "foot_points"):
             object.__setattr__(self, name, constant(getattr(self, name)))

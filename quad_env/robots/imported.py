@@ -12,6 +12,7 @@ from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelErr
 from quad_env.robots.figures import REFERENCE, REFERENCE_MASS, Figures
 from quad_env.robots.model_file import read
 from quad_env.robots.shapes import Floats, corners, geoms_of
+from quad_env.robots.torque_limits import torque_ranges
 
 FIGURES = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness"
 """Fields of a robot that may be given instead of being inferred."""
@@ -145,25 +146,13 @@ def _knee_direction(model: Any, found: Anatomy) -> Floats:
 
 def _rated_torque(model: Any, found: Anatomy) -> float:
     """The least of the largest torques of the joints, N·m."""
-    largest = np.full(model.njnt, np.inf)
-    for actuator in range(model.nu):
-        joint, gear = int(model.actuator_trnid[actuator, 0]), abs(float(model.actuator_gear[actuator, 0]))
-        if model.actuator_trntype[actuator] != 0:
-            continue
-        torque = np.inf
-        if model.actuator_forcelimited[actuator]:
-            torque = float(np.abs(model.actuator_forcerange[actuator]).min())
-        if model.actuator_ctrllimited[actuator] and model.actuator_biastype[actuator] == 0:
-            gain = abs(float(model.actuator_gainprm[actuator, 0]))
-            torque = min(torque, gain * float(np.abs(model.actuator_ctrlrange[actuator]).min()))
-        largest[joint] = min(largest[joint], gear * torque)
-    for joint in found.joints:
-        if model.jnt_actfrclimited[joint]:
-            largest[joint] = min(largest[joint], float(np.abs(model.jnt_actfrcrange[joint]).min()))
-    least = float(largest[found.joints].min())
-    if not np.isfinite(least) or least <= 0.0:
-        raise ModelError("the actuators of the joints do not give their largest torques: give rated_torque, N·m")
-    return least
+    lower, upper = torque_ranges(model, found.joints).T
+    largest = np.minimum(-lower, upper)
+    known = np.isfinite(largest) & (largest > 0.0)
+    if not known.all():
+        names = ", ".join(model.joint(joint).name for joint, has in zip(found.joints, known, strict=True) if not has)
+        raise ModelError(f"the model does not say the largest torque of {names}: give rated_torque, N·m")
+    return float(largest.min())
 
 
 def _stand(model: Any, found: Anatomy) -> Floats | None:

@@ -12,9 +12,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from quad_env.files.reading import read_bytes
-from quad_env.robots.anatomy import Anatomy, ModelError, anatomy
+from quad_env.robots.anatomy import Anatomy, ModelError, anatomy, root_of
 from quad_env.robots.collisions import GROUND_BIT
 from quad_env.robots.held import carried_by, hold, spare_joints
+from quad_env.robots.inertias import compile_balanced, without_inferred_masses
+from quad_env.robots.omissions import CONTACT, listed, omissions
 
 READABLE = ".stl", ".obj", ".msh"
 """Endings of the meshes that MuJoCo reads, of a URDF."""
@@ -53,38 +55,59 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of attributes that are deprecated: they are read all the same
-            spec = _urdf_spec(mujoco, path) if path.suffix == ".urdf" else mujoco.MjSpec.from_file(str(path))
+            is_urdf = path.suffix == ".urdf"
+            spec = _urdf_spec(mujoco, path) if is_urdf else mujoco.MjSpec.from_file(str(path))
             _keep_parts(mujoco, spec)
-            model = spec.compile()
+            massless = without_inferred_masses(spec) if is_urdf else ()
+            model, balanced = compile_balanced(mujoco, spec)
+            omitted = (
+                *omissions(mujoco, spec, model, root_of(mujoco, model)),
+                *_about_inertias(massless, balanced),
+            )
             if not (spare := spare_joints(mujoco, model)):
-                return spec, model, anatomy(mujoco, model)
+                return spec, model, replace(anatomy(mujoco, model), omitted=omitted)
             names = [model.joint(joint).name or f"number {joint}" for joint in spare]
             still = hold(mujoco, spec, model, spare)
     except ModelError:
         raise
     except ValueError as error:
         raise ModelError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from error
-    return spec, still, replace(anatomy(mujoco, still), held=tuple(names), carried=carried_by(model, spare))
+    found = replace(anatomy(mujoco, still), held=tuple(names), carried=carried_by(model, spare), omitted=omitted)
+    return spec, still, found
 
 
-def remarks(path: Path) -> Iterator[tuple[str, str]]:
-    """What the model in a user's file has that one should know of: heading and text, a line each."""
+def _about_inertias(massless: Iterable[str], balanced: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Lines about links without a mass and about inertias that were changed."""
+    if names := listed(massless):
+        yield "no mass", f"{names}: the URDF gives no <inertial>, and the shapes give none"
+    if names := listed(balanced):
+        yield "inertia", f"of {names} is impossible: three equal moments of the same mean instead"
+
+
+def remarks(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
+    """What the model in a user's file has that one should know of: heading and text, a line each.
+
+    `keeps_contact`: whether the robot keeps the contact parameters, see `Figures.keeps_contact`.
+    """
     import mujoco
 
-    own, model, found = read(path)
+    _, model, found = read(path)
     feet = [geom for leg in found.legs for geom in leg.foot.geoms]
     names = [model.geom(geom).name or model.body(model.geom_bodyid[geom]).name for geom in feet]
     kinds = {mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower() for geom in feet}
     yield "feet", f"{', '.join(names)} ({', '.join(sorted(kinds))})"
     if not found.trunk_collides(model):
         yield "trunk", "does not collide in the model: the box around what is shown of it does here"
-    others = np.flatnonzero(~found.own & (model.body_parentid == 0))[1:]  # the first is the world
-    scene = [f"body {model.body(int(body)).name or body}" for body in others]
-    loose = sum(geom.parent.id == 0 for geom in own.geoms)
-    for kind, count in (("geom", loose), ("tendon", len(own.tendons)), ("equality", len(own.equalities))):
-        scene += [f"{count} {kind}{' of the world' if kind == 'geom' else ''}"] if count else []
-    if scene:
-        yield "left out", ", ".join(scene)
+    yield from _said(found, keeps_contact)
+
+
+def omitted_from(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
+    """What the model in a user's file has and the robot has not, the last lines of `remarks`."""
+    yield from _said(read(path)[2], keeps_contact)
+
+
+def _said(found: Anatomy, keeps_contact: bool) -> Iterator[tuple[str, str]]:
+    yield from (line for line in found.omitted if not (keeps_contact and line[0] == CONTACT))
 
 
 def _keep_parts(mujoco: Any, spec: Any) -> None:
@@ -122,6 +145,7 @@ def _urdf_spec(mujoco: Any, path: Path) -> Any:
     compiler = extension.find("compiler")
     compiler = ElementTree.SubElement(extension, "compiler") if compiler is None else compiler
     compiler.attrib.update(discardvisual="false", fusestatic="false")
+    compiler.attrib.setdefault("inertiafromgeom", "false")
     for link in robot.iter("link"):
         for seen in link.findall("visual"):
             mesh = seen.find("geometry/mesh")

@@ -1,0 +1,157 @@
+"""Every field of MuJoCo's model is listed once, and what a robot lacks of its model is named."""
+
+from collections import Counter
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from quad_env.describe import Options, text
+from quad_env.describe import main as describe
+from quad_env.doctor.check import Subject
+from quad_env.doctor.model import model as doctor_reads
+from quad_env.robots.model_fields import KEPT, MODEL_FIELDS, NAMED, OPTION_FIELDS
+from quad_env.robots.model_file import omitted_from
+from quad_env.robots.named import ROBOTS
+from quad_env.robots.robot import Robot
+from tests.quad_env.robots.made import ARM, Made
+from tests.quad_env.robots.test_imported import changed
+from tests.quad_env.robots.test_model_files import PLAIN, TRUNK, robot_of_text, standing
+from tests.robot_models import NEEDS_MODELS
+
+
+def fields_of(part: object) -> set[str]:
+    return {name for name in dir(part) if not name.startswith("_") and not callable(getattr(part, name))}
+
+
+def test_every_field_of_mujoco_is_in_one_list() -> None:
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    for part, lists in ((model, MODEL_FIELDS), (model.opt, OPTION_FIELDS)):
+        counts = Counter(name for names in lists.values() for name in names)
+        assert [name for name, count in counts.items() if count > 1] == []
+        assert fields_of(part) - set(counts) == set(), "what becomes of these fields of a user's model?"
+
+
+def test_lists_name_no_field_that_mujoco_has_not() -> None:
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    for part, lists in ((model, MODEL_FIELDS), (model.opt, OPTION_FIELDS)):
+        assert {name for names in lists.values() for name in names} <= fields_of(part)
+
+
+CABLES = """<tendon><fixed name="cable" stiffness="5"><joint joint="A2" coef="1"/></fixed></tendon>
+<equality><joint name="linkage" joint1="B2" joint2="A2"/>
+<connect body1="torso" body2="door" anchor="0 0 1"/></equality>"""
+DOOR = '<body name="door" pos="-3 0 1"><joint name="hinge" axis="0 0 1"/><geom size="0.1" mass="9"/></body>'
+CLOTH = (
+    '<flexcomp name="cloth" type="grid" count="3 3 1" spacing=".05 .05 .05" dim="2" mass=".1" radius=".005">'
+    '<contact contype="0" conaffinity="0"/><edge equality="true"/><pin id="0 1 2"/></flexcomp>'
+)
+JET = '<motor name="jet" site="nozzle" gear="0 0 1 0 0 0" ctrlrange="0 1"/>'
+JOINT = '<joint name="A1"'
+GEOM = '<geom friction="0.9"/>'
+LACKING = {  # heading and words of a line -> the model
+    ("gravcomp", "of torso is left out"): PLAIN.replace('name="torso"', 'name="torso" gravcomp="1"'),
+    ("gravcomp", "of gripper is left out"): PLAIN.replace(
+        TRUNK, TRUNK + ARM.replace('name="gripper"', 'name="gripper" gravcomp="0.5"')
+    ),
+    ("free joint", "damping left out"): PLAIN.replace("<freejoint/>", '<joint type="free" damping="2"/>'),
+    ("free joint", "spring, damping, armature, friction loss left out"): PLAIN.replace(
+        "<freejoint/>", '<joint type="free"/>'
+    ).replace(GEOM, f'{GEOM}<joint damping="2" frictionloss="0.2" stiffness="1" armature="0.01"/>'),
+    ("springyield", "of A1 is left out"): PLAIN.replace(JOINT, f'{JOINT} stiffness="1" springyield="0.2"'),
+    ("contact", "margin, gap, solref, adhesion of the model: replaced"): PLAIN.replace(
+        GEOM, '<geom friction="0.9" margin="0.02" gap="0.01" solref="0.05 1" adhesion="3"/>'
+    ),
+    ("settings", "gravity 0 0 -1.6, density 1000, limit off: not taken over"): PLAIN.replace(
+        "<default>", '<option gravity="0 0 -1.6" density="1000"><flag limit="disable"/></option><default>', 1
+    ),
+    ("settings", "o_margin 0.03: not taken over"): PLAIN.replace(
+        "<default>", '<option o_margin="0.03"><flag override="enable"/></option><default>', 1
+    ),
+    (
+        "left out",
+        "body door, 1 geom of the world, 1 tendon (cable), 2 equalities (joint linkage, connect torso to door)",
+    ): Made(obstacle=DOOR).xml().replace("</mujoco>", f"{CABLES}</mujoco>"),
+    ("left out", "1 equality (joint shoulder to elbow)"): PLAIN.replace(TRUNK, TRUNK + ARM).replace(
+        "</mujoco>", '<equality><joint joint1="shoulder" joint2="elbow"/></equality></mujoco>'
+    ),
+    ("left out", "1 flex (cloth)"): PLAIN.replace(TRUNK, TRUNK + CLOTH),
+    ("left out", "1 actuator of no joint (jet)"): PLAIN.replace(TRUNK, f'{TRUNK}<site name="nozzle"/>').replace(
+        "</actuator>", f"{JET}</actuator>"
+    ),
+}
+
+
+@pytest.mark.parametrize("line", LACKING, ids=lambda line: line[0])
+def test_what_the_robot_lacks_is_named_and_it_stands_without(line: tuple[str, str], tmp_path: Path) -> None:
+    heading, words = line
+    robot = robot_of_text(tmp_path, LACKING[line])
+    (said,) = (each for each in text(robot) if each.startswith(f"{heading:12} "))
+    assert words in said
+    assert any(words in detail for detail in doctor_reads(Subject(robot)).details)
+    env, _ = standing(robot)
+    data = env.simulation.snapshot(0)
+    carried = sum(float(data.sensor(f"{leg}_foot_touch").data[0]) for leg in robot.leg_names)
+    assert carried == pytest.approx(robot.mass * 9.81, rel=0.02)
+    assert env.simulation.state((np.zeros(1),) * 3).height == pytest.approx(robot.home_height, abs=6e-3)
+    for field in ("body_gravcomp", "jnt_springyield", "geom_margin", "geom_gap", "geom_adhesion"):
+        assert not getattr(robot.model, field).any(), field
+    assert not robot.model.dof_damping[:6].any()
+    assert (robot.model.ntendon, robot.model.neq, robot.model.nflex) == (0, 0, 0)
+
+
+def test_a_plain_model_lacks_nothing_but_its_ground(tmp_path: Path) -> None:
+    assert list(omitted_from(Made().write(tmp_path))) == [("left out", "1 geom of the world")]
+
+
+@NEEDS_MODELS
+def test_a_robot_by_name_keeps_the_contacts_of_its_published_results(tmp_path: Path) -> None:
+    named = ROBOTS["go2"]
+    theirs = mujoco.MjModel.from_xml_path(str(named.mjcf))
+    assert theirs.geom_margin.max() > 0.0
+    assert named.model.geom_margin.max() == theirs.geom_margin.max()
+    assert not any(line.startswith("contact") for line in text(named))
+    assert not Robot.from_mjcf(named.mjcf).model.geom_margin.any()
+
+
+def test_fields_that_are_kept_are_the_model_s(tmp_path: Path) -> None:
+    """Of geoms and rules; those of bodies and joints are compared by what they do, see `test_random_models`."""
+    pair = '<pair geom1="one" geom2="two" friction="0.3" margin="0.1"/>'
+    rules = f'<contact><exclude body1="torso" body2="hipA"/>{pair}</contact>'
+    model = changed('<body pos="0.2 -0.1 0.0"', '<body name="hipA" pos="0.2 -0.1 0.0"')
+    model = model.replace(TRUNK, f'{TRUNK}<geom name="one" size="0.02" friction="0.7 0.01 0.02" contype="4"/>')
+    model = model.replace(
+        "</body></worldbody>",
+        '<body name="b"><geom name="two" size="0.02" conaffinity="5"/></body></body></worldbody>',
+    )
+    model = model.replace("</mujoco>", f"{rules}</mujoco>")
+    robot, theirs = robot_of_text(tmp_path, model), mujoco.MjModel.from_xml_string(model)
+    ours = robot.model
+    for field in ("type", "size", "friction"):
+        values = getattr(ours, f"geom_{field}")[1:], getattr(theirs, f"geom_{field}")[1:]
+        np.testing.assert_array_equal(*values, err_msg=field)
+    assert ours.exclude_signature.size == theirs.exclude_signature.size == 1
+    np.testing.assert_array_equal(ours.pair_friction, theirs.pair_friction)
+    assert (ours.pair_margin, ours.pair_gap) == (0.0, 0.0)
+    assert {"geom_type", "geom_size", "geom_friction", "pair_friction", "exclude_signature"} <= set(KEPT)
+    assert {"body_gravcomp", "geom_adhesion", "eq_type"} <= set(NAMED)
+
+
+def test_a_linkage_is_named_once_the_torque_is_given(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The motors turn a crank of no leg, which is held: the knees have none, and the rods are left out."""
+    crank = '<body name="crank{0}"><joint name="crank{0}" axis="0 1 0"/><geom size="0.01" mass="0.01"/></body>'
+    model = PLAIN
+    for leg in "ABCD":
+        model = model.replace(f'<joint name="{leg}2"', f'{crank.format(leg)}<joint name="{leg}2"')
+        model = model.replace(f'<motor joint="{leg}2"', f'<motor joint="crank{leg}"')
+    rods = "".join(f'<joint joint1="{leg}2" joint2="crank{leg}"/>' for leg in "ABCD")
+    model = model.replace("</mujoco>", f"<equality>{rods}</equality></mujoco>")
+    path = tmp_path / "linkage.xml"
+    path.write_text(model, encoding="utf-8")
+    with pytest.raises(ValueError, match="largest torque of B2, A2, D2, C2: give rated_torque"):
+        Robot.from_mjcf(path)
+    toml = tmp_path / "linkage.toml"
+    toml.write_text('mjcf = "linkage.xml"\nrated_torque = 30.0\n', encoding="utf-8")
+    assert describe(Options(str(toml))) == 0
+    assert "4 equalities (joint A2 to crankA, joint B2 to crankB, " in capsys.readouterr().out
