@@ -1,11 +1,13 @@
 """Whether the robot's model loads and is plausible, and its joints are mirrored left and right."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from quad_env.doctor.check import Finding, Subject, ok, problem
 from quad_env.robots.anatomy import JOINTS_PER_LEG, ModelError
+from quad_env.robots.arena import overlap_remark
 from quad_env.robots.model_file import DECISIVE, log_to_the_console
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
@@ -37,7 +39,8 @@ def model(subject: Subject) -> Finding:
         )
     held = f"; held at their reference: {', '.join(robot.held)}" if robot.held else ""
     trunk = f"trunk {robot.home_height:.2f} m high"
-    return ok(f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, {trunk}{held}")
+    details = () if (line := overlap_remark(robot)) is None else (line,)
+    return replace(ok(f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, {trunk}{held}"), details=details)
 
 
 def plausible(subject: Subject) -> Finding:

@@ -14,6 +14,7 @@ import numpy as np
 from quad_env.files.reading import read_bytes
 from quad_env.robots.anatomy import Anatomy, ModelError, anatomy
 from quad_env.robots.collisions import GROUND_BIT
+from quad_env.robots.finite import nonfinite_line
 from quad_env.robots.held import carried_by, hold, spare_joints
 
 READABLE = ".stl", ".obj", ".msh"
@@ -56,6 +57,8 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
             spec = _urdf_spec(mujoco, path) if path.suffix == ".urdf" else mujoco.MjSpec.from_file(str(path))
             _keep_parts(mujoco, spec)
             model = spec.compile()
+            if (line := nonfinite_line(model)) is not None:
+                raise ModelError(line)
             if not (spare := spare_joints(mujoco, model)):
                 return spec, model, anatomy(mujoco, model)
             names = [model.joint(joint).name or f"number {joint}" for joint in spare]
