@@ -20,6 +20,7 @@ from quad_env.doctor.standing import STAND_TIME, stands, states
 from quad_env.info import joint_table
 from quad_env.robots.arena import overlap_remark
 from quad_env.robots.imported import FIGURES
+from quad_env.robots.leg_words import contradictions
 from quad_env.robots.model_file import remarks
 from quad_env.robots.named import robot_of
 from quad_env.robots.plausibility import warnings_of
@@ -80,7 +81,7 @@ def text(robot: Robot) -> Iterator[str]:
         yield from (f"{heading:12} {remark}" for heading, remark in remarks(robot.mjcf))
     if (line := overlap_remark(robot)) is not None:
         yield f"overlap      {line}"
-    yield from (f"warning      {line}" for line in warnings_of(robot))
+    yield from (f"warning      {line}" for line in (*contradictions(robot), *warnings_of(robot)))
     yield from joint_table(robot)
     yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
 

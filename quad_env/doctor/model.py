@@ -8,6 +8,7 @@ import numpy as np
 from quad_env.doctor.check import Finding, Subject, ok, problem
 from quad_env.robots.anatomy import JOINTS_PER_LEG, ModelError
 from quad_env.robots.arena import overlap_remark
+from quad_env.robots.leg_words import contradictions
 from quad_env.robots.model_file import DECISIVE, log_to_the_console
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
@@ -50,6 +51,16 @@ def plausible(subject: Subject) -> Finding:
         remedy = f"correct them in {subject.robot.mjcf}, or give them in {subject.figures}"
         return Finding("warning", "; ".join(found), cause, remedy)
     return ok("size, motors and servos are in proportion to the weight")
+
+
+def names(subject: Subject) -> Finding:
+    """Whether the joints are where their names say."""
+    robot = subject.robot
+    if found := next(contradictions(robot), None):
+        seen, _, remedy = found.partition("; ")
+        cause = "the model's trunk frame is turned or mirrored, or legs are named wrongly"
+        return Finding("warning", seen, cause, f"{remedy}; in {robot.mjcf}")
+    return ok("the joints are where their names say")
 
 
 def limits(subject: Subject) -> Finding:
