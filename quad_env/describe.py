@@ -18,7 +18,9 @@ from quad_env.cli.command_line import UsageError
 from quad_env.doctor.check import Subject
 from quad_env.doctor.standing import STAND_TIME, stands, states
 from quad_env.info import joint_table
+from quad_env.robots.arena import overlap_remark
 from quad_env.robots.imported import FIGURES
+from quad_env.robots.leg_words import contradictions
 from quad_env.robots.model_file import remarks
 from quad_env.robots.named import robot_of
 from quad_env.robots.plausibility import warnings_of
@@ -77,7 +79,9 @@ def text(robot: Robot) -> Iterator[str]:
         yield f"joints       held at their reference: {', '.join(robot.held)}"
     if robot.imported:
         yield from (f"{heading:12} {remark}" for heading, remark in remarks(robot.mjcf, robot.keeps_contact))
-    yield from (f"warning      {line}" for line in warnings_of(robot))
+    if (line := overlap_remark(robot)) is not None:
+        yield f"overlap      {line}"
+    yield from (f"warning      {line}" for line in (*contradictions(robot), *warnings_of(robot)))
     yield from joint_table(robot)
     yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
 

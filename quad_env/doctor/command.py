@@ -19,6 +19,7 @@ CHECKS = (
     Check("mujoco", f"{HERE}.installation:mujoco", ("packages",)),
     Check("opengl", f"{HERE}.installation:opengl", ("mujoco",)),
     Check("model", f"{HERE}.model:model", ("mujoco",)),
+    Check("names", f"{HERE}.model:names", ("model",)),
     Check("limits", f"{HERE}.model:limits", ("model",)),
     Check("joints", f"{HERE}.model:joints", ("limits",)),
     Check("stands", f"{HERE}.standing:stands", ("joints",)),

@@ -32,6 +32,7 @@ from quad_env.physics.probe import Probe, probed
 from quad_env.physics.randomisation import RandomisedModels
 from quad_env.physics.rotations import quaternion
 from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
+from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.kinematics import foot_depths
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.randomisation import Drawn
@@ -90,8 +91,8 @@ class Simulation:
         trunk = contact_sensors(self.model, "trunk")
         soles = [contact_sensors(self.model, f"{leg}_foot") for leg in robot.leg_names if contacts or feet]
         links = [contact_sensors(self.model, f"{leg}_{link}") for leg in robot.leg_names for link in _LINKS if contacts]
-        read = [*trunk, *itertools.chain(*soles, *links), *(() if imu is None else probed(robot))]
-        read += touch_sensors(robot) if contacts else []
+        read = [*trunk, *itertools.chain(*soles, *links), *(() if imu is None else probed(robot, self.model))]
+        read += itertools.chain(*touch_sensors(robot, self.model)) if contacts else []
         self._process = os.getpid()
         self._threaded = nthread > 1
         self.batch = batch_of(simulator, stepped_model(self.model, read), num_envs, nthread)
@@ -103,7 +104,7 @@ class Simulation:
         self.torque = self.batch.bind("actuator_force")
         """Torques of the servos in the last physics step, (n, 12), N·m."""
         self.meter = Meter(robot, self.batch, self.model, actuator, simulator) if contacts else None
-        self.probe = None if imu is None else Probe(robot, self.batch, period)
+        self.probe = None if imu is None else Probe(robot, self.batch, self.model, period)
         if self.probe is not None:  # which computes the outputs of the last substep again
             self.torque = self.probe.copy(self.torque)
         self._trunk_contacts = self._sensed(trunk)
@@ -111,7 +112,8 @@ class Simulation:
         self._link_contacts = self._sensed(itertools.chain(*links))
         self._warnings = self.batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in robot.leg_names]
-        self._thighs = [self.model.body(f"{leg}_{link}_link").id for link in _LINKS for leg in robot.leg_names]
+        ends = [joint for joint in range(robot.num_joints) if joint % JOINTS_PER_LEG]
+        self._thighs = [self.model.joint(robot.joint_names[joint]).id for joint in ends]
         self._corners = trunk_corners(self.model)
         bumpy = isinstance(self.terrain, SmoothRandom | HeightField)
         self._clear = _HIGH * robot.leg_length if robot.imported and bumpy else 0.0
@@ -120,7 +122,7 @@ class Simulation:
         self._differ = servo is not None or scenario.randomisation is not None
         if servo is not None:
             give_servo_gains(self.model, self.batch.expand, servo)
-        self._sites, self._bodies = self.batch.bind("site_xpos"), self.batch.bind("xpos")
+        self._sites, self._joints = self.batch.bind("site_xpos"), self.batch.bind("xanchor")
         self._footsteps = Footsteps(period, self._foot_contacts, self._sites, self._feet) if feet else None
         self._filtered = self.batch.bind("act") if self.model.na else None
         load = None if scenario.payload is None else self.model.body(PAYLOAD).id
@@ -204,7 +206,7 @@ class Simulation:
         """How far up those robots, (k, 19), have to go for nothing of them to be below the ground, (k,), m."""
         rotation = np.stack([np.stack(row, -1) for row in rotation_matrix(of_robots(qpos[:, 3:7]))], 1)  # (k, 3, 3)
         corners = qpos[:, None, :3] + self._corners @ rotation.transpose(0, 2, 1)
-        feet, thighs = self._sites[ids][:, self._feet], self._bodies[ids][:, self._thighs]
+        feet, thighs = self._sites[ids][:, self._feet], self._joints[ids][:, self._thighs]
         below = foot_depths(self.robot, rotation, qpos[:, 7:]) - self.robot.foot_radius
         balls = ((feet, self.robot.foot_radius, below), (thighs, self.robot.thigh_radius, 0.0), (corners, 0.0, 0.0))
         lifts = [

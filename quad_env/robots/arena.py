@@ -19,14 +19,17 @@ from quad_env.robots.collisions import (
     OWN,
     RULES,
     Parts,
+    excluded,
     meet_the_ground,
     numbered,
+    of_name,
     own_rules,
     renamed,
     watched,
 )
 from quad_env.robots.figures import REFERENCE, Figures
 from quad_env.robots.model_file import read
+from quad_env.robots.overlaps import overlap_line, overlaps_of
 from quad_env.robots.shapes import Floats, surface
 
 _SENSOR = "name", "type", "objtype", "objname", "reftype", "refname", "intprm"
@@ -59,7 +62,8 @@ def _on_our_ground(robot: Figures, _changed: int) -> Any:
     _turn_joints(parts, model, found, robot)
     _leave_out_forces(parts, model, found)
     _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes")
-    rules = own_rules(own, found)
+    overlaps = overlaps_of(mujoco, model, found, robot.home_pose)
+    rules = [*own_rules(own, found, overlaps), *excluded(own, parts, overlaps)]
     if not robot.keeps_contact:
         _touch_like_ours(parts, own, found, stage.geom("fl_foot"))
     _name_parts(parts, model, found, robot)
@@ -90,6 +94,17 @@ def _on_our_ground(robot: Figures, _changed: int) -> Any:
     stage.add_key(name="home", qpos=qpos, ctrl=robot.home_pose)
     stage.body("base_link").pos = (0.0, 0.0, robot.leg_length + robot.foot_radius)
     return stage
+
+
+def overlap_remark(robot: Figures) -> str | None:
+    """Return the line that names the shapes of a user's robot that overlap in its home pose; None without any."""
+    import mujoco
+
+    if not robot.imported:
+        return None
+    _, model, found = read(robot.mjcf)
+    overlaps = overlaps_of(mujoco, model, found, robot.home_pose)
+    return overlap_line(model, overlaps) if overlaps else None
 
 
 def _clear(spec: Any, *kinds: str) -> None:
@@ -200,7 +215,8 @@ def _name_parts(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> Non
         body = parts.bodies[leg.foot.body]
         site = {"pos": leg.foot.place, "size": (leg.foot.radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
         body.add_site(name=HERE + f"{leg.name}_foot", **site)
-        body.add_site(name=HERE + f"{leg.name}_sole", **_sole(model, leg))
+        for number, each in enumerate(leg.foot.bodies(model)):
+            parts.bodies[each].add_site(name=HERE + numbered(f"{leg.name}_sole", number), **_sole(model, leg, each))
         for joint, link in zip(leg.joints, LINKS, strict=True):
             parts.joints[joint].name = HERE + model.joint(joint).name
             parts.bodies[int(model.jnt_bodyid[joint])].name = HERE + f"{leg.name}_{link}_link"
@@ -226,11 +242,9 @@ def _centre_base(parts: Parts, found: Anatomy) -> None:
         part.set_frame(frame)
 
 
-def _sole(model: Any, leg: Leg) -> dict[str, Any]:
+def _sole(model: Any, leg: Leg, body: int) -> dict[str, Any]:
     """A site around the foot's geoms of one body, a little larger than these: the volume of a touch sensor."""
-    points = np.concatenate(
-        [surface(model, geom) for geom in leg.foot.geoms if model.geom_bodyid[geom] == leg.foot.body]
-    )
+    points = np.concatenate([surface(model, geom) for geom in leg.foot.geoms if model.geom_bodyid[geom] == body])
     low, high = points.min(axis=0), points.max(axis=0)
     return {"type": 6, "pos": 0.5 * (low + high), "size": 0.5 * (high - low) + 1e-3, "rgba": (0.0, 0.0, 0.0, 0.0)}
 
@@ -266,13 +280,17 @@ def _sense(stage: Any, robot: Figures, sensors: list[dict[str, Any]], sensed: di
     import mujoco
 
     kinds = mujoco.mjtSensor
-    soles = {f"{leg}_foot": f"{leg}_sole" for leg in robot.leg_names} if robot.foot_points.size else {}
+    sites = [site.name for site in stage.sites]
     for sensor in sensors:
         if sensor["type"] in (kinds.mjSENS_JOINTPOS, kinds.mjSENS_JOINTVEL):
             continue
+        soles = of_name(sensor["objname"].removesuffix("_foot") + "_sole", sites)
+        if sensor["type"] == kinds.mjSENS_TOUCH and (robot.foot_points.size or len(soles) > 1):
+            for number, sole in enumerate(soles):
+                stage.add_sensor(**sensor | {"name": numbered(sensor["name"], number), "objname": sole})
+            continue
         if sensor["type"] != kinds.mjSENS_CONTACT:
-            places = soles if sensor["type"] == kinds.mjSENS_TOUCH else {}
-            stage.add_sensor(**sensor | {"objname": places.get(sensor["objname"], sensor["objname"])})
+            stage.add_sensor(**sensor)
             continue
         for number, part in enumerate(sensed[sensor["name"].removesuffix("_ground")]):
             kind = mujoco.mjtObj.mjOBJ_GEOM if hasattr(part, "contype") else mujoco.mjtObj.mjOBJ_BODY

@@ -1,6 +1,7 @@
 """The figures of a user's robot, inferred from its MJCF or URDF or given in a TOML file."""
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,18 +9,16 @@ from typing import Any
 import numpy as np
 
 from quad_env.files.reading import read_bytes
-from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError
-from quad_env.robots.figures import REFERENCE, REFERENCE_MASS, Figures
+from quad_env.robots.anatomy import JOINTS_PER_LEG, LEAST_BEND, LEGS, Anatomy, Leg, ModelError
+from quad_env.robots.figures import LEVEL, REFERENCE, REFERENCE_MASS, Figures
 from quad_env.robots.model_file import read
-from quad_env.robots.shapes import Floats, corners, geoms_of
+from quad_env.robots.shapes import Floats, corners, geoms_of, rotation_of
 from quad_env.robots.torque_limits import torque_ranges
 
 FIGURES = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness"
 """Fields of a robot that may be given instead of being inferred."""
 SHORTEST_BEND, LONGEST_BEND = 0.5, 0.97
 """Hip joints above the feet in a keyframe that is taken for a stand, as a share of a leg's length."""
-LEAST_BEND = 0.1
-"""Middle of a calf's range, rad, that shows which way its knee bends."""
 
 
 def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
@@ -56,6 +55,7 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
             chosen[figure] = infer(model, found)
     stiff_servo = [np.broadcast_to(chosen[gain], len(found.joints)) for gain in ("servo_stiffness", "servo_damping")]
     trunk_centre, trunk_size = found.trunk_box(model)
+    foot_points, foot_radii = _feet(found)
     robot = Figures(
         name=name,
         mjcf=path,
@@ -69,7 +69,8 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
         thigh_length=leg.thigh_length,
         calf_length=leg.calf_length,
         foot_radius=leg.foot.radius,
-        foot_points=np.stack([leg.foot.points for leg in found.legs]),
+        foot_points=foot_points,
+        foot_radii=foot_radii,
         thigh_radius=_thigh_radius(model, found, leg),
         trunk_size=trunk_size,
         trunk_centre=trunk_centre,
@@ -79,7 +80,10 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     if "home_pose" not in figures:
         stand = _stand(model, found)
         height = REFERENCE.home_hip_height * longer if stand is None else _height(leg, stand)
-        robot = replace(robot, home_pose=_home_pose(robot, height))
+        robot = _levelled(replace(robot, home_pose=_home_pose(robot, len(found.legs) * [height])))
+    for field, value in robot.by_name.items():
+        if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
+            raise ModelError(f"its {field.replace('_', ' ')} is not finite, got {value}")
     lower, upper = found.limits(model)
     outside = (robot.home_pose < lower) | (robot.home_pose > upper)
     if outside.any():
@@ -171,26 +175,67 @@ def _height(leg: Leg, angles: Floats) -> float:
     return float(leg.thigh_length * np.cos(angles[1]) + leg.calf_length * np.cos(angles[1] + angles[2]))
 
 
-def _home_pose(robot: Figures, height: float) -> Floats:
-    """Feet below the thigh joints, these at that height above them, m; (12,), rad."""
+def _home_pose(robot: Figures, heights: Sequence[float]) -> Floats:
+    """Feet below the thigh joints, each leg's at its height, m, above them; (12,), rad."""
     upper, lower = robot.thigh_length, robot.calf_length
-    height = float(np.clip(height, abs(upper - lower) + 1e-3, robot.leg_length))
-    thigh = np.arccos(np.clip((upper**2 + height**2 - lower**2) / (2.0 * upper * height), -1.0, 1.0))
-    calf = np.pi - np.arccos(np.clip((upper**2 + lower**2 - height**2) / (2.0 * upper * lower), -1.0, 1.0))
-    knees = robot.knee_direction
-    pose: Floats = np.stack([0.0 * knees, -knees * thigh, knees * calf], axis=1).ravel()
-    return pose + 0.0  # which makes no -0.0 of a hip's
+    pose = []
+    for knee, height in zip(robot.knee_direction, heights, strict=True):
+        height = float(np.clip(height, abs(upper - lower) + 1e-3, robot.leg_length))
+        thigh = np.arccos(np.clip((upper**2 + height**2 - lower**2) / (2.0 * upper * height), -1.0, 1.0))
+        calf = np.pi - np.arccos(np.clip((upper**2 + lower**2 - height**2) / (2.0 * upper * lower), -1.0, 1.0))
+        pose += [0.0, -knee * thigh, knee * calf]
+    return np.array(pose) + 0.0  # which makes no -0.0 of a hip's
+
+
+def _levelled(robot: Figures) -> Figures:
+    """The robot with a home pose in which all feet touch: those that reach deeper, or hang lower, are bent more."""
+    for _ in range(10):  # a foot that is no ball reaches as deep as its shin is tilted
+        heights = robot.leg_heights
+        if np.ptp(heights) < LEVEL:
+            break
+        pose = _home_pose(robot, (robot.hip_heights + 0.5 * (heights.min() + heights.max()) - heights).tolist())
+        robot = replace(robot, home_pose=pose)
+    return robot
+
+
+def _feet(found: Anatomy) -> tuple[Floats, Floats]:
+    """Return the points of the feet from where kinematics has their centres, which takes all legs for the same.
+
+    Returns:
+        points: (4, k, 3), m; k is 0 where all feet are balls.
+        radii: About the points, (4, k), m.
+    """
+    legs = found.legs
+    if not any(leg.foot.points.size for leg in legs):
+        return np.zeros((len(legs), 0, 3)), np.zeros((len(legs), 0))
+    count = max(1, *(len(leg.foot.points) for leg in legs))
+    points = np.zeros((len(legs), count, 3))
+    radii = np.zeros((len(legs), count))
+    offset = float(np.mean([leg.hip_offset for leg in legs]))
+    for row, leg in enumerate(legs):
+        own = leg.foot.points if leg.foot.points.size else np.zeros((1, 3))
+        its = leg.foot.radii if leg.foot.points.size else np.array((leg.foot.radius,))
+        outboard = np.sign(leg.hip[1]) * (leg.hip_offset - offset)
+        lower = legs[0].calf_length - leg.calf_length
+        points[row] = np.resize(own, (count, 3))
+        points[row] += (0.0, outboard, lower)
+        radii[row] = np.resize(its, count)
+    return points, radii
 
 
 def _thigh_radius(model: Any, found: Anatomy, leg: Leg) -> float:
     """Distance from the line between a thigh's joints to the farthest point of what collides of it, rounded up, m."""
-    thigh, calf = (int(model.jnt_bodyid[joint]) for joint in leg.joints[1:])
-    geoms, along = geoms_of(model, [thigh], found.grounded), model.body_pos[calf]
+    start, end = leg.joints[1:]
+    thigh, calf = (int(model.jnt_bodyid[joint]) for joint in (start, end))
+    geoms = geoms_of(model, [thigh], found.grounded)
     if not geoms:
         return leg.foot.radius
+    along = model.body_pos[calf] + rotation_of(model.body_quat[calf]) @ model.jnt_pos[end]
     if model.body_parentid[calf] != thigh:  # a body that is welded to the thigh lies between
-        along = (found.places[calf] - found.places[thigh]) @ found.axes[thigh]
-    points = np.concatenate([corners(model, geom) for geom in geoms])
+        along = found.places[calf] + found.axes[calf] @ model.jnt_pos[end] - found.places[thigh]
+        along = along @ found.axes[thigh]
+    along = along - model.jnt_pos[start]
+    points = np.concatenate([corners(model, geom) for geom in geoms]) - model.jnt_pos[start]
     share = np.clip(points @ along / (along @ along), 0.0, 1.0)
     beside = np.linalg.norm(points - share[:, None] * along, axis=1)
     return float(np.ceil(100.0 * beside.max()) / 100.0)

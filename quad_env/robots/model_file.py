@@ -14,6 +14,7 @@ import numpy as np
 from quad_env.files.reading import read_bytes
 from quad_env.robots.anatomy import Anatomy, ModelError, anatomy, root_of
 from quad_env.robots.collisions import GROUND_BIT
+from quad_env.robots.finite import nonfinite_line
 from quad_env.robots.held import carried_by, hold, spare_joints
 from quad_env.robots.inertias import compile_balanced, without_inferred_masses
 from quad_env.robots.omissions import CONTACT, listed, omissions
@@ -60,6 +61,8 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
             _keep_parts(mujoco, spec)
             massless = without_inferred_masses(spec) if is_urdf else ()
             model, balanced = compile_balanced(mujoco, spec)
+            if (line := nonfinite_line(model)) is not None:
+                raise ModelError(line)
             omitted = (
                 *omissions(mujoco, spec, model, root_of(mujoco, model)),
                 *_about_inertias(massless, balanced),

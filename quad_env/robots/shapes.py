@@ -102,6 +102,13 @@ def surface(model: Any, geom: int) -> Floats:
     return np.asarray(model.geom_pos[geom] + points @ rotation_of(model.geom_quat[geom]).T)
 
 
+def rounded(model: Any, geom: int) -> tuple[Floats, float]:
+    """Return points, (k, 3), body frame, m, and a radius: the geom is the hull of the points, grown by the radius."""
+    if ends := balls(model, geom):
+        return np.stack([centre for centre, _ in ends]), ends[0][1]
+    return surface(model, geom), 0.0
+
+
 def rotation_of(quaternion: Any) -> Floats:
     """Rotation matrix of a quaternion (w, x, y, z), (3, 3)."""
     import mujoco
