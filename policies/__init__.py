@@ -54,6 +54,11 @@ def _loaded(folder: str | Path, robot: Robot, control_period: float, late: int, 
     return policy
 
 
+def is_missing(name: str, robot: Robot) -> bool:
+    """Whether `name` is a trained policy that has no bundle for this robot."""
+    return name in TRAINED and not (shipped.folder_of(robot) / name).is_dir()
+
+
 _OTHER_GAITS = {f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in OTHER_GAITS}
 _MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: partial(made, base) for name, base in BASES.items()},
@@ -151,6 +156,7 @@ __all__ = [
     "Safe",
     "Stand",
     "Trot",
+    "is_missing",
     "is_reference",
     "load",
     "make",
