@@ -69,7 +69,7 @@ def test_each_sensor_is_sampled_and_seen_by_its_own_rate_and_delay() -> None:
 NOISY = SensorSuite(
     Imu(None, 0.0, 0.1, 0.2, 1e3, 0.3, 0.4, 1e3),
     Encoders(None, 0.0, None, 0.05, 0.06),
-    FootContact(None, 0.0, noise=0.7),
+    FootContact(None, 0.0, threshold=0.5, noise=0.7),
     JointTorque(None, 0.0, 0.8, 0.9, 1e3),
 )
 BIAS = np.repeat([0.1, 0.3, 0.06, 0.0, 0.8], [*WIDTHS.values()])
@@ -93,7 +93,7 @@ def test_each_entry_has_its_own_bias_and_noise_of_its_robot_s_stream(randomised:
     for step in range(5):
         of.read(measured(np.zeros((2, SIZE))), np.full(2, step), moving)
         expected = bias[moving] + noise[moving, step]
-        expected[:, 18:22] = expected[:, 18:22] >= 10.0
+        expected[:, 18:22] = expected[:, 18:22] >= 0.5
         np.testing.assert_allclose(read(of, step, moving), expected, atol=1e-6)
     np.testing.assert_array_equal(read(of, 0, np.array([0, 2])), 0.0)
 
