@@ -9,6 +9,7 @@ from policies.gait_cycle import LegCycle
 from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
 from policies.mpc.motion import Load, Motion, Odometer, estimated_load, motion
 from policies.mpc.parameters import MpcParameters
+from quad_env import OBSERVATION
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.policies.readings import reading
@@ -246,3 +247,124 @@ def test_no_more_than_the_farthest_way_is_made_up_for_and_no_faster_than_the_fas
             found = odometer.catching_up(now, 2.0).command[0]
         np.testing.assert_allclose(found[:2], [expected, 0.0], atol=1e-6)
         np.testing.assert_allclose(found[2], 1.2, atol=1e-6)  # 0.6 rad at 2 / s, without a limit of their own
+
+
+class Noted:
+    """Servos that give no torque and keep what they were asked for."""
+
+    stiffness = np.full(12, 300.0)
+
+    def torque(self, targets: np.ndarray, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        self.asked = targets, angle, speed
+        return np.zeros_like(angle)
+
+
+def looks_at(sense: ContactSense, *rows: dict[str, Any], away: Any = False) -> tuple[Motion, np.ndarray, np.ndarray]:
+    """The last of these motions of one robot, its forces of the feet and the wrench that they leave."""
+    sense.reset(1)
+    for each in rows:
+        now = at(1, **each)
+        forces, wrench = sense._explained(now, away)
+    return now, forces, wrench
+
+
+EARLIER, LATER = (
+    {"joint_position": 0.0, "joint_velocity": 0.0, "previous_action": 0.1, "linear_velocity": (0.5, 0.0, 0.0)},
+    {"joint_position": 0.02, "joint_velocity": 6.0, "previous_action": 0.3, "linear_velocity": (0.5, 0.2, 0.0)},
+)
+"""10 ms apart."""
+
+
+@pytest.mark.parametrize(
+    ("encoders", "targets", "angle", "speed"),
+    [
+        # The mean of the cubic: half of the way less a twelfth of 10 ms times the change of speed; the way by the time.
+        (False, 0.3, 0.01 - 0.01 / 12.0 * 6.0, 2.0),
+        # Differences of encoders are means over a period: about the middle of two.
+        (True, 0.2, 0.0 + 0.01 / 12.0 * 6.0, 3.0),
+    ],
+)
+def test_servos_are_asked_for_their_torque_over_the_last_control_period(
+    encoders: bool, targets: float, angle: float, speed: float
+) -> None:
+    sense = ContactSense(SIMPLE_QUAD, P, 0.01, encoders=encoders)
+    sense._servos = servos = Noted()  # type: ignore[assignment]
+    looks_at(sense, EARLIER, LATER)
+    np.testing.assert_allclose(servos.asked[0][0] - SIMPLE_QUAD.home_pose, targets, atol=1e-6)
+    np.testing.assert_allclose(servos.asked[1][0] - SIMPLE_QUAD.home_pose, angle, atol=1e-6)
+    np.testing.assert_allclose(servos.asked[2][0], speed, atol=1e-6)
+    looks_at(sense, LATER)  # at the first look nothing has changed
+    np.testing.assert_allclose(servos.asked[0][0] - SIMPLE_QUAD.home_pose, 0.3, atol=1e-6)
+    np.testing.assert_allclose(servos.asked[2][0], 6.0 if encoders else 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("encoders", [False, True])
+def test_forces_and_wrench_are_what_the_motion_needed_less_what_the_servos_gave(encoders: bool) -> None:
+    """M v̇ + h: in the rows of each leg Jᵀ f of its foot, in those of the trunk the wrench and what the feet bear. Of
+    encoders the mean over two periods; a force of the ground that would pull is none."""
+    sense = ContactSense(SIMPLE_QUAD, P, 0.01, encoders=encoders)
+    sense._servos = Noted()  # type: ignore[assignment]
+    before, last = {"linear_velocity": (0.1, -0.1, 0.3)}, {"linear_velocity": (0.3, 0.0, 0.2), "joint_velocity": 0.5}
+    now, forces, wrench = looks_at(sense, {}, before, last)
+    change = np.zeros(18)
+    if encoders:
+        change[:3], change[6:] = (0.15, 0.0, 0.1), 0.5  # the trunk over both periods
+    else:
+        change[:3], change[6:] = (0.2, 0.1, -0.1), 0.5
+    needed = now.bodies.inertia[0] @ (change / 0.01) + now.bodies.bias[0]
+    legs = now.bodies.leg_jacobians[0]
+    raw = np.array([np.linalg.lstsq(legs[leg].T, needed[6:].reshape(4, 3)[leg], rcond=None)[0] for leg in range(4)])
+    explaining = raw if encoders else np.where(raw[:, 2:] < 0.0, 0.0, raw)
+    by_feet = np.einsum("lxk,lx->k", now.bodies.jacobians[0, ..., :6], explaining)
+    np.testing.assert_allclose(wrench[0], needed[:6] - by_feet, rtol=0.03, atol=0.5)
+    shown = np.where(sense.touching[0][:, None], raw, 0.0) if encoders else explaining
+    np.testing.assert_allclose(forces[0], shown, rtol=0.03, atol=0.5)
+    assert raw[:, 2].min() < -1.0  # some would pull
+
+
+def test_a_foot_in_mid_swing_touches_nothing_whatever_it_bears() -> None:
+    sense = ContactSense(SIMPLE_QUAD, P, 0.01)
+    pressing = {"previous_action": np.tile([0.0, -0.3, 0.3], 4)}
+    _, forces, _ = looks_at(sense, pressing)
+    assert (forces[0, :, 2] > 2.0 * P.touch_force).all()
+    assert sense.touching.all()
+    _, same, _ = looks_at(sense, pressing, away=np.array([[True, False, False, True]]))
+    assert sense.touching[0].tolist() == [False, True, True, False]
+    np.testing.assert_array_equal(same, forces)
+
+
+def test_a_foot_in_the_air_has_to_press_harder_to_be_taken_to_stand_on_noisy_joints() -> None:
+    """By 0.03 N per N·m/rad of 300: 9 N on top of the 15 N of one that stands."""
+    sense = ContactSense(SIMPLE_QUAD, P, 0.01, encoders=True)
+    sense.reset(1)
+    now = at(1, previous_action=np.tile([0.0, -0.3, 0.3], 4))
+    forces, _ = sense._explained(now, False)
+    pressed = float(forces[0, 0, 2])
+    for least, touching in (
+        (pressed - 8.0, (True, False)),
+        (pressed - 10.0, (True, True)),
+        (pressed + 1.0, (False, False)),
+    ):
+        sense._parameters = MpcParameters(touch_force=least)
+        for stood, expected in zip((True, False), touching, strict=True):
+            sense.touching = np.full((1, 4), stood)
+            sense._explained(now, False)
+            assert bool(sense.touching[0, 0]) is expected
+
+
+def test_what_encoders_show_at_zero_is_learnt_of_feet_in_the_air_and_no_more_than_a_look_tells() -> None:
+    """Of the torque that is missing by the stiffness, 0.03 rad at most, 0.01 / 1.01 at each look."""
+    sense = ContactSense(SIMPLE_QUAD, P, 0.01, encoders=True)
+    sense.reset(1)
+    sense._servos = Noted()  # type: ignore[assignment]
+    now = at(1)
+    sense._explained(now, np.array([[True, True, True, False]]))
+    needed = now.bodies.bias[0, 6:]
+    expected = 0.01 / 1.01 * np.clip(needed / 300.0, -0.03, 0.03)
+    assert not sense.touching[0, :3].any()
+    np.testing.assert_allclose(sense.zeros[0, :9], expected[:9], atol=1e-9)
+    if sense.touching[0, 3]:
+        assert not sense.zeros[0, 9:].any()
+    shown, joints = sense.calibrated(reading(1, joint_position=0.1)), OBSERVATION["joint_position"]
+    np.testing.assert_allclose(shown[0, joints], 0.1 - sense.zeros[0], atol=1e-6)
+    assert ContactSense(SIMPLE_QUAD, P, 0.01).calibrated(shown) is shown
