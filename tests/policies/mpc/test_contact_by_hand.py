@@ -304,13 +304,13 @@ def test_forces_and_wrench_are_what_the_motion_needed_less_what_the_servos_gave(
     encoders the mean over two periods; a force of the ground that would pull is none."""
     sense = ContactSense(SIMPLE_QUAD, P, 0.01, encoders=encoders)
     sense._servos = Noted()  # type: ignore[assignment]
-    before, last = {"linear_velocity": (0.1, -0.1, 0.3)}, {"linear_velocity": (0.3, 0.0, 0.2), "joint_velocity": 0.5}
+    before, last = {"linear_velocity": (0.1, -0.1, 0.3)}, {"linear_velocity": (0.3, 0.0, -0.6), "joint_velocity": 0.5}
     now, forces, wrench = looks_at(sense, {}, before, last)
     change = np.zeros(18)
     if encoders:
-        change[:3], change[6:] = (0.15, 0.0, 0.1), 0.5  # the trunk over both periods
+        change[:3], change[6:] = (0.15, 0.0, -0.3), 0.5  # the trunk over both periods
     else:
-        change[:3], change[6:] = (0.2, 0.1, -0.1), 0.5
+        change[:3], change[6:] = (0.2, 0.1, -0.9), 0.5
     needed = now.bodies.inertia[0] @ (change / 0.01) + now.bodies.bias[0]
     legs = now.bodies.leg_jacobians[0]
     raw = np.array([np.linalg.lstsq(legs[leg].T, needed[6:].reshape(4, 3)[leg], rcond=None)[0] for leg in range(4)])
