@@ -322,6 +322,18 @@ def test_forces_and_wrench_are_what_the_motion_needed_less_what_the_servos_gave(
     assert raw[:, 2].min() < -1.0  # some would pull
 
 
+def test_a_robot_that_begins_again_has_not_changed_its_motion_at_its_first_look() -> None:
+    """Of two that were thrown up: the other has slowed down from 2 m/s in 10 ms."""
+    sense = ContactSense(SIMPLE_QUAD, P, 0.01)
+    sense.reset(2)
+    first = sense._explained(at(), False)[1].copy()
+    sense._explained(at(linear_velocity=(0.0, 0.0, 2.0)), False)
+    sense.reset_where(np.array([False, True]))
+    found = sense._explained(at(), False)[1]
+    np.testing.assert_allclose(found[1], first[1], atol=1e-6)
+    assert np.abs(found[0] - first[0]).max() > 100.0
+
+
 def test_a_foot_in_mid_swing_touches_nothing_whatever_it_bears() -> None:
     sense = ContactSense(SIMPLE_QUAD, P, 0.01)
     pressing = {"previous_action": np.tile([0.0, -0.3, 0.3], 4)}
