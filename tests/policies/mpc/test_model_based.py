@@ -201,11 +201,11 @@ def test_robots_that_give_up_stop_from_their_own_targets_at_their_own_joints() -
     together, alone = policy_of(robots=2), policy_of()
     angles = np.tile(SIMPLE_QUAD.home_pose, (2, 1))
     angles[1] += 0.1
-    for policy, row in ((together, slice(0, 2)), (alone, slice(1, 2))):
-        policy._targets = angles[row] + 0.05
-        rows = reading(2, projected_gravity=[(0.0, 0.0, -1.0), (0.2, 0.1, -0.97)])[row]
-        for _ in range(20):
-            policy._give_way(np.array([False, True])[row], rows, angles[row])
-    assert together.stopped.tolist() == [False, True]
-    np.testing.assert_array_equal(together._targets[1], alone._targets[0])
+    rows = reading(2, projected_gravity=[(0.0, 0.0, -1.0), (0.2, 0.1, -0.97)])
+    together._targets, alone._targets = angles + 0.05, angles[1:] + 0.05
+    for step in range(20):
+        together._give_way(np.array([False, True]), rows, angles)
+        alone._give_way(np.array([True]), rows[1:], angles[1:])
+        assert together.stopped.tolist() == [False, step >= 10]
+        np.testing.assert_array_equal(together._targets[1], alone._targets[0])
     np.testing.assert_array_equal(together._targets[0], angles[0] + 0.05)

@@ -127,6 +127,46 @@ def test_forces_stay_within_the_cone_and_never_pull() -> None:
     assert (np.hypot(found[:, 0], found[:, 1]) <= 0.6 * found[:, 2] + 1e-9).all()
 
 
+def test_forces_are_the_smallest_that_come_nearest_to_the_weighted_accelerations() -> None:
+    """Of two feet, by weights that all differ: the least-squares solution of least norm."""
+    now, diagonal = standing(), np.array([[True, False, False, True]])
+    p = replace(P, planar_priority=0.7, tilt_priority=0.4, yaw_priority=0.15)
+    wanted = np.array([-0.5, 0.4, 0.3, 1.5, -1.0, 2.0])
+    weights = np.array([0.7, 0.7, 1.0, 0.4, 0.4, 0.15])
+    effects = np.zeros((6, 6))
+    for column, foot in enumerate((0, 3)):
+        arm = now.bodies.feet[0, foot] - now.bodies.centre[0]
+        for axis in range(3):
+            moment = np.cross(arm, np.eye(3)[axis])
+            effects[:3, 3 * column + axis] = np.eye(3)[axis] / now.bodies.mass[0]
+            effects[3:, 3 * column + axis] = np.linalg.solve(now.bodies.rotational_inertia[0], moment)
+    asked = weights * (wanted + 9.81 * np.eye(6)[2])
+    square = (weights[:, None] * effects) @ (weights[:, None] * effects).T + 1e-5 * np.eye(6)
+    by_hand = ((weights[:, None] * effects).T @ np.linalg.solve(square, asked)).reshape(2, 3)
+    found = forces(now, wanted, diagonal, p)
+    np.testing.assert_allclose(found[[0, 3]], by_hand, rtol=1e-6, atol=1e-6)
+    assert not found[[1, 2]].any()
+
+
+def test_each_robot_s_feet_are_held_to_its_own_friction_and_its_largest_force() -> None:
+    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
+    friction = Friction(np.array([0.6, 0.1]), np.array([30.0, 500.0]))
+    wanted = np.tile([4.0, 0.0, 5.0, 0.0, 0.0, 0.0], (2, 1))
+    found = shared(P, now, wanted, np.ones((2, 4), np.bool_), friction)
+    assert found[0, :, 2].max() == 30.0
+    assert 30.0 < found[1, :, 2].max() < 500.0
+    slope = np.hypot(found[..., 0], found[..., 1]) / found[..., 2]
+    assert slope[1].max() == pytest.approx(0.1)
+    assert 0.1 < slope[0].max() <= 0.6 + 1e-9
+
+
+def test_the_velocity_that_is_damped_is_that_of_the_centre_of_mass() -> None:
+    """It is 0.0365 m behind the trunk's centre and swings to the right of one that turns to the left at 2 rad/s."""
+    now = standing(angular_velocity=(0.0, 0.0, 2.0))
+    assert now.bodies.centre[0, :2] == pytest.approx([-0.0364633, 0.0], abs=1e-6)
+    assert pull(now)[:2] == pytest.approx([0.0, P.lateral_damping * 2.0 * 0.0364633], abs=1e-6)
+
+
 def acted(policy: TrotFeedback, **readings: float) -> TrotFeedback:
     """After a while at rest with those readings."""
     policy.reset(1)

@@ -141,6 +141,29 @@ def test_next_step_mode_resets_on_the_step_after_the_last_and_ignores_its_action
     assert (observation[1] == twin.reset()[0][1]).all()
 
 
+def test_same_step_mode_tells_the_end_of_the_robot_that_ended_and_the_start_of_its_next_episode() -> None:
+    """Of two: masks say whose end it is, what was earned stands with the end, and the other's step is as it was."""
+    env, twin = make(2, autoreset_mode="SameStep", readings=True), make(2, autoreset_mode="Disabled", readings=True)
+    for each in (env, twin):
+        each.reset(seed=0)
+        drop_robot(each, 0)
+    action = np.tile(HOME, (2, 1)) + np.float32(0.05)
+    *_, infos = env.step(action)
+    *_, plain = twin.step(action)
+    _, begun = twin.reset(options={"reset_mask": np.array([True, False])})
+    assert infos["_final_info"].tolist() == infos["_final_obs"].tolist() == [True, False]
+    end = infos["final_info"]
+    for key, value in plain.items():
+        if key.startswith("_"):
+            assert end[key].tolist() == [True, False], key
+            assert infos[key].all(), key
+            continue
+        np.testing.assert_array_equal(end[key][0], value[0], err_msg=key)
+        np.testing.assert_array_equal(infos[key][1], value[1], err_msg=key)
+        np.testing.assert_array_equal(infos[key][0], begun[key][0], err_msg=key)
+    assert plain["reward_fall"][0] < 0.0 == infos["reward_fall"][0]
+
+
 def test_same_step_mode_gives_the_last_observation_apart_and_the_first_of_the_next_episode() -> None:
     same, following = make(2, autoreset_mode="SameStep"), make(2)
     same.reset(seed=0), following.reset(seed=0)

@@ -40,7 +40,7 @@ def read(of: Instruments, step: int, rows: np.ndarray = ALL) -> np.ndarray:
 
 
 def numbered(step: int, rows: int = 4) -> np.ndarray:
-    """Values that tell the step and the entry, so large that every foot stands from step 10 on."""
+    """Values that tell the step and the entry, so large that every foot stands from step 11 on."""
     return step + 0.01 * np.arange(SIZE) + np.zeros((rows, 1))
 
 
@@ -49,7 +49,7 @@ def test_each_sensor_is_sampled_and_seen_by_its_own_rate_and_delay() -> None:
     suite = SensorSuite(
         replace(IDEAL.imu, rate=50.0, delay=0.02),
         replace(IDEAL.encoders, rate=25.0, delay=0.01),
-        replace(IDEAL.feet, delay=0.03),
+        replace(IDEAL.feet, delay=0.03, threshold=11.0),
         replace(IDEAL.torque, rate=20.0, delay=0.055),
     )
     timing = {"gyro": (2, 2), "accelerometer": (2, 2), "joint_position": (4, 1), "foot_contact": (1, 3)}
@@ -62,14 +62,14 @@ def test_each_sensor_is_sampled_and_seen_by_its_own_rate_and_delay() -> None:
         for name, (period, late) in timing.items():
             sample = max((step - late) // period, 0) * period
             values = measured(numbered(sample))[name]
-            expected = values >= 10.0 if name == "foot_contact" else values
+            expected = values >= 11.0 if name == "foot_contact" else values
             np.testing.assert_array_equal(shown[name], expected, err_msg=f"{name} at {step}")
 
 
 NOISY = SensorSuite(
     Imu(None, 0.0, 0.1, 0.2, 1e3, 0.3, 0.4, 1e3),
     Encoders(None, 0.0, None, 0.05, 0.06),
-    FootContact(None, 0.0, noise=0.7),
+    FootContact(None, 0.0, threshold=0.5, noise=0.7),
     JointTorque(None, 0.0, 0.8, 0.9, 1e3),
 )
 BIAS = np.repeat([0.1, 0.3, 0.06, 0.0, 0.8], [*WIDTHS.values()])
@@ -93,7 +93,7 @@ def test_each_entry_has_its_own_bias_and_noise_of_its_robot_s_stream(randomised:
     for step in range(5):
         of.read(measured(np.zeros((2, SIZE))), np.full(2, step), moving)
         expected = bias[moving] + noise[moving, step]
-        expected[:, 18:22] = expected[:, 18:22] >= 10.0
+        expected[:, 18:22] = expected[:, 18:22] >= 0.5
         np.testing.assert_allclose(read(of, step, moving), expected, atol=1e-6)
     np.testing.assert_array_equal(read(of, 0, np.array([0, 2])), 0.0)
 
@@ -142,6 +142,14 @@ def test_a_sample_of_longer_ago_than_the_delay_can_be_asked_for() -> None:
             number = max((step - (1 if late is None else late)) // 2, 0)
             assert channel.value(clock, row, late) == 2 * number
             assert channel.before(clock, row, late) == 2 * max(number - 1, 0)
+
+
+def test_samples_are_taken_of_those_robots_alone_for_which_one_is_due() -> None:
+    """Every fourth control step of each robot's own clock: 3, 4 and 8."""
+    channel, rows = Channel(4, 1, 25.0, 0.0, 100.0), np.array([3, 0, 2])
+    channel.take(np.array([[1.0], [2.0], [3.0]]), np.zeros(3, np.int64), rows)
+    channel.take(np.array([[4.0], [5.0], [6.0]]), np.array([3, 4, 8]), rows)
+    assert channel.value(np.array([3, 4, 8]), rows)[:, 0].tolist() == [1.0, 5.0, 6.0]
 
 
 def test_noise_of_a_robot_that_begins_again_is_of_its_new_stream_from_the_first_step_on() -> None:
