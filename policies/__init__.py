@@ -27,6 +27,7 @@ from policies.summaries import SUMMARIES
 from policies.trot.open_loop import Trot
 from quad_env.actuation.models import Actuator
 from quad_env.actuation.models import actuator as _actuator
+from quad_env.files.paths import missing_file
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -140,6 +141,8 @@ def resolve(
         return _loaded(text, robot, control_period, late, _actuator(actuator))
     if (remedy := unsupported(text)) is not None:
         raise PolicyError(remedy)
+    if (missing := missing_file(text)) is not None:
+        raise PolicyError(missing)
     raise PolicyError(
         f"no policy {text!r}: name one of {', '.join(names())}, the folder of a trained policy, or a policy of yours: "
         "my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3, a deployment file of another project"

@@ -7,6 +7,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from quad_env.files.paths import missing_file
 from quad_env.files.reading import TEXT, check_file
 from quad_env.files.text import described
 from quad_env.robots.robot import Robot
@@ -82,7 +83,7 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if colon and axis in AXES and level == ALL:
         return tuple(map(axes_of(robot)[axis].level, range(1, len(AXES[axis].levels) + 1)))
     if (one := find(name, robot)) is None:
-        raise ValueError(f"unknown scenario {name!r}; valid: {_VALID}")
+        raise ValueError(missing_file(name) or f"unknown scenario {name!r}; valid: {_VALID}")
     return (one,)
 
 

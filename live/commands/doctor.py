@@ -5,6 +5,7 @@ from pathlib import Path
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.doctor.check import Check
 from quad_env.doctor.command import Options, run
+from quad_env.files.paths import missing_file
 
 __all__ = ["CHECKS", "OF_DESCRIPTION", "Options", "main"]
 
@@ -58,4 +59,7 @@ def check_exists(name_or_path: str) -> None:
     if (remedy := policies.unsupported(name)) is not None:
         raise UsageError(remedy)
     if name not in policies.names() and not file.exists():
-        raise UsageError(f"no policy {name_or_path!r}: name one of {', '.join(policies.names())}, a folder or a file")
+        raise UsageError(
+            missing_file(name)
+            or f"no policy {name_or_path!r}: name one of {', '.join(policies.names())}, a folder or a file"
+        )
