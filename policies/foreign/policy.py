@@ -1,6 +1,5 @@
 """A policy from outside, in a watched process of its own: its failures cost its own robots the episode, no others."""
 
-import hashlib
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -48,7 +47,7 @@ class Foreign(Policy):
             self.robot, self.description = with_gains(self.robot, found.description), found.description
             self.height_scan = scan_of(found.description)
         self.name = str(reference)
-        self.sha256 = hashlib.sha256(found.content).hexdigest()
+        self.sha256 = found.sha256
         served = partial(serve, found, self.robot, self.control_period, DEADLINE)
         self._process, self._stepped = Watched(partial(_on_stderr, served)), False
         self._try_out()

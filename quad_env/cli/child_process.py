@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from multiprocessing import connection, resource_tracker
 
@@ -46,3 +47,38 @@ def _exit_with_parent() -> None:
     assert parent is not None
     connection.wait([parent.sentinel])
     os._exit(1)
+
+
+class RunClock:
+    """Time for which a process could run, s: wall time without what it waited for a processor.
+
+    On a busy machine a process that works gets as much as on a free one; one that sleeps or waits for a device does
+    not get longer. Only Linux says how long a process waited: elsewhere it is wall time.
+    """
+
+    def __init__(self, pid: int) -> None:
+        self._tasks = f"/proc/{pid}/task"
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin at 0 again."""
+        self._began = time.monotonic()
+        self._waited = _waiting_times(self._tasks)
+
+    def elapsed(self) -> float:
+        """Return the time since the start, s."""
+        waits = (now - self._waited.get(task, 0.0) for task, now in _waiting_times(self._tasks).items())
+        return time.monotonic() - self._began - max(waits, default=0.0)
+
+
+def _waiting_times(tasks: str) -> dict[str, float]:
+    """Return for how long each thread of a process has waited for a processor, s; nothing where it is not known."""
+    found = {}
+    with contextlib.suppress(OSError):  # the process has ended, or the system is another one
+        for task in os.listdir(tasks):
+            with (
+                contextlib.suppress(OSError, ValueError, IndexError),
+                open(f"{tasks}/{task}/schedstat", encoding="ascii") as file,
+            ):
+                found[task] = int(file.read().split()[1]) / 1e9
+    return found

@@ -320,14 +320,14 @@ def test_statistics_that_may_belong_to_a_model_are_never_left_out_silently(
 ) -> None:
     folder, _ = normalised
     shutil.copy(folder / "model.zip", tmp_path)
-    before = checked(tmp_path / "model.zip", trust=True).content
+    before = checked(tmp_path / "model.zip", trust=True).sha256
     shutil.copy(folder / "vecnormalize.pkl", tmp_path / "final_VecNormalize.pkl")
     with pytest.raises(PolicyError, match=r"final_VecNormalize\.pkl; rename .* to model_vecnormalize\.pkl"):
         checked(tmp_path / "model.zip", trust=True)
     with pytest.raises(PolicyError, match="--trust"):
         checked(tmp_path / "model.zip", trust=False)
     (tmp_path / "final_VecNormalize.pkl").rename(tmp_path / "vecnormalize.pkl")
-    assert checked(tmp_path / "model.zip", trust=True).content != before
+    assert checked(tmp_path / "model.zip", trust=True).sha256 != before
     (tmp_path / "vecnormalize.pkl").write_bytes(b"nothing")
     with pytest.raises(PolicyError, match=r"vecnormalize\.pkl is no VecNormalize of model\.zip"):
         serve(checked(tmp_path / "model.zip", trust=True), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
