@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from multiprocessing import connection, resource_tracker
+from typing import Any
 
 
 def available_cores() -> int:
@@ -34,6 +35,56 @@ def without_ctrl_c() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+
+@contextlib.contextmanager
+def without_main(content: bytes) -> Iterator[None]:
+    """Context in which processes are spawned that do not run the main script again, which may have no guard.
+
+    `content` is what they are given, pickled: where a part of it is of the main script, they run that as ever.
+    """
+    main: Any = sys.modules["__main__"]
+    if b"__main__" in content:
+        yield
+        return
+    spec, file = main.__spec__, vars(main).pop("__file__", None)
+    main.__spec__ = None
+    try:
+        yield
+    finally:
+        main.__spec__ = spec
+        if file is not None:
+            main.__file__ = file
+
+
+class Watchdog:
+    """Ends a process that could run for some time, see `RunClock`, without being put off.
+
+    Args:
+        process: of `multiprocessing`.
+        patience: s.
+    """
+
+    def __init__(self, process: Any, patience: float) -> None:
+        self._process, self._patience, self._clock = process, patience, RunClock(process.pid)
+        self._called_off = threading.Event()
+        self.has_bitten = False
+        self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
+        self._thread.start()
+
+    def _watch(self) -> None:
+        left = self._patience
+        while left > 0.0:
+            if self._called_off.wait(max(left, 0.01)):
+                return
+            left = self._patience - self._clock.elapsed()
+        self.has_bitten = True
+        self._process.kill()
+
+    def call_off(self) -> None:
+        """Let the process live."""
+        self._called_off.set()
+        self._thread.join()
 
 
 def serve_parent() -> None:

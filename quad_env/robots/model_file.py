@@ -14,7 +14,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from quad_env.cli.limited_process import CrashError, LimitExceededError, read_limited
 from quad_env.files.reading import check_file, read_bytes
 from quad_env.files.text import described
 from quad_env.robots.anatomy import Anatomy, ModelError, anatomy
@@ -60,6 +59,8 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     if not _is_installed(path):
+        from quad_env.cli.limited_process import CrashError, LimitExceededError, read_limited  # here: it takes long
+
         try:
             read_limited(check, path, again=False)
         except LimitExceededError as error:

@@ -463,7 +463,7 @@ def test_a_model_is_read_apart_once_and_no_installed_one_is(tmp_path: Path, monk
     def noted(function: Any, file: Path, **options: Any) -> None:
         asked.append(file)
 
-    monkeypatch.setattr(model_file, "read_limited", noted)
+    monkeypatch.setattr("quad_env.cli.limited_process.read_limited", noted)
     robot_of_text(tmp_path, PLAIN)
     assert set(asked) == {tmp_path / "made.xml"}
     asked.clear()
