@@ -1,5 +1,6 @@
 """What names a policy from outside: `my_file.py:MyPolicy`, a network's file, or one that describes how it is run."""
 
+import hashlib
 import itertools
 import os
 from dataclasses import dataclass, replace
@@ -9,7 +10,9 @@ from policies.base import PolicyError
 from policies.foreign import readers
 from policies.foreign.description import PolicyDescription
 from policies.foreign.network_kind import TORCH_ENDS, check_is_network, is_onnx
+from policies.foreign.packages import check_package
 from policies.foreign.readers.settings import BY_HAND
+from quad_env.cli.limited_process import CrashError, LimitExceededError, call, read_limited
 from quad_env.files.reading import TEXT, check_file, largest_network
 
 DESCRIBED = ".onnx", ".pt", ".jit", ".toml", ".yaml", ".yml", ".json"
@@ -18,6 +21,8 @@ KINDS = ".py", ".zip", *DESCRIBED
 """How the names of files end that are read."""
 BESIDE = ".toml", ".yaml", ".json"
 """Of files that describe the .pt or .jit of their name."""
+_NEEDED = {".onnx": "onnx", ".yaml": "yaml", ".yml": "yaml"}
+"""Packages that read files of these kinds."""
 UNSUPPORTED = ".pth", ".ckpt", ".h5", ".pkl"
 """Files of networks that are not read."""
 STATISTICS = "vecnormalize.pkl", "vec_normalize.pkl"
@@ -47,12 +52,18 @@ class Reference:
         return self.file.suffix.lower()
 
     @property
-    def content(self) -> bytes:
-        """All that is read of it."""
+    def sha256(self) -> str:
+        """SHA-256 of all that is read of it."""
         network = None if self.description is None else self.description.network
         files = [file for file in dict.fromkeys((self.file, self.normaliser, network)) if file is not None]
         said = "" if self.description is None else self.description.text
-        return b"".join(file.read_bytes() for file in files) + said.encode()
+        found = hashlib.sha256()
+        for file in files:
+            with file.open("rb") as stream:
+                while part := stream.read(2**20):
+                    found.update(part)
+        found.update(said.encode())
+        return found.hexdigest()
 
     def __str__(self) -> str:
         return f"{self.name} in {self.file}" if self.name else str(self.file)
@@ -143,13 +154,31 @@ def _description(file: Path) -> PolicyDescription | None:
     """
     if file.suffix.lower() in TORCH_ENDS:
         found_at = [place for end in BESIDE if (place := file.with_suffix(end)).is_file()]
-        found = readers.read(found_at[0]) if found_at else None
+        found = _read_description(found_at[0]) if found_at else None
         if found is None:
             name = file.with_suffix(BESIDE[0]).name
             raise PolicyError(f"{file} does not say how its network is run", f"{BY_HAND} next to it as {name}")
-        return readers.whole(replace(found, network=file.absolute()), corrected=True)
-    found = readers.read(file)
+        return _whole(replace(found, network=file.absolute()))
+    found = _read_description(file)
     return None if found is None else replace(found, network=found.network.absolute())
+
+
+def _read_description(file: Path) -> PolicyDescription | None:
+    """What a file says, read in a limited process: it may be made to take all time or memory. Raises PolicyError."""
+    if (needed := _NEEDED.get(file.suffix.lower())) is not None:
+        check_package(needed)
+    try:
+        return read_limited(readers.read, file)  # type: ignore[no-any-return]
+    except (LimitExceededError, CrashError) as error:
+        raise PolicyError(f"{file}: {error}") from None
+
+
+def _whole(found: PolicyDescription) -> PolicyDescription:
+    """Return a description with the network that it stands beside, checked in a limited process. Raises PolicyError."""
+    try:
+        return call(readers.whole, found, True)  # type: ignore[no-any-return]
+    except (LimitExceededError, CrashError) as error:
+        raise PolicyError(f"{found.network}: {error}") from None
 
 
 def _normaliser(model: Path) -> tuple[Path | None, bool]:

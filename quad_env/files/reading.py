@@ -3,7 +3,9 @@
 import errno
 import json
 import os
+import re
 import stat
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,9 @@ TEXT = 64 * 2**20
 """Largest text, such as a description, a model or a script, byte."""
 LARGEST = 4 * 2**30
 """Largest file of numbers that this project writes, such as a table or a checkpoint, byte."""
+LARGEST_TOML, MAX_PARTS = 2**17, 20
+"""Most bytes of a TOML and most parts of a dotted key: Python's reader takes a time that grows with their square."""
+_BETWEEN = re.compile(r"[],=[{}\"']")
 NETWORK_LIMIT = "QUAD_ENV_LARGEST_NETWORK"
 """Environment variable: the largest network of a policy that is read, MiB."""
 _NETWORK_MIB = 128
@@ -45,6 +50,21 @@ def parse_json(content: bytes | str) -> Any:
     """JSON values; ValueError for what is no JSON, for a key that an object has twice, and for too deep a nesting."""
     try:
         return json.loads(content, object_pairs_hook=_distinct)
+    except RecursionError:
+        raise ValueError("its values are nested too deeply") from None
+
+
+def parse_toml(content: bytes | str) -> dict[str, Any]:
+    """TOML values; ValueError for what is no TOML, is too large, or has a key of very many parts."""
+    if len(content) > LARGEST_TOML:
+        raise ValueError(f"it is larger than {LARGEST_TOML // 1024} KiB")
+    text = content if isinstance(content, str) else content.decode()
+    for number, line in enumerate(text.splitlines(), 1):
+        plain = line.partition("#")[0]
+        if plain.count(".") > MAX_PARTS and max(part.count(".") for part in _BETWEEN.split(plain)) >= MAX_PARTS:
+            raise ValueError(f"line {number} has a key of more than {MAX_PARTS} parts")
+    try:
+        return tomllib.loads(text)
     except RecursionError:
         raise ValueError("its values are nested too deeply") from None
 

@@ -1,6 +1,5 @@
 """The figures of a user's robot, inferred from its MJCF or URDF or given in a TOML file."""
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.files.reading import read_bytes
+from quad_env.files.reading import parse_toml, read_bytes
+from quad_env.files.text import brief
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEAST_BEND, LEGS, Anatomy, Leg, ModelError
 from quad_env.robots.figures import LEVEL, REFERENCE, REFERENCE_MASS, Figures
 from quad_env.robots.model_file import read
@@ -97,8 +97,8 @@ def _given(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     try:
-        given = tomllib.loads(read_bytes(path).decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        given = parse_toml(read_bytes(path))
+    except ValueError as error:
         raise ModelError(f"{path} is no TOML: {error}") from error
     if not isinstance(mjcf := given.pop("mjcf", None), str):
         raise ModelError(f'{path} names no model: it wants a line such as mjcf = "my_robot.xml"')
@@ -111,8 +111,8 @@ def _figure(name: str, value: Any) -> Any:
         raise ModelError(f"a robot's {name!r} cannot be given; what can: {', '.join(FIGURES)}")
     try:
         numbers = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"{name} is made of numbers, got {value!r}") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ModelError(f"{name} is made of numbers, got {brief(value)}") from error
     if name == "home_pose":
         if numbers.shape not in ((JOINTS_PER_LEG,), (LEGS * JOINTS_PER_LEG,)) or not np.isfinite(numbers).all():
             raise ModelError(f"home_pose is three angles, the same of every leg, or twelve, rad; got {value!r}")

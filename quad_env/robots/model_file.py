@@ -1,17 +1,21 @@
 """A user's model file, MJCF or URDF: read as MuJoCo compiles it, what it holds besides the robot, a model's digest."""
 
 import hashlib
+import os
 import re
+import sysconfig
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
-from quad_env.files.reading import read_bytes
+from quad_env.files.reading import check_file, read_bytes
+from quad_env.files.text import described
 from quad_env.robots.anatomy import Anatomy, ModelError, anatomy, root_of
 from quad_env.robots.collisions import GROUND_BIT
 from quad_env.robots.finite import nonfinite_line
@@ -24,6 +28,10 @@ READABLE = ".stl", ".obj", ".msh"
 LEAST_INERTIA = 1e-12
 """Of a URDF's link, kg·m²; converters write less for links that are mere frames, which MuJoCo refuses."""
 _PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.*)")
+_FILES = re.compile(rb"""\b(?:file|filename)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
+_FOLDERS = re.compile(rb"""\b(?:meshdir|texturedir|assetdir)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
+_MAX_FILES, _LARGEST_MESH = 5000, 2**28
+"""Files of a model that are looked at, and the bytes of one; the largest published meshes have 50 MiB."""
 _DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 DECISIVE = (
@@ -47,12 +55,83 @@ def digest(names: Iterable[str], model: Any) -> str:
 
 
 def read(path: Path) -> tuple[Any, Any, Anatomy]:
-    """A file's specification, its model and what it is made of, joints that belong to no leg held."""
+    """A file's specification, its model and what it is made of, joints that belong to no leg held.
+
+    It is read in a limited process first: MuJoCo can crash on a file, or work on it for hours.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} is no file")
+    if not _is_installed(path):
+        from quad_env.cli.limited_process import CrashError, LimitExceededError, read_limited  # here: it takes long
+
+        try:
+            read_limited(check, path, again=False)
+        except LimitExceededError as error:
+            raise ModelError(f"MuJoCo cannot read it: {error}") from None
+        except CrashError as error:
+            raise ModelError(f"MuJoCo crashes as it reads it: {error}") from None
+    return _read(path)
+
+
+def check(path: Path) -> None:
+    """Read a file as `read` does, in a limited process, and the files that it names by their sizes.
+
+    Raises ModelError for what cannot be read, whatever MuJoCo says of it.
+    """
+    _check_files(path)
+    try:
+        _read(path)
+    except (ModelError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        raise ModelError(f"MuJoCo cannot read it, or has not the memory for it: {described(error)}") from None
+
+
+def _check_files(path: Path) -> None:
+    """Raise ModelError for a file that a model names, and which is too large or no regular one."""
+    waiting, seen = [path], set[Path]()
+    while waiting:
+        model = waiting.pop()
+        try:
+            text = read_bytes(model)
+        except OSError as error:
+            raise ModelError(f"{model.name} cannot be read ({error.strerror})") from None
+        folders = {b"", *(found[2] for found in _FOLDERS.finditer(text))}
+        for found in _FILES.finditer(text):
+            for folder in folders:
+                file = path.parent / os.fsdecode(folder) / os.fsdecode(found[2])
+                if file in seen or len(seen) > _MAX_FILES:
+                    continue
+                seen.add(file)
+                try:
+                    check_file(file, _LARGEST_MESH)
+                except (FileNotFoundError, NotADirectoryError, ValueError):  # MuJoCo says what is missing
+                    continue
+                except OSError as error:
+                    if not file.is_dir():
+                        raise ModelError(
+                            f"the file {file.name} that it names cannot be read: {error.strerror}"
+                        ) from None
+                    continue
+                if file.suffix.lower() in (".xml", ".mjcf", ".urdf"):
+                    waiting.append(file)
+
+
+@cache
+def _installed() -> tuple[str, ...]:
+    """Folders of this package and of those that are installed: their code runs anyway."""
+    places = [str(Path(__file__).parents[1]), *(sysconfig.get_paths()[name] for name in ("purelib", "platlib"))]
+    return tuple(os.path.realpath(place) + os.sep for place in places)
+
+
+def _is_installed(path: Path) -> bool:
+    return os.path.realpath(path).startswith(_installed())
+
+
+def _read(path: Path) -> tuple[Any, Any, Anatomy]:
     import mujoco
 
     log_to_the_console()
-    if not path.is_file():
-        raise FileNotFoundError(f"{path} is no file")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of attributes that are deprecated: they are read all the same

@@ -2,7 +2,6 @@
 
 import hashlib
 import io
-import tomllib
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from quad_env.columns import Array
-from quad_env.files.reading import read_bytes
+from quad_env.files.reading import parse_toml, read_bytes
 from quad_env.files.text import described, one_line
 
 MOST_SAMPLES = 4_000_000
@@ -33,9 +32,10 @@ class Heights(NamedTuple):
 
 def given(path: Path) -> list[Any]:
     """The values of KEYS in a TOML file, arrays as tuples; ValueError, one line, for what has others."""
+    content = _content(path)
     try:
-        found = tomllib.loads(_content(path).decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        found = parse_toml(content)
+    except ValueError as error:
         raise ValueError(one_line(f"{path} is no TOML: {error}")) from error
     if unknown := found.keys() - KEYS:
         raise ValueError(one_line(f"{path}: a terrain has no {', '.join(sorted(unknown))}; valid: {', '.join(KEYS)}"))

@@ -2,7 +2,6 @@
 
 import os
 import re
-import tomllib
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from math import isfinite
@@ -13,17 +12,13 @@ from policies.base import PolicyError
 from policies.foreign.description import Numbers, Range
 from policies.foreign.packages import package
 from policies.foreign.readers import name_patterns
-from quad_env.files.reading import parse_json, read_bytes
+from quad_env.files.reading import LARGEST_TOML, parse_json, parse_toml, read_bytes
 from quad_env.files.text import brief, described
 
 LARGEST, LINES = 2**19, 20_000
 """Most bytes and lines of a file; deployment files have a few thousand lines at most."""
-LARGEST_TOML = 2**17
-"""Most bytes of a TOML: Python's reader takes a time that grows with the square of a dotted key's parts."""
 MAX_KEY = 200
 """Characters of a key."""
-MAX_PARTS = 20
-"""Parts of a dotted key of a TOML."""
 MAX_PAIRS = 20_000
 """Keys of all mappings of a YAML file, with those that merge keys (`<<`) bring."""
 BY_HAND = "write a TOML (docs/deployment-files.md)"
@@ -36,7 +31,6 @@ _DECIMAL = re.compile(
 )
 """Numbers of YAML 1.1 without its groups of digits (`1_000`) and its base of sixty (`1:30`), which stay texts."""
 _MAX_DIGITS = 100
-_BETWEEN = re.compile(r"[],=[{}\"']")
 NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/policy_lstm_1.pt", "policy_1.pt")
 """Of Isaac Lab, mjlab and Unitree (`exported/policy.*`) and of legged_gym (`exported/policies/policy_1.pt`)."""
 PAIR = "_env", "_policy.pt"
@@ -203,16 +197,7 @@ def load(file: Path) -> Settings:
     return Settings(found, file)
 
 
-def _toml(text: str) -> Any:
-    """The values of a TOML. Raises ValueError."""
-    for number, line in enumerate(text.splitlines(), 1):
-        plain = line.partition("#")[0]
-        if plain.count(".") > MAX_PARTS and max(part.count(".") for part in _BETWEEN.split(plain)) >= MAX_PARTS:
-            raise ValueError(f"line {number} has a key of more than {MAX_PARTS} parts")
-    return tomllib.loads(text)
-
-
-_PARSERS: dict[str, Callable[[str], Any]] = {".json": parse_json, ".toml": _toml}
+_PARSERS: dict[str, Callable[[str], Any]] = {".json": parse_json, ".toml": parse_toml}
 """Of files of other kinds than YAML, by the end of their names."""
 
 

@@ -95,9 +95,9 @@ def test_another_description_or_network_is_another_policy(description: PolicyDes
     file, contents = tmp_path / "policy.toml", set()
     for each in (description, replace(description, action_scale=(0.1,) * 12)):
         write_toml(each, file)
-        contents.add(checked(file, trust=False).content)
+        contents.add(checked(file, trust=False).sha256)
     Numbers(WIDTH, lstm=True).onnx(tmp_path / "policy.onnx")
-    contents.add(checked(file, trust=False).content)
+    contents.add(checked(file, trust=False).sha256)
     assert len(contents) == 3
 
 

@@ -1,7 +1,9 @@
 """Policies from outside: each loader, how a policy is asked, and that what it does wrong costs its own robots alone."""
 
+import os
 import pickle
 import shutil
+import subprocess
 import sys
 import time
 from contextlib import closing
@@ -71,6 +73,16 @@ class Slow(Counts):
     def __call__(self, observation):
         time.sleep(0.02)
         return super().__call__(observation)
+
+class Sleeps(Counts):
+    def __call__(self, observation):
+        time.sleep(0.5)
+        return super().__call__(observation)
+
+class LoadsSlowly(Counts):
+    def __init__(self):
+        super().__init__()
+        time.sleep(0.5)
 
 class NeedsMore:
     def __init__(self, weights):
@@ -408,14 +420,14 @@ def test_statistics_that_may_belong_to_a_model_are_never_left_out_silently(
 ) -> None:
     folder, _ = normalised
     shutil.copy(folder / "model.zip", tmp_path)
-    before = checked(tmp_path / "model.zip", trust=True).content
+    before = checked(tmp_path / "model.zip", trust=True).sha256
     shutil.copy(folder / "vecnormalize.pkl", tmp_path / "final_VecNormalize.pkl")
     with pytest.raises(PolicyError, match=r"final_VecNormalize\.pkl; rename .* to model_vecnormalize\.pkl"):
         checked(tmp_path / "model.zip", trust=True)
     with pytest.raises(PolicyError, match="--trust"):
         checked(tmp_path / "model.zip", trust=False)
     (tmp_path / "final_VecNormalize.pkl").rename(tmp_path / "vecnormalize.pkl")
-    assert checked(tmp_path / "model.zip", trust=True).content != before
+    assert checked(tmp_path / "model.zip", trust=True).sha256 != before
     (tmp_path / "vecnormalize.pkl").write_bytes(b"nothing")
     with pytest.raises(PolicyError, match=r"vecnormalize\.pkl is no VecNormalize of model\.zip"):
         serve(checked(tmp_path / "model.zip", trust=True), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
@@ -454,3 +466,51 @@ def test_a_model_of_rescaled_actions_is_refused_since_nothing_tells_what_they_st
     PPO("MlpPolicy", env, **small()).save(tmp_path / "model.zip")
     with pytest.raises(PolicyError, match=r"from -1 to 1.*quad_env\.HomePoseActions"):
         served(tmp_path / "model.zip")
+
+
+def test_a_script_without_a_guard_has_its_policy(file: Path, tmp_path: Path) -> None:
+    """The policy's process does not run the script again, which would begin another one, and so on."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import numpy as np, policies\n"
+        f"policy = policies.resolve({str(file) + ':Counts'!r})\n"
+        "policy.reset(1)\n"
+        "print('done', policy.act(np.zeros((1, 48), np.float32)).shape)\n"
+        "policy.close()\n"
+    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    run = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=120, env=environment, check=False
+    )
+    assert (run.stdout, run.stderr) == ("done (1, 12)\n", "")
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux says how long a process waited")
+def test_a_policy_that_gets_little_of_the_processor_is_not_taken_for_one_that_hangs(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The clock of the limits stands still while the process waits: here it says so all the time."""
+    monkeypatch.setattr("policies.foreign.policy.DEADLINE", 0.02)
+    monkeypatch.setattr("policies.foreign.policy.GRACE", 0.0)
+    with closing(Foreign(f"{file}:Sleeps", robot="simple_quad")) as policy:
+        policy.reset(1)
+        policy.act(OBSERVATIONS[:1])
+        assert policy.failure[0] is not None
+    monkeypatch.setattr("quad_env.cli.child_process.RunClock.elapsed", lambda clock: 0.0)
+    with closing(Foreign(f"{file}:Sleeps", robot="simple_quad")) as policy:
+        policy.reset(1)
+        policy.act(OBSERVATIONS[:1])
+        assert policy.failure.tolist() == [None]
+
+
+def test_limits_of_time_can_be_raised(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("policies.foreign.policy.GRACE", 0.0)
+    monkeypatch.setenv("QUAD_ENV_LOAD_TIMEOUT", "0.05")
+    with pytest.raises(PolicyError, match="no answer within 50 ms"):
+        Foreign(f"{file}:LoadsSlowly", robot="simple_quad")
+    monkeypatch.setenv("QUAD_ENV_LOAD_TIMEOUT", "100")
+    monkeypatch.setenv("QUAD_ENV_ACT_TIMEOUT", "0.01")
+    with closing(Foreign(f"{file}:LoadsSlowly", robot="simple_quad")) as policy:
+        policy.reset(1)
+        policy.act(OBSERVATIONS[:1])
+        assert policy.failure.tolist() == ["gave no answer within 0.06 s"]

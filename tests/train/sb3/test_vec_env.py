@@ -27,7 +27,7 @@ def training_env(
     batch = SimpleQuadVectorEnv(n, scenario, 1, "DISABLED", max_episode_steps=steps)
     robots = TrainingRobots([batch], None if first is None else lambda _: np.array(first))
     residual = ResidualVectorEnv(robots, policies.make(base), np.full(12, authority, np.float32))
-    env = TrainingVecEnv(residual, SEEDS[:n], reward_scale, privileged)
+    env = TrainingVecEnv(residual, SEEDS[:n], reward_scale, privileged, keep_actions=True)
     env.reset()
     return env
 
