@@ -50,6 +50,7 @@ UNKNOWN = {
     "a motor without a saturation": (WINDING + "/>", ""),
     "a muscle": ('<muscle joint="{0}2" lengthrange="-1 1" force="10"/>', ""),
     "a cable": ('<motor tendon="{0}" ctrlrange="-6 6"/>', SPATIAL),
+    "a plugin": ('<plugin plugin="mujoco.pid" joint="{0}2" ctrlrange="-3 3"><config key="kp" value="9"/></plugin>', ""),
     "a rod": ('<motor cranksite="{0}" slidersite="top" cranklength="0.5" ctrlrange="-6 6"/>', ""),
     "nothing": ("", ""),
     "a motor that pulls alone": ('<motor joint="{0}2" ctrlrange="0 9"/>', ""),
@@ -66,6 +67,8 @@ def with_knees(motors: str, tendons: str = "") -> str:
     for leg in LEGS:
         model = model.replace(f'<joint name="{leg}2"', f'<site name="{leg}" pos="0.03 0 -0.1"/><joint name="{leg}2"')
     tendons = "".join(tendons.format(leg) for leg in LEGS)
+    if "<plugin" in motors:
+        model = model.replace("<default>", '<extension><plugin plugin="mujoco.pid"/></extension><default>', 1)
     return model.replace("</mujoco>", f"<tendon>{tendons}</tendon></mujoco>" if tendons else "</mujoco>")
 
 
