@@ -13,6 +13,8 @@ NOTHING = "must be larger than mjMINVAL"
 """Parts of the errors of MuJoCo's compiler about inertias."""
 LEAST = 1e-15
 """Least mass, kg, and moment of inertia, kg·m², of a body that moves: mjMINVAL of MuJoCo."""
+FROM_GEOMS = 1
+"""Value of `inertiafromgeom` with which inertias of the file do not count: mjINERTIAFROMGEOM_TRUE of MuJoCo."""
 LEAST_MASS = 1e-9
 """Of a link that moves and has no mass, kg; a millionth of a gram."""
 LEAST_RADIUS = 0.01
@@ -31,29 +33,43 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
         balanced: Names of the bodies whose inertia was changed.
 
     Raises:
-        ModelError: A body that moves has no mass, or an inertia without a positive mean moment.
+        ModelError: A body has no mass, or an inertia whose mean moment is not above 0.
         ValueError: MuJoCo does not compile it for another reason.
     """
+    moments = [(body, _moments(body)) for body in spec.bodies[1:] if body.explicitinertial]
+    for body, own in moments:
+        if own[0] < 0.0 and own.mean() < LEAST:
+            raise ModelError(_refusal(body.name))
     try:
-        return spec.compile(), ()
+        model = spec.compile()
+        return model, _balanced(spec, model, moments)
     except ValueError as error:
         if not any(text in str(error) for text in (UNBALANCED, NOT_POSITIVE, NOTHING)):
             raise
-    moments = {body.id: _moments(body) for body in spec.bodies[1:] if body.explicitinertial}
-    for body in spec.bodies[1:]:
-        if body.id in moments and moments[body.id].min() < LEAST <= moments[body.id].mean():
+    for body, own in moments:
+        if own.min() < LEAST <= own.mean():
             body.fullinertia = np.full(6, np.nan)
-            body.inertia = np.full(3, moments[body.id].mean())
+            body.inertia = np.full(3, own.mean())
     for part in (spec, *spec.bodies):
         part.compiler.balanceinertia = 1
     try:
         model = spec.compile()
     except ValueError as error:
-        if NOTHING in str(error):
+        if NOTHING in str(error) or NOT_POSITIVE in str(error):
             raise ModelError(_without_inertia(spec, error)) from error
         raise
-    changed = [body for body, own in moments.items() if np.ptp(own) > np.ptp(model.body_inertia[body]) == 0.0]
-    return model, tuple(model.body(body).name or f"number {body}" for body in changed)
+    return model, _balanced(spec, model, moments)
+
+
+def _balanced(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -> tuple[str, ...]:
+    """Names of the bodies whose moments MuJoCo, or `compile_balanced`, has made equal since they were impossible."""
+    if int(spec.compiler.inertiafromgeom) == FROM_GEOMS:
+        return ()
+    return tuple(
+        body.name or f"number {body.id}"
+        for body, own in moments
+        if (own[0] < LEAST or own[0] + own[1] < own[2]) and np.ptp(own) > np.ptp(model.body_inertia[body.id]) == 0.0
+    )
 
 
 def without_inferred_masses(spec: Any) -> tuple[str, ...]:
@@ -104,7 +120,11 @@ def _moments(body: Any) -> Floats:
 
 
 def _without_inertia(spec: Any, error: ValueError) -> str:
-    """Text about the body of MuJoCo's error, which moves and has no mass or no inertia."""
+    """Text about the body of MuJoCo's error, which has no mass or no inertia."""
     name = next((body.name for body in spec.bodies if body.name and f"'{body.name}'" in str(error)), "")
+    return _refusal(name)
+
+
+def _refusal(name: str) -> str:
     which = repr(name) if name else "a body without a name"
-    return f"body {which} moves: its mass and its moments of inertia must be larger than 0"
+    return f"{which}: mass and moments of inertia must be larger than 0 where a joint moves a body"

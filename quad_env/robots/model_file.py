@@ -21,7 +21,7 @@ from quad_env.robots.collisions import GROUND_BIT
 from quad_env.robots.finite import nonfinite_line
 from quad_env.robots.held import carried_by, hold, spare_joints
 from quad_env.robots.inertias import compile_balanced, without_inferred_masses
-from quad_env.robots.omissions import CONTACT, listed, omissions
+from quad_env.robots.omissions import CONTACT, listed, omissions, unlimited
 
 READABLE = ".stl", ".obj", ".msh"
 """Endings of the meshes that MuJoCo reads, of a URDF."""
@@ -42,12 +42,14 @@ DECISIVE = (
     *("actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "key_qpos"),
 )
 """Arrays of a model that its motion hangs on."""
+RARE = "jnt_stiffnesspoly", "dof_dampingpoly"
+"""Such arrays that are zero in most models, whose digests are older than these."""
 
 
 def digest(names: Iterable[str], model: Any) -> str:
     """SHA-256 of the robot by its model on flat ground, see `Robot.sha256`."""
     found = hashlib.sha256(" ".join(names).encode())
-    for name in DECISIVE:
+    for name in (*DECISIVE, *(name for name in RARE if getattr(model, name).any())):
         values = np.asarray(getattr(model, name)).ravel()
         values = (values & ~GROUND_BIT if name in ("geom_contype", "geom_conaffinity") else values).astype(np.float64)
         found.update(" ".join(f"{value + 0.0:.6g}" for value in values).encode())
@@ -147,21 +149,23 @@ def _read(path: Path) -> tuple[Any, Any, Anatomy]:
                 *_about_inertias(massless, balanced),
             )
             if not (spare := spare_joints(mujoco, model)):
-                return spec, model, replace(anatomy(mujoco, model), omitted=omitted)
+                found = anatomy(mujoco, model)
+                return spec, model, replace(found, omitted=(*omitted, *unlimited(model, found.joints)))
             names = [model.joint(joint).name or f"number {joint}" for joint in spare]
             still = hold(mujoco, spec, model, spare)
     except ModelError:
         raise
     except ValueError as error:
         raise ModelError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from error
-    found = replace(anatomy(mujoco, still), held=tuple(names), carried=carried_by(model, spare), omitted=omitted)
-    return spec, still, found
+    found = anatomy(mujoco, still)
+    omitted = (*omitted, *unlimited(still, found.joints))
+    return spec, still, replace(found, held=tuple(names), carried=carried_by(model, spare), omitted=omitted)
 
 
 def _about_inertias(massless: Iterable[str], balanced: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Lines about links without a mass and about inertias that were changed."""
     if names := listed(massless):
-        yield "no mass", f"{names}: the URDF gives no <inertial>, and the shapes give none"
+        yield "no mass", f"{names}: no <inertial> in the URDF, and shapes give none"
     if names := listed(balanced):
         yield "inertia", f"of {names} is impossible: three equal moments of the same mean instead"
 

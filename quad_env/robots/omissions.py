@@ -18,7 +18,16 @@ MOST_NAMES = 6
 CONTACT = "contact"
 """Heading of the line about contact parameters."""
 _CONTACT_FIELDS = "condim", "priority", "margin", "gap", "solref", "solimp", "solmix", "adhesion", "surfacevel"
-_PAIR_FIELDS = "margin", "gap", "solreffriction", "adhesion"
+_PAIR_FIELDS = {
+    "dim": 3.0,
+    "margin": 0.0,
+    "gap": 0.0,
+    "solref": (0.02, 1.0),
+    "solreffriction": 0.0,
+    "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
+    "adhesion": 0.0,
+}
+"""Contact parameters of explicit pairs, and MuJoCo's defaults."""
 _HINDERING = {
     "spring": ("jnt_stiffness", "jnt_stiffnesspoly"),
     "damping": ("dof_damping", "dof_dampingpoly"),
@@ -98,6 +107,12 @@ def _body(model: Any, body: Any) -> str:
     return str(model.body(int(body)).name or f"number {body}")
 
 
+def unlimited(model: Any, joints: Iterable[int]) -> Lines:
+    """Return a line about leg joints without a range, which get one."""
+    names = [model.joint(joint).name for joint in joints if not model.jnt_limited[joint]]
+    return (("no range", f"of {listed(names)} in the model: ±π rad"),) if names else ()
+
+
 def _forces(mujoco: Any, model: Any, own: Bools, root: int) -> Iterator[tuple[str, str]]:
     """What would act on the robot besides its weight, its motors and the ground."""
     if (lifted := np.flatnonzero(own & (model.body_gravcomp != 0.0))).size:
@@ -130,11 +145,12 @@ def _contact(mujoco: Any, model: Any, own: Bools) -> Iterator[tuple[str, str]]:
         for field in _CONTACT_FIELDS
         if _differs(getattr(model, f"geom_{field}")[geoms], getattr(default, f"geom_{field}")[0])
     ]
-    found += [
-        field
-        for field in _PAIR_FIELDS
-        if field not in found and _differs(getattr(model, f"pair_{field}")[pairs], np.zeros(1))
+    of_pairs = [
+        f"con{field}" if field == "dim" else field
+        for field, neutral in _PAIR_FIELDS.items()
+        if _differs(getattr(model, f"pair_{field}")[pairs], neutral)
     ]
+    found += [field for field in of_pairs if field not in found]
     if found:
         yield CONTACT, f"{', '.join(found)} of the model: replaced by SimpleQuad's"
 

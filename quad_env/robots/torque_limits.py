@@ -106,6 +106,7 @@ def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
     biases = model.actuator_biasprm[actuator]
     no_bias = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
     fixed_gain = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
+    fixed_gain = fixed_gain and model.actuator_plugin[actuator] < 0
     constant_bias = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE and not biases[1:3].any()
     if fixed_gain and (no_bias or constant_bias):
         bias = 0.0 if no_bias else float(biases[0])

@@ -38,7 +38,7 @@ def test_shapes_of_a_urdf_give_no_mass(tmp_path: Path) -> None:
     assert robot.mass == pytest.approx(masses(model))
     assert robot.mass == pytest.approx(Robot.from_mjcf(written(tmp_path / "plain", plain)).mass)
     (said,) = (line for line in text(robot) if line.startswith("no mass"))
-    assert "cover: the URDF gives no <inertial>" in said
+    assert "cover: no <inertial> in the URDF" in said
     standing(robot)
 
 
@@ -57,7 +57,7 @@ def test_a_link_that_moves_without_mass_carries_the_next_or_is_refused(tmp_path:
     standing(robot)
     last = re.sub(r'(<link name="fl_2">)<inertial>.*?</inertial>', r"\1", urdf())
     with pytest.raises(
-        ModelError, match="body 'fl_2' moves: its mass and its moments of inertia must be larger than 0"
+        ModelError, match="'fl_2': mass and moments of inertia must be larger than 0"
     ):
         Robot.from_mjcf(written(tmp_path, last))
 
@@ -78,11 +78,31 @@ def test_an_impossible_inertia_is_balanced_and_named(inertia: str, tmp_path: Pat
     standing(robot)
 
 
+@pytest.mark.parametrize(
+    "inertia", ['diaginertia="0 0 0"', 'diaginertia="-1 0.1 0.2"', 'fullinertia="-1 -1 -1 0 0 0"', ""]
+)
+def test_an_inertia_of_nothing_is_refused_by_the_name_of_its_body(inertia: str, tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="'torso': mass and moments of inertia must be larger than 0") as caught:
+        robot_of_text(tmp_path, PLAIN.replace(TRUNK, inertia))
+    assert "MuJoCo" not in str(caught.value)
+
+
 def test_it_is_what_mujoco_s_balanceinertia_makes_of_it(tmp_path: Path) -> None:
+    """And it is named where the file asks for that too."""
     model = PLAIN.replace(TRUNK, 'diaginertia="0.01 0.02 0.12"')
-    theirs = mujoco.MjModel.from_xml_string(model.replace("<compiler ", '<compiler balanceinertia="true" '))
-    ours = robot_of_text(tmp_path, model).model
-    np.testing.assert_allclose(ours.body_inertia[1:14], theirs.body_inertia[1:14])
+    asked = model.replace("<compiler ", '<compiler balanceinertia="true" ')
+    theirs = mujoco.MjModel.from_xml_string(asked)
+    for text_of_file in (model, asked):
+        robot = robot_of_text(tmp_path, text_of_file)
+        np.testing.assert_allclose(robot.model.body_inertia[1:14], theirs.body_inertia[1:14])
+        assert [line for heading, line in omitted_from(robot.mjcf) if heading == "inertia"] == [
+            "of torso is impossible: three equal moments of the same mean instead"
+        ]
+
+
+def test_a_bound_of_inertias_makes_none_impossible(tmp_path: Path) -> None:
+    bounded = PLAIN.replace("<compiler ", '<compiler boundinertia="0.2" ')
+    assert [heading for heading, _ in omitted_from(robot_of_text(tmp_path, bounded).mjcf)] == ["left out"]
 
 
 def test_an_impossible_inertia_of_a_urdf_is_balanced_and_named(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Every field of MuJoCo's model is listed once, and what a robot lacks of its model is named."""
 
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from quad_env.describe import Options, text
 from quad_env.describe import main as describe
 from quad_env.doctor.check import Subject
 from quad_env.doctor.model import model as doctor_reads
+from quad_env.physics.batch import batch_of
 from quad_env.robots.model_fields import KEPT, MODEL_FIELDS, NAMED, OPTION_FIELDS
 from quad_env.robots.model_file import omitted_from
 from quad_env.robots.named import ROBOTS
@@ -62,6 +64,13 @@ LACKING = {  # heading and words of a line -> the model
     ("springyield", "of A1 is left out"): PLAIN.replace(JOINT, f'{JOINT} stiffness="1" springyield="0.2"'),
     ("contact", "margin, gap, solref, adhesion of the model: replaced"): PLAIN.replace(
         GEOM, '<geom friction="0.9" margin="0.02" gap="0.01" solref="0.05 1" adhesion="3"/>'
+    ),
+    ("no range", "of A0, C0 in the model: ±π rad"): re.sub(r'(name="[AC]0"[^>]*?) range="[^"]*"', r"\1", PLAIN),
+    ("contact", "condim, margin, solref of the model: replaced"): PLAIN.replace(
+        TRUNK, f'{TRUNK}<geom name="one" size="0.01"/><geom name="two" size="0.01" pos="0.1 0 0"/>'
+    ).replace(
+        "</mujoco>",
+        '<contact><pair geom1="one" geom2="two" condim="4" margin="0.1" solref="0.05 1"/></contact></mujoco>',
     ),
     ("settings", "gravity 0 0 -1.6, density 1000, limit off: not taken over"): PLAIN.replace(
         "<default>", '<option gravity="0 0 -1.6" density="1000"><flag limit="disable"/></option><default>', 1
@@ -136,6 +145,19 @@ def test_fields_that_are_kept_are_the_model_s(tmp_path: Path) -> None:
     assert (ours.pair_margin, ours.pair_gap) == (0.0, 0.0)
     assert {"geom_type", "geom_size", "geom_friction", "pair_friction", "exclude_signature"} <= set(KEPT)
     assert {"body_gravcomp", "geom_adhesion", "eq_type"} <= set(NAMED)
+
+
+@pytest.mark.parametrize("attribute", ['stiffness="3"', 'stiffness="0 1 0"', 'damping="0.1 0.2 0"'])
+def test_drake_refuses_springs_that_it_has_not(attribute: str, tmp_path: Path) -> None:
+    robot = robot_of_text(tmp_path, PLAIN.replace('<joint name="A1"', f'<joint name="A1" {attribute}'))
+    with pytest.raises(ValueError, match="not springs and not quadratic or cubic damping"):
+        batch_of("drake", robot.model, 1, 1)
+
+
+def test_the_digest_tells_quadratic_springs_apart(tmp_path: Path) -> None:
+    models = [PLAIN.replace('<joint name="A1"', f'<joint name="A1" stiffness="3 {square} 0"') for square in (0, 1, -1)]
+    robots = [robot_of_text(tmp_path, model, f"{number}.xml", name="one") for number, model in enumerate(models)]
+    assert len({robot.sha256 for robot in robots}) == 3
 
 
 def test_a_linkage_is_named_once_the_torque_is_given(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from quad_env import ModelError, Robot
+from quad_env.actuation.models import Actuator, TorqueSpeed
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics.model import compile_model
+from quad_env.scenarios.named import SCENARIOS
 from tests.quad_env.robots.made import Made
 from tests.quad_env.robots.test_model_files import PLAIN, TRUNK, robot_of_text
 from tests.quad_env.robots.test_read_urdf import urdf, written
@@ -50,6 +53,7 @@ UNKNOWN = {
     "a motor without a saturation": (WINDING + "/>", ""),
     "a muscle": ('<muscle joint="{0}2" lengthrange="-1 1" force="10"/>', ""),
     "a cable": ('<motor tendon="{0}" ctrlrange="-6 6"/>', SPATIAL),
+    "a plugin": ('<plugin plugin="mujoco.pid" joint="{0}2" ctrlrange="-3 3"><config key="kp" value="9"/></plugin>', ""),
     "a rod": ('<motor cranksite="{0}" slidersite="top" cranklength="0.5" ctrlrange="-6 6"/>', ""),
     "nothing": ("", ""),
     "a motor that pulls alone": ('<motor joint="{0}2" ctrlrange="0 9"/>', ""),
@@ -66,6 +70,8 @@ def with_knees(motors: str, tendons: str = "") -> str:
     for leg in LEGS:
         model = model.replace(f'<joint name="{leg}2"', f'<site name="{leg}" pos="0.03 0 -0.1"/><joint name="{leg}2"')
     tendons = "".join(tendons.format(leg) for leg in LEGS)
+    if "<plugin" in motors:
+        model = model.replace("<default>", '<extension><plugin plugin="mujoco.pid"/></extension><default>', 1)
     return model.replace("</mujoco>", f"<tendon>{tendons}</tendon></mujoco>" if tendons else "</mujoco>")
 
 
@@ -137,6 +143,17 @@ def test_what_is_asked_for_is_what_the_motors_give(asked: float | None, tmp_path
         env.step(target[None].astype(np.float32))
         largest = max(largest, float(np.abs(env.simulation.snapshot(0).qfrc_actuator).max()))
     assert largest == pytest.approx(wanted)
+
+
+def test_no_joint_limit_cuts_what_a_motor_of_another_peak_torque_gives(tmp_path: Path) -> None:
+    robot = robot_of_text(tmp_path, PLAIN.replace('armature="0.01"', 'armature="0.01" actuatorfrcrange="-18 20"'))
+    strong = Actuator(TorqueSpeed(stall_torque=60.0, peak_torque=50.0))
+    model = compile_model(robot, SCENARIOS["flat"], strong)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.qpos[7:] += 100.0
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.qfrc_actuator[6:], -50.0)
 
 
 def test_an_effort_of_zero_is_unknown(tmp_path: Path) -> None:
