@@ -58,7 +58,7 @@ def main(options: Options) -> int:
             print(f"written, with the figures still to be given: {toml}", file=sys.stderr)
         raise UsageError(str(error)) from error
     if found.result != "ok":
-        raise UsageError(f"{found.seen}: {found.cause}; correct {found.remedy}")
+        raise UsageError(f"{found.seen}: {found.cause}; remedy: {found.remedy}")
     print(f"It stands: {found.seen}.")
     return 0
 

@@ -1,13 +1,18 @@
-"""Whether the robot stands: it holds its home pose for two seconds, and then squats."""
+"""Whether the robot stands: it holds its home pose for two seconds, and then squats.
+
+Where it does not, `causes` of `doctor` are tried one by one: the remedy that is named is one with which it stood.
+"""
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.doctor.check import Finding, Subject, ok, problem
-from quad_env.robots.similarity import servo_gains
+from quad_env.envs.env import SimpleQuadEnv
+from quad_env.robots.robot import Robot
 
 STAND_TIME = 2.0
 """s"""
@@ -27,34 +32,94 @@ SQUAT = 0.1
 """Step of the thighs' targets, and half of the calves', rad"""
 
 
+class DivergedError(ValueError):
+    """The simulation of a robot has diverged."""
+
+
+@dataclass(frozen=True)
+class Stance:
+    """A robot that was to hold its home pose, and then to squat."""
+
+    robot: Robot
+    diverged: bool = False
+    height: float = math.nan
+    """Of the trunk's origin, m."""
+    tilt: float = math.nan
+    """rad"""
+    lags: NDArray[np.float64] | None = None
+    """Of the joints from their targets, (12,), rad."""
+    torque: float = math.nan
+    """Largest of a joint at rest, N·m."""
+    ringing: float = math.nan
+    """Root mean square of the joint speeds after the squat, rad/s."""
+
+    @property
+    def lag(self) -> float:
+        """Largest distance of a joint from its target, rad."""
+        return math.nan if self.lags is None else float(self.lags.max())
+
+    @property
+    def is_overloaded(self) -> bool:
+        """Whether a joint has no reserve of torque."""
+        return self.torque > FULL_LOAD * self.robot.rated_torque
+
+    @property
+    def fault(self) -> str | None:
+        """What is wrong, in words; None for a robot that stands. Numbers that are not finite are a fault."""
+        robot = self.robot
+        if self.diverged or not np.isfinite((self.height, self.tilt, self.lag, self.torque, self.ringing)).all():
+            return "the simulation diverges: no finite state"
+        if self.is_overloaded:
+            return f"standing takes all of the joints' {robot.rated_torque:g} N·m, for {robot.mass:.3g} kg"
+        if self.lag > LARGEST_LAG:
+            return self.held
+        if self.ringing > RINGING:
+            return f"half a second after a step of their targets the joints still move at {self.ringing:.1f} rad/s"
+        if self.tilt > LARGEST_TILT or self.height < (1.0 - LARGEST_SINK) * robot.home_height:
+            return f"it does not stand: {self.trunk}"
+        return None
+
+    @property
+    def held(self) -> str:
+        """How well the joints hold their targets, in words."""
+        assert self.lags is not None
+        return f"standing, {self.robot.joint_names[int(self.lags.argmax())]} is {self.lag:.3f} rad off its target"
+
+    @property
+    def trunk(self) -> str:
+        """Place of the trunk, in words."""
+        return f"its trunk is {self.height:.3f} m high and tilted by {self.tilt:.3f} rad"
+
+
 def stands(subject: Subject) -> Finding:
     """Whether the joints hold their targets under the robot's weight and come to rest, and the robot stands."""
-    env, robot, figures = subject.env, subject.env.robot, subject.figures
-    stiffness, damping = servo_gains(robot)
+    from quad_env.doctor.causes import diagnosis
+
+    env, robot = subject.env, subject.env.robot
+    stance = stance_of(env)
+    if (fault := stance.fault) is not None:
+        return problem(fault, *diagnosis(subject, stance))
+    share = 100.0 * stance.torque / robot.rated_torque
+    return ok(f"{stance.trunk}; {stance.held}, with {share:.0f} % of the largest torque")
+
+
+def stance_of(env: Any) -> Stance:
+    """Let the robot of a single environment stand, and squat, after a reset."""
+    robot = env.robot
     env.reset(seed=0, options={"command": np.zeros(3)})
-    at_rest = states(env, robot.home_pose, STAND_TIME)[-round(LAST / env.dt) :]
-    lags = np.abs(np.mean([state.joint_position - robot.home_pose for state in at_rest], axis=0))
-    torque = np.abs(np.mean([state.joint_torque for state in at_rest], axis=0)).max()
-    held = f"standing, {robot.joint_names[int(lags.argmax())]} is {lags.max():.3f} rad off its target"
-    if torque > FULL_LOAD * robot.rated_torque:
-        held = f"standing takes all of the joints' {robot.rated_torque:g} N·m, for {robot.mass:.3g} kg"
-        cause = "masses are too large (grams for kilograms?), or the largest torque is too small"
-        return problem(held, cause, f"mass of the bodies in {robot.mjcf}, or rated_torque in {figures}")
-    if lags.max() > LARGEST_LAG:
-        cause = f"a stiffness of {robot.servo_stiffness.min():g} N·m/rad is too little for {robot.mass:.3g} kg"
-        return problem(held, cause, f"servo_stiffness = {stiffness:.0f} or so in {figures}")
-    if (ringing := _ringing(env)) > RINGING:
-        moving = f"half a second after a step of their targets the joints still move at {ringing:.1f} rad/s"
-        gains = f"{robot.servo_damping.min():g} N·m·s/rad is too little for {robot.servo_stiffness.max():g} N·m/rad"
-        remedy = f"servo_stiffness = {stiffness:.0f} and servo_damping = {damping:.1f} or so in {figures}"
-        return problem(moving, f"a damping of {gains}", remedy)
-    height, tilt = at_rest[-1].height, math.acos(min(max(at_rest[-1].rotation[2][2], -1.0), 1.0))
-    trunk = f"its trunk is {height:.3f} m high and tilted by {tilt:.3f} rad"
-    if tilt > LARGEST_TILT or height < (1.0 - LARGEST_SINK) * robot.home_height:
-        cause = "in the home pose the feet are not below the centre of mass, or a mass is not where it should be"
-        remedy = f"home_pose in {figures}, or masses in {robot.mjcf}; describe --picture shows it"
-        return problem(f"it does not stand: {trunk}", cause, remedy)
-    return ok(f"{trunk}; {held}, with {100.0 * torque / robot.rated_torque:.0f} % of the largest torque")
+    try:
+        at_rest = states(env, robot.home_pose, STAND_TIME)[-round(LAST / env.dt) :]
+        ringing = _ringing(env)
+    except DivergedError:
+        return Stance(robot, diverged=True)
+    return Stance(
+        robot,
+        height=float(at_rest[-1].height),
+        tilt=math.acos(min(max(at_rest[-1].rotation[2][2], -1.0), 1.0)),
+        lags=np.abs(np.mean([state.joint_position - robot.home_pose for state in at_rest], axis=0)),
+        torque=float(np.abs(np.mean([state.joint_torque for state in at_rest], axis=0)).max()),
+        ringing=ringing,
+    )
 
 
 def _ringing(env: Any) -> float:
@@ -66,9 +131,25 @@ def _ringing(env: Any) -> float:
 
 
 def states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
-    """States of the robot of a single environment while it holds a target for so long."""
+    """Return the states of the robot of a single environment while it holds a target.
+
+    Args:
+        env: The environment.
+        target: Joint angles, (12,), rad.
+        seconds: Time, s.
+
+    Raises:
+        DivergedError: The simulation diverges.
+    """
     found = []
     for _ in range(round(seconds / env.dt)):
-        env.step(target.astype(np.float32))
+        *_, info = env.step(target.astype(np.float32))
+        if info["diverged"]:
+            raise DivergedError(f"{env.robot.name}: the simulation diverges in the home pose")
         found.append(env.simulation.state((0.0, 0.0, 0.0), None))
     return found
+
+
+def new_env(robot: Robot) -> SimpleQuadEnv:
+    """A single environment with a robot, falls ignored."""
+    return SimpleQuadEnv(robot=robot, terminate_on_fall=False)
