@@ -16,7 +16,8 @@ import tyro
 
 from quad_env.cli.command_line import UsageError
 from quad_env.doctor.check import Subject
-from quad_env.doctor.standing import STAND_TIME, stands, states
+from quad_env.doctor.stance import STAND_TIME, states
+from quad_env.doctor.standing import stands
 from quad_env.info import joint_table
 from quad_env.robots.arena import overlap_remark
 from quad_env.robots.imported import FIGURES

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from quad_env.doctor.check import Subject
-from quad_env.doctor.standing import LARGEST_LAG, Stance, new_env, stance_of
+from quad_env.doctor.stance import LARGEST_LAG, Stance, new_env, stance_of
 from quad_env.robots.collisions import GROUND_BIT, HERE, OWN
 from quad_env.robots.inertias import unlikely_armatures, unlikely_inertias
 from quad_env.robots.robot import Robot
