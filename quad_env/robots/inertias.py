@@ -16,8 +16,8 @@ HEAVY_ARMATURE = 0.1
 of the `robots` extra have at most 0.014."""
 _SMALLEST = 0.1
 """Least reach of a link that is taken, as a share of the leg's length: links without any shape have none."""
-_TINY = 1e-9
-"""Moment of inertia that matters to no robot, kg·m²."""
+_TINY = 1e-3
+"""Moment of inertia, as a share of the robot's mass times the square of its leg's length, that changes no motion."""
 
 
 class Inertia(NamedTuple):
@@ -48,7 +48,7 @@ def unlikely_inertias(robot: Robot) -> list[Inertia]:
         mass = float(model.body_mass[body])
         reach = max(_reach(model, int(body)), _SMALLEST * robot.leg_length)
         inertia = Inertia(int(body), _name(model, int(body)), moment, mass, reach)
-        if moment > max(TOO_LARGE * inertia.largest, _TINY):
+        if moment > max(TOO_LARGE * inertia.largest, _TINY * robot.mass * robot.leg_length**2):
             found.append(inertia)
     return found
 
