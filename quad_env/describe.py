@@ -16,7 +16,8 @@ import tyro
 
 from quad_env.cli.command_line import UsageError
 from quad_env.doctor.check import Subject
-from quad_env.doctor.standing import STAND_TIME, stands, states
+from quad_env.doctor.stance import STAND_TIME, states
+from quad_env.doctor.standing import stands
 from quad_env.info import joint_table
 from quad_env.robots.arena import overlap_remark
 from quad_env.robots.imported import FIGURES
@@ -58,7 +59,7 @@ def main(options: Options) -> int:
             print(f"written, with the figures still to be given: {toml}", file=sys.stderr)
         raise UsageError(str(error)) from error
     if found.result != "ok":
-        raise UsageError(f"{found.seen}: {found.cause}; correct {found.remedy}")
+        raise UsageError(f"{found.seen}: {found.cause}; remedy: {found.remedy}")
     print(f"It stands: {found.seen}.")
     return 0
 

@@ -35,6 +35,10 @@ _BALL = 1e-4
 _DIRECTIONS = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 9)], indexing="ij"), axis=-1).reshape(-1, 3)
 _DIRECTIONS = _DIRECTIONS[np.abs(_DIRECTIONS).max(axis=1) == 1.0]
 _DIRECTIONS /= np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
+_AROUND, _ASIDE = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False), np.linspace(-0.4, 0.4, 9))
+_PITCHED = np.cos(_ASIDE) * np.sin(_AROUND), np.sin(_ASIDE), -np.cos(_ASIDE) * np.cos(_AROUND)
+_DIRECTIONS = np.concatenate((_DIRECTIONS, np.stack(_PITCHED, axis=-1).reshape(-1, 3)))
+"""Unit vectors all around, more of them where a shin that is tilted in the plane of its leg may be lowest."""
 
 
 class Foot(NamedTuple):
