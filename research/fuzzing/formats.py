@@ -17,7 +17,7 @@ import numpy as np
 from policies import bundle
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.foreign import onnx_file, readers
-from policies.foreign.described import steps_held, with_gains
+from policies.foreign.described import period_share, with_gains
 from policies.foreign.description import PolicyDescription
 from policies.foreign.packages import package
 from policies.foreign.reference import Reference, checked
@@ -100,7 +100,7 @@ def _read_description(file: Path) -> None:
         return
     _check_description(found)
     robot = with_gains(SIMPLE_QUAD, found)
-    steps_held(found, CONTROL_PERIOD)
+    period_share(found, CONTROL_PERIOD)
     if found.width * max(term.history for term in found.terms) < 10_000_000:
         Terms(found, robot, CONTROL_PERIOD)
 

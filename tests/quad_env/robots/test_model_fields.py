@@ -132,7 +132,7 @@ def test_fields_that_are_kept_are_the_model_s(tmp_path: Path) -> None:
     model = model.replace(TRUNK, f'{TRUNK}<geom name="one" size="0.02" friction="0.7 0.01 0.02" contype="4"/>')
     model = model.replace(
         "</body></worldbody>",
-        '<body name="b"><geom name="two" size="0.02" conaffinity="5"/></body></body></worldbody>',
+        '<body name="b" pos="0 0 0.2"><geom name="two" size="0.02" conaffinity="5"/></body></body></worldbody>',
     )
     model = model.replace("</mujoco>", f"{rules}</mujoco>")
     robot, theirs = robot_of_text(tmp_path, model), mujoco.MjModel.from_xml_string(model)

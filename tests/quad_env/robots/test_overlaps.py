@@ -61,7 +61,7 @@ def test_what_does_not_overlap_still_collides(tmp_path: Path) -> None:
     robot = robot_of_text(tmp_path, Made(foot=SHIN + Made().foot).xml())
     assert robot.model.nexclude == 0
     assert not [line for line in text(robot) if line.startswith("overlap")]
-    assert not doctor_reads(Subject(robot)).details
+    assert not [line for line in doctor_reads(Subject(robot)).details if "overlap" in line]
 
 
 @pytest.mark.parametrize("name", NAMED)
