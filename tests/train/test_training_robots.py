@@ -98,6 +98,48 @@ def test_figures_of_a_step_are_those_of_its_infos(monkeypatch):
     assert np.isnan(robots.take_statistics()["falls"])
 
 
+def test_a_fall_is_counted_once_and_a_reset_forgets_the_command_interval_of_that_robot_alone(monkeypatch):
+    """Steps of 0.01 s whose readings are replaced: a second settles, and a new command ends an interval."""
+    (batch,) = batches(2)
+    robots, told = TrainingRobots([batch]), {"fell": np.zeros(2, bool), "command": np.ones((2, 3))}
+
+    def step(_):
+        infos = {"command": told["command"].copy(), "heading_velocity": np.ones((2, 3))}
+        return np.zeros((2, 48), np.float32), np.zeros(2), told["fell"].copy(), np.zeros(2, bool), infos
+
+    robots.reset(seed=SEEDS[:2])
+    monkeypatch.setattr(batch, "step", step)
+    home = np.tile(HOME, (2, 1))
+    for _ in range(120):
+        robots.step(home)
+    told["fell"][1] = True
+    for _ in range(3):  # a fallen robot stands still in time until it is restarted
+        robots.step(home)
+    assert robots.take_intervals().tolist() == [[1], [0]]
+    told["fell"][1] = False
+    robots.reset(options={"reset_mask": np.array([False, True])})
+    told["command"] = 2.0 * np.ones((2, 3))
+    robots.step(home)
+    assert robots.take_intervals().tolist() == [[1], [1]]  # of the robot that went on
+    assert robots.take_intervals().tolist() == [[0], [0]]
+    robots.reset(options={"reset_mask": np.array([True, False])})
+    means = robots.take_statistics()
+    assert (means["episodes"], means["falls"]) == (2.0, 0.5)
+
+
+def test_each_batch_has_its_own_seeds_masks_and_number():
+    """Of three and two robots: those of the second are told apart, and restart alone."""
+    robots = TrainingRobots(batches(3, 2))
+    whole = TrainingRobots(batches(5))
+    first, infos = robots.reset(seed=SEEDS)
+    np.testing.assert_array_equal(first, whole.reset(seed=SEEDS)[0])
+    np.testing.assert_array_equal(infos["privileged"][:, :2], [[1, 0]] * 3 + [[0, 1]] * 2)
+    mask = np.array([False, True, False, False, True])
+    again, _ = robots.reset(options={"reset_mask": mask})
+    np.testing.assert_array_equal(again, whole.reset(options={"reset_mask": mask})[0])
+    assert [(each != one).any() for each, one in zip(again, first, strict=True)] == mask.tolist()
+
+
 def test_what_is_privileged_is_the_truth_whatever_the_robots_sense():
     found = []
     for sensors in ("truth", "typical"):
