@@ -62,7 +62,12 @@ def test_a_robot_that_restarts_alone_is_seen_from_then_on_as_one_that_has_just_b
             env.unwrapped.simulation.qpos[1, 3:7] = (0.0, 1.0, 0.0, 0.0)
         _, _, terminated, _, infos = env.step(noise(step, 3))
     assert terminated.tolist() == [False, True, False]
-    assert infos["_final_obs"].tolist() == [False, True, False]
+    assert infos["_final_obs"].tolist() == infos["_final_info"].tolist() == [False, True, False]
+    assert not infos["final_obs"][[0, 2]].any()
+    assert infos["final_obs"][1].any()
+    ends = {key: mask.tolist() for key, mask in infos["final_info"].items() if key.startswith("_")}
+    assert "_heading_velocity" in ends
+    assert all(mask == [False, True, False] for mask in ends.values())
     plain, policy = robots(3, scenario=scenario), policies.make(base)
     plain.reset(seed=seeds)
     observation, _ = plain.reset()

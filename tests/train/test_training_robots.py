@@ -8,7 +8,14 @@ from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.config import PpoConfig, TrainConfig
-from train.training_robots import TrainingRobots, make_robots, segment_steps, side_by_side
+from train.training_robots import (
+    TrainingRobots,
+    effort_at,
+    make_robots,
+    segment_steps,
+    side_by_side,
+    training_seeds,
+)
 
 SEEDS = episode_seeds("training", 3, 5).tolist()
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
@@ -122,6 +129,10 @@ def test_a_fall_is_counted_once_and_a_reset_forgets_the_command_interval_of_that
     robots.step(home)
     assert robots.take_intervals().tolist() == [[1], [1]]  # of the robot that went on
     assert robots.take_intervals().tolist() == [[0], [0]]
+    told["fell"][1] = True
+    robots.step(home)
+    assert robots.take_intervals().tolist() == [[1], [0]]  # of its next episode
+    told["fell"][1] = False
     robots.reset(options={"reset_mask": np.array([True, False])})
     means = robots.take_statistics()
     assert (means["episodes"], means["falls"]) == (2.0, 0.5)
@@ -169,3 +180,15 @@ def test_a_segment_is_whole_rollouts_about_as_long_as_an_episode(longest, ppo, r
 def test_threads_take_a_batch_each_where_there_are_enough(threads, side):
     config = TrainConfig(threads=threads, mixture=(("flat", 1.0), ("push", 1.0)))
     assert side_by_side(config) == side
+
+
+def test_each_segment_has_seeds_of_its_own_and_each_robot_one():
+    config = TrainConfig(seed=3, ppo=PpoConfig(envs=4))
+    first, second = training_seeds(config), training_seeds(config, 1)
+    assert first + second == episode_seeds("training", 3, 8).tolist()
+
+
+def test_effort_counts_fully_from_the_end_of_its_ramp_on():
+    config = TrainConfig(steps=1000, effort_ramp=0.4)
+    assert [effort_at(config, steps) for steps in (0, 100, 400, 900)] == [0.0, 0.25, 1.0, 1.0]
+    assert effort_at(TrainConfig(steps=1000, effort_ramp=0.0), 0) == 1.0
