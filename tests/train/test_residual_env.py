@@ -1,5 +1,7 @@
 """Base and correction as one environment: the base's walk, honest ends of episodes, clocks that nothing disturbs."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import policies
 from policies.history import Inputs
 from policies.network import Network
 from policies.residual import PRESENT, Features, ResidualPolicy, authority_of, compose
+from policies.trot.open_loop import Trot, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.residual_env import ResidualVectorEnv
@@ -168,6 +171,21 @@ def test_a_robot_that_falls_while_a_correction_is_held_ends_there():
             np.testing.assert_array_equal(infos["final_obs"], plain_infos["final_obs"])
             return
     raise AssertionError("280 control steps and no fall")
+
+
+def test_each_of_several_bases_moves_its_own_robots():
+    """One of the first robot, a slower one of the three others: each row is as with that base alone, restarts too."""
+    slow = replace(searched_parameters(), frequency=1.7)
+    mixed = ResidualVectorEnv(robots(4, 12), [(Trot(), 1), (Trot(slow), 3)])
+    fast_alone, slow_alone = (ResidualVectorEnv(robots(4, 12), base) for base in (Trot(), Trot(slow)))
+    seen = [env.reset(seed=SEEDS[:4])[0] for env in (mixed, fast_alone, slow_alone)]
+    for step in range(16):
+        if step:
+            seen = [env.step(noise(step, 4))[0] for env in (mixed, fast_alone, slow_alone)]
+        np.testing.assert_array_equal(seen[0][:1], seen[1][:1])
+        np.testing.assert_array_equal(seen[0][1:], seen[2][1:])
+    with pytest.raises(ValueError, match="4 robots need as many rows of bases, not 3"):
+        ResidualVectorEnv(robots(4), [(Trot(), 1), (Trot(slow), 2)])
 
 
 def test_what_it_cannot_work_with_is_refused_with_a_remedy():
