@@ -89,6 +89,7 @@ def test_a_run_is_repeated_by_its_seeds_and_actions():
     assert len(taken) == 8
     observation, ended = env.repeat(SEEDS[2:4], [])
     assert ended.all()
+    assert env.taken == []
     env._episode_seeds = SEEDS[2:4]
     np.testing.assert_array_equal(env.reset(), observation)
 
