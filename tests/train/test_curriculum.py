@@ -95,6 +95,15 @@ def test_each_robot_has_intervals_of_its_own():
     assert told(intervals, forward, [FORWARD, FORWARD], (False, True))[1] == (True, False)
 
 
+def test_every_interval_has_a_settling_second_of_its_own():
+    """10 steps at 9 m/s and 5 at rest, after an interval ahead, are a robot that stood still."""
+    intervals = Intervals(1, DT)
+    walk(intervals, 15, FORWARD, FORWARD)
+    walk(intervals, 10, STILL, 9.0 * FORWARD)
+    walk(intervals, 5, STILL, STILL)
+    assert walk(intervals, 1, FORWARD, FORWARD) == [(True, True)]
+
+
 def test_a_command_that_lasted_no_longer_than_it_takes_to_settle_is_no_interval():
     intervals = Intervals(1, DT)
     assert not any(ended for ended, _ in walk(intervals, 10, FORWARD, FORWARD))

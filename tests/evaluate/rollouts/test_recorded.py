@@ -201,6 +201,13 @@ def test_what_is_stored_is_not_simulated_again_and_the_rest_in_stretches_without
     assert of_one == pytest.approx([0.4, 0.3 + 0.2 + 0.15, 0.3 + 0.5 + 0.1, 1.0])
 
 
+def test_stretches_end_at_every_gap_however_long_a_part_may_be() -> None:
+    _, tasks, _ = simulated(Kept([2, 3], [7]), chunk_size=50, names=("trot",))
+    assert [task.numbers.tolist() for task in tasks] == [[0, 1], [4, 5, 6], [8, 9]]
+    _, tasks, _ = simulated(Kept(), chunk_size=4, names=("trot",))
+    assert [task.numbers.tolist() for task in tasks] == [[0, 1, 2, 3], [4, 5, 6], [7, 8, 9]]
+
+
 def test_a_cell_that_is_stored_comes_before_anything_is_simulated() -> None:
     store = Kept(range(6), [9, 8, 7, 6])
     cells, tasks, shares = simulated(store)

@@ -101,6 +101,28 @@ def test_a_clock_is_at_zero_at_the_first_step() -> None:
     np.testing.assert_allclose(shown, (np.sin(0.48 * np.pi), np.cos(0.48 * np.pi)), atol=1e-6)
 
 
+def test_robots_that_act_at_different_steps_have_clocks_histories_and_actions_of_their_own() -> None:
+    """The second of three acts twice, and then all: clocks at 1, 3 and 1 of 50 Hz, 0.04 of a cycle each."""
+    of = terms(Term("gait_clock", clock=2.0, history=2), Term("previous_action", history=2))
+    of.reset(3)
+    of.action[:] = np.array([1.0, 2.0, 3.0])[:, None]
+    rows = np.repeat(standing(), 3, axis=0)
+    for who in ([1], [1]):
+        of.observe(rows[who], np.array(who))
+    of.action[1] = 9.0
+    all_three = np.arange(3)
+    of.observe(rows, all_three)
+    shown = of.observe(rows, all_three)
+    now, before = np.sin(0.08 * np.pi * np.array([1, 3, 1])), np.sin(0.08 * np.pi * np.array([0, 2, 0]))
+    np.testing.assert_allclose(shown[:, 0], before, atol=1e-6)
+    np.testing.assert_allclose(shown[:, 2], now, atol=1e-6)
+    np.testing.assert_allclose(shown[:, 4], [1.0, 9.0, 3.0])
+    of.reset_where(np.array([False, True, False]))
+    again = of.observe(rows[1:], all_three[1:])
+    np.testing.assert_allclose(again[:, 2], np.sin(0.08 * np.pi * np.array([0, 2])), atol=1e-6)
+    np.testing.assert_allclose(again[:, 4], [0.0, 3.0])
+
+
 @pytest.mark.parametrize("x_first", [True, False])
 def test_points_of_a_height_scan_are_found_in_the_environments(x_first: bool) -> None:
     grid = HeightGrid((-0.2, 0.0, 0.4), (-0.1, 0.1), x_first, offset=0.5)
