@@ -53,6 +53,28 @@ def test_the_first_features_after_a_restart_are_those_of_a_fresh_robot_with_the_
     np.testing.assert_array_equal(infos["command"], fresh["command"])
 
 
+def test_every_robot_that_restarts_begins_with_its_own_first_observation_alone():
+    """One after the other: what the first remembered of its start is not the second's."""
+    inputs = Inputs(lags=(0.03,), averages=(0.2,), clock=1.5)
+    env, _ = residual(2, inputs=inputs, scenario="flat")
+    plain = robots(2, scenario="flat")
+    plain.reset(seed=SEEDS[:2])
+    observation, _ = plain.reset()
+    trot = policies.make("trot")
+    trot.reset(2)
+    features = Features(trot, inputs)
+    features.reset(2)
+    first, restarts = features.see(observation, trot.act(observation)), []
+    for step in range(8):
+        if step in (3, 6):
+            env.unwrapped.simulation.qpos[step // 3 - 1, 3:7] = (0.0, 1.0, 0.0, 0.0)
+        seen, _, terminated, _, _ = env.step(noise(step, 2))
+        for robot in np.flatnonzero(terminated):
+            restarts.append((step, int(robot)))
+            np.testing.assert_array_equal(seen[robot], first[robot])
+    assert restarts == [(3, 0), (6, 1)]
+
+
 @pytest.mark.parametrize(("base", "scenario"), [("trot", "push"), ("trot_integral", "rough")])
 def test_a_robot_that_restarts_alone_is_seen_from_then_on_as_one_that_has_just_begun(base, scenario):
     """Robot 1 falls by itself: lags, averages and clock of five more steps are those of its next episode alone, and
