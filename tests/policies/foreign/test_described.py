@@ -183,6 +183,25 @@ def test_its_robot_has_the_gains_of_the_description_joint_by_joint(tmp_path: Pat
         assert robot.servo_damping[place(joint)] == damping
 
 
+@pytest.mark.parametrize("previous", ["raw", "scaled"])
+def test_targets_are_about_the_offset_of_the_actions_where_that_is_not_the_default_position(
+    previous: Any, tmp_path: Path
+) -> None:
+    """By as much as the offset is off it at the first step, when nothing has been acted before, joint by joint."""
+    file = Numbers(WIDTH).onnx(tmp_path / "policy.onnx")
+    offset = tuple(0.01 * (number + 1) + each for number, each in enumerate(described(file).default_position))
+    plain, shifted = (
+        DescribedPolicy(described(file, action_offset=each, previous_action=previous)) for each in (None, offset)
+    )
+    rows = walk(2)
+    first, other = plain.act(rows[0][:1])[0], shifted.act(rows[0][:1])[0]
+    by_hand = np.zeros(12)
+    for number, joint in enumerate(JOINTS):
+        by_hand[place(joint)] = 0.01 * (number + 1)
+    np.testing.assert_allclose(other - first, by_hand, atol=1e-6)
+    np.testing.assert_allclose(shifted._terms.action, plain._terms.action, atol=1e-6)
+
+
 def test_targets_are_limited_in_the_policys_terms(tmp_path: Path) -> None:
     limits = tuple((-0.05 + low, 0.05 + low) for low in described(tmp_path).default_position)
     file = Numbers(WIDTH).onnx(tmp_path / "policy.onnx")

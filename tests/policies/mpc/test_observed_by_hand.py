@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from policies.mpc.motion import motion
-from policies.mpc.observer import Observer, carried
+from policies.mpc.observer import JointPrediction, Observer, carried
 from policies.mpc.reading_noise import ReadingNoise
-from policies.mpc.servo_step import Servos, landing
+from policies.mpc.servo_step import Servos, _moved, landing
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator, TorqueSpeed
 from quad_env.physics.dynamics import Dynamics
@@ -40,15 +40,15 @@ def test_feet_that_come_down_to_the_ground_stay_there_and_each_robot_s_own() -> 
     """A robot that falls at 1 m/s: feet 5 mm above the ground are stopped on it, those 50 mm above it go on falling."""
     rows = reading(2, linear_velocity=(0.0, 0.0, -1.0))
     now, targets = motion(SIMPLE_QUAD, DYNAMICS, rows), np.tile(SIMPLE_QUAD.home_pose, (2, 1))
+    targets[1] += 0.02
+    wrench = np.array([[0.0] * 6, [20.0, -10.0, 5.0, 0.0, 1.0, 0.0]])
     gaps = np.array([[0.05] * 4, [0.005, 0.05, 0.05, 0.005]])
-    velocity = landing(SIMPLE_QUAD, now, gaps, targets, np.zeros((2, 6)), PERIOD)
+    velocity = landing(SIMPLE_QUAD, now, gaps, targets, wrench, PERIOD)
     feet = np.matmul(now.bodies.jacobians, velocity[:, None, :, None])[..., 2, 0]
     np.testing.assert_allclose(feet[0], -1.0 - 9.81 * PERIOD, atol=0.05)
     np.testing.assert_allclose(feet[1, [0, 3]], -0.5, atol=0.02)  # 5 mm in 10 ms
     assert (feet[1, [1, 2]] < -0.7).all()
-    alone = landing(
-        SIMPLE_QUAD, motion(SIMPLE_QUAD, DYNAMICS, rows[1:]), gaps[1:], targets[1:], np.zeros((1, 6)), PERIOD
-    )
+    alone = landing(SIMPLE_QUAD, motion(SIMPLE_QUAD, DYNAMICS, rows[1:]), gaps[1:], targets[1:], wrench[1:], PERIOD)
     np.testing.assert_array_equal(velocity[1], alone[0])
 
 
@@ -61,6 +61,26 @@ def test_a_foot_does_not_come_down_to_the_ground_faster_than_half_a_metre_a_seco
     rising = motion(SIMPLE_QUAD, DYNAMICS, reading(1, linear_velocity=(0.0, 0.0, 2.0)))
     up = landing(SIMPLE_QUAD, rising, np.zeros((1, 4)), targets, np.zeros((1, 6)), PERIOD)
     assert (np.matmul(rising.bodies.jacobians, up[:, None, :, None])[0, :, 2, 0] > 1.0).all()
+
+
+def test_a_foot_that_the_ground_would_have_to_pull_is_let_go() -> None:
+    """Of robots that move wildly: held feet whose impulse would be downward rise, and others rest."""
+    random, let_go = np.random.default_rng(0), 0
+    for _ in range(20):
+        readings = {"linear_velocity": random.normal(0.0, 1.0, 3), "angular_velocity": random.normal(0.0, 3.0, 3)}
+        now = motion(SIMPLE_QUAD, DYNAMICS, reading(1, joint_velocity=random.normal(0.0, 5.0, 12), **readings))
+        targets, still = SIMPLE_QUAD.home_pose[None], np.zeros((1, 6))
+        free = landing(SIMPLE_QUAD, now, np.full((1, 4), 9.0), targets, still, PERIOD)
+        down = np.matmul(now.bodies.jacobians, free[:, None, :, None])[..., 2, 0] < 0.0
+        stopped, impulses = _moved(SIMPLE_QUAD, now, down, still, PERIOD, targets[..., None], np.zeros((1, 4)))
+        sinks = np.matmul(now.bodies.jacobians[:, :, 2], stopped)[..., 0] < 0.0
+        pulled = down & (impulses[:, 2::3] <= 0.0)
+        found = landing(SIMPLE_QUAD, now, np.zeros((1, 4)), targets, still, PERIOD)
+        held = np.where(down, ~pulled, sinks)
+        by_hand = _moved(SIMPLE_QUAD, now, held, still, PERIOD, targets[..., None], np.zeros((1, 4)))[0][..., 0]
+        np.testing.assert_array_equal(found, by_hand)
+        let_go += int(pulled.sum())
+    assert let_go > 5
 
 
 def test_a_push_on_the_trunk_is_in_the_motion_ahead() -> None:
@@ -153,3 +173,84 @@ def test_an_observer_takes_over_the_robots_of_another(late: int) -> None:
     assert own._read is not None
     np.testing.assert_allclose(own._read.angles[:, 0] - SIMPLE_QUAD.home_pose[0], [-0.2, 0.1, -0.2], atol=1e-3)
     np.testing.assert_allclose(own._targets[0, :, 0] - SIMPLE_QUAD.home_pose[0], [-0.2, 0.1, -0.2], atol=1e-6)
+
+
+def test_late_joints_of_a_robot_that_begins_again_are_those_that_it_is_shown() -> None:
+    """The other of two, which turns at 3 rad/s, is 0.01 rad farther than expected: 3 + 90 · 0.01 rad/s."""
+    joints = JointPrediction(1, PERIOD)
+    joints.reset(2)
+    for step in range(40):
+        joints.now(reading(2, joint_position=0.03 * step))
+        joints.keep(np.zeros((2, 12)))
+    joints.reset_where(np.array([False, True]))
+    found = joints.now(reading(2, joint_position=np.array([[0.03 * 40 + 0.01], [0.03 * 40]])))
+    angles, speeds = found[:, OBSERVATION["joint_position"]], found[:, OBSERVATION["joint_velocity"]]
+    np.testing.assert_allclose(angles[0], 0.03 * 40 + 0.01 + 0.039, atol=2e-3)
+    np.testing.assert_allclose(speeds[0], 3.9, atol=0.1)
+    np.testing.assert_allclose(angles[1], 0.03 * 40, atol=1e-6)
+    np.testing.assert_allclose(speeds[1], 0.0, atol=1e-6)
+
+
+NOISY = np.array([[0.0] * 5, [0.004**2, 0.15**2, 0.08**2, 0.003**2, 0.6**2]])
+"""Variances of two robots' readings: none, and about what a control step brings."""
+
+
+def test_a_noisy_reading_counts_by_the_doubt_in_the_prediction_which_it_takes_away() -> None:
+    """Doubt grows by what a step brings, u², and the reading's share p of p + n is taken in, which leaves
+    n p / (p + n): with n = u² shares of 1/2, again 1/2, for the first look leaves none, and 1.5 / 2.5."""
+    observer = Observer(SIMPLE_QUAD, DYNAMICS, PERIOD)
+    observer.reset(2)
+    shares = []
+    for looks in range(1, 5):
+        observer._noise.looks[:] = looks
+        share, joints = observer._shares(NOISY)
+        np.testing.assert_allclose(share[0], 1.0)  # without noise the reading itself
+        np.testing.assert_allclose(joints[0], np.eye(2), atol=1e-9)
+        shares.append(share[1, :2].tolist())
+        assert (np.diag(joints[1]) < 1.0).all()
+    expected, doubt = [], 0.0
+    for looks in range(1, 5):
+        doubt += 1.0
+        expected.append([doubt / (doubt + 1.0)] * 2)
+        doubt = 0.0 if looks == 1 else doubt / (doubt + 1.0)
+    np.testing.assert_allclose(shares, expected)
+
+
+def test_joints_are_corrected_by_a_kalman_filter_of_angle_and_speed() -> None:
+    """P = F P Fᵀ + Q, K = P (P + R)⁻¹, P = (1 - K) P, where an angle goes on by 10 ms of its speed."""
+    observer = Observer(SIMPLE_QUAD, DYNAMICS, PERIOD)
+    observer.reset(2)
+    step, brought, noise = np.array([[1.0, 0.01], [0.0, 1.0]]), np.diag([0.003**2, 0.6**2]), np.diag(NOISY[1, 3:])
+    doubt = np.zeros((2, 2))
+    for looks in range(1, 6):
+        observer._noise.looks[:] = looks
+        _, found = observer._shares(NOISY)
+        doubt = step @ doubt @ step.T + brought
+        gain = doubt @ np.linalg.inv(doubt + noise)
+        np.testing.assert_allclose(found[1], gain, rtol=1e-9)
+        doubt = np.zeros((2, 2)) if looks == 1 else (np.eye(2) - gain) @ doubt
+
+
+def test_only_the_readings_of_noisy_robots_are_corrected() -> None:
+    """And towards what was predicted of them: that they rest."""
+    observer = Observer(SIMPLE_QUAD, DYNAMICS, PERIOD)
+    observer.reset(2)
+    still, standing = np.zeros((2, 6)), np.ones((2, 4), np.bool_)
+    for _ in range(3):
+        observer.read(reading(2), still)
+        observer.keep(standing)
+    observer._noise.variances = lambda _: NOISY  # type: ignore[method-assign]
+    shown = reading(2, linear_velocity=(0.2, 0.0, 0.0), joint_velocity=2.0)
+    read = observer.read(shown, still)
+    np.testing.assert_allclose(read.velocity[0], (0.2, 0.0, 0.0), atol=1e-6)
+    np.testing.assert_allclose(read.generalised[0, 6:], 2.0, atol=1e-6)
+    assert 0.02 < read.velocity[1, 0] < 0.18
+    assert (np.abs(read.generalised[1, 6:] - 1.0) < 0.95).all()
+
+
+def test_joints_of_encoders_are_corrected_though_their_readings_are_quiet() -> None:
+    observer = Observer(SIMPLE_QUAD, DYNAMICS, PERIOD, late=1)
+    observer.reset(1)
+    _, joints = observer._shares(np.zeros((1, 5)))
+    assert 0.0 < joints[0, 0, 0] < 1.0
+    assert joints[0, 1, 1] < 1e-3  # a difference of two samples is of no moment

@@ -103,6 +103,9 @@ def test_pushes_act_for_their_time_and_those_by_hand_on_top_of_them() -> None:
         np.testing.assert_allclose(force, planned(found.clock))
         seen += int(np.abs(force).any(axis=1).sum())
     assert seen > 20
+    found.clock[:] = [plan.first_step[0] for plan in plans]
+    found.shove(np.ones((3, 2)), 1)
+    np.testing.assert_allclose(found.force(), planned(found.clock) + 1.0)
     found.clock[:] = 100, 200, 300
     by_hand = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
     found.shove(by_hand, 2)

@@ -1,5 +1,7 @@
 """The error-state filter: its derivatives, its frames, its covariance, and many robots at once."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from quad_env.sensing.suite import Encoders, Imu, SensorSuite
 from quad_env.task.observations import OBSERVATION
 
 DT, SMALL = 0.01, 1e-6
+AHEAD = {"command": (0.8, 0.0, 0.3)}
 GRAVITY_SEEN, VELOCITY_SEEN = OBSERVATION["projected_gravity"], OBSERVATION["linear_velocity"]
 
 
@@ -73,23 +76,28 @@ def test_a_turn_takes_the_world_the_other_way() -> None:
     np.testing.assert_allclose(gravity, [[0.0, -np.sin(0.5), -np.cos(0.5)]], atol=1e-12)
 
 
+@cache
+def walked(seeds: tuple[int, ...], steps: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Actions of robots that walk ahead by the truth, and the truth after each."""
+    env, policy = SimpleQuadVectorEnv(len(seeds)), policies.make("trot")
+    true, _ = env.reset(seed=list(seeds), options=AHEAD)
+    policy.reset(num_envs=len(seeds))
+    actions: list[np.ndarray] = []
+    truth: list[np.ndarray] = []
+    for _ in range(steps):
+        actions.append(policy.act(true))
+        true = env.step(actions[-1])[0]
+        truth.append(true)
+    return actions, truth
+
+
 def walk(sensors: str, num_envs: int, seeds: list[int], steps: int, estimator: str = KALMAN):
     """Errors of gravity and velocity as shown, (steps, n, 3) each, and the filter; robots walk ahead by the truth."""
-    options = {"command": (0.8, 0.0, 0.3)}
-    made = [
-        SimpleQuadVectorEnv(num_envs, sensors=which, estimator=by, readings=True)
-        for which, by in ((sensors, estimator), ("truth", ESTIMATORS[0]))
-    ]
-    (seen, _), (true, _) = (vec.reset(seed=seeds, options=options) for vec in made)
-    policy = policies.make("trot")
-    policy.reset(num_envs=num_envs)
-    errors = []
-    for _ in range(steps):
-        action = policy.act(true)
-        seen, true = (vec.step(action)[0] for vec in made)
-        errors.append(seen - true)
-    errors = np.array(errors, dtype=np.float64)
-    return errors[..., GRAVITY_SEEN], errors[..., VELOCITY_SEEN], made[0].estimator
+    env = SimpleQuadVectorEnv(num_envs, sensors=sensors, estimator=estimator)
+    env.reset(seed=seeds, options=AHEAD)
+    actions, truth = walked(tuple(seeds), steps)
+    errors = np.array([env.step(action)[0] for action in actions], np.float64) - np.array(truth)
+    return errors[..., GRAVITY_SEEN], errors[..., VELOCITY_SEEN], env.estimator
 
 
 def rms(errors: np.ndarray) -> float:

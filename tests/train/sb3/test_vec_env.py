@@ -61,6 +61,20 @@ def test_infos_are_empty_but_for_robots_that_finished():
             assert infos[0]["TimeLimit.truncated"] is True
 
 
+def test_the_end_of_a_robot_is_its_own():
+    """Of the second of three: its last features, and its return and length."""
+    env, passing, returns = training_env(3, first=[9, 2, 9]), training_env(3), np.zeros(3)
+    for step in range(2):
+        _, rewards, finished, infos = env.step(noise(step, 3))
+        seen, *_ = passing.step(noise(step, 3))
+        returns += rewards
+    assert finished.tolist() == [False, True, False]
+    assert [sorted(each) for each in infos] == [[], ["TimeLimit.truncated", "episode", "terminal_observation"], []]
+    np.testing.assert_array_equal(infos[1]["terminal_observation"], seen[1])
+    assert infos[1]["episode"] == {"r": pytest.approx(returns[1]), "l": 2}
+    assert len(set(returns.round(6))) == 3
+
+
 def test_the_value_network_is_shown_the_end_of_the_episode_that_ended_and_the_start_of_the_next():
     """One of two robots, pushed at its end: what the learner bootstraps on is what it would be shown if it went on."""
     pushed = dataclasses.replace(scenario("push"), pushes=Pushes(count=1, duration=0.3, window=(0.05, 0.36)))
@@ -93,6 +107,7 @@ def test_a_run_is_repeated_by_its_seeds_and_actions():
     assert len(taken) == 8
     observation, ended = env.repeat(SEEDS[2:4], [])
     assert ended.all()
+    assert env.taken == []
     env._episode_seeds = SEEDS[2:4]
     np.testing.assert_array_equal(env.reset(), observation)
 
