@@ -23,6 +23,7 @@ from evaluate.report.table import print_ranking
 from evaluate.report.verdict import ALIKE, BY_ITSELF, SAME, excludes_zero
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import ABSENT, counted, estimate, p_value, points, points_with
+from quad_env.cli.progress import waiting
 from quad_env.files.writing import write_atomically
 
 
@@ -49,8 +50,9 @@ def main(options: Options) -> int:
     if {each.name for each in a[0].scenarios}.isdisjoint(each.name for each in b[0].scenarios):
         changed = [*changed, "the hardware profile, which one of them has"]
         a, b = map(without_profile, (a, b))
-    found: Sequence[Match] = matches(pairs, a, b)
-    both = joint(found, (a, b), _labels(options, found, a[0], b[0]))
+    with waiting("comparing"):
+        found: Sequence[Match] = matches(pairs, a, b)
+        both = joint(found, (a, b), _labels(options, found, a[0], b[0]))
     if not found and not both.ranking.places:
         what = "no scenario of these policies, or no episodes of the same --seed, in common"
         raise UsageError(f"{options.a} and {options.b} have {what}")

@@ -1,5 +1,6 @@
 """What a command line asks for, checked: everything that can be wrong is found before anything is simulated."""
 
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +8,7 @@ from pathlib import Path
 
 import policies
 from evaluate.commands.looks import check_ranked
-from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, Options, changed, restored
+from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, PROGRAM, Options, changed, restored
 from evaluate.records import manifest as manifests
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from evaluate.rollouts import battery, hardware
@@ -191,11 +192,27 @@ def _check_unused(out: Path) -> None:
 def _carried_on(now: Manifest, options: Options) -> Manifest:
     """The manifest that the run was begun with. Raises UsageError unless it can go on as if it had never stopped."""
     then, asked = _begun(options.out)
-    if differing := changed(asked, options) or manifests.differences(then, now):
+    if differing := changed(asked, options):
+        said = f"--resume carries a run on as it was begun, but {'; '.join(differing)}"
+        raise UsageError(f"{said}{_instead(asked, options)}")
+    if differing := manifests.differences(then, now):
         raise UsageError(f"--resume carries a run on as it was begun, but {'; '.join(differing)}")
     if now.fingerprint != then.fingerprint:
         raise UsageError(f"{options.out / manifests.NAME} has been changed by hand; leave --resume out to begin again")
     return then
+
+
+def _instead(then: Options, now: Options) -> str:
+    """What to do where more is asked of a run than it was begun with."""
+    folder = shlex.quote(str(now.out))
+    if added := [name for name in now.policies if name not in then.policies]:
+        run = f"--policies {shlex.join(added)} --episodes {then.most} --seed {then.seed} --out ANOTHER"
+        return (
+            f". A run is not extended: evaluate with {run}, then `{PROGRAM} compare {folder} ANOTHER` ranks all of them"
+        )
+    if now.most > then.most or set(now.scenarios) > set(then.scenarios):
+        return ". A run is not extended: leave --resume out and name another --out"
+    return ""
 
 
 def _begun(folder: Path) -> tuple[Manifest, Options]:

@@ -64,3 +64,16 @@ def test_a_mistake_is_one_line_that_names_the_remedy(words, said, run, tmp_path:
     line = refused(main, *shlex.split(words.replace("RUN", str(run.folder))))
     assert all(part in line for part in said), line
     assert [path.name for path in tmp_path.iterdir()] == ["own.zip"]
+
+
+@pytest.mark.usefixtures("no_simulation")
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--policies document stand trot residual", "--policies residual --episodes 5 --seed 3 --out ANOTHER, then `"),
+        ("--episodes 9", "A run is not extended: leave --resume out and name another --out"),
+        ("--scenarios flat push rough", "A run is not extended: leave --resume out and name another --out"),
+    ],
+)
+def test_who_would_extend_a_run_is_told_what_to_do(words, said, run, refused) -> None:
+    assert said in refused(main, "--resume", "--out", str(run.folder), *words.split())
