@@ -102,7 +102,7 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         infos = _joined([result[4] for result in results])
         self._elapsed += 1
         self._returns += rewards
-        self._count(infos, terminated & ~self._fell)
+        self._count(infos, rewards, terminated & ~self._fell)
         self._fell = terminated
         truncated |= self._elapsed >= self._cuts
         infos["episode"] = {"r": self._returns.copy(), "l": self._elapsed.copy()}
@@ -111,12 +111,26 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         return observation, rewards, terminated, truncated, infos
 
     def take_statistics(self) -> dict[str, float]:
-        """Means since the last call: of a step (velocity error, m/s, yaw-rate error, rad/s, reward terms) and of a
-        finished episode (return, falls), NaN without one; and the number of finished episodes."""
+        """Return the means since the last call.
+
+        Returns:
+            Of a step: velocity error, m/s, yaw-rate error, rad/s, and each reward term. Of a second: `reward_rate`, the
+            reward. Of a finished episode: `return` and `falls`; of an ended command interval: `tracked`, the share that
+            was tracked. NaN without one. And the numbers of both, `episodes` and `intervals`.
+        """
         sums, self._sums = self._sums, defaultdict(float)
-        steps, episodes = max(sums.pop("steps", 0.0), 1.0), sums.pop("episodes", 0.0)
-        of_episodes = {name: sums.pop(name, 0.0) / (episodes or float("nan")) for name in ("return", "falls")}
-        return {"episodes": episodes, **of_episodes, **{name: total / steps for name, total in sums.items()}}
+        steps = max(sums.pop("steps", 0.0), 1.0)
+        episodes = sums.pop("episodes", 0.0)
+        intervals = sums.pop("intervals", 0.0)
+        return {
+            "episodes": episodes,
+            "return": sums.pop("return", 0.0) / (episodes or float("nan")),
+            "falls": sums.pop("falls", 0.0) / (episodes or float("nan")),
+            "intervals": intervals,
+            "tracked": sums.pop("tracked", 0.0) / (intervals or float("nan")),
+            "reward_rate": sums.pop("reward", 0.0) / steps / self.dt,
+            **{name: total / steps for name, total in sums.items()},
+        }
 
     def take_intervals(self) -> NDArray[np.int64]:
         """Command intervals of each of the b batches since the last call, and how many were tracked, (2, b)."""
@@ -139,9 +153,12 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         pushes = np.concatenate([_push(batch) for batch in self.batches], axis=1) / PUSH
         return np.concatenate((self._which, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
 
-    def _count(self, infos: Infos, fell: BoolArray) -> None:
+    def _count(self, infos: Infos, rewards: NDArray[np.float64], fell: BoolArray) -> None:
         """Count a step, and the command intervals that it ends."""
         ended, kept = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
+        self._sums["intervals"] += int(ended.sum())
+        self._sums["tracked"] += int((ended & kept).sum())
+        self._sums["reward"] += float(rewards.sum())
         starts = [part.start for part in self._parts]
         self._counted += np.add.reduceat(np.stack((ended, ended & kept)).astype(np.int64), starts, axis=1)
         error = infos["command"] - infos["heading_velocity"]

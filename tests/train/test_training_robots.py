@@ -100,7 +100,7 @@ def test_figures_of_a_step_are_those_of_its_infos(monkeypatch):
     assert means.pop("reward/tilt") == pytest.approx(-2.0)
     assert means == pytest.approx(
         {"velocity_error": (1.0 + 0.5) / 2, "yaw_rate_error": (0.5 + 0.25) / 2, "episodes": 1}
-        | {"falls": 1.0, "return": 10.0}
+        | {"falls": 1.0, "return": 10.0, "reward_rate": 7.0 / batch.dt, "intervals": 1, "tracked": 0.0}
     )
     assert np.isnan(robots.take_statistics()["falls"])
 

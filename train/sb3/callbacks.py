@@ -30,7 +30,7 @@ from train.run_folder import BEST, CHECKPOINTS, CURVE_FILE, LAST
 from train.run_record import decode, to_dict, write_validations
 from train.sb3 import checkpoint
 from train.sb3.ppo import AdaptiveRate, actor_network
-from train.sb3.progress import Display
+from train.sb3.progress import Display, RecentIntervals
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import TrainingRobots, base_of, effort_at, make_batch, segment_steps, training_seeds
 from train.validation import cost_of_transport, rank, score, success, validate
@@ -93,6 +93,7 @@ class BetweenRollouts(BaseCallback):
         """Bases of bundles, without and with the hardware profile, with the parameters in force at the start."""
         self._robots = cast(TrainingRobots, env.env.unwrapped)
         self._made = [(config.curriculum, effort_at(config, 0))] * len(self._robots.batches)
+        self._recent = RecentIntervals(segment_steps(config) // (config.ppo.envs * config.ppo.rollout_steps))
         state.shares = state.shares or [config.curriculum] * len(self._made)
         self._earlier_seconds, self._began = state.seconds, time.monotonic()
         self._end = self._kept = self._start = 0
@@ -132,6 +133,7 @@ class BetweenRollouts(BaseCallback):
         figures = self._robots.take_statistics()
         for name, value in figures.items():
             self.logger.record(name if "/" in name else f"rollout/{name}", value)
+        figures["recently_tracked"] = self._recent.update(figures["intervals"], figures["tracked"])
         if self._state.validations:
             figures["success"] = self._state.validations[-1]["success"]
         self._display.update(self.num_timesteps, figures)

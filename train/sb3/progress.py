@@ -3,6 +3,7 @@
 import contextlib
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 
 from rich.console import Console
@@ -68,14 +69,46 @@ LINE_PERIOD = 5.0
 """Between two lines where there is no terminal, s."""
 
 
+class RecentIntervals:
+    """Share of the command intervals that were tracked in the last rollouts, together as long as an episode.
+
+    The intervals of robots that start together end together: of a single rollout there may be none.
+
+    Args:
+        rollouts: Number of rollouts.
+    """
+
+    def __init__(self, rollouts: int) -> None:
+        self._counts = deque[tuple[float, float]](maxlen=rollouts)
+
+    def update(self, intervals: float, tracked: float) -> float:
+        """Add a rollout with that number of ended intervals and that share of tracked ones; the share of all.
+
+        Returns:
+            The share, 0 … 1; NaN without an interval.
+        """
+        self._counts.append((intervals, intervals * tracked if intervals else 0.0))
+        ended, kept = map(sum, zip(*self._counts, strict=True))
+        return kept / ended if ended else float("nan")
+
+
 def summary(figures: Mapping[str, float]) -> str:
-    """The main figures of a rollout, in words."""
-    ended, count = "no episode ended", int(figures["episodes"])
-    if count:
-        ended = f"return {figures['return']:7.2f}  {round(figures['falls'] * count)} of {count} episodes fell"
+    """Return the main figures of a rollout, in words.
+
+    Reward and errors are means over all steps of the rollout, which do not depend on how many episodes end in it.
+
+    Args:
+        figures: Those of `TrainingRobots.take_statistics`, `recently_tracked` of `RecentIntervals`, and `success` of
+            the last validation, if there is one.
+    """
+    reward = f"reward {figures['reward_rate']:6.2f}/s"
     errors = f"velocity error {figures['velocity_error']:.3f} m/s  yaw-rate error {figures['yaw_rate_error']:.3f} rad/s"
+    share = figures["recently_tracked"]
+    tracked = "no command interval ended" if math.isnan(share) else f"{whole_percent(share)} of command intervals tracked"
+    count = int(figures["episodes"])
+    ended = f"{round(figures['falls'] * count)} of {count} episodes fell" if count else "no episode ended"
     validated = f"{whole_percent(figures['success'])} succeeded in validation  " if "success" in figures else ""
-    return f"{validated}{ended}  {errors}"
+    return f"{validated}{reward}  {tracked}  {errors}  {ended}"
 
 
 class Display:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from train.config import PpoConfig, TrainConfig, ValidationConfig
-from train.sb3.progress import Pace, summary
+from train.sb3.progress import Pace, RecentIntervals, summary
 
 PPO = PpoConfig(envs=10, rollout_steps=10, hold=2)
 CONFIG = TrainConfig(steps=1000, mixture=(("flat", 1.0), ("push", 1.0)), ppo=PPO, validation=ValidationConfig(300))
@@ -70,18 +70,44 @@ def test_a_run_that_is_continued_counts_what_this_session_does() -> None:
     assert math.isfinite(Pace(CONFIG).left(0))
 
 
-def counted(episodes=0, falls=0.0, returned=0.0):
-    """With fixed errors."""
-    return {"velocity_error": 0.12, "yaw_rate_error": 0.3, "episodes": episodes, "return": returned, "falls": falls}
+def counted(episodes=0, falls=0.0, returned=0.0, tracked=math.nan):
+    """With fixed errors and reward."""
+    means = {"velocity_error": 0.12, "yaw_rate_error": 0.3, "reward_rate": 1.25, "recently_tracked": tracked}
+    return {**means, "episodes": episodes, "return": returned, "falls": falls}
+
+
+ERRORS = "velocity error 0.120 m/s  yaw-rate error 0.300 rad/s"
 
 
 @pytest.mark.parametrize(
     ("statistics", "said"),
     [
-        (counted(), "no episode ended  velocity error 0.120 m/s  yaw-rate error 0.300 rad/s"),
-        (counted(160, 0.05, 10.0), "return   10.00  8 of 160 episodes fell  velocity error"),
+        (counted(), f"reward   1.25/s  no command interval ended  {ERRORS}  no episode ended"),
+        (
+            counted(160, 0.05, 10.0, 0.625),
+            f"reward   1.25/s  62% of command intervals tracked  {ERRORS}  8 of 160 episodes fell",
+        ),
+        (
+            counted(160, 0.05, 10.0, 0.625) | {"success": 0.5},
+            f"50% succeeded in validation  reward   1.25/s  62% of command intervals tracked  {ERRORS}  "
+            "8 of 160 episodes fell",
+        ),
     ],
 )
 def test_falls_are_counted_among_the_episodes_that_ended(statistics, said) -> None:
     """In the first rollouts of a run those are few, and most of them fell, for who walks goes on."""
-    assert summary(statistics).startswith(said)
+    assert summary(statistics) == said
+
+
+def test_the_line_says_the_same_whatever_the_returns_of_the_episodes_that_happen_to_end() -> None:
+    """Their returns rise and fall with the number of robots that started together."""
+    assert summary(counted(100, returned=1.0)) == summary(counted(100, returned=9.0))
+
+
+def test_tracked_intervals_are_those_of_the_last_rollouts() -> None:
+    recent = RecentIntervals(2)
+    assert math.isnan(recent.update(0, math.nan))
+    assert recent.update(4, 0.25) == 0.25
+    assert recent.update(0, math.nan) == 0.25  # none ended
+    assert recent.update(12, 0.5) == 0.5  # the 4 are forgotten
+    assert recent.update(4, 1.0) == 10 / 16
