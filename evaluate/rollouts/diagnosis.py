@@ -1,6 +1,6 @@
 """Whether a policy stands and walks as its description says, and which of the usual mistakes explains it if not."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from evaluate.rollouts.walking_test import Command, Walk, walks
 from policies.base import Actions, Policy
 from policies.foreign import Foreign
 from policies.foreign.described import DescribedPolicy
-from policies.foreign.mistakes import ACTIONS, CLOCK, GAINS, MISTAKES, ORDERS, RATE, Correction, corrections
+from policies.foreign.mistakes import MISTAKES, ORDERS, Correction, corrections, twofold
 from quad_env.robots.robot import Robot
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.height_scan import table_with
@@ -27,9 +27,8 @@ SCREENING = 2.0
 """Factor by which it is shorter."""
 MOST_WALKS = 12
 """Corrections that are tried on all commands."""
-PENALTIES = {ACTIONS: 0.2, RATE: 0.2, CLOCK: 0.3, GAINS: 0.3}
-"""Added to the deviation of a correction of that kind: smaller actions and other servos, rates and clocks make walks
-bearable that something else is the cause of."""
+NEAREST = 2
+"""Corrections on top of which a second one is tried."""
 UPRIGHT = -0.2
 """z of gravity in the body's frame above which a robot lies."""
 
@@ -96,36 +95,62 @@ def failed(found: Sequence[Walk]) -> bool:
 
 
 def cause(policy: Foreign, robot: str) -> str:
-    """What explains that it fails, in words: the correction with which it walks best, tried in this process.
+    """Return what explains that a policy fails, in words: the correction with which it walks best.
 
-    Each correction is first tried on a short walk, those that walk best there on all commands. Other gains than the
-    policy's may suit it better than its own: they explain only what nothing else does as well.
-    """
-    for count in range(1, len(ORDERS) + 1):
-        walking = [pair for pair in _deviations(policy, robot, count) if pair[0] <= 1.0]
-        if walking:
-            _, correction = min(walking, key=lambda pair: pair[0] + PENALTIES.get(pair[1].mistake, 0.0))
-            return f"it walks with {correction.words}: check {correction.keys}"
-    return f"no usual mistake alone explains it; tried: {', '.join(MISTAKES)}"
-
-
-def _deviations(policy: Foreign, robot: str, count: int) -> list[tuple[float, Correction]]:
-    """Return how far off its commands it is at worst with each correction that may explain it.
+    One mistake is undone, then several in the order of the joints, then a second one on top of the corrections that
+    help most. Each correction is first tried on a short walk, those that walk best there on all commands; all of them
+    in this process.
 
     Args:
         policy: It has a description.
         robot: Name or path.
-        count: Of mistakes of the order that are undone together.
     """
     assert policy.description is not None
     own = Hardware(robot=robot).quadruped
-    tried_out = list(corrections(policy.description, own, count))
+    singles: list[tuple[float, Correction]] = []
+    for count in range(1, len(ORDERS) + 1):
+        found = _deviations(policy, robot, corrections(policy.description, own, count))
+        if words := _best(found):
+            return words
+        singles += found
+    for _, first in sorted(singles, key=_rank)[:NEAREST]:
+        if words := _best(_deviations(policy, robot, twofold(first, own))):
+            return words
+    return f"no usual mistake alone explains it; tried: {', '.join(MISTAKES)}"
+
+
+def _rank(scored: tuple[float, Correction]) -> float:
+    """Return the deviation of a correction with its doubt."""
+    deviation, correction = scored
+    return deviation + correction.doubt
+
+
+def _best(scored: Sequence[tuple[float, Correction]]) -> str:
+    """Return the correction with which it walks best, in words; empty where it walks with none."""
+    walking = [pair for pair in scored if pair[0] <= 1.0]
+    if not walking:
+        return ""
+    _, correction = min(walking, key=_rank)
+    return f"it walks with {correction.words}: check {correction.keys}"
+
+
+def _deviations(policy: Foreign, robot: str, candidates: Iterable[Correction]) -> list[tuple[float, Correction]]:
+    """Return how far off its commands a policy is at worst, with each of the corrections that walk best at first.
+
+    Args:
+        policy: It has a description.
+        robot: Name or path.
+        candidates: Corrections of it.
+    """
+    own = Hardware(robot=robot).quadruped
+    tried_out = list(candidates)
     policies = [
         DescribedPolicy(each.description, robot=own, control_period=policy.control_period) for each in tried_out
     ]
     screened = _worst(policies, robot, SCREENED, SEEDS[:1], SCREENING)
-    best = np.argsort(screened, kind="stable")[:MOST_WALKS].tolist()
-    best = [place for place in best if np.isfinite(screened[place])]
+    best = [
+        place for place in np.argsort(screened, kind="stable")[:MOST_WALKS].tolist() if np.isfinite(screened[place])
+    ]
     if not best:
         return []
     worst = _worst([policies[place] for place in best], robot, COMMANDS, SEEDS)
@@ -144,7 +169,9 @@ def _worst(
     gains = np.array([(each.robot.servo_stiffness, each.robot.servo_damping) for each in policies])
     hardware = ServosByRow(robot=robot, gains=np.repeat(gains.transpose(1, 0, 2), rows, axis=1))
     found = walks(PolicyStack(policies, hardware), hardware, commands, seeds, len(policies), shortened_by)
-    return np.reshape([walk.deviation for walk in found], (len(policies), -1)).max(axis=1)
+    deviations = np.array([walk.deviation for walk in found], dtype=np.float64)
+    worst: NDArray[np.float64] = deviations.reshape(len(policies), -1).max(axis=1)
+    return worst
 
 
 def remarks(policy: Policy) -> tuple[str, ...]:

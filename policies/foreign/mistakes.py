@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 from typing import Any, Literal
 
@@ -83,6 +84,15 @@ class Correction:
     keys: str
     """What to correct in the description."""
     description: PolicyDescription
+    doubt: float = 0.0
+    """Added to the deviation of its walk before corrections are compared."""
+
+
+DOUBTS = {ACTIONS: 0.2, RATE: 0.2, CLOCK: 0.3, GAINS: 0.3}
+"""Of corrections by mistake: smaller actions and other servos, rates and clocks make walks bearable that something else
+is the cause of."""
+ROBOTS_DOUBT = 0.1
+"""Added for the robot's own gains, which often suit a policy as well as its own."""
 
 
 def corrections(described: PolicyDescription, robot: Robot, count: int = 1) -> Iterator[Correction]:
@@ -91,7 +101,20 @@ def corrections(described: PolicyDescription, robot: Robot, count: int = 1) -> I
     for correction in _all(described, robot, count):
         if correction.description not in seen:
             seen.append(correction.description)
-            yield correction
+            yield replace(correction, doubt=correction.doubt + DOUBTS.get(correction.mistake, 0.0))
+
+
+def twofold(first: Correction, robot: Robot) -> Iterator[Correction]:
+    """Each of MISTAKES undone, of another kind than a correction's, on top of that correction."""
+    for second in corrections(first.description, robot):
+        if second.mistake != first.mistake:
+            yield Correction(
+                f"{first.mistake} and {second.mistake}",
+                f"{first.words} and {second.words}",
+                f"{first.keys} and {second.keys}",
+                second.description,
+                first.doubt + second.doubt,
+            )
 
 
 def _all(described: PolicyDescription, robot: Robot, count: int) -> Iterator[Correction]:
@@ -208,7 +231,7 @@ def _rescaled(described: PolicyDescription) -> Iterator[Correction]:
                 words = f"{name} scaled by {_numbers(scale)}"
                 changed = _with_terms(described, _scaled({name: scale}))
                 yield Correction(SCALES, words, f"`scale` of {name}", changed)
-    ones = dict.fromkeys(LEGGED_GYM_SCALES, (1.0,))
+    ones: dict[str, Numbers] = dict.fromkeys(LEGGED_GYM_SCALES, (1.0,))
     for words, scales in (
         ("legged_gym's scales of observations", LEGGED_GYM_SCALES),
         ("no scales of observations", ones),
@@ -228,9 +251,12 @@ def _scaled(scales: dict[str, Numbers]) -> Callable[[Term], Term]:
 
 
 def _numbers(values: Numbers) -> str:
-    return " ".join(f"{value:g}" for value in dict.fromkeys(values) if len({*values}) == 1) or " ".join(
-        f"{value:g}" for value in values
-    )
+    """Return numbers in words: one for all, each of a few, or the least and the largest."""
+    if len({*values}) == 1:
+        return f"{values[0]:g}"
+    if len(values) > 3:
+        return f"{min(values):g} to {max(values):g}"
+    return " ".join(f"{value:g}" for value in values)
 
 
 def _with_other_actions(described: PolicyDescription) -> Iterator[Correction]:
@@ -286,17 +312,18 @@ def _with_other_numbers(described: PolicyDescription) -> Iterator[Correction]:
             words = (
                 f"a clock that is zero below a command of {threshold:g}" if threshold else "a clock that always runs"
             )
-            changed = _with_clock(described, zero_below=threshold)
+            changed = _with_clock(described, term.clock, threshold)
             yield Correction(CLOCK, words, "`zero_below` of gait_clock", changed)
             for factor in (0.5, 2.0):
                 clock = factor * term.clock
-                changed = _with_clock(described, clock=clock)
+                changed = _with_clock(described, clock, term.zero_below)
                 yield Correction(CLOCK, f"a clock of {clock:g} Hz", "`clock` of gait_clock", changed)
 
 
-def _with_clock(described: PolicyDescription, **fields: float) -> PolicyDescription:
-    """Return the description with other fields of its clock."""
-    return _with_terms(described, lambda term: replace(term, **fields) if term.name == "gait_clock" else term)
+def _with_clock(described: PolicyDescription, clock: float, zero_below: float) -> PolicyDescription:
+    """Return the description with another clock."""
+    change = partial(replace, clock=clock, zero_below=zero_below)
+    return _with_terms(described, lambda term: change(term) if term.name == "gait_clock" else term)
 
 
 def _in_other_order(described: PolicyDescription) -> Iterator[Correction]:
@@ -346,7 +373,9 @@ def _with_other_gains(described: PolicyDescription, robot: Robot) -> Iterator[Co
     own, gains = joints_of(described.joints, robot).places, np.array((described.stiffness, described.damping))
     robots = np.array((robot.servo_stiffness, robot.servo_damping))[:, own]
     single = [np.array(pair)[:, None] * gains for each in SINGLE_FACTORS for pair in ((1.0, each), (each, 1.0))]
-    for stiffness, damping in (each.tolist() for each in (robots, *(factor * gains for factor in FACTORS), *single)):
+    others = [(0.0, each) for each in (*(factor * gains for factor in FACTORS), *single)]
+    for doubt, values in ((ROBOTS_DOUBT, robots), *others):
+        stiffness, damping = values.tolist()
         changed = replace(described, stiffness=tuple(stiffness), damping=tuple(damping))
         words = f"servo gains of {with_gains(robot, changed).servo}"
-        yield Correction(GAINS, words, "`stiffness` and `damping`", changed)
+        yield Correction(GAINS, words, "`stiffness` and `damping`", changed, doubt)

@@ -146,10 +146,21 @@ def _description(file: Path) -> PolicyDescription | None:
         found = readers.read(found_at[0]) if found_at else None
         if found is None:
             name = file.with_suffix(BESIDE[0]).name
-            raise PolicyError(f"{file} does not say how its network is run", f"{BY_HAND} next to it as {name}")
+            incomplete = readers.Incomplete("a network", {"network": file.absolute()})
+            incomplete.fault = f"{file} does not say how its network is run"
+            incomplete.remedy = f"{BY_HAND} next to it as {name}"
+            incomplete.args = (f"{incomplete.fault}; {incomplete.remedy}",)
+            raise incomplete
         return readers.whole(replace(found, network=file.absolute()), corrected=True)
     found = readers.read(file)
     return None if found is None else replace(found, network=found.network.absolute())
+
+
+def draft_of(file: Path) -> readers.Incomplete | None:
+    """Return what is known of a network's file without a description; None of other files."""
+    if not file.is_file() or file.suffix.lower() not in (".onnx", *TORCH_ENDS):
+        return None
+    return readers.Incomplete("a network without a description", {"network": file.absolute()})
 
 
 def _normaliser(model: Path) -> tuple[Path | None, bool]:
