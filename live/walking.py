@@ -91,9 +91,21 @@ def description(subject: Subject) -> Finding:
         cause = "the description lacks something, or is of another network or robot"
         return problem(error.fault, cause, error.remedy or f"correct that {CORRECT}")
     if (found := policy.description) is None:
-        return NO_DESCRIPTION
+        return _without_description(subject)
     seen = f"{found.network.name} reads {found.width} numbers, as described"
     return Finding("ok", seen, details=tuple(understood(found, subject.robot)))
+
+
+def _without_description(subject: Subject) -> Finding:
+    """Whether a policy that says nothing of its observation walks on this environment's."""
+    found = _walks(subject)
+    if not (seen := diagnosis.faults(found)):
+        return NO_DESCRIPTION
+    words = "; ".join(seen.values())
+    if diagnosis.failed(found):
+        return problem(words, "the network itself", "export it again")
+    asked, _, remedy = diagnosis.which_observation(_loaded(subject)).rpartition(", ")
+    return problem(f"its file does not say what it reads, and {words}", asked, remedy)
 
 
 def standing(subject: Subject) -> Finding:

@@ -37,15 +37,25 @@ def main(options: Options) -> int:
 
 
 def _write(policy: Path, trust: bool, file: Path) -> None:
-    """Write the policy's description as TOML. Raises UsageError where there is none, and PolicyError."""
-    from policies.foreign.readers import write_toml
-    from policies.foreign.reference import checked
+    """Write the policy's description as TOML, what its files do not say as comments. Raises UsageError where there is
+    none, and PolicyError.
+    """
+    from policies.foreign.readers import Incomplete, write_draft, write_toml
+    from policies.foreign.reference import checked, draft_of
 
     make_folder_of(file, "--write")
-    found = checked(policy, trust).description if policy.is_file() else None
-    if found is None:
+    try:
+        found = checked(policy, trust).description if policy.is_file() else None
+        draft = draft_of(policy) if found is None else None
+    except Incomplete as incomplete:
+        found, draft = None, incomplete
+    if found is not None:
+        write_toml(found, file)
+        return
+    if draft is None:
         raise UsageError(f"--write: {policy} has no description: write one by hand, docs/deployment-files.md")
-    write_toml(found, file)
+    write_draft(draft, file)
+    print(f"{file}: complete {', '.join(draft.missing)}, and name it in place of {policy}")
 
 
 def check_exists(name_or_path: str) -> None:

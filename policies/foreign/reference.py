@@ -157,7 +157,12 @@ def _description(file: Path) -> PolicyDescription | None:
         found = _read_description(found_at[0]) if found_at else None
         if found is None:
             name = file.with_suffix(BESIDE[0]).name
-            raise PolicyError(f"{file} does not say how its network is run", f"{BY_HAND} next to it as {name}")
+            raise readers.Incomplete(
+                "a network",
+                {"network": file.absolute()},
+                fault=f"{file} does not say how its network is run",
+                remedy=f"{BY_HAND} next to it as {name}",
+            )
         return _whole(replace(found, network=file.absolute()))
     found = _read_description(file)
     return None if found is None else replace(found, network=found.network.absolute())
@@ -179,6 +184,13 @@ def _whole(found: PolicyDescription) -> PolicyDescription:
         return call(readers.whole, found, True)  # type: ignore[no-any-return]
     except (LimitExceededError, CrashError) as error:
         raise PolicyError(f"{found.network}: {error}") from None
+
+
+def draft_of(file: Path) -> readers.Incomplete | None:
+    """Return what is known of a network's file without a description; None of other files."""
+    if not file.is_file() or file.suffix.lower() not in (".onnx", *TORCH_ENDS):
+        return None
+    return readers.Incomplete("a network without a description", {"network": file.absolute()})
 
 
 def _normaliser(model: Path) -> tuple[Path | None, bool]:

@@ -66,3 +66,17 @@ def test_the_description_is_written(policy: PolicyDescription, tmp_path: Path, m
     assert main(["doctor", "--policy", str(file), "--write", str(written)]) == 0
     assert written.read_text(encoding="utf-8") == file.read_text(encoding="utf-8")
     assert "has no description" in refused(main, "doctor", "--policy", "trot", "--write", written)
+
+
+def test_what_a_file_does_not_say_is_written_as_comments(
+    policy: PolicyDescription, monkeypatch, capsys, refused
+) -> None:
+    folder = policy.network.parent
+    monkeypatch.setattr("live.commands.doctor.run", lambda *_: 0)
+    written = folder / "mine.toml"
+    assert main(["doctor", "--policy", str(policy.network), "--write", str(written)]) == 0
+    assert f"{written}: complete control_rate, joints, default_position, action_scale" in capsys.readouterr().out
+    lines = written.read_text(encoding="utf-8").splitlines()
+    assert 'network = "trot.onnx"' in lines
+    assert all(line.startswith("#") for line in lines if not line.startswith("network"))
+    assert "`control_rate` is missing" in refused(main, "doctor", "--policy", written, "--write", folder / "other.toml")

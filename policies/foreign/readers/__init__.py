@@ -5,7 +5,17 @@ from pathlib import Path
 from policies.base import PolicyError
 from policies.foreign.description import PolicyDescription
 from policies.foreign.network_kind import is_onnx
-from policies.foreign.readers import isaac_lab, legged_gym, mjlab_onnx, rl_sar, toml_file, unitree_deploy
+from policies.foreign.readers import (
+    flat_yaml,
+    io_descriptor,
+    isaac_lab,
+    legged_gym,
+    mjlab_onnx,
+    rl_sar,
+    toml_file,
+    unitree_deploy,
+)
+from policies.foreign.readers.drafts import Incomplete, write_draft
 from policies.foreign.readers.settings import BY_HAND, Settings, load
 from policies.foreign.readers.toml_file import write_toml
 
@@ -24,6 +34,8 @@ def read(path: Path) -> PolicyDescription | None:
                 return whole(toml_file.describe(load(path)), corrected=True)
             case ".yaml" | ".yml" | ".json":
                 return whole(_settings(load(path)))
+    except Incomplete as error:
+        raise error.at(path) from None
     except PolicyError as error:
         raise PolicyError(f"{path}: {error}") from None
     except ZeroDivisionError:
@@ -53,17 +65,21 @@ def _settings(found: Settings) -> PolicyDescription:
     keys = set(found.values)
     if "joint_ids_map" in keys:
         return unitree_deploy.describe(found)
+    if io_descriptor.is_descriptor(found):
+        return io_descriptor.describe(found)
     if {"scene", "observations", "actions"} <= keys:
         return isaac_lab.describe(found)
     if {"init_state", "control"} <= keys:
         return legged_gym.describe(found)
     if len(keys) == 1 and any("model_name" in each.values for _, each in found.groups()):
         return rl_sar.describe(found)
+    if flat_yaml.is_flat(found):
+        return flat_yaml.describe(found)
     raise PolicyError(
-        "it is no deployment file that is read: a deploy.yaml of Unitree, Isaac Lab's params/env.yaml, rl_sar's "
-        "config.yaml, settings of legged_gym",
+        "it is no deployment file that is read: a deploy.yaml of Unitree, Isaac Lab's params/env.yaml or IO "
+        "descriptor, rl_sar's config.yaml, a configuration of deploy_mujoco, settings of legged_gym",
         BY_HAND,
     )
 
 
-__all__ = ["read", "whole", "write_toml"]
+__all__ = ["Incomplete", "read", "whole", "write_draft", "write_toml"]

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from policies.base import PolicyError
 from policies.foreign.description import HeightGrid, PolicyDescription, Range, Term
+from policies.foreign.readers.io_descriptor import joint_order
 from policies.foreign.readers.isaac_terms import history_of, observed_joints, remarks_on, term
 from policies.foreign.readers.joint_orders import FAMILIES, Joints, by_kind
 from policies.foreign.readers.settings import BY_HAND, Settings, load, matches
@@ -20,7 +21,9 @@ _NAMES = "joint_names_expr"
 def describe(settings: Settings) -> PolicyDescription:
     """The policy of an `env.yaml`. Raises PolicyError."""
     robot, action = settings.inside("scene", "robot"), _action(settings)
-    asset = _asset(robot) if settings.inside("sim").find("newton_cfg") is None else None
+    asset = joint_order(settings.file)
+    if asset is None and settings.inside("sim").find("newton_cfg") is None:
+        asset = _asset(robot)
     joints = _chosen(action, asset)
     group = settings.inside("observations", "policy")
     terms = {name: _term(settings, group, each) for name, each in group.groups()}
@@ -75,7 +78,8 @@ def _chosen(settings: Settings, asset: Joints | None) -> Joints:
         return patterns
     if asset is None:
         known = ", ".join(word for words in FAMILIES for word in words.split())
-        raise PolicyError(f"the order of the joints is not known: it is that of {known} in PhysX alone", BY_HAND)
+        fault = f"the order of the joints is not known: it is that of {known} in PhysX alone"
+        raise PolicyError(fault, f"add the run's IO descriptor (io_descriptors/*.yaml), or {BY_HAND}")
     if kept:
         return tuple(dict.fromkeys(name for each in patterns for name in asset if matches(each, name)))
     return tuple(name for name in asset if any(matches(each, name) for each in patterns))

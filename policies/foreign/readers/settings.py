@@ -144,7 +144,7 @@ class Settings:
         Raises PolicyError where there is none, or several.
         """
         settings = self.file
-        run = settings.parent.parent if settings.parent.name == "params" else settings.parent
+        run = settings.parent.parent if settings.parent.name in ("params", "io_descriptors") else settings.parent
         folders = [run / "exported", run, settings.parent]
         names = [*NAMES, settings.stem.removesuffix(PAIR[0]) + PAIR[1]]
         named = [folder / name for folder in folders for name in names if (folder / name).is_file()]

@@ -37,6 +37,11 @@ def write_toml(description: PolicyDescription, file: Path) -> None:
     file.write_text(text, encoding="utf-8")
 
 
+def as_toml(name: str, value: Any) -> str:
+    """Return the value of a description's field as TOML."""
+    return _text(_brief(name, value, Path()))
+
+
 def _of_joints(name: str, value: Any, joints: Any) -> Any:
     """Twelve values: one stands for all, and a table gives one for each part of a name, such as `hip`."""
     if isinstance(value, dict) and isinstance(joints, list | tuple):
