@@ -56,9 +56,7 @@ def test_a_link_that_moves_without_mass_carries_the_next_or_is_refused(tmp_path:
     assert robot.mass == pytest.approx(masses(without), abs=1e-6)
     standing(robot)
     last = re.sub(r'(<link name="fl_2">)<inertial>.*?</inertial>', r"\1", urdf())
-    with pytest.raises(
-        ModelError, match="'fl_2': mass and moments of inertia must be larger than 0"
-    ):
+    with pytest.raises(ModelError, match="'fl_2': mass and moments of inertia must be larger than 0"):
         Robot.from_mjcf(written(tmp_path, last))
 
 
