@@ -15,6 +15,8 @@ LARGEST_TILT, LARGEST_SINK = 0.1, 0.2
 """Of a robot that stands: rad, and a share of its height."""
 LARGEST_LAG = 0.1
 """Of a joint from its target under the robot's weight, rad."""
+RESERVE = 1.25
+"""Factor on the stiffness that would just hold the joints at `LARGEST_LAG`"""
 FULL_LOAD = 0.95
 """Share of the rated torque at which a joint has no reserve."""
 RINGING = 1.0
@@ -36,13 +38,22 @@ def stands(subject: Subject) -> Finding:
     lags = np.abs(np.mean([state.joint_position - robot.home_pose for state in at_rest], axis=0))
     torque = np.abs(np.mean([state.joint_torque for state in at_rest], axis=0)).max()
     held = f"standing, {robot.joint_names[int(lags.argmax())]} is {lags.max():.3f} rad off its target"
+    springs = float(robot.model.jnt_stiffness.max())
+    sprung = f"springs of the joints, up to {springs:g} N·m/rad, pull them off their targets"
     if torque > FULL_LOAD * robot.rated_torque:
         held = f"standing takes all of the joints' {robot.rated_torque:g} N·m, for {robot.mass:.3g} kg"
         cause = "masses are too large (grams for kilograms?), or the largest torque is too small"
-        return problem(held, cause, f"mass of the bodies in {robot.mjcf}, or rated_torque in {figures}")
+        what = "mass of the bodies"
+        if springs > 0.0:
+            cause, what = sprung, "stiffness and springref of the joints"
+        return problem(held, cause, f"{what} in {robot.mjcf}, or rated_torque in {figures}")
     if lags.max() > LARGEST_LAG:
         cause = f"a stiffness of {robot.servo_stiffness.min():g} N·m/rad is too little for {robot.mass:.3g} kg"
-        return problem(held, cause, f"servo_stiffness = {stiffness:.0f} or so in {figures}")
+        wanted = max(stiffness, RESERVE * robot.servo_stiffness.max() * lags.max() / LARGEST_LAG)
+        remedy = f"servo_stiffness = {wanted:.0f} or so in {figures}"
+        if springs > 0.0:
+            cause, remedy = sprung, f"stiffness and springref of the joints in {robot.mjcf}, or {remedy}"
+        return problem(held, cause, remedy)
     if (ringing := _ringing(env)) > RINGING:
         moving = f"half a second after a step of their targets the joints still move at {ringing:.1f} rad/s"
         gains = f"{robot.servo_damping.min():g} N·m·s/rad is too little for {robot.servo_stiffness.max():g} N·m/rad"

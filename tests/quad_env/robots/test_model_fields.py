@@ -12,6 +12,7 @@ from quad_env.describe import Options, text
 from quad_env.describe import main as describe
 from quad_env.doctor.check import Subject
 from quad_env.doctor.model import model as doctor_reads
+from quad_env.doctor.standing import stands
 from quad_env.physics.batch import batch_of
 from quad_env.robots.model_fields import KEPT, MODEL_FIELDS, NAMED, OPTION_FIELDS
 from quad_env.robots.model_file import omitted_from
@@ -145,6 +146,21 @@ def test_fields_that_are_kept_are_the_model_s(tmp_path: Path) -> None:
     assert (ours.pair_margin, ours.pair_gap) == (0.0, 0.0)
     assert {"geom_type", "geom_size", "geom_friction", "pair_friction", "exclude_signature"} <= set(KEPT)
     assert {"body_gravcomp", "geom_adhesion", "eq_type"} <= set(NAMED)
+
+
+def test_springs_of_joints_are_the_cause_where_they_pull_the_robot_down(tmp_path: Path) -> None:
+    """Not its servos, whose stiffness is the usual one; with the proposed one the robot stands."""
+    sprung = PLAIN.replace("<freejoint/>", '<joint type="free"/>').replace(GEOM, f'{GEOM}<joint stiffness="25"/>')
+    strong = sprung.replace('stiffness="25"', 'stiffness="60"')
+    for stiffness, model in ((60, strong), (25, sprung)):
+        robot = robot_of_text(tmp_path, model)
+        found = stands(Subject(robot))
+        assert found.result == "problem"
+        assert f"springs of the joints, up to {stiffness} N·m/rad" in found.cause
+    proposed = float(re.search(r"servo_stiffness = (\d+) or so", found.remedy)[1])
+    assert proposed > 1.2 * robot.servo_stiffness.max()
+    stiffer = robot_of_text(tmp_path, sprung, servo_stiffness=proposed)
+    assert stands(Subject(stiffer)).result == "ok"
 
 
 @pytest.mark.parametrize("attribute", ['stiffness="3"', 'stiffness="0 1 0"', 'damping="0.1 0.2 0"'])
