@@ -176,6 +176,7 @@ def _touch_like_ours(parts: Parts, own: Any, found: Anatomy, foot: Any) -> None:
     for geom in geoms:
         geom.solmix = foot.solmix
         geom.surfacevel = np.zeros(6)
+        geom.fluid_ellipsoid = 0.0  # no fluid is here
     for pair in own.pairs:
         pair.solreffriction = (0.0, 0.0)
         pair.condim = foot.condim

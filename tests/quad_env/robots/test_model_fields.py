@@ -125,6 +125,53 @@ def test_a_robot_by_name_keeps_the_contacts_of_its_published_results(tmp_path: P
     assert not Robot.from_mjcf(named.mjcf).model.geom_margin.any()
 
 
+REPLACED_TEXTS = {  # place in the text -> what is written there
+    GEOM: [
+        'margin="0.02"',
+        'gap="0.01"',
+        'solref="0.005 1"',
+        'solimp="0.5 0.6 0.01 0.5 2"',
+        'solmix="3"',
+        'condim="6"',
+        'priority="2"',
+        'adhesion="3"',
+        'surfacevel="1 0 0 0 0 0"',
+        'fluidshape="ellipsoid"',
+    ],
+    "<default>": [
+        'gravity="0 0 -1"',
+        'density="1000" viscosity="1" wind="1 0 0"',
+        'timestep="0.01" integrator="RK4" solver="CG" cone="elliptic"',
+        'o_margin="0.02"',
+        'actuatorgroupdisable="4"',
+    ],
+    '<body name="torso"': ['gravcomp="1"', 'sleep="never"'],
+    "<freejoint/>": ['damping="2"', 'stiffness="9"', 'armature="1"', 'frictionloss="0.3"'],
+}
+
+
+def with_attribute(place: str, attribute: str) -> str:
+    text = {
+        GEOM: f'<geom friction="0.9" {attribute}/>',
+        "<default>": f"<option {attribute}/><default>",
+        '<body name="torso"': f'<body name="torso" {attribute}',
+        "<freejoint/>": f'<joint type="free" {attribute}/>',
+    }
+    return PLAIN.replace(place, text[place], 1)
+
+
+@pytest.mark.parametrize("place", REPLACED_TEXTS)
+def test_what_is_replaced_or_left_out_changes_no_bit_of_the_robot(place: str, tmp_path: Path) -> None:
+    plain = robot_of_text(tmp_path, PLAIN, "plain.xml", name="one").model
+    for attribute in REPLACED_TEXTS[place]:
+        model = robot_of_text(tmp_path, with_attribute(place, attribute), name="one").model
+        for field in fields_of(model):
+            if isinstance(value := getattr(plain, field), np.ndarray):
+                np.testing.assert_array_equal(getattr(model, field), value, err_msg=f"{attribute}: {field}")
+        for field in fields_of(model.opt):
+            np.testing.assert_array_equal(getattr(model.opt, field), getattr(plain.opt, field), err_msg=field)
+
+
 def test_fields_that_are_kept_are_the_model_s(tmp_path: Path) -> None:
     """Of geoms and rules; those of bodies and joints are compared by what they do, see `test_random_models`."""
     pair = '<pair geom1="one" geom2="two" friction="0.3" margin="0.1"/>'
