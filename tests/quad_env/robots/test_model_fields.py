@@ -172,6 +172,28 @@ def test_what_is_replaced_or_left_out_changes_no_bit_of_the_robot(place: str, tm
             np.testing.assert_array_equal(getattr(model.opt, field), getattr(plain.opt, field), err_msg=field)
 
 
+CONTACT_CLASS = (
+    '<geom friction="0.9" margin="0.02" gap="0.01" solref="0.05 1" solimp="0.5 0.6 0.01 0.5 2" solmix="3" condim="6" '
+    'priority="2" adhesion="3" surfacevel="1 0 0 0 0 0"/>'
+)
+SITE_CLASS = '<site type="box" size="0.2 0.001 0.001" pos="0.1 0.1 0.1" euler="0.5 0.3 0.1"/>'
+
+
+def test_parts_that_are_added_inherit_nothing_from_the_model_s_classes(tmp_path: Path) -> None:
+    """A box of the trunk that collides, and the sites of the sensors."""
+    shown = PLAIN.replace(TRUNK, TRUNK.replace("/>", ' contype="0" conaffinity="0"/>'))
+    model = shown.replace(GEOM, CONTACT_CLASS + SITE_CLASS)
+    one, other = (robot_of_text(tmp_path, text, f"{len(text)}.xml", name="one") for text in (shown, model))
+    for field in fields_of(one.model):
+        if isinstance(value := getattr(one.model, field), np.ndarray) and field.startswith(("geom_", "site_")):
+            np.testing.assert_array_equal(getattr(other.model, field), value, err_msg=field)
+    env, _ = standing(other)
+    data = env.simulation.snapshot(0)
+    assert sum(float(data.sensor(f"{leg}_foot_touch").data[0]) for leg in other.leg_names) > 0.9 * other.mass * 9.81
+    turned = robot_of_text(tmp_path, shown.replace(GEOM, '<geom friction="0.9" euler="0 0 0.1"/>'))
+    np.testing.assert_array_equal(turned.model.geom("trunk").quat, (1.0, 0.0, 0.0, 0.0))
+
+
 def test_fields_that_are_kept_are_the_model_s(tmp_path: Path) -> None:
     """Of geoms and rules; those of bodies and joints are compared by what they do, see `test_random_models`."""
     pair = '<pair geom1="one" geom2="two" friction="0.3" margin="0.1"/>'
