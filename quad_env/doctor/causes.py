@@ -116,14 +116,16 @@ def _gains(subject: Subject, stance: Stance) -> Iterator[Suspect]:
 def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
     """Springs and armatures of the joints."""
     model = robot.model
-    joints = [int(joint) for joint in np.flatnonzero(model.jnt_stiffness > 0.0)]
+    springs = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
+    joints = [int(joint) for joint in np.flatnonzero(springs.any(axis=1))]
     if joints:
         names = _some([_joint_name(model, joint) for joint in joints])
-        largest = float(model.jnt_stiffness.max())
-        cause = f"springs in the joints of the model pull against the servos: {names}, up to {largest:.3g} N·m/rad"
+        largest = float(np.abs(springs).sum(axis=1).max())
+        cause = f"springs in the joints of the model pull against the servos: {names}, up to {largest:.3g} N·m at 1 rad"
 
         def slack(simulation: Any) -> None:
-            _expanded(simulation, "jnt_stiffness")[:] = 0.0
+            for field in ("jnt_stiffness", "jnt_stiffnesspoly"):
+                _expanded(simulation, field)[:] = 0.0
 
         yield Suspect(cause, f"stiffness = 0 of these joints in {robot.mjcf}", slack)
     heavy = unlikely_armatures(robot)

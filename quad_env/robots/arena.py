@@ -64,9 +64,9 @@ def _on_our_ground(robot: Figures, _changed: int) -> Any:
     _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes")
     overlaps = overlaps_of(mujoco, model, found, robot.home_pose)
     rules = [*own_rules(own, found, overlaps), *excluded(own, parts, overlaps)]
+    _name_parts(parts, model, found, robot)
     if not robot.keeps_contact:
         _touch_like_ours(parts, own, found, stage.geom("fl_foot"))
-    _name_parts(parts, model, found, robot)
     sensed = dict(watched(parts, model, found))
     meet_the_ground(parts, found)
     _centre_base(parts, found)
@@ -184,13 +184,14 @@ def _leave_out_forces(parts: Parts, model: Any, found: Anatomy) -> None:
 
 def _touch_like_ours(parts: Parts, own: Any, found: Anatomy, foot: Any) -> None:
     """Give geoms and pairs the contact parameters of SimpleQuad's foot; friction stays theirs."""
-    geoms = [part for part in parts.geoms.values() if part.parent.id in set(found.bodies)]
+    geoms = [geom for body in found.bodies for geom in parts.bodies[body].geoms]
     for part in (*geoms, *own.pairs):
         part.solref, part.solimp = foot.solref, foot.solimp
         part.margin = part.gap = part.adhesion = 0.0
     for geom in geoms:
-        geom.solmix = foot.solmix
+        geom.solmix, geom.condim, geom.priority = foot.solmix, foot.condim, foot.priority
         geom.surfacevel = np.zeros(6)
+        geom.fluid_ellipsoid = 0.0  # no fluid is here
     for pair in own.pairs:
         pair.solreffriction = (0.0, 0.0)
         pair.condim = foot.condim
@@ -213,16 +214,26 @@ def _name_parts(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> Non
         for number, geom in enumerate(leg.foot.geoms):
             parts.geoms[geom].name = HERE + numbered(f"{leg.name}_foot", number)
         body = parts.bodies[leg.foot.body]
-        site = {"pos": leg.foot.place, "size": (leg.foot.radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
-        body.add_site(name=HERE + f"{leg.name}_foot", **site)
+        site = {"type": 2, "pos": leg.foot.place, "size": (leg.foot.radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
+        _unturned(body.add_site(name=HERE + f"{leg.name}_foot", **site))
         for number, each in enumerate(leg.foot.bodies(model)):
-            parts.bodies[each].add_site(name=HERE + numbered(f"{leg.name}_sole", number), **_sole(model, leg, each))
+            sole = HERE + numbered(f"{leg.name}_sole", number)
+            _unturned(parts.bodies[each].add_site(name=sole, **_sole(model, leg, each)))
         for joint, link in zip(leg.joints, LINKS, strict=True):
             parts.joints[joint].name = HERE + model.joint(joint).name
             parts.bodies[int(model.jnt_bodyid[joint])].name = HERE + f"{leg.name}_{link}_link"
     if not found.trunk_collides(model):
         box = {"type": 6, "pos": robot.trunk_centre, "size": robot.trunk_size / 2.0, "mass": 0.0, "group": 3}
-        parts.bodies[found.trunk].add_geom(name=HERE + "trunk", contype=GROUND_BIT, conaffinity=0, **box)
+        _unturned(parts.bodies[found.trunk].add_geom(name=HERE + "trunk", contype=GROUND_BIT, conaffinity=0, **box))
+
+
+def _unturned(part: Any) -> None:
+    """Put a new geom or site along the axes of its body, whatever orientation the model's class defaults gave it."""
+    import mujoco
+
+    part.quat = (1.0, 0.0, 0.0, 0.0)
+    part.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    part.fromto = np.full(6, np.nan)
 
 
 def _centre_base(parts: Parts, found: Anatomy) -> None:
@@ -251,7 +262,9 @@ def _sole(model: Any, leg: Leg, body: int) -> dict[str, Any]:
 
 def _equip(trunk: Any, stage: Any, robot: Figures) -> None:
     """SimpleQuad's IMU, and its cameras and lamp, as far from the trunk as the robot is larger."""
-    trunk.add_site(name=HERE + "imu", rgba=(0.0, 0.0, 0.0, 0.0))
+    _unturned(
+        trunk.add_site(name=HERE + "imu", type=2, pos=np.zeros(3), size=np.full(3, 0.005), rgba=(0.0, 0.0, 0.0, 0.0))
+    )
     larger = max(robot.leg_length / REFERENCE.leg_length, robot.trunk_size[0] / REFERENCE.trunk_size[0])
     model = stage.compile()
     for camera in stage.cameras:

@@ -165,7 +165,7 @@ def _read(path: Path) -> tuple[Any, Any, Anatomy]:
 def _about_inertias(massless: Iterable[str], balanced: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Lines about links without a mass and about inertias that were changed."""
     if names := listed(massless):
-        yield "no mass", f"{names}: no <inertial> in the URDF, and shapes give none"
+        yield "no mass", f"{names}: the URDF gives none, and shapes do not"
     if names := listed(balanced):
         yield "inertia", f"of {names} is impossible: three equal moments of the same mean instead"
 

@@ -30,6 +30,7 @@ class Robot(Figures):
         pose from its keyframe or, without one, by SimpleQuad's proportions. Its joints have our servos, scaled from
         SimpleQuad's by mass and leg length, with the least of the model's largest torques. Other hinges and slides, as
         of an arm or of wheels on the feet, are held where the first keyframe or else `qpos0` has them, see `held`.
+        `model_fields` lists what becomes of every other field of the model, and `describe` names what is left out.
 
         Args:
             path: the MJCF or URDF, or a TOML file of figures with the MJCF's path from there as `mjcf`: what

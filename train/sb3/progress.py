@@ -104,7 +104,9 @@ def summary(figures: Mapping[str, float]) -> str:
     reward = f"reward {figures['reward_rate']:6.2f}/s"
     errors = f"velocity error {figures['velocity_error']:.3f} m/s  yaw-rate error {figures['yaw_rate_error']:.3f} rad/s"
     share = figures["recently_tracked"]
-    tracked = "no command interval ended" if math.isnan(share) else f"{whole_percent(share)} of command intervals tracked"
+    tracked = "no command interval ended"
+    if not math.isnan(share):
+        tracked = f"{whole_percent(share)} of command intervals tracked"
     count = int(figures["episodes"])
     ended = f"{round(figures['falls'] * count)} of {count} episodes fell" if count else "no episode ended"
     validated = f"{whole_percent(figures['success'])} succeeded in validation  " if "success" in figures else ""

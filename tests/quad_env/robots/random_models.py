@@ -99,6 +99,8 @@ def _option(drawn: Drawn) -> str:
         drawn.headings.add("settings")
     if drawn.often(0.3):
         attributes += ' timestep="0.004" integrator="Euler" solver="CG"'  # numerics, which nobody is told of
+    if drawn.often(0.7):
+        attributes += ' actuatorgroupdisable="5"'
     return f"<option{attributes}>{flags}</option>"
 
 
@@ -153,6 +155,28 @@ def _inertial(drawn: Drawn, mass: float, size: float) -> str:
     return f'<inertial {place} fullinertia="{" ".join(map(number, entries))}"/>'
 
 
+def _masses(drawn: Drawn, mass: float, size: float) -> str:
+    """Inertia of a link: its own, or that of a shape, which is only seen."""
+    if drawn.often(0.7):
+        return _inertial(drawn, mass, size)
+    turned = " ".join(map(number, drawn.rng.normal(size=4)))
+    return (
+        f'<geom type="ellipsoid" size="{drawn.some(0.01, 0.03, 3)}" pos="{drawn.some(-0.02, 0.02, 3)}" '
+        f'quat="{turned}" mass="{drawn.some(0.2, 0.5)}" contype="0" conaffinity="0"/>'
+    )
+
+
+def _cable(drawn: Drawn, leg: str) -> None:
+    """A motor that pulls at thigh and calf by one tendon, besides their own; some are switched off."""
+    if drawn.often(0.9):
+        return
+    pulled = "".join(f'<joint joint="{leg}_{link}" coef="{drawn.some(-2.0, 2.0)}"/>' for link in LINKS[1:])
+    drawn.tendons.append(f'<fixed name="{leg}_cable" frictionloss="0.1">{pulled}</fixed>')
+    group = "5" if drawn.often(0.3) else "0"
+    drawn.motors.append(f'<motor tendon="{leg}_cable" ctrlrange="-4 5" group="{group}"/>')
+    drawn.motors.append(f'<motor joint="{leg}_hip" forcerange="-2 3" ctrlrange="-9 9" group="5"/>')
+
+
 def _leg(drawn: Drawn, leg: str, zeros: tuple[float, float, float]) -> str:
     ahead, left = LEGS[leg]
     hip, upper, lower = zeros
@@ -166,8 +190,9 @@ def _leg(drawn: Drawn, leg: str, zeros: tuple[float, float, float]) -> str:
         turned = f'quat="{number(np.cos(hip / 2))} {number(np.sin(hip / 2))} 0 0"' if link == "hip" else ""
         text += (
             f'<body pos="{" ".join(map(number, places[place]))}" {turned} name="{joint.name}_link" '
-            f'gravcomp="{_gravcomp(drawn)}">{_inertial(drawn, 0.4, 0.08)}{_joint(drawn, joint, place)}'
+            f'gravcomp="{_gravcomp(drawn)}">{_masses(drawn, 0.4, 0.08)}{_joint(drawn, joint, place)}'
         )
+    _cable(drawn, leg)
     shin = upper + lower
     foot = f'<geom size="0.025" pos="{number(-0.22 * np.sin(shin))} 0 {number(-0.22 * np.cos(shin))}"/>'
     return text + foot + 3 * "</body>"
@@ -176,7 +201,8 @@ def _leg(drawn: Drawn, leg: str, zeros: tuple[float, float, float]) -> str:
 def _joint(drawn: Drawn, joint: Joint, place: int) -> str:
     ends = sorted(drawn.unit * (joint.ref + joint.sign * (end - joint.zero)) for end in RANGES[place])
     axis = f"{joint.sign} 0 0" if place == 0 else f"0 {joint.sign} 0"
-    text = f'<joint name="{joint.name}" axis="{axis}" range="{number(ends[0])} {number(ends[1])}"'
+    along = axis.replace("1", "0.01") if drawn.often(0.2) else "0 0 0"
+    text = f'<joint name="{joint.name}" axis="{axis}" pos="{along}" range="{number(ends[0])} {number(ends[1])}"'
     text += f' ref="{number(drawn.unit * joint.ref)}"'
     if drawn.often(0.4):
         text += f' stiffness="{drawn.some(0.5, 5.0)} {drawn.some(-2.0, 2.0, 2)}"'

@@ -38,7 +38,7 @@ def test_shapes_of_a_urdf_give_no_mass(tmp_path: Path) -> None:
     assert robot.mass == pytest.approx(masses(model))
     assert robot.mass == pytest.approx(Robot.from_mjcf(written(tmp_path / "plain", plain)).mass)
     (said,) = (line for line in text(robot) if line.startswith("no mass"))
-    assert "cover: no <inertial> in the URDF" in said
+    assert "cover: the URDF gives none" in said
     standing(robot)
 
 

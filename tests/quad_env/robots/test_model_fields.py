@@ -12,6 +12,7 @@ from quad_env.describe import Options, text
 from quad_env.describe import main as describe
 from quad_env.doctor.check import Subject
 from quad_env.doctor.model import model as doctor_reads
+from quad_env.doctor.standing import stands
 from quad_env.physics.batch import batch_of
 from quad_env.robots.model_fields import KEPT, MODEL_FIELDS, NAMED, OPTION_FIELDS
 from quad_env.robots.model_file import omitted_from
@@ -124,6 +125,75 @@ def test_a_robot_by_name_keeps_the_contacts_of_its_published_results(tmp_path: P
     assert not Robot.from_mjcf(named.mjcf).model.geom_margin.any()
 
 
+REPLACED_TEXTS = {  # place in the text -> what is written there
+    GEOM: [
+        'margin="0.02"',
+        'gap="0.01"',
+        'solref="0.005 1"',
+        'solimp="0.5 0.6 0.01 0.5 2"',
+        'solmix="3"',
+        'condim="6"',
+        'priority="2"',
+        'adhesion="3"',
+        'surfacevel="1 0 0 0 0 0"',
+        'fluidshape="ellipsoid"',
+    ],
+    "<default>": [
+        'gravity="0 0 -1"',
+        'density="1000" viscosity="1" wind="1 0 0"',
+        'timestep="0.01" integrator="RK4" solver="CG" cone="elliptic"',
+        'o_margin="0.02"',
+        'actuatorgroupdisable="4"',
+    ],
+    '<body name="torso"': ['gravcomp="1"', 'sleep="never"'],
+    "<freejoint/>": ['damping="2"', 'stiffness="9"', 'armature="1"', 'frictionloss="0.3"'],
+}
+
+
+def with_attribute(place: str, attribute: str) -> str:
+    text = {
+        GEOM: f'<geom friction="0.9" {attribute}/>',
+        "<default>": f"<option {attribute}/><default>",
+        '<body name="torso"': f'<body name="torso" {attribute}',
+        "<freejoint/>": f'<joint type="free" {attribute}/>',
+    }
+    return PLAIN.replace(place, text[place], 1)
+
+
+@pytest.mark.parametrize("place", REPLACED_TEXTS)
+def test_what_is_replaced_or_left_out_changes_no_bit_of_the_robot(place: str, tmp_path: Path) -> None:
+    plain = robot_of_text(tmp_path, PLAIN, "plain.xml", name="one").model
+    for attribute in REPLACED_TEXTS[place]:
+        model = robot_of_text(tmp_path, with_attribute(place, attribute), name="one").model
+        for field in fields_of(model):
+            if isinstance(value := getattr(plain, field), np.ndarray):
+                np.testing.assert_array_equal(getattr(model, field), value, err_msg=f"{attribute}: {field}")
+        for field in fields_of(model.opt):
+            np.testing.assert_array_equal(getattr(model.opt, field), getattr(plain.opt, field), err_msg=field)
+
+
+CONTACT_CLASS = (
+    '<geom friction="0.9" margin="0.02" gap="0.01" solref="0.05 1" solimp="0.5 0.6 0.01 0.5 2" solmix="3" condim="6" '
+    'priority="2" adhesion="3" surfacevel="1 0 0 0 0 0"/>'
+)
+SITE_CLASS = '<site type="box" size="0.2 0.001 0.001" pos="0.1 0.1 0.1" euler="0.5 0.3 0.1"/>'
+
+
+def test_parts_that_are_added_inherit_nothing_from_the_model_s_classes(tmp_path: Path) -> None:
+    """A box of the trunk that collides, and the sites of the sensors."""
+    shown = PLAIN.replace(TRUNK, TRUNK.replace("/>", ' contype="0" conaffinity="0"/>'))
+    model = shown.replace(GEOM, CONTACT_CLASS + SITE_CLASS)
+    one, other = (robot_of_text(tmp_path, text, f"{len(text)}.xml", name="one") for text in (shown, model))
+    for field in fields_of(one.model):
+        if isinstance(value := getattr(one.model, field), np.ndarray) and field.startswith(("geom_", "site_")):
+            np.testing.assert_array_equal(getattr(other.model, field), value, err_msg=field)
+    env, _ = standing(other)
+    data = env.simulation.snapshot(0)
+    assert sum(float(data.sensor(f"{leg}_foot_touch").data[0]) for leg in other.leg_names) > 0.9 * other.mass * 9.81
+    turned = robot_of_text(tmp_path, shown.replace(GEOM, '<geom friction="0.9" euler="0 0 0.1"/>'))
+    np.testing.assert_array_equal(turned.model.geom("trunk").quat, (1.0, 0.0, 0.0, 0.0))
+
+
 def test_fields_that_are_kept_are_the_model_s(tmp_path: Path) -> None:
     """Of geoms and rules; those of bodies and joints are compared by what they do, see `test_random_models`."""
     pair = '<pair geom1="one" geom2="two" friction="0.3" margin="0.1"/>'
@@ -145,6 +215,19 @@ def test_fields_that_are_kept_are_the_model_s(tmp_path: Path) -> None:
     assert (ours.pair_margin, ours.pair_gap) == (0.0, 0.0)
     assert {"geom_type", "geom_size", "geom_friction", "pair_friction", "exclude_signature"} <= set(KEPT)
     assert {"body_gravcomp", "geom_adhesion", "eq_type"} <= set(NAMED)
+
+
+@pytest.mark.parametrize("stiffness", ["25", "60", "0 0 60"], ids=["weak", "strong", "cubic"])
+def test_springs_of_joints_are_the_cause_where_they_pull_the_robot_down(stiffness: str, tmp_path: Path) -> None:
+    """Not its servos, whose stiffness is the usual one; without the springs it stands."""
+    free = PLAIN.replace("<freejoint/>", '<joint type="free"/>')
+    sprung = free.replace(GEOM, f'{GEOM}<joint stiffness="{stiffness}"/>')
+    found = stands(Subject(robot_of_text(tmp_path, sprung)))
+    assert found.result == "problem"
+    assert "springs in the joints of the model pull against the servos" in found.cause
+    assert f"up to {stiffness.split()[-1]} N·m at 1 rad" in found.cause
+    assert found.remedy.startswith("stiffness = 0 of these joints")
+    assert stands(Subject(robot_of_text(tmp_path, free))).result == "ok"
 
 
 @pytest.mark.parametrize("attribute", ['stiffness="3"', 'stiffness="0 1 0"', 'damping="0.1 0.2 0"'])

@@ -30,7 +30,7 @@ def neutral(drawn: Drawn) -> mujoco.MjModel:
         for field in ("damping", "armature", "frictionloss"):
             getattr(model, f"dof_{field}")[:6] = 0.0
     if "left out" in drawn.headings:
-        for field in ("stiffness", "damping", "armature"):
+        for field in ("stiffness", "damping", "armature", "frictionloss"):
             getattr(model, f"tendon_{field}")[:] = 0.0
     if "settings" in drawn.headings:
         model.opt.gravity = (0.0, 0.0, -9.81)
