@@ -112,6 +112,8 @@ def understood(described: PolicyDescription, robot: Robot) -> Iterator[str]:
     yield f"joints  {order_of(described.joints, robot)}: {' '.join(described.joints)}"
     scale = _numbers(dict.fromkeys(described.action_scale))
     yield f"servos  {with_gains(robot, described).servo}; an action of 1 is {scale} rad"
+    if robot.joint_damping_line:
+        yield f"        {robot.joint_damping_line}"
     yield f"reads   {', '.join(map(_words, described.terms))}"
 
 

@@ -60,7 +60,7 @@ def _on_our_ground(robot: Figures, _changed: int) -> Any:
     parts = Parts(*({part.id: part for part in kind} for kind in (own.bodies, own.joints, own.geoms)))
     _keep_masses(parts, model, found)
     _turn_joints(parts, model, found)
-    _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights")
+    _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "texts")
     overlaps = overlaps_of(mujoco, model, found, robot.home_pose)
     rules = [*own_rules(own, found, overlaps), *excluded(own, parts, overlaps)]
     _name_parts(parts, model, found, robot)

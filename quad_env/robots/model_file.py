@@ -16,6 +16,8 @@ from quad_env.robots.anatomy import Anatomy, ModelError, anatomy
 from quad_env.robots.collisions import GROUND_BIT
 from quad_env.robots.finite import nonfinite_line
 from quad_env.robots.held import carried_by, hold, spare_joints
+from quad_env.robots.missing_files import leave_out_missing, missing_files, note_missing
+from quad_env.robots.mujoco_messages import explained
 
 READABLE = ".stl", ".obj", ".msh"
 """Endings of the meshes that MuJoCo reads, of a URDF."""
@@ -55,6 +57,7 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of attributes that are deprecated: they are read all the same
             spec = _urdf_spec(mujoco, path) if path.suffix == ".urdf" else mujoco.MjSpec.from_file(str(path))
+            leave_out_missing(spec)
             _keep_parts(mujoco, spec)
             model = spec.compile()
             if (line := nonfinite_line(model)) is not None:
@@ -66,7 +69,7 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
     except ModelError:
         raise
     except ValueError as error:
-        raise ModelError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from error
+        raise ModelError(f"MuJoCo cannot read it: {explained(str(error))}") from error
     return spec, still, replace(anatomy(mujoco, still), held=tuple(names), carried=carried_by(model, spare))
 
 
@@ -88,6 +91,8 @@ def remarks(path: Path) -> Iterator[tuple[str, str]]:
         scene += [f"{count} {kind}{' of the world' if kind == 'geom' else ''}"] if count else []
     if scene:
         yield "left out", ", ".join(scene)
+    if (files := missing_files(own)) is not None:
+        yield "not there", f"files that are only shown, left out: {files}"
 
 
 def _keep_parts(mujoco: Any, spec: Any) -> None:
@@ -125,11 +130,16 @@ def _urdf_spec(mujoco: Any, path: Path) -> Any:
     compiler = extension.find("compiler")
     compiler = ElementTree.SubElement(extension, "compiler") if compiler is None else compiler
     compiler.attrib.update(discardvisual="false", fusestatic="false")
+    missing: list[str] = []
     for link in robot.iter("link"):
         for seen in link.findall("visual"):
             mesh = seen.find("geometry/mesh")
-            if mesh is not None and not _readable(mesh.get("filename", "")):
+            name = "" if mesh is None else mesh.get("filename", "")
+            if mesh is not None and not _readable(name):
                 link.remove(seen)
+            elif mesh is not None and not _is_there(path, compiler.get("meshdir", ""), name):
+                link.remove(seen)
+                missing.append(name)
     for inertia in robot.iter("inertia"):
         if all(abs(float(moment)) < LEAST_INERTIA for moment in inertia.attrib.values()):
             inertia.attrib.update(dict.fromkeys(inertia.attrib, "0"))
@@ -140,11 +150,21 @@ def _urdf_spec(mujoco: Any, path: Path) -> Any:
         files[number] = file
         mesh.set("filename", number)
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"))
+    note_missing(spec, missing)
     for mesh in spec.meshes:
         mesh.file = str(files[mesh.file])
     if not any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints) and spec.bodies[1:]:
         spec.bodies[1].add_freejoint()
     return spec
+
+
+def _is_there(path: Path, folder: str, name: str) -> bool:
+    """Whether the file of a mesh that a URDF names is found."""
+    try:
+        _found(path, folder, name)
+    except ModelError:
+        return False
+    return True
 
 
 def _readable(name: str) -> bool:
