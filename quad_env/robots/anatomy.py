@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.robots.feet import Foot, extremes, find_foot, in_world_of, standing_foot
+from quad_env.robots.feet import LEAST_BENT, MOST_BENT, SWING, Foot, extremes, find_foot, in_world_of, standing_foot
 from quad_env.robots.shapes import Bools, Floats, corners, descendants, geoms_of, grounded, welded
 
 LEGS, JOINTS_PER_LEG = 4, 3
@@ -286,8 +286,7 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     zeros = np.array([np.arctan2(lateral[2], lateral[1]), turned, bent - turned])
     zeros = np.arctan2(np.sin(zeros), np.cos(zeros))
     side = float(across[1] + upper[1] + lower[1])
-    bend = signs[2] * bend_direction(model, chain[2], float(signs[2]), float(zeros[2]))
-    sole = standing_foot(model, data, chain[-1], candidates, sole, bend)
+    sole = standing_foot(model, data, chain[-1], candidates, sole, _tilts(model, chain, signs, zeros))
     turn = data.xmat[sole.body].reshape(3, 3)
     sin, cos = np.sin(bent), np.cos(bent)
     straightened = np.array(((cos, 0.0, sin), (0.0, 1.0, 0.0), (-sin, 0.0, cos))).T
@@ -303,6 +302,16 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
         calf_length=lengths[1],
         foot=sole._replace(points=points, radii=radii),
     )
+
+
+def _tilts(model: Any, chain: list[int], signs: Floats, zeros: Floats) -> tuple[float, float]:
+    """Least and largest tilt of a shin about the axis of its knee in a stance, from the leg straight down, rad."""
+    places = model.jnt_qposadr[chain]
+    angles = zeros + signs * (model.key_qpos[:, places] - model.qpos0[places])
+    standing = float(np.abs(angles[:, 1] + angles[:, 2]).max()) if model.nkey else 0.0
+    bent = float(np.clip(standing + SWING, LEAST_BENT, MOST_BENT))
+    bend = signs[2] * bend_direction(model, chain[2], float(signs[2]), float(zeros[2]))
+    return (-bent if bend <= 0.0 else -SWING), (bent if bend >= 0.0 else SWING)
 
 
 def bend_direction(model: Any, joint: int, sign: float, zero: float) -> float:
