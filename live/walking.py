@@ -17,7 +17,10 @@ from policies.base import CONTROL_PERIOD, Policy
 from policies.foreign.described import with_gains
 from policies.foreign.description import PolicyDescription, Term
 from policies.foreign.mistakes import order_of
+from quad_env.doctor.causes import self_contacts
 from quad_env.doctor.check import Finding, Subject, ok, problem
+from quad_env.robots.leg_words import contradictions
+from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
 
 WALKER = "trot_feedback"
@@ -34,9 +37,12 @@ def walks(subject: Subject) -> Finding:
     good, bad = walk(policies.make(WALKER, robot=robot), subject)
     if not bad:
         return ok(f"{WALKER}: {'; '.join(good)}")
+    cause = f"it stands, so masses, inertias or limits are unlike those that {WALKER} was made for"
+    if noticed := [*contradictions(robot), *warnings_of(robot), *self_contacts(subject)]:
+        cause = f"it stands, but {'; '.join(noticed)}"
     return problem(
         f"{WALKER} {'; '.join(bad)}",
-        f"it stands, so masses, inertias or limits are unlike those that {WALKER} was made for",
+        cause,
         f"correct masses and inertias in {robot.mjcf}, or search its trot: python -m train robot "
         f"{robot.source or robot.name}",
     )
@@ -124,6 +130,8 @@ def understood(described: PolicyDescription, robot: Robot) -> Iterator[str]:
     yield f"joints  {order_of(described.joints, robot)}: {' '.join(described.joints)}"
     scale = _numbers(dict.fromkeys(described.action_scale))
     yield f"servos  {with_gains(robot, described).servo}; an action of 1 is {scale} rad"
+    if robot.joint_damping_line:
+        yield f"        {robot.joint_damping_line}"
     yield f"reads   {', '.join(map(_words, described.terms))}"
     yield from (f"open    {remark}" for remark in described.remarks)
 

@@ -76,6 +76,8 @@ def text(robot: Robot) -> Iterator[str]:
     size = " × ".join(f"{size:.2f}" for size in robot.trunk_size)
     yield f"trunk        {size} m{centre}, {robot.home_height:.3f} m high"
     yield (f"servos       {robot.servo}, at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s")
+    if robot.joint_damping_line:
+        yield f"{'':12} {robot.joint_damping_line}"
     if robot.held:
         yield f"joints       held at their reference: {', '.join(robot.held)}"
     if robot.imported:

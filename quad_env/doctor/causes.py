@@ -141,19 +141,27 @@ def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
         yield Suspect(cause, f"correct the armature of {names} in {robot.mjcf}", light)
 
 
-def _contacts(robot: Robot, stance: Stance) -> Iterator[Suspect]:
-    """Bodies of the robot that press against each other where it was left by its stand."""
-    if stance.diverged:
-        return
-    env = new_env(robot)
+def self_contacts(subject: Subject) -> list[str]:
+    """Say in a line which bodies of the robot press against each other after it has stood; nothing where none do."""
+    pairs = _pressing(subject.env)
+    return [f"bodies of the robot press against each other: {pairs}"] if pairs else []
+
+
+def _pressing(env: Any) -> str:
+    """Names of the pairs of bodies of a robot that touch each other after a stand; empty for none."""
     stance_of(env)
-    data, model = env.data, env.model
-    bodies = model.geom_bodyid[data.contact.geom]
+    model = env.model
+    bodies = model.geom_bodyid[env.data.contact.geom]
     own = bodies[(bodies > 0).all(axis=1)]
     pairs = sorted({(int(min(pair)), int(max(pair))) for pair in own})
-    if not pairs:
+    return _some([" and ".join(_name(model, body) for body in pair) for pair in pairs])
+
+
+def _contacts(robot: Robot, stance: Stance) -> Iterator[Suspect]:
+    """Bodies of the robot that press against each other where it was left by its stand."""
+    names = "" if stance.diverged else _pressing(new_env(robot))
+    if not names:
         return
-    names = _some([" and ".join(_name(model, body) for body in pair) for pair in pairs])
 
     def apart(simulation: Any) -> None:
         its_own = simulation.model.geom_bodyid > 0

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.robots.feet import Foot, extremes, find_foot, in_world_of, standing_foot
+from quad_env.robots.feet import LEAST_BENT, MOST_BENT, SWING, Foot, extremes, find_foot, in_world_of, standing_foot
 from quad_env.robots.shapes import Bools, Floats, corners, descendants, geoms_of, grounded, welded
 
 LEGS, JOINTS_PER_LEG = 4, 3
@@ -162,13 +162,45 @@ def root_of(mujoco: Any, model: Any) -> int:
     ModelError."""
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     if not len(free):
-        raise ModelError("the trunk is the body of a free joint; this model has 0 free joints")
+        raise ModelError(
+            f"the trunk is the body of a free joint; this model has 0 free joints: {_remedy(mujoco, model)}"
+        )
     roots = [int(body) for body in model.jnt_bodyid[free]]
     hinges = [int(_joints_below(model, body).sum()) for body in roots]
     if hinges.count(max(hinges)) > 1 and len(roots) > 1:
         names = ", ".join(_name(model.body(body)) for body in roots)
         raise ModelError(f"{len(roots)} bodies have a free joint, and which is the robot is unclear: {names}")
     return roots[int(np.argmax(hinges))]
+
+
+def _remedy(mujoco: Any, model: Any) -> str:
+    """What to change in a model without a free joint: its root is fixed, or moves by joints of its own."""
+    firsts = [int(body) for body in np.flatnonzero(model.body_parentid == 0)[1:]]
+    counts = {body: int(descendants(model, body)[model.jnt_bodyid].sum()) for body in firsts}
+    if not counts or max(counts.values()) == 0:
+        return "no body below the world has a joint"
+    jointed = [body for body in firsts if counts[body] > 0]
+    root = max(jointed, key=lambda body: counts[body])
+    if len(jointed) >= LEGS and 2 * counts[root] <= sum(counts.values()):
+        return (
+            f"{len(jointed)} legs hang from the world, such as {_name(model.body(root))}: put them into a body of the "
+            "trunk, with its mass and a <freejoint/>"
+        )
+    own: list[int] = []
+    body = root
+    while True:  # the joints of a planar root may be those of several bodies, one in another
+        start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        own += range(start, start + count)
+        below = [each for each in np.flatnonzero(model.body_parentid == body) if each != body]
+        if not len(below):
+            return "no body has four legs below it"
+        if len(below) > 1:
+            break
+        body = int(below[0])
+    if not own:
+        return f"its trunk is fixed: put <freejoint/> into body {_name(model.body(root))}"
+    names = ", ".join(_name(model.joint(joint)) for joint in own)
+    return f"its trunk moves by {names}: put <freejoint/> into body {_name(model.body(body))} in place of these joints"
 
 
 def _joints_below(model: Any, body: int) -> Bools:
@@ -256,8 +288,7 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     zeros = np.array([np.arctan2(lateral[2], lateral[1]), turned, bent - turned])
     zeros = np.arctan2(np.sin(zeros), np.cos(zeros))
     side = float(across[1] + upper[1] + lower[1])
-    bend = signs[2] * bend_direction(model, chain[2], float(signs[2]), float(zeros[2]))
-    sole = standing_foot(model, data, chain[-1], candidates, sole, bend)
+    sole = standing_foot(model, data, chain[-1], candidates, sole, _tilts(model, chain, signs, zeros))
     turn = data.xmat[sole.body].reshape(3, 3)
     sin, cos = np.sin(bent), np.cos(bent)
     straightened = np.array(((cos, 0.0, sin), (0.0, 1.0, 0.0), (-sin, 0.0, cos))).T
@@ -273,6 +304,16 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
         calf_length=lengths[1],
         foot=sole._replace(points=points, radii=radii),
     )
+
+
+def _tilts(model: Any, chain: list[int], signs: Floats, zeros: Floats) -> tuple[float, float]:
+    """Least and largest tilt of a shin about the axis of its knee in a stance, from the leg straight down, rad."""
+    places = model.jnt_qposadr[chain]
+    angles = zeros + signs * (model.key_qpos[:, places] - model.qpos0[places])
+    standing = float(np.abs(angles[:, 1] + angles[:, 2]).max()) if model.nkey else 0.0
+    bent = float(np.clip(standing + SWING, LEAST_BENT, MOST_BENT))
+    bend = signs[2] * bend_direction(model, chain[2], float(signs[2]), float(zeros[2]))
+    return (-bent if bend <= 0.0 else -SWING), (bent if bend >= 0.0 else SWING)
 
 
 def bend_direction(model: Any, joint: int, sign: float, zero: float) -> float:

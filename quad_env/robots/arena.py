@@ -61,7 +61,7 @@ def _on_our_ground(robot: Figures, _changed: int) -> Any:
     _keep_masses(parts, model, found)
     _turn_joints(parts, model, found, robot)
     _leave_out_forces(parts, model, found)
-    _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes")
+    _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
     overlaps = overlaps_of(mujoco, model, found, robot.home_pose)
     rules = [*own_rules(own, found, overlaps), *excluded(own, parts, overlaps)]
     _name_parts(parts, model, found, robot)

@@ -24,10 +24,12 @@ _THICKEST = 0.15
 """Largest radius of the ball in a foot of another shape, as a share of the way from the knee to the sole."""
 _REACH = 0.9
 """Distance from the knee, as a share of the farthest geom's, from which on a geom is one of those at the leg's end."""
-_BENT = 1.0
-"""Largest tilt of a shin in a stance with a bent knee, rad; that of the robots of the `robots` extra is 0.5 to 0.9."""
-_OVER = 0.3
-"""Largest tilt of a shin in a stance the other way, rad."""
+_SOFT = 5e-3
+"""Height above the lowest point up to which a short geom is part of the foot: contacts yield, m."""
+SWING = 0.3
+"""Largest tilt of a shin in a stance beyond that of standing, rad."""
+LEAST_BENT, MOST_BENT = 0.8, 1.0
+"""Least and largest of what is taken for a shin's largest tilt in a stance with a bent knee, rad."""
 _ROLL = 0.4
 """Largest tilt of a shin in a stance to either side, rad."""
 _BALL = 1e-4
@@ -97,7 +99,9 @@ def find_foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot 
     return _with_points(model, data, Foot(geoms, body, (centre - data.xpos[body]) @ axes, radius, points, np.zeros(0)))
 
 
-def standing_foot(model: Any, data: Any, joint: int, candidates: list[int], foot: Foot, bend: float) -> Foot:
+def standing_foot(
+    model: Any, data: Any, joint: int, candidates: list[int], foot: Foot, tilts: tuple[float, float]
+) -> Foot:
     """Add to a foot the geoms of its link that are the lowest in another pose of a stance.
 
     Args:
@@ -106,7 +110,7 @@ def standing_foot(model: Any, data: Any, joint: int, candidates: list[int], foot
         joint: Id of the knee's joint.
         candidates: Ids of the geoms of the link that meet the ground.
         foot: The foot of the straight leg, see `find_foot`.
-        bend: Sign of the shin's tilt about the joint's axis where the knee is bent; 0 where it is not known.
+        tilts: Least and largest tilt of the shin about the joint's axis in a stance, rad.
 
     Returns:
         The same ball with all geoms that touch; `foot` itself where its ball is the lowest in every pose.
@@ -118,10 +122,12 @@ def standing_foot(model: Any, data: Any, joint: int, candidates: list[int], foot
     down = centre - knee
     down -= (down @ axis) * axis
     down /= np.linalg.norm(down)
-    ways = _stance(down, axis, bend)
+    ways = _stance(down, axis, tilts)
     reach = {geom: ((points - knee) @ ways.T).max(axis=0) + radius for geom, (points, radius) in hulls.items()}
     lowest = np.max(list(reach.values()), axis=0)
-    members = {geom for geom in candidates if (reach[geom] >= lowest - _LEVEL).any()}
+    length = float(np.linalg.norm(centre - knee)) + foot.radius
+    slack = {geom: _SOFT if _is_short(hulls[geom][0], down, length) else _LEVEL for geom in candidates}
+    members = {geom for geom in candidates if (reach[geom] >= lowest - slack[geom]).any()}
     if not members.difference(foot.geoms):
         return foot
     geoms = (*foot.geoms, *sorted(members.difference(foot.geoms), key=lambda geom: -float(reach[geom].max())))
@@ -142,7 +148,7 @@ def _down(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) -> Floats
         return None
     at_end = [geom for geom, distance in distances.items() if distance > _REACH * distances[farthest]]
     at_end = [geom for geom in at_end if np.ptp(hulls[geom] @ down) < _LONG * distances[farthest]]
-    if len(at_end) < 2:
+    if len(at_end) == 0 or (len(at_end) == 1 and _is_ball(model, at_end[0], hulls[at_end[0]], down)):
         return down
     points = np.concatenate([hulls[geom] for geom in at_end]) - knee
     for _ in range(4):  # each turn of the frame moves the middle less
@@ -152,6 +158,12 @@ def _down(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) -> Floats
         assert turned is not None
         down = turned
     return down
+
+
+def _is_ball(model: Any, geom: int, hull: Floats, down: Floats) -> bool:
+    """Whether the lower end of a geom is that of a sphere or of a capsule that does not lie across the leg."""
+    ends = balls(model, geom)
+    return len(ends) == 1 or (len(ends) == 2 and float(np.ptp(hull @ down)) > 3.0 * ends[0][1])
 
 
 def _flat(vector: Floats, axis: Floats) -> Floats | None:
@@ -164,9 +176,14 @@ def _flat(vector: Floats, axis: Floats) -> Floats | None:
     return found
 
 
-def _stance(down: Floats, axis: Floats, bend: float) -> Floats:
+def _is_short(points: Floats, down: Floats, length: float) -> bool:
+    """Whether a geom is no shin: it reaches along less than half of the way from the knee to the sole."""
+    return float(np.ptp(points @ down)) < _LONG * length
+
+
+def _stance(down: Floats, axis: Floats, tilts: tuple[float, float]) -> Floats:
     """Directions of gravity in the poses of a stance for a leg that is straight down at `down`, world frame, (k, 3)."""
-    pitches = np.linspace(-_BENT if bend <= 0.0 else -_OVER, _BENT if bend >= 0.0 else _OVER, 27)
+    pitches = np.linspace(*tilts, 27)
     rolls = np.linspace(-_ROLL, _ROLL, 9)
     pitch, roll = (each.reshape(-1, 1) for each in np.meshgrid(pitches, rolls))
     ahead = np.cross(axis, down)

@@ -21,6 +21,10 @@ SHORTEST_BEND, LONGEST_BEND = 0.5, 0.97
 """Hip joints above the feet in a keyframe that is taken for a stand, as a share of a leg's length."""
 
 
+class GivenError(ModelError):
+    """A figure that was given does not fit the model."""
+
+
 def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
     """The figures of the robot of an MJCF, see `Robot.from_mjcf`."""
     source, own = path, path.stem
@@ -29,15 +33,25 @@ def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
         own = figures.pop("name")
     try:
         given = {figure: _figure(figure, value) for figure, value in figures.items()}
-        return replace(_inferred(path, own if name is None else name, given), source=source)
+        own = _checked_name(own if name is None else name)
     except ModelError as error:
-        raise ModelError(f"{path}: {error}") from error
+        raise ModelError(f"{source}: {error}") from error
+    try:
+        return replace(_inferred(path, own, given), source=source)
+    except ModelError as error:
+        is_of_the_figures = isinstance(error, GivenError) and source != path
+        raise ModelError(f"{source if is_of_the_figures else path}: {error}") from error
+
+
+def _checked_name(name: Any) -> str:
+    """The name of a robot. Raises ModelError for what is none."""
+    if not isinstance(name, str) or not name or name.startswith(".") or Path(name).name != name:
+        raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
+    return name
 
 
 def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     _, model, found = read(path)
-    if not isinstance(name, str) or name.startswith(".") or Path(name).name != name:
-        raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
     leg = found.legs[0]
     longer = (leg.thigh_length + leg.calf_length) / REFERENCE.leg_length
     stiffness, damping = REFERENCE.stiff_servo[:, 0].tolist()
@@ -88,7 +102,8 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     outside = (robot.home_pose < lower) | (robot.home_pose > upper)
     if outside.any():
         names = ", ".join(name for name, out in zip(robot.joint_names, outside, strict=True) if out)
-        raise ModelError(f"the home pose lies outside the limits of {names}")
+        kind = GivenError if "home_pose" in figures else ModelError
+        raise kind(f"the home pose lies outside the limits of {names}")
     return robot
 
 

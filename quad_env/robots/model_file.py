@@ -21,6 +21,8 @@ from quad_env.robots.collisions import GROUND_BIT
 from quad_env.robots.finite import nonfinite_line
 from quad_env.robots.held import carried_by, hold, spare_joints
 from quad_env.robots.inertias import compile_balanced, without_inferred_masses
+from quad_env.robots.missing_files import leave_out_missing, missing_files, note_missing
+from quad_env.robots.mujoco_messages import explained
 from quad_env.robots.omissions import CONTACT, listed, omissions, unlimited
 
 READABLE = ".stl", ".obj", ".msh"
@@ -139,6 +141,7 @@ def _read(path: Path) -> tuple[Any, Any, Anatomy]:
             warnings.simplefilter("ignore")  # of attributes that are deprecated: they are read all the same
             is_urdf = path.suffix == ".urdf"
             spec = _urdf_spec(mujoco, path) if is_urdf else mujoco.MjSpec.from_file(str(path))
+            leave_out_missing(spec)
             _keep_parts(mujoco, spec)
             massless = without_inferred_masses(spec) if is_urdf else ()
             model, balanced = compile_balanced(mujoco, spec)
@@ -147,6 +150,7 @@ def _read(path: Path) -> tuple[Any, Any, Anatomy]:
             omitted = (
                 *omissions(mujoco, spec, model, root_of(mujoco, model)),
                 *_about_inertias(massless, balanced),
+                *_about_files(spec),
             )
             if not (spare := spare_joints(mujoco, model)):
                 found = anatomy(mujoco, model)
@@ -156,7 +160,7 @@ def _read(path: Path) -> tuple[Any, Any, Anatomy]:
     except ModelError:
         raise
     except ValueError as error:
-        raise ModelError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from error
+        raise ModelError(f"MuJoCo cannot read it: {explained(str(error))}") from error
     found = anatomy(mujoco, still)
     omitted = (*omitted, *unlimited(still, found.joints))
     return spec, still, replace(found, held=tuple(names), carried=carried_by(model, spare), omitted=omitted)
@@ -168,6 +172,12 @@ def _about_inertias(massless: Iterable[str], balanced: Iterable[str]) -> Iterato
         yield "no mass", f"{names}: the URDF gives none, and shapes do not"
     if names := listed(balanced):
         yield "inertia", f"of {names} is impossible: three equal moments of the same mean instead"
+
+
+def _about_files(spec: Any) -> Iterator[tuple[str, str]]:
+    """A line about files that are not there."""
+    if (files := missing_files(spec)) is not None:
+        yield "not there", f"files that are only shown, left out: {files}"
 
 
 def remarks(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
@@ -232,11 +242,16 @@ def _urdf_spec(mujoco: Any, path: Path) -> Any:
     compiler = ElementTree.SubElement(extension, "compiler") if compiler is None else compiler
     compiler.attrib.update(discardvisual="false", fusestatic="false")
     compiler.attrib.setdefault("inertiafromgeom", "false")
+    missing: list[str] = []
     for link in robot.iter("link"):
         for seen in link.findall("visual"):
             mesh = seen.find("geometry/mesh")
-            if mesh is not None and not _readable(mesh.get("filename", "")):
+            name = "" if mesh is None else mesh.get("filename", "")
+            if mesh is not None and not _readable(name):
                 link.remove(seen)
+            elif mesh is not None and not _is_there(path, compiler.get("meshdir", ""), name):
+                link.remove(seen)
+                missing.append(name)
     for inertia in robot.iter("inertia"):
         if all(abs(float(moment)) < LEAST_INERTIA for moment in inertia.attrib.values()):
             inertia.attrib.update(dict.fromkeys(inertia.attrib, "0"))
@@ -247,11 +262,21 @@ def _urdf_spec(mujoco: Any, path: Path) -> Any:
         files[number] = file
         mesh.set("filename", number)
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"))
+    note_missing(spec, missing)
     for mesh in spec.meshes:
         mesh.file = str(files[mesh.file])
     if not any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints) and spec.bodies[1:]:
         spec.bodies[1].add_freejoint()
     return spec
+
+
+def _is_there(path: Path, folder: str, name: str) -> bool:
+    """Whether the file of a mesh that a URDF names is found."""
+    try:
+        _found(path, folder, name)
+    except ModelError:
+        return False
+    return True
 
 
 def _readable(name: str) -> bool:

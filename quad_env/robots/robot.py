@@ -97,6 +97,21 @@ class Robot(Figures):
         """Mass of the model, kg."""
         return self._compiled[2]
 
+    @property
+    def joint_damping(self) -> Floats:
+        """Damping of the model's joints, which acts besides that of the servos, shape (12,), N·m·s/rad."""
+        dofs = [int(self.model.joint(name).dofadr[0]) for name in self.joint_names]
+        return constant(self.model.dof_damping[dofs])
+
+    @property
+    def joint_damping_line(self) -> str:
+        """How much the joints' own damping adds to that of the servos, in words; empty where it is zero."""
+        damping = self.joint_damping
+        if not damping.any():
+            return ""
+        values = " to ".join(f"{value:.3g}" for value in sorted({float(damping.min()), float(damping.max())}))
+        return f"the joints' own damping of {values} N·m·s/rad adds to that of the servos"
+
     @cached_property
     def sha256(self) -> str:
         """SHA-256 of names and figures of the compiled model, to six digits: of what a trained policy hangs on."""

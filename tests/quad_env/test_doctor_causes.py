@@ -7,6 +7,7 @@ import pytest
 
 from quad_env.describe import Options, text
 from quad_env.describe import main as describe
+from quad_env.doctor.causes import self_contacts
 from quad_env.doctor.check import Finding, Subject
 from quad_env.doctor.standing import stands
 from quad_env.envs.env import SimpleQuadEnv
@@ -101,3 +102,14 @@ def test_a_robot_that_diverges_does_not_stand(tmp_path: Path, monkeypatch: pytes
     assert "diverges" in found.seen
     with pytest.raises(Exception, match="diverges"):
         describe(Options(str(tmp_path / "made.xml")))
+
+
+WIDE_FEET = '<geom type="capsule" size="0.02" fromto="0 -0.19 -0.22 0 0.19 -0.22" mass="0.05"/>'
+
+
+@pytest.mark.parametrize(("foot", "count"), [(WIDE_FEET, 2), (Made().foot, 0)], ids=["wide", "usual"])
+def test_bodies_that_press_against_each_other_are_named(foot: str, count: int, tmp_path: Path) -> None:
+    """Feet that reach across to the other side."""
+    (tmp_path / "made.xml").write_text(Made(foot=SHIN + foot).xml(), encoding="utf-8")
+    said = "".join(self_contacts(Subject(str(tmp_path / "made.xml"))))
+    assert said.count("_calf_link and ") == count
