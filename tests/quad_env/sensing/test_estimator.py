@@ -59,6 +59,14 @@ def test_on_one_still_leg_the_trunk_circles_about_the_foot() -> None:
     np.testing.assert_allclose(velocity, (2 * 0.25, -2 * 0.25, 0), atol=1e-12)
 
 
+def test_a_leg_that_moves_under_a_turning_trunk_counts_from_the_middle_of_its_way() -> None:
+    """Its thigh's circle and the trunk's about the foot where that is halfway, 0.25 m ahead and to the left."""
+    one = np.array([[True, False, False, False]])
+    along = by_legs(*moving(2.0, -2.0), standing=one)
+    velocity = by_legs(*moving(2.0, -2.0), [[0.0, 0.0, 2.0]], one)
+    np.testing.assert_allclose(velocity - along, (2 * 0.25, -2 * 0.25, 0), atol=1e-4)
+
+
 def test_a_hip_that_turns_moves_the_trunk_sideways_over_the_foot() -> None:
     legs = np.zeros(12)
     change = np.tile((1.0, 0.0, 0.0), 4) * DT / 2
