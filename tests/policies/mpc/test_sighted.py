@@ -191,6 +191,34 @@ def test_forces_are_planned_for_feet_that_stand_at_their_heights_and_for_those_t
     np.testing.assert_allclose(policy._footing(now, aim, ground, stands)[1], ground.height[1])
 
 
+def test_the_ground_is_that_of_the_scan_s_own_entries() -> None:
+    policy = SightedMpcWbc(height_scan=SMALL)
+    policy.reset(num_envs=2)
+    scan = np.random.default_rng(0).uniform(-0.5, -0.3, (2, len(SMALL.points))).astype(np.float32)
+    policy.act(np.concatenate((reading(2), scan), axis=1))
+    np.testing.assert_array_equal(policy._heights, scan)
+
+
+def test_a_foot_clears_what_lies_between_its_last_footprint_and_its_next_foothold() -> None:
+    """A bump of 0.1 m at 0.2 m ahead, half of the way from 0 to 0.4 m, of the first robot; the second sees none."""
+    policy = looking(shown(-0.35, 0.0, 0.0))
+    heights = np.zeros((2, 7, 7))
+    heights[0, 4] = 0.1  # rows are from 0.2 m behind on
+    policy._seen_ground, policy._trust = SeenGround(SMALL, heights), np.ones((2, 1))
+    aside = np.array([0.1, -0.1, 0.1, -0.1])
+    policy.prints.places = np.zeros((3, 4, 2))
+    policy.prints.places[1] = aside[:, None]
+    aim = np.tile(np.column_stack((np.full(4, 0.4), aside)), (2, 1, 1))
+    over, place = policy._over(aim, Ground(*np.zeros((3, 2)))), np.zeros((2, 4))
+    for progress, expected in ((0.0, 0.0), (0.5, 0.1), (1.0, 0.0)):
+        np.testing.assert_allclose(over(place, place, place + progress), [[expected] * 4, [0.0] * 4], atol=1e-9)
+    onto = policy._over(aim - [0.2, 0.0], Ground(*np.zeros((3, 2))))
+    for progress, expected in ((0.0, 0.0), (0.5, 0.1), (1.0, 0.1)):  # at the highest ground halfway
+        np.testing.assert_allclose(onto(place, place, place + progress)[0], expected, atol=1e-9)
+    away = aim + np.array([-0.6, 0.0])
+    np.testing.assert_allclose(policy._over(away, Ground(*np.zeros((3, 2))))(place, place, place + 0.5), 0.0, atol=1e-9)
+
+
 @pytest.fixture(scope="module")
 def sighted() -> Walk:
     """A walk of 2 s on rough ground, on a scan without noise."""

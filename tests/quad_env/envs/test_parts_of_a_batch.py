@@ -109,3 +109,13 @@ def test_an_episode_is_the_same_whatever_came_before(name: str) -> None:
             told, own = seen(one, robot), seen(other, robot)
             for key in told:
                 np.testing.assert_array_equal(told[key], own[key], err_msg=f"{key} of {robot} in {step}")
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_an_episode_that_is_given_up_before_its_first_step_leaves_nothing_behind(name: str) -> None:
+    twice, once = env_of(2, **OPTIONS[name]), env_of(2, **OPTIONS[name])
+    twice.reset(seed=3)
+    (first, infos), (other, expected) = twice.reset(seed=9), once.reset(seed=9)
+    np.testing.assert_array_equal(first, other)
+    for key in infos:
+        np.testing.assert_array_equal(infos[key], expected[key], err_msg=key)
