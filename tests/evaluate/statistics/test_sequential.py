@@ -6,6 +6,7 @@ from scipy.special import ndtr
 
 from evaluate.analysis.comparison import SIGNIFICANT
 from evaluate.analysis.ranking import RANKING_WEIGHT
+from evaluate.commands.looks import look
 from evaluate.statistics.sequential import LEVEL, correction, looks, neighbours, nominal_levels, predicted
 from evaluate.statistics.significance import holm
 
@@ -53,3 +54,9 @@ def test_equal_policies_are_given_up_and_near_ones_are_not() -> None:
     assert neighbours({"a": same, "b": same}, 96)[0].hopeless
     assert predicted(1.0, 0.5, 0.03) < 0.02 < 0.4 < predicted(0.04, 0.5, 0.03) < predicted(0.001, 0.5, 0.03)
     assert (predicted(0.02, 1.0, 0.03), predicted(0.04, 1.0, 0.03)) == (1.0, 0.0)
+
+
+def test_a_look_calls_policies_that_are_the_same_to_the_bit_so(made_up_cell) -> None:
+    cells = [made_up_cell(name, np.arange(8) < falls) for name, falls in (("a", 2), ("b", 2), ("c", 3))]
+    line, _ = look(cells, 16)
+    assert "a = b (the same to the bit), b ~ c (p = " in line
