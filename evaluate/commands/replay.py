@@ -45,7 +45,7 @@ class Options:
 
     results: Annotated[Path, tyro.conf.Positional]
     """Folder of an evaluation, finished or not."""
-    episode: Annotated[int | None, tyro.conf.Positional] = None
+    episode: Annotated[int | None, tyro.conf.Positional, tyro.conf.arg(metavar="EPISODE")] = None
     """Row of episodes.parquet, counted from 0; with --policy or --scenario, the number in its column `episode`."""
     failed: Flag = False
     """List the failed episodes instead, those of --policy and --scenario if given: row, when, outcome and cause."""

@@ -31,6 +31,8 @@ _PAIRS = ("policy", "policies"), ("scenario", "scenarios")
 _RULE = re.compile(r"[─-]{3,}")
 _NO_NUMBER = re.compile(r"invalid literal for int\(\) with base 10|could not convert string to float")
 """Python's words for what is no whole number, or no number."""
+_OPTIONAL = re.compile(r"Error parsing (.+?): no type matching .+ Got errors: .*- <class '\w+'>: (.+)")
+"""tyro's words for a value that may be left out; the last of its errors is that of the value."""
 
 
 class UserError(Exception):
@@ -122,6 +124,8 @@ def first_sentence(box: str) -> str:
     # Where the terminal cannot draw boxes, a rule follows the title.
     below = itertools.dropwhile(_RULE.fullmatch, lines)
     sentence = " ".join(itertools.takewhile(lambda line: not _RULE.search(line), below)).rstrip(".")
+    if optional := _OPTIONAL.fullmatch(sentence):
+        sentence = f"Error parsing {optional[1]}: {optional[2]}"
     return _NO_NUMBER.sub("no number", sentence)
 
 

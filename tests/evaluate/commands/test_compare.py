@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pyarrow as pa
@@ -197,6 +198,22 @@ def test_success_that_differs_after_correction_is_named(run, tmp_path, capsys, m
     said = compare(capsys, run.folder, other(run, tmp_path / "b", changed))[1]
     assert "success differs: document on flat, 100.0 points, p\u00a0=\u00a00." in said
     assert "success differs: stand" not in said
+
+
+def test_a_success_that_only_its_own_interval_shows_is_called_undistinguished(run, tmp_path, capsys) -> None:
+    """Five of five in B alone: Tango's interval excludes 0, and p is 2 / 2^5 before any correction."""
+
+    def changed(rows: pa.Table) -> pa.Table:
+        outcomes = np.array(rows.column("outcome").to_pylist(), dtype=object)
+        outcomes[np.array(rows.column("policy").to_pylist()) == "document"] = "succeeded"
+        return column(rows, "outcome", outcomes.tolist())
+
+    said = compare(capsys, run.folder, other(run, tmp_path / "b", changed))[1].replace("\u00a0", " ")
+    (line,) = re.findall(
+        "^success cannot be distinguished, though its interval by itself excludes 0: (.*)$", said, re.M
+    )
+    assert re.fullmatch(r"document on flat \(p = [\d.]+\), document on push \(p = [\d.]+\)", line)
+    assert "success differs" not in said
 
 
 def test_runs_with_and_without_the_hardware_profile_are_matched(run, tmp_path, capsys) -> None:

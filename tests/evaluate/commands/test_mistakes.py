@@ -40,6 +40,8 @@ from policies.shipped import MODELS
         ("axes ice", ("slippery",)),
         ("report RUN --baseline gallop", ("--baseline: gallop is not among the policies",)),
         ("replay RUN 30", ("rows 0 to 29", "30")),
+        ("replay RUN one", ("error: Error parsing EPISODE: 'one' is no whole number",)),
+        ("trot --episodes 1.5", ("error: Error parsing --episodes: '1.5' is no whole number",)),
         ("replay RUN 1 --policy trott", ("trott", "document, stand, trot")),
         ("replay RUN 1 --scenario ice", ("ice", "flat, push")),
         ("replay RUN 1 --policy trot", ("--scenario",)),

@@ -7,6 +7,7 @@ from scipy.stats import multivariate_normal
 
 from evaluate.analysis.comparison import SIGNIFICANT
 from evaluate.analysis.ranking import RANKING_WEIGHT
+from evaluate.commands.looks import look
 from evaluate.statistics.sequential import LEVEL, correction, looks, neighbours, nominal_levels, predicted
 from evaluate.statistics.significance import holm
 
@@ -103,3 +104,9 @@ def test_the_chance_of_the_last_look_is_the_predictive_power_by_hand() -> None:
 def test_equal_policies_are_given_up() -> None:
     same = np.tile([0.0, 1.0], 24)
     assert neighbours({"a": same, "b": same}, 96)[0].hopeless
+
+
+def test_a_look_calls_policies_that_are_the_same_to_the_bit_so(made_up_cell) -> None:
+    cells = [made_up_cell(name, np.arange(8) < falls) for name, falls in (("a", 2), ("b", 2), ("c", 3))]
+    line, _ = look(cells, 16)
+    assert "a = b (the same to the bit), b ~ c (p = " in line
