@@ -17,6 +17,7 @@ import tyro
 from quad_env.cli.command_line import UsageError
 from quad_env.doctor.check import Subject
 from quad_env.doctor.standing import STAND_TIME, stands, states
+from quad_env.files.text import visible
 from quad_env.info import joint_table
 from quad_env.robots.imported import FIGURES
 from quad_env.robots.model_file import remarks
@@ -41,7 +42,7 @@ def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
     try:
         robot = robot_of(options.robot)
-        print("\n".join(text(robot)))
+        print(visible("\n".join(text(robot))))
         if options.toml is not None:
             write_toml(options.toml, robot.mjcf, robot)
             print(f"written: {options.toml}")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from quad_env.files.reading import parse_toml, read_bytes
-from quad_env.files.text import brief
+from quad_env.files.text import brief, described, one_line
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError
 from quad_env.robots.figures import REFERENCE, REFERENCE_MASS, Figures
 from quad_env.robots.model_file import read
@@ -17,6 +17,8 @@ FIGURES = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_d
 """Fields of a robot that may be given instead of being inferred."""
 SHORTEST_BEND, LONGEST_BEND = 0.5, 0.97
 """Hip joints above the feet in a keyframe that is taken for a stand, as a share of a leg's length."""
+MIN_MASS, MAX_MASS = 1e-3, 1e6
+"""kg."""
 LEAST_BEND = 0.1
 """Middle of a calf's range, rad, that shows which way its knee bends."""
 
@@ -31,12 +33,21 @@ def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
         given = {figure: _figure(figure, value) for figure, value in figures.items()}
         return replace(_inferred(path, own if name is None else name, given), source=source)
     except ModelError as error:
-        raise ModelError(f"{path}: {error}") from error
+        raise ModelError(one_line(f"{path}: {error}")) from error
+    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+        raise ModelError(one_line(f"{path}: its figures cannot be worked out ({described(error)})")) from error
+
+
+def _check_finite(robot: Figures) -> None:
+    """Raise ModelError for the first figures of a robot that are not finite."""
+    for name, value in robot.by_name.items():
+        if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
+            raise ModelError(f"its {name} is not finite: a size, a mass or an angle in the model is beyond any robot's")
 
 
 def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     _, model, found = read(path)
-    if not isinstance(name, str) or name.startswith(".") or Path(name).name != name:
+    if not isinstance(name, str) or name.startswith(".") or Path(name).name != name or not name.isprintable():
         raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
     leg = found.legs[0]
     longer = (leg.thigh_length + leg.calf_length) / REFERENCE.leg_length
@@ -84,6 +95,10 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     if outside.any():
         names = ", ".join(name for name, out in zip(robot.joint_names, outside, strict=True) if out)
         raise ModelError(f"the home pose lies outside the limits of {names}")
+    _check_finite(robot)
+    mass = float(model.body_subtreemass[found.root])
+    if not MIN_MASS <= mass <= MAX_MASS:
+        raise ModelError(f"its mass is beyond any robot's: got {mass:g} kg; valid: {MIN_MASS:g} to {MAX_MASS:g} kg")
     return robot
 
 

@@ -7,6 +7,7 @@ from policies.foreign.description import PolicyDescription
 from policies.foreign.readers import isaac_lab, legged_gym, mjlab_onnx, rl_sar, toml_file, unitree_deploy
 from policies.foreign.readers.settings import BY_HAND, Settings, load
 from policies.foreign.readers.toml_file import write_toml
+from quad_env.files.text import one_line
 
 
 def read(path: Path) -> PolicyDescription | None:
@@ -24,7 +25,7 @@ def read(path: Path) -> PolicyDescription | None:
             case ".yaml" | ".yml" | ".json":
                 return _whole(_settings(load(path)))
     except PolicyError as error:
-        raise PolicyError(f"{path}: {error}") from None
+        raise PolicyError(one_line(f"{path}: {error}")) from None
     except ZeroDivisionError:
         raise PolicyError(f"{path}: a time step, a period or a scale is zero") from None
     return None
