@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
+
 from policies.base import PolicyError
 from quad_env.config import Amount, Bounds, Finite, Positive, check_settings
 from quad_env.files.text import brief
@@ -54,6 +56,10 @@ PLAUSIBLE = {
     "x": (-100.0, 100.0, "m"),
     "y": (-100.0, 100.0, "m"),
     "offset": (-100.0, 100.0, "m"),
+    "values": (-1e12, 1e12, ""),
+    "clip": (-1e12, 1e12, ""),
+    "action_clip": (-1e12, 1e12, ""),
+    "target_clip": (-1e12, 1e12, "rad"),
 }
 """Field -> least and largest value, unit: far beyond any robot's, so that what lies outside is a fault of the file."""
 _OWNERS = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
@@ -208,7 +214,7 @@ def _check_plausible(settings: object) -> None:
     """Raise PolicyError, one line, for the first number beyond PLAUSIBLE; 0 stands for a clock that is none."""
     for name, (least, largest, unit) in PLAUSIBLE.items():
         value = getattr(settings, name, None)
-        for each in value if isinstance(value, tuple) else () if value is None else (value,):
+        for each in () if value is None else np.ravel(value).tolist():
             if not least <= each <= largest and (name, each) != ("clock", 0.0):
                 limits = f"{least:g} to {largest:g} {unit}".rstrip()
                 raise PolicyError(f"`{name}` is beyond any robot's: got {each:g}; valid: {limits}")
