@@ -3,6 +3,7 @@ import itertools
 import json
 import pickle
 import re
+import resource
 import shutil
 from dataclasses import asdict, replace
 
@@ -380,3 +381,13 @@ def test_the_digests_of_shipped_policies_are_made_by_a_command(tmp_path):
             rewrite(made, hold=3)
             with pytest.raises(UsageError, match="is not as it was written"):
                 main(Options((made,)))
+
+
+@pytest.mark.parametrize(("name", "limit"), [(DESCRIPTION, "4 MiB"), (WEIGHTS, "128 MiB")])
+def test_a_file_beyond_any_size_is_refused_by_its_size(folder, name, limit):
+    with (folder / name).open("wb") as sparse:
+        sparse.truncate(3 * 2**30)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(policies.PolicyError, match=rf"{name} cannot be read \(it is larger than {limit}"):
+        load(folder)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100 * 1024  # KiB
