@@ -18,6 +18,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.doctor.check import Subject
 from quad_env.doctor.stance import STAND_TIME, states
 from quad_env.doctor.standing import stands
+from quad_env.files.text import visible
 from quad_env.info import joint_table
 from quad_env.robots.arena import overlap_remark
 from quad_env.robots.imported import FIGURES
@@ -44,7 +45,7 @@ def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
     try:
         robot = robot_of(options.robot)
-        print("\n".join(text(robot)))
+        print(visible("\n".join(text(robot))))
         if options.toml is not None:
             write_toml(options.toml, robot.mjcf, robot)
             print(f"written: {options.toml}")

@@ -31,6 +31,7 @@ COMMANDS = {
     "curves": Command("research.training.curves", "learning curves of runs as a picture, with a band over seeds"),
     "ablations": Command("research.training.ablations", "the effect of each choice of the training"),
     "fuzz": Command("research.fuzzing.run", "readers of other people's files, on mutated files"),
+    "seal": Command("research.training.seal", "digests of the descriptions of older trained policies"),
     "publish": Command("research.training.publish", "finished runs evaluated, and that of seed 0 shipped"),
 }
 PROGRAM = Program("python -m research", COMMANDS)

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
+
 from policies.base import PolicyError
 from quad_env.config import Amount, Bounds, Finite, Positive, check_settings
 from quad_env.files.text import brief
@@ -37,6 +39,8 @@ OF_JOINTS = "default_position", "action_scale", "stiffness", "damping", "action_
 
 MOST_POINTS = 10_000
 """Points of a height scan."""
+MAX_NAME = 100
+"""Characters of a joint's name."""
 MAX_OBSERVATION = 100_000
 """Numbers that are kept of a robot: those of one control step, times the longest history."""
 PLAUSIBLE = {
@@ -49,6 +53,13 @@ PLAUSIBLE = {
     "observation_clip": (1e-6, float("inf"), ""),
     "scale": (-1e6, 1e6, ""),
     "clock": (0.01, 100.0, "Hz"),
+    "x": (-100.0, 100.0, "m"),
+    "y": (-100.0, 100.0, "m"),
+    "offset": (-100.0, 100.0, "m"),
+    "values": (-1e12, 1e12, ""),
+    "clip": (-1e12, 1e12, ""),
+    "action_clip": (-1e12, 1e12, ""),
+    "target_clip": (-1e12, 1e12, "rad"),
 }
 """Field -> least and largest value, unit: far beyond any robot's, so that what lies outside is a fault of the file."""
 _OWNERS = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
@@ -79,6 +90,7 @@ class HeightGrid(_Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        _check_plausible(self)
         if not 1 <= len(self.x) * len(self.y) <= MOST_POINTS:
             raise PolicyError(f"a height scan has 1 to {MOST_POINTS} points, not {len(self.x)} x {len(self.y)}")
 
@@ -177,6 +189,10 @@ class PolicyDescription(_Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if any(
+            not name.isprintable() or len(name) > MAX_NAME for name in (*self.joints, *(self.observed_joints or ()))
+        ):
+            raise PolicyError(f"`joints` must be names of at most {MAX_NAME} printable characters")
         if not len(self.joints) == len({*self.joints}) == 12:
             raise PolicyError(f"`joints` must be the names of 12 different joints, not {brief(self.joints)}")
         if self.observed_joints is not None and sorted(self.observed_joints) != sorted(self.joints):
@@ -223,7 +239,7 @@ def _check_plausible(settings: object) -> None:
     """Raise PolicyError, one line, for the first number beyond PLAUSIBLE; 0 stands for a clock that is none."""
     for name, (least, largest, unit) in PLAUSIBLE.items():
         value = getattr(settings, name, None)
-        for each in value if isinstance(value, tuple) else () if value is None else (value,):
+        for each in () if value is None else np.ravel(value).tolist():
             if not least <= each <= largest and (name, each) != ("clock", 0.0):
                 limits = f"{least:g} to {largest:g} {unit}".rstrip()
                 raise PolicyError(f"`{name}` is beyond any robot's: got {each:g}; valid: {limits}")

@@ -14,7 +14,7 @@ import numpy as np
 
 from policies import bundle
 from policies.base import Policy, PolicyError
-from policies.description import assembled, network_of, parsed
+from policies.description import assembled, check_unaltered, network_of, parsed
 from policies.foreign.onnx_roles import roles_of
 from policies.foreign.packages import package
 from policies.foreign.python_file import Act, Maker
@@ -99,7 +99,9 @@ def _residual(file: Path, description: str, act: Act, robot: Robot) -> ResidualP
         raise PolicyError(f"the network in {file} fails: {described(error)}") from error
     if not off <= TOLERANCE:
         raise PolicyError(f"the network in {file} is not the one that its metadata describes; export it again")
-    return assembled(file, found, network, robot)
+    policy = assembled(file, found, network, robot)
+    check_unaltered(file, description.encode())
+    return policy
 
 
 def _difference(act: Act, network: Network, count: int) -> float:

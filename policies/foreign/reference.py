@@ -14,6 +14,7 @@ from policies.foreign.packages import check_package
 from policies.foreign.readers.settings import BY_HAND
 from quad_env.cli.limited_process import CrashError, LimitExceededError, call, read_limited
 from quad_env.files.reading import TEXT, check_file, largest_network
+from quad_env.files.text import brief
 
 DESCRIBED = ".onnx", ".pt", ".jit", ".toml", ".yaml", ".yml", ".json"
 """Ends of the names of files that may describe a policy, or that one next to them describes."""
@@ -93,6 +94,8 @@ def _read(text: str | Path) -> Reference:
 def checked(text: str | Path, trust: bool) -> Reference:
     """What a text names, wherever the process that loads it stands, if it is there and may be loaded. Raises
     PolicyError, which says what is missing."""
+    if not str(text).isprintable():
+        raise PolicyError(f"{brief(str(text))}: a policy's name has printable characters alone")
     reference = _read(text)
     _check_file(reference.file)
     if reference.suffix == ".py" and not reference.name:

@@ -16,6 +16,13 @@ def one_line(text: str) -> str:
     return plain if len(plain) <= LONGEST else f"{plain[:LONGEST]} …"
 
 
+def visible(text: str) -> str:
+    """Return a text whose control characters, other than line breaks, are shown as escapes such as `\\x1b`."""
+    return "".join(
+        sign if sign.isprintable() or sign == "\n" else sign.encode("unicode_escape").decode("ascii") for sign in text
+    )
+
+
 def brief(value: object, depth: int = 2) -> str:
     """Return a value of a file as an error shows it, in bounded time: the start of a text, few entries of a collection.
 

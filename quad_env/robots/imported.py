@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from quad_env.files.reading import parse_toml, read_bytes
-from quad_env.files.text import brief
+from quad_env.files.text import brief, described, one_line
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEAST_BEND, LEGS, Anatomy, Leg, ModelError
 from quad_env.robots.figures import LEVEL, REFERENCE, REFERENCE_MASS, Figures
 from quad_env.robots.model_file import read
@@ -19,6 +19,8 @@ FIGURES = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_d
 """Fields of a robot that may be given instead of being inferred."""
 SHORTEST_BEND, LONGEST_BEND = 0.5, 0.97
 """Hip joints above the feet in a keyframe that is taken for a stand, as a share of a leg's length."""
+MIN_MASS, MAX_MASS = 1e-3, 1e6
+"""kg."""
 
 
 class GivenError(ModelError):
@@ -35,19 +37,29 @@ def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
         given = {figure: _figure(figure, value) for figure, value in figures.items()}
         own = _checked_name(own if name is None else name)
     except ModelError as error:
-        raise ModelError(f"{source}: {error}") from error
+        raise ModelError(one_line(f"{source}: {error}")) from error
     try:
         return replace(_inferred(path, own, given), source=source)
     except ModelError as error:
         is_of_the_figures = isinstance(error, GivenError) and source != path
-        raise ModelError(f"{source if is_of_the_figures else path}: {error}") from error
+        raise ModelError(one_line(f"{source if is_of_the_figures else path}: {error}")) from error
+    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+        raise ModelError(one_line(f"{path}: its figures cannot be worked out ({described(error)})")) from error
 
 
 def _checked_name(name: Any) -> str:
     """The name of a robot. Raises ModelError for what is none."""
-    if not isinstance(name, str) or not name or name.startswith(".") or Path(name).name != name:
+    is_name = isinstance(name, str) and name and not name.startswith(".") and Path(name).name == name
+    if not is_name or not name.isprintable():
         raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
-    return name
+    return str(name)
+
+
+def _check_finite(robot: Figures) -> None:
+    """Raise ModelError for the first figures of a robot that are not finite."""
+    for name, value in robot.by_name.items():
+        if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
+            raise ModelError(f"its {name} is not finite: a size, a mass or an angle in the model is beyond any robot's")
 
 
 def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
@@ -104,6 +116,10 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
         names = ", ".join(name for name, out in zip(robot.joint_names, outside, strict=True) if out)
         kind = GivenError if "home_pose" in figures else ModelError
         raise kind(f"the home pose lies outside the limits of {names}")
+    _check_finite(robot)
+    mass = float(model.body_subtreemass[found.root])
+    if not MIN_MASS <= mass <= MAX_MASS:
+        raise ModelError(f"its mass is beyond any robot's: got {mass:g} kg; valid: {MIN_MASS:g} to {MAX_MASS:g} kg")
     return robot
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from quad_env.files.text import one_line
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS
 from quad_env.robots.arena import spec_of
 from quad_env.robots.figures import Figures, Floats, constant
@@ -137,7 +138,11 @@ def servo_gains(servo: Any, num_robots: int) -> Floats:
         gains = np.stack([np.broadcast_to(each, (num_robots, JOINTS)) for each in (stiffness, damping)])
     except (TypeError, ValueError):
         shapes = f"a number, ({JOINTS},) or ({num_robots}, {JOINTS})"
-        raise ValueError(f"servo is a pair of stiffness and damping, each {shapes}, got {servo!r:.80}") from None
+        raise ValueError(
+            f"servo is a pair of stiffness and damping, each {shapes}, got {one_line(repr(servo)):.80}"
+        ) from None
     if not (np.isfinite(gains) & (gains > 0.0)).all():
-        raise ValueError(f"servo gains are finite numbers above 0, N·m/rad and N·m·s/rad, got {servo!r:.80}")
+        raise ValueError(
+            f"servo gains are finite numbers above 0, N·m/rad and N·m·s/rad, got {one_line(repr(servo)):.80}"
+        )
     return gains

@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import warnings
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -91,7 +92,9 @@ def _values(content: bytes, suffix: str, peak: float | None) -> Array:
         if peak is None:
             raise ValueError("of a picture, height is needed: how high its brightest pixel is above black, m")
     elif suffix == ".npy":
-        values = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # of damaged headers, which NumPy mends
+            values = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
     else:
         raise ValueError("heights are a grey picture (.png) or an array (.npy)")
     _check_shape(values.shape)

@@ -18,6 +18,7 @@ from policies.foreign.readers import (
 from policies.foreign.readers.drafts import Incomplete, write_draft
 from policies.foreign.readers.settings import BY_HAND, Settings, load
 from policies.foreign.readers.toml_file import write_toml
+from quad_env.files.text import one_line
 
 
 def read(path: Path) -> PolicyDescription | None:
@@ -37,7 +38,7 @@ def read(path: Path) -> PolicyDescription | None:
     except Incomplete as error:
         raise error.at(path) from None
     except PolicyError as error:
-        raise PolicyError(f"{path}: {error}") from None
+        raise PolicyError(one_line(f"{path}: {error}")) from None
     except ZeroDivisionError:
         raise PolicyError(f"{path}: a time step, a period or a scale is zero") from None
     return None
