@@ -146,11 +146,9 @@ def _description(file: Path) -> PolicyDescription | None:
         found = readers.read(found_at[0]) if found_at else None
         if found is None:
             name = file.with_suffix(BESIDE[0]).name
-            incomplete = readers.Incomplete("a network", {"network": file.absolute()})
-            incomplete.fault = f"{file} does not say how its network is run"
-            incomplete.remedy = f"{BY_HAND} next to it as {name}"
-            incomplete.args = (f"{incomplete.fault}; {incomplete.remedy}",)
-            raise incomplete
+            fault = f"{file} does not say how its network is run"
+            remedy = f"{BY_HAND} next to it as {name}"
+            raise readers.Incomplete("a network", {"network": file.absolute()}, fault=fault, remedy=remedy)
         return readers.whole(replace(found, network=file.absolute()), corrected=True)
     found = readers.read(file)
     return None if found is None else replace(found, network=found.network.absolute())
