@@ -90,16 +90,16 @@ class Correction:
 
 DOUBTS = {
     ACTIONS: 0.25,
-    PREVIOUS: 0.15,
-    POSITIONS: 0.15,
-    TERMS: 0.15,
-    OBSERVED: 0.15,
+    PREVIOUS: 0.2,
+    POSITIONS: 0.2,
+    OBSERVED: 0.3,
+    TERMS: 0.4,
     RATE: 0.3,
     CLOCK: 0.3,
     GAINS: 0.3,
 }
 """Of corrections by mistake: smaller actions and other servos, rates and clocks make walks bearable that something else
-is the cause of; other terms do where the network hardly needs them."""
+is the cause of; terms in another order do where the network hardly needs them."""
 ROBOTS_DOUBT = 0.1
 """Added for the robot's own gains, which often suit a policy as well as its own."""
 
