@@ -88,9 +88,18 @@ class Correction:
     """Added to the deviation of its walk before corrections are compared."""
 
 
-DOUBTS = {ACTIONS: 0.2, RATE: 0.2, CLOCK: 0.3, GAINS: 0.3}
+DOUBTS = {
+    ACTIONS: 0.25,
+    PREVIOUS: 0.2,
+    POSITIONS: 0.2,
+    OBSERVED: 0.3,
+    TERMS: 0.4,
+    RATE: 0.3,
+    CLOCK: 0.3,
+    GAINS: 0.3,
+}
 """Of corrections by mistake: smaller actions and other servos, rates and clocks make walks bearable that something else
-is the cause of."""
+is the cause of; terms in another order do where the network hardly needs them."""
 ROBOTS_DOUBT = 0.1
 """Added for the robot's own gains, which often suit a policy as well as its own."""
 

@@ -160,12 +160,9 @@ def _description(file: Path) -> PolicyDescription | None:
         found = _read_description(found_at[0]) if found_at else None
         if found is None:
             name = file.with_suffix(BESIDE[0]).name
-            raise readers.Incomplete(
-                "a network",
-                {"network": file.absolute()},
-                fault=f"{file} does not say how its network is run",
-                remedy=f"{BY_HAND} next to it as {name}",
-            )
+            fault = f"{file} does not say how its network is run"
+            remedy = f"{BY_HAND} next to it as {name}"
+            raise readers.Incomplete("a network", {"network": file.absolute()}, fault=fault, remedy=remedy)
         return _whole(replace(found, network=file.absolute()))
     found = _read_description(file)
     return None if found is None else replace(found, network=found.network.absolute())

@@ -63,12 +63,15 @@ class Terms(Memory):
         self._slices = table_with(robot, self.height_scan).slices
         self._order = _layout(description)
         self._contacts: ContactSense | None = None
+        self._tracks = any(term.frame == "world" or term.name == "foot_contact" for term in description.terms)
         if any(term.name == "foot_contact" for term in description.terms):
             self._contacts = ContactSense(robot, parameters_of(TROT, robot), control_period)
             self._dynamics = Dynamics(robot)
 
     def track(self, observation: Floats) -> None:
         """Take in the control step that led to the environment's observations, (n, k): turns and contacts."""
+        if not self._tracks:
+            return
         gravity, (_, pitching, turning) = (
             observation[:, self._slices[name]].T for name in ("projected_gravity", "angular_velocity")
         )

@@ -73,6 +73,10 @@ def _settings(found: Settings) -> PolicyDescription:
     if {"init_state", "control"} <= keys:
         return legged_gym.describe(found)
     if len(keys) == 1 and any("model_name" in each.values for _, each in found.groups()):
+        ((_, own),) = found.groups()
+        if own.find("observations") is None:
+            known = flat_yaml.known_of(own)
+            raise Incomplete("a config.yaml of rl_sar v2.1 or older", known, flat_yaml.advice_of(own))
         return rl_sar.describe(found)
     if flat_yaml.is_flat(found):
         return flat_yaml.describe(found)

@@ -1,7 +1,6 @@
 """What is known of a policy whose files do not say all: a TOML of it, the rest as comments to fill in."""
 
 import os
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ EXAMPLES = {
     '"joint_velocity", "previous_action"]',
 }
 """Fields that every description has, with an example of each, as TOML."""
+DRAFT = "python -m quad_env doctor --policy FILE --write mine.toml writes the rest of it, to complete"
 HEAD = "# What a policy reads and commands, as far as its files say it: docs/deployment-files.md"
 
 
@@ -30,32 +30,33 @@ class Incomplete(PolicyError):
         kind: What the file is, a noun phrase.
         known: Fields of a `PolicyDescription` that it gives.
         advice: What is known of the missing fields, a line each.
-        fault: Text of the fault; by default it names the missing fields.
-        remedy: Text of the remedy; by default the command that writes a draft.
+        fault: What to say instead of the kind and the missing fields.
+        remedy: What to do instead of writing a draft.
     """
 
     def __init__(
-        self, kind: str, known: dict[str, Any], advice: tuple[str, ...] = (), *, fault: str = "", remedy: str = ""
+        self,
+        kind: str,
+        known: dict[str, Any],
+        advice: tuple[str, ...] = (),
+        fault: str = "",
+        remedy: str = "",
     ) -> None:
         self.kind = kind
         self.known = known
         self.advice = advice
         self.missing = tuple(name for name in EXAMPLES if name not in known)
-        super().__init__(
-            fault or f"it is {kind}, which does not say {', '.join(f'`{name}`' for name in self.missing)}",
-            remedy or "python -m quad_env doctor --policy FILE --write mine.toml writes the rest of it, to complete",
-        )
+        missing = ", ".join(f"`{name}`" for name in self.missing)
+        super().__init__(fault or f"it is {kind}, which does not say {missing}", remedy or DRAFT)
 
     def at(self, path: Path) -> "Incomplete":
         """Return the same error with the path of the file."""
-        fault = f"{path}: {self.fault}"
         remedy = self.remedy.replace("FILE", str(path))
-        return Incomplete(self.kind, self.known, self.advice, fault=fault, remedy=remedy)
+        return Incomplete(self.kind, self.known, self.advice, f"{path}: {self.fault}", remedy)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A copy in another process has the fields too: files are read in one of their own."""
-        made = partial(Incomplete, fault=self.fault, remedy=self.remedy)
-        return made, (self.kind, self.known, self.advice)
+        return Incomplete, (self.kind, self.known, self.advice, self.fault, self.remedy)
 
 
 def write_draft(incomplete: Incomplete, file: Path) -> None:

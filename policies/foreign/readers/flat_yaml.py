@@ -46,9 +46,9 @@ def describe(settings: Settings) -> PolicyDescription:
         except PolicyError as error:
             if not _is_missing(error):
                 raise
-            raise Incomplete("flat settings with rl_sar's keys", known_of(settings), _advice(settings)) from None
+            raise Incomplete("flat settings with rl_sar's keys", known_of(settings), advice_of(settings)) from None
     kind = "a configuration of unitree_rl_gym's deploy_mujoco" if settings.find("kps") is not None else "flat settings"
-    raise Incomplete(kind, known_of(settings), _advice(settings))
+    raise Incomplete(kind, known_of(settings), advice_of(settings))
 
 
 def _is_missing(error: PolicyError) -> bool:
@@ -88,7 +88,7 @@ def _network(settings: Settings, given: object) -> Path | None:
     return None
 
 
-def _advice(settings: Settings) -> tuple[str, ...]:
+def advice_of(settings: Settings) -> tuple[str, ...]:
     """Return what the settings say of their observation, a line each."""
     lines = []
     for key in ("num_obs", "num_observations"):

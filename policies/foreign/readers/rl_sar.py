@@ -46,8 +46,6 @@ def describe(settings: Settings) -> PolicyDescription:
         if base and base.find(key) not in (None, found.find(key)):
             raise _disagreement(settings, key)
     is_old = _is_before_v2_3(found)
-    if own.find("use_history") is not None and found.find("observations") is None:
-        raise PolicyError(f"{settings.file.name} is of rl_sar v2.1 or older and names no `observations`", BY_HAND)
     steps, newest = _history(found, is_old)
     scale = found.numbers("action_scale")
     described = PolicyDescription(

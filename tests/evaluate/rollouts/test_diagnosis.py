@@ -21,7 +21,6 @@ from tests.robot_models import NEEDS_MODELS
 NETWORKS = [pytest.param(name, marks=[NEEDS_MODELS] * (STYLES[name].robot != "simple_quad")) for name in STYLES]
 REMEDIES = {
     "sides": "check `joints`",
-    "ends": "check `joints`",
     "grouping": "check `joints`",
     "frames": "check `frame` of linear_velocity",
     "gravity": "check the sign of `scale` of projected_gravity",
@@ -30,7 +29,6 @@ REMEDIES = {
     "action_scale": "check `action_scale`",
     "signs": "check `signs` of thigh and calf",
     "damping": "check `stiffness` and `damping`",
-    "order_of_terms": "check `terms`",
 }
 """By mistake; each keeps all three networks from walking."""
 
@@ -86,6 +84,23 @@ def test_the_policys_damping_is_proposed(name: str, described: dict[str, PolicyD
     assert line is not None
     stiffness, damping = described[name].stiffness[0], described[name].damping[0]
     assert f"it walks with servo gains of {stiffness:g} N·m/rad and {damping:g} N·m·s/rad: check" in line
+
+
+@pytest.mark.parametrize(("mistake", "remedy"), [("ends", "check `joints`"), ("order_of_terms", "check `terms`")])
+def test_other_mistakes_on_one_network(mistake: str, remedy: str, described: dict[str, PolicyDescription]) -> None:
+    line = diagnosis.warning(
+        made(planted_mistakes.MISTAKES[mistake](described["levelled"]), "simple_quad"), "simple_quad"
+    )
+    assert line is not None
+    assert remedy in line
+
+
+@pytest.mark.parametrize("name", NETWORKS[1:2])
+def test_a_history_backwards_is_named(name: str, described: dict[str, PolicyDescription]) -> None:
+    robot = STYLES[name].robot
+    line = diagnosis.warning(made(planted_mistakes.history(described[name]), robot), robot)
+    assert line is not None
+    assert "check `history_newest`" in line
 
 
 @pytest.mark.parametrize("name", NETWORKS[:1])

@@ -87,8 +87,10 @@ REMEMBERING = Style(
         "joint_velocity": (0.05,),
         "previous_action": (1.0,),
     },
-    history=3,
+    history=8,
     default=0.0,
+    rate_levelling=0.08,
+    joint_damping=0.004,
 )
 MIRRORED = Style(
     legs=(0, 1, 2, 3),
@@ -106,6 +108,7 @@ MIRRORED = Style(
     rate=100 / 3,
     turned=(1, 2),
     is_scaled=True,
+    steering=2.5,
 )
 STYLES = {"levelled": LEVELLED, "remembering": REMEMBERING, "mirrored": MIRRORED}
 HEIGHT = 0.18

@@ -179,6 +179,18 @@ def test_flat_settings_with_rl_sars_keys_are_read_or_drafted(tmp_path: Path) -> 
     assert "flat settings with rl_sar's keys" in str(found)
 
 
+def test_a_file_of_rl_sar_that_names_no_observation_is_drafted(tmp_path: Path) -> None:
+    config, _ = files.rl_sar(list(range(12)))
+    own = config["go2/robot_lab"]
+    del own["observations"], own["observations_history"]
+    own |= {"use_history": True, "dt": 0.005, "decimation": 4}
+    net = network(tmp_path, "policy.pt")
+    found = incomplete(written(tmp_path / "config.yaml", config))
+    assert "a config.yaml of rl_sar v2.1 or older, which does not say `joints`, `terms`" in str(found)
+    assert found.known["network"] == net
+    assert found.known["damping"] == tuple(of(MOTORS, 0.5))
+
+
 def test_other_flat_settings_are_named(tmp_path: Path) -> None:
     settings = {
         "kp": 20.0,
