@@ -14,6 +14,7 @@ from quad_env.doctor.check import Subject
 from quad_env.doctor.stance import LARGEST_LAG, Stance, new_env, stance_of
 from quad_env.robots.collisions import GROUND_BIT, HERE, OWN
 from quad_env.robots.inertias import unlikely_armatures, unlikely_inertias
+from quad_env.robots.plausibility import LONGEST
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import servo_gains
 
@@ -53,6 +54,9 @@ def diagnosis(subject: Subject, stance: Stance) -> tuple[str, str]:
     for suspect in suspects:
         if suspect.helps(robot):
             return suspect.cause, suspect.remedy
+    if stance.is_overloaded and robot.leg_length > LONGEST:
+        cause = f"its legs are {robot.leg_length:.3g} m long, as of a model in millimetres"
+        return cause, f"lengths in metres in {robot.mjcf}, such as scale of the meshes and pos of the bodies"
     if stance.is_overloaded:
         cause = "masses are too large (grams for kilograms?), or the largest torque is too small"
         return cause, f"mass of the bodies in {robot.mjcf}, or rated_torque in {subject.figures}"

@@ -16,7 +16,7 @@ HEAVY_ARMATURE = 0.1
 of the `robots` extra have at most 0.014."""
 _SMALLEST = 0.1
 """Least reach of a link that is taken, as a share of the leg's length: links without any shape have none."""
-_TINY = 1e-3
+_TINY = 5e-3
 """Moment of inertia, as a share of the robot's mass times the square of its leg's length, that changes no motion."""
 
 

@@ -53,6 +53,22 @@ MODELS = {  # a fault, and what is named
 }
 
 
+def in_millimetres(model: str) -> str:
+    """The same model with its lengths times a thousand."""
+
+    def longer(found: re.Match[str]) -> str:
+        return f'{found[1]}="{" ".join(repr(1000.0 * float(each)) for each in found[2].split())}"'
+
+    return re.sub(r'\b(pos|size|fromto)="([^"]*)"', longer, model)
+
+
+def test_a_model_in_millimetres_is_told_so(tmp_path: Path) -> None:
+    found = finding(in_millimetres(SOUND), tmp_path)
+    assert found.result == "problem"
+    assert "a model in millimetres" in found.cause
+    assert "lengths in metres" in found.remedy
+
+
 @pytest.mark.parametrize("fault", MODELS)
 def test_a_fault_of_the_model_is_named_and_not_the_gains(fault: str, tmp_path: Path) -> None:
     model, words = MODELS[fault]
