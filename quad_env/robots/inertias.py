@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from quad_env.robots.arena import body_names
 from quad_env.robots.collisions import HERE, OWN
 from quad_env.robots.robot import Robot
 from quad_env.robots.shapes import Floats, corners, descendants, geoms_of
@@ -50,7 +51,8 @@ def unlikely_inertias(robot: Robot) -> list[Inertia]:
         inertia = Inertia(int(body), _name(model, int(body)), moment, mass, reach)
         if moment > max(TOO_LARGE * inertia.largest, _TINY * robot.mass * robot.leg_length**2):
             found.append(inertia)
-    return found
+    names = body_names(robot) if found else {}
+    return [each._replace(name=names.get(model.body(each.body).name, each.name)) for each in found]
 
 
 def unlikely_armatures(robot: Robot) -> list[int]:
