@@ -1,7 +1,7 @@
 """Why a robot does not stand: each suspected cause is mended in a simulation, until the robot stands.
 
 Of what can be mended in a copy of the model these are servo gains, springs in the joints, shapes that press against
-each other, inertias that no link has, and armatures. What is in force is never proposed.
+each other, and inertias that no link has. What is in force is never proposed.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,10 +12,12 @@ import numpy as np
 
 from quad_env.doctor.check import Subject
 from quad_env.doctor.stance import LARGEST_LAG, Stance, new_env, stance_of
+from quad_env.robots.arena import body_names
 from quad_env.robots.collisions import GROUND_BIT, HERE, OWN
+from quad_env.robots.plausibility import LONGEST
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import servo_gains
-from quad_env.robots.unlikely_inertias import unlikely_armatures, unlikely_inertias
+from quad_env.robots.unlikely_inertias import unlikely_inertias
 
 ALIKE = 0.1
 """Largest relative difference of servo gains that are taken for the same."""
@@ -53,6 +55,9 @@ def diagnosis(subject: Subject, stance: Stance) -> tuple[str, str]:
     for suspect in suspects:
         if suspect.helps(robot):
             return suspect.cause, suspect.remedy
+    if stance.is_overloaded and robot.leg_length > LONGEST:
+        cause = f"its legs are {robot.leg_length:.3g} m long, as of a model in millimetres"
+        return cause, f"lengths in metres in {robot.mjcf}, such as scale of the meshes and pos of the bodies"
     if stance.is_overloaded:
         cause = "masses are too large (grams for kilograms?), or the largest torque is too small"
         return cause, f"mass of the bodies in {robot.mjcf}, or rated_torque in {subject.figures}"
@@ -60,7 +65,7 @@ def diagnosis(subject: Subject, stance: Stance) -> tuple[str, str]:
         cause = "in the home pose the feet are not below the centre of mass, or a mass is not where it should be"
         return cause, f"home_pose in {subject.figures}, or masses in {robot.mjcf}; describe --picture shows it"
     also = "".join(f"; {suspect.cause}" for suspect in suspects)
-    cause = f"no single one of servo gains, springs, contacts with itself, inertias and armatures explains it{also}"
+    cause = f"no single one of servo gains, springs, contacts with itself and inertias explains it{also}"
     return cause, f"masses, inertias, joints and home_pose in {robot.mjcf}; describe --picture shows it"
 
 
@@ -114,7 +119,7 @@ def _gains(subject: Subject, stance: Stance) -> Iterator[Suspect]:
 
 
 def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
-    """Springs and armatures of the joints."""
+    """Springs of the joints."""
     model = robot.model
     springs = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
     joints = [int(joint) for joint in np.flatnonzero(springs.any(axis=1))]
@@ -128,39 +133,33 @@ def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
                 _expanded(simulation, field)[:] = 0.0
 
         yield Suspect(cause, f"stiffness = 0 of these joints in {robot.mjcf}", slack)
-    heavy = unlikely_armatures(robot)
-    if heavy:
-        names = _some([str(model.joint(joint).name) for joint in heavy])
-        places = model.jnt_dofadr[heavy]
-        largest = float(model.dof_armature[places].max())
-        cause = f"{names} has an armature of {largest:.3g} kg·m², as much as whole legs: a placeholder"
-
-        def light(simulation: Any) -> None:
-            _expanded(simulation, "dof_armature")[:, places] = 1e-3 * robot.mass * robot.leg_length**2
-
-        yield Suspect(cause, f"correct the armature of {names} in {robot.mjcf}", light)
 
 
 def self_contacts(subject: Subject) -> list[str]:
     """Say in a line which bodies of the robot press against each other after it has stood; nothing where none do."""
     pairs = _pressing(subject.env)
-    return [f"bodies of the robot press against each other: {pairs}"] if pairs else []
+    return [f"bodies of the robot press against each other: {_in_words(pairs)}"] if pairs else []
 
 
-def _pressing(env: Any) -> str:
-    """Names of the pairs of bodies of a robot that touch each other after a stand; empty for none."""
+def _pressing(env: Any) -> list[tuple[str, str]]:
+    """Names of the bodies of a robot that touch each other after a stand, in pairs, as its file has them."""
     stance_of(env)
     model = env.model
     bodies = model.geom_bodyid[env.data.contact.geom]
     own = bodies[(bodies > 0).all(axis=1)]
     pairs = sorted({(int(min(pair)), int(max(pair))) for pair in own})
-    return _some([" and ".join(_name(model, body) for body in pair) for pair in pairs])
+    theirs = body_names(env.robot) if pairs else {}
+    return [(_name(model, one, theirs), _name(model, other, theirs)) for one, other in pairs]
+
+
+def _in_words(pairs: list[tuple[str, str]]) -> str:
+    return _some([" and ".join(pair) for pair in pairs])
 
 
 def _contacts(robot: Robot, stance: Stance) -> Iterator[Suspect]:
     """Bodies of the robot that press against each other where it was left by its stand."""
-    names = "" if stance.diverged else _pressing(new_env(robot))
-    if not names:
+    pairs = [] if stance.diverged else _pressing(new_env(robot))
+    if not pairs:
         return
 
     def apart(simulation: Any) -> None:
@@ -168,8 +167,9 @@ def _contacts(robot: Robot, stance: Stance) -> Iterator[Suspect]:
         for field in ("geom_contype", "geom_conaffinity"):
             _expanded(simulation, field)[:, its_own] &= GROUND_BIT
 
-    cause = f"bodies of the robot press against each other: {names}"
-    yield Suspect(cause, f'<exclude body1="…" body2="…"/> of these in <contact> of {robot.mjcf}', apart)
+    cause = f"bodies of the robot press against each other: {_in_words(pairs)}"
+    rules = "".join(f'<exclude body1="{one}" body2="{other}"/>' for one, other in pairs)
+    yield Suspect(cause, f"<contact>{rules}</contact> in {robot.mjcf}, or other shapes", apart)
 
 
 def _rounded(gain: float) -> str:
@@ -190,5 +190,6 @@ def _joint_name(model: Any, joint: int) -> str:
     return str(model.joint(joint).name) if model.jnt_dofadr[joint] >= 6 else "the free joint"
 
 
-def _name(model: Any, body: int) -> str:
-    return str(model.body(body).name).removeprefix(OWN).removeprefix(HERE)
+def _name(model: Any, body: int, theirs: dict[str, str]) -> str:
+    name = str(model.body(body).name)
+    return theirs.get(name, name.removeprefix(OWN).removeprefix(HERE))

@@ -276,7 +276,9 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     sole = find_foot(model, data, chain[-1], candidates)
     if sole is None:
         geom = _name(model.geom(candidates[-1]))
-        raise ModelError(f"below joint {names[2]} all that collides lies at the joint, geom {geom} last: no foot")
+        raise ModelError(
+            f"all that collides below joint {names[2]} lies at the joint: give geom {geom}, the foot, a pos"
+        )
     at = (in_world_of(data, sole.body, sole.place) - origin) @ base
     across, upper, lower = leg @ (thigh - hip), leg @ (knee - thigh), leg @ (at - knee)
     lengths = [float(np.hypot(link[0], link[2])) for link in (upper, lower)]

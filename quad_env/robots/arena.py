@@ -96,6 +96,24 @@ def _on_our_ground(robot: Figures, _changed: int) -> Any:
     return stage
 
 
+def body_names(robot: Figures) -> dict[str, str]:
+    """Return the names that bodies have in the user's file, by those that they have on our ground.
+
+    Bodies without a name in the file, and those of robots that are not imported, are called as on our ground.
+    """
+    if not robot.imported:
+        return {}
+    _, model, found = read(robot.mjcf)
+    names = {OWN + name: name for body in found.bodies if (name := str(model.body(body).name))}
+    if root := str(model.body(found.root).name):
+        names["base_link"] = root
+    for leg in found.legs:
+        for joint, link in zip(leg.joints, LINKS, strict=True):
+            if name := str(model.body(int(model.jnt_bodyid[joint])).name):
+                names[f"{leg.name}_{link}_link"] = name
+    return names
+
+
 def overlap_remark(robot: Figures) -> str | None:
     """Return the line that names the shapes of a user's robot that overlap in its home pose; None without any."""
     import mujoco

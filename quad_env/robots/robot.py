@@ -26,11 +26,12 @@ class Robot(Figures):
         """The quadruped of an MJCF or a URDF, whatever its parts are called and in whatever order its legs are.
 
         The robot is the body with the free joint, or a URDF's root link, and all below it. A leg is a chain of three
-        hinges: about the trunk's x axis and twice about the leg's y axis; its foot is the lowest geom, of any shape,
-        that collides. Lengths, limits, torques and the way the knees bend are read from the compiled model, the home
-        pose from its keyframe or, without one, by SimpleQuad's proportions. Its joints have our servos, scaled from
-        SimpleQuad's by mass and leg length, with the least of the model's largest torques. Other hinges and slides, as
-        of an arm or of wheels on the feet, are held where the first keyframe or else `qpos0` has them, see `held`.
+        hinges: about the trunk's x axis and twice about the leg's y axis; its foot is every colliding geom of its last
+        body that can be the lowest in a stance. Lengths, limits, torques and the way the knees bend are read from the
+        compiled model, the home pose from its keyframe or, without one, by SimpleQuad's proportions. Its joints have
+        our servos, scaled from SimpleQuad's by mass and leg length, with the least of the model's largest torques.
+        Other hinges and slides, as of an arm or of wheels on the feet, are held where the first keyframe or else
+        `qpos0` has them, see `held`.
         `model_fields` lists what becomes of every other field of the model, and `describe` names what is left out.
 
         Args:

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from quad_env.robots.arena import body_names
 from quad_env.robots.collisions import HERE, OWN
 from quad_env.robots.robot import Robot
 from quad_env.robots.shapes import Floats, corners, descendants, geoms_of
@@ -16,7 +17,7 @@ HEAVY_ARMATURE = 0.1
 of the `robots` extra have at most 0.014."""
 _SMALLEST = 0.1
 """Least reach of a link that is taken, as a share of the leg's length: links without any shape have none."""
-_TINY = 1e-3
+_TINY = 5e-3
 """Moment of inertia, as a share of the robot's mass times the square of its leg's length, that changes no motion."""
 
 
@@ -50,7 +51,8 @@ def unlikely_inertias(robot: Robot) -> list[Inertia]:
         inertia = Inertia(int(body), _name(model, int(body)), moment, mass, reach)
         if moment > max(TOO_LARGE * inertia.largest, _TINY * robot.mass * robot.leg_length**2):
             found.append(inertia)
-    return found
+    names = body_names(robot) if found else {}
+    return [each._replace(name=names.get(model.body(each.body).name, each.name)) for each in found]
 
 
 def unlikely_armatures(robot: Robot) -> list[int]:

@@ -53,6 +53,22 @@ MODELS = {  # a fault, and what is named
 }
 
 
+def in_millimetres(model: str) -> str:
+    """The same model with its lengths times a thousand."""
+
+    def longer(found: re.Match[str]) -> str:
+        return f'{found[1]}="{" ".join(repr(1000.0 * float(each)) for each in found[2].split())}"'
+
+    return re.sub(r'\b(pos|size|fromto)="([^"]*)"', longer, model)
+
+
+def test_a_model_in_millimetres_is_told_so(tmp_path: Path) -> None:
+    found = finding(in_millimetres(SOUND), tmp_path)
+    assert found.result == "problem"
+    assert "a model in millimetres" in found.cause
+    assert "lengths in metres" in found.remedy
+
+
 @pytest.mark.parametrize("fault", MODELS)
 def test_a_fault_of_the_model_is_named_and_not_the_gains(fault: str, tmp_path: Path) -> None:
     model, words = MODELS[fault]
@@ -104,12 +120,24 @@ def test_a_robot_that_diverges_does_not_stand(tmp_path: Path, monkeypatch: pytes
         describe(Options(str(tmp_path / "made.xml")))
 
 
-WIDE_FEET = '<geom type="capsule" size="0.02" fromto="0 -0.19 -0.22 0 0.19 -0.22" mass="0.05"/>'
+WIDE_FEET = '<geom type="capsule" size="0.05" fromto="0 -0.19 -0.22 0 0.19 -0.22" mass="0.05"/>'
 
 
-@pytest.mark.parametrize(("foot", "count"), [(WIDE_FEET, 2), (Made().foot, 0)], ids=["wide", "usual"])
-def test_bodies_that_press_against_each_other_are_named(foot: str, count: int, tmp_path: Path) -> None:
+def with_feet(foot: str) -> str:
+    """A robot whose bodies have names, with these feet."""
+    count = iter(range(20))
+    return re.sub("<body pos", lambda _: f'<body name="part{next(count)}" pos', Made(foot=SHIN + foot).xml())
+
+
+def test_bodies_that_press_against_each_other_are_named_and_the_remedy_helps(tmp_path: Path) -> None:
     """Feet that reach across to the other side."""
-    (tmp_path / "made.xml").write_text(Made(foot=SHIN + foot).xml(), encoding="utf-8")
-    said = "".join(self_contacts(Subject(str(tmp_path / "made.xml"))))
-    assert said.count("_calf_link and ") == count
+    found = finding(with_feet(WIDE_FEET), tmp_path)
+    assert found.result == "problem"
+    assert "part2 and part5" in found.cause
+    (rules,) = re.findall("<contact>.*</contact>", found.remedy)
+    mended = with_feet(WIDE_FEET).replace("<actuator>", rules + "<actuator>")
+    assert finding(mended, tmp_path).result == "ok"
+    said = "".join(self_contacts(Subject(str(tmp_path / "mine.toml"))))
+    assert said == ""
+    finding(with_feet(WIDE_FEET), tmp_path)
+    assert "part2 and part5" in "".join(self_contacts(Subject(str(tmp_path / "mine.toml"))))

@@ -163,3 +163,12 @@ def test_every_geom_below_the_knee_is_watched_once(tmp_path: Path) -> None:
         names = [model.sensor(number).name for number in range(model.nsensor)]
         assert sum(name.startswith(f"{leg}_foot_ground") for name in names) == 4
     assert below.sum() > 16
+
+
+@pytest.mark.parametrize("shape", ["one ball", "two balls fore and aft", "box"])
+@pytest.mark.parametrize("pose", [(0.3, 0.6, -1.2, -0.3, 0.6, -1.2), (0.1, 0.5, -1.1, -0.2, 0.7, -1.3)])
+def test_the_lowest_foot_touches_in_any_home_pose(shape: str, pose: tuple[float, ...], tmp_path: Path) -> None:
+    """With hips to the side, and with legs that are bent by different angles."""
+    model = Made(order=("fl", "fr", "hl", "hr"), foot=SHIN + FEET[shape][0]).xml()
+    robot = robot_of_text(tmp_path, model, home_pose=2 * pose)
+    assert min(lowest(robot, robot.home_height)) == pytest.approx(0.0, abs=3e-4)
