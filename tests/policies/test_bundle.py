@@ -284,8 +284,12 @@ def test_description_that_is_no_description_is_refused(folder, content):
     damaged(folder, lambda f: (f / DESCRIPTION).write_text(content, encoding="utf-8"))
 
 
-def test_path_without_a_bundle_is_answered_with_the_names(tmp_path):
+def test_what_is_no_policy_is_answered_with_the_names_and_a_missing_path_as_such(tmp_path):
     with pytest.raises(policies.PolicyError, match="document_repaired"):
+        policies.resolve("nothing")
+    with pytest.raises(
+        policies.PolicyError, match=f"there is no file or folder {re.escape(str(tmp_path / 'nothing'))}"
+    ):
         policies.resolve(str(tmp_path / "nothing"))
     with pytest.raises(policies.PolicyError, match=DESCRIPTION):
         policies.resolve(tmp_path)
