@@ -7,6 +7,7 @@ that is no longer found fails, too: change the pattern with the page.
 import importlib
 import math
 import re
+import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -29,7 +30,7 @@ from policies.behaviour.transitions import TIME_LIMIT
 from quad_env import SIMPLE_QUAD, CommandRanges, FallRule, RewardWeights, TaskConfig
 from quad_env.envs.home_pose import AUTHORITY
 from quad_env.scenarios.named import STEADY
-from tests.test_docs import PAGES, help_of, named_by
+from tests.test_docs import PAGES, help_of, named_by, table
 from train import config, curriculum
 from train.sb3 import callbacks
 from train.search import trials
@@ -278,6 +279,13 @@ def test_an_option_that_is_named_exists(page: str, options: frozenset[str]) -> N
     others = {"--help", "--help-all", "--keep-going", "--rewards.height-above-ground"}  # the last is an example
     named = {option for text in code(page) for option in re.findall(r"(?<![\w-])--[a-z][\w.-]*", text)}
     assert named - options - others == set()
+
+
+def test_every_extra_has_its_row() -> None:
+    rows = table("| extra | for |", "docs/install.md")
+    shown = [name.strip(" `") for names, _ in rows for name in names.split(",")]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert sorted(shown) == sorted(project["optional-dependencies"])
 
 
 def test_every_weight_has_a_reward_term_of_its_name() -> None:

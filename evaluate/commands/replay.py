@@ -48,7 +48,7 @@ class Options:
     episode: Annotated[int | None, tyro.conf.Positional, tyro.conf.arg(metavar="EPISODE")] = None
     """Row of episodes.parquet, counted from 0; with --policy or --scenario, the number in its column `episode`."""
     failed: Flag = False
-    """List the failed episodes instead, those of --policy and --scenario if given: row, when, outcome and cause."""
+    """List the failed episodes instead, of a policy or scenario if one is named: row, time, outcome and cause."""
     policy: str | None = None
     """Policy whose episode it is; may be left out where there is only one."""
     scenario: str | None = None
