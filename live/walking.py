@@ -27,6 +27,8 @@ WALKER = "trot_feedback"
 """It walks on every robot that has a name here, without a search."""
 COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
 """Of SimpleQuad: m/s and rad/s; scaled to the size of other robots."""
+OWN_DAMPING = 0.05
+"""Least share of the servos' damping from which on that of the joints themselves is told."""
 NAME_ANOTHER = "name an existing policy: python -m quad_env policies"
 SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
@@ -129,9 +131,10 @@ def understood(described: PolicyDescription, robot: Robot) -> Iterator[str]:
     yield f"rate    {described.control_rate:g} Hz"
     yield f"joints  {order_of(described.joints, robot)}: {' '.join(described.joints)}"
     scale = _numbers(dict.fromkeys(described.action_scale))
-    yield f"servos  {with_gains(robot, described).servo}; an action of 1 is {scale} rad"
-    if robot.joint_damping_line:
-        yield f"        {robot.joint_damping_line}"
+    commanded = with_gains(robot, described)
+    matters = bool((robot.joint_damping > OWN_DAMPING * commanded.servo_damping).any())
+    own = f"; {robot.joint_damping_line}" if matters else ""
+    yield f"servos  {commanded.servo}; an action of 1 is {scale} rad{own}"
     yield f"reads   {', '.join(map(_words, described.terms))}"
     yield from (f"open    {remark}" for remark in described.remarks)
 

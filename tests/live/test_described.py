@@ -7,11 +7,13 @@ import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
 from live.commands.doctor import OF_DESCRIPTION
+from live.walking import understood
 from policies.foreign import mistakes
 from policies.foreign.description import PolicyDescription
 from policies.foreign.readers import write_toml
 from quad_env.__main__ import main
 from quad_env.doctor.check import Finding, Subject, examine
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.policies.foreign import walking_network
 
 
@@ -39,6 +41,13 @@ def test_what_was_understood_is_shown(policy: PolicyDescription) -> None:
     assert joints.startswith("joints  FR FL RR RL by kind: fr_hip_joint fl_hip_joint hr_hip_joint")
     assert servos == "servos  300 N·m/rad and 10 N·m·s/rad; an action of 1 is 0.25 rad"
     assert terms.startswith("reads   linear_velocity 3 × 2, angular_velocity 3 × 0.25, projected_gravity 3, command 3")
+
+
+def test_the_joints_own_damping_is_told_beside_small_gains(policy: PolicyDescription) -> None:
+    """SimpleQuad's joints have 0.2 N·m·s/rad of their own, next to nothing beside the described 10."""
+    soft = replace(policy, damping=tuple(0.5 for _ in policy.joints))
+    lines = [line for each in (policy, soft) for line in understood(each, SIMPLE_QUAD) if line.startswith("servos")]
+    assert ["the joints' own damping of 0.2 N·m·s/rad" in line for line in lines] == [False, True]
 
 
 def test_the_mistake_is_the_cause(policy: PolicyDescription) -> None:
