@@ -7,7 +7,7 @@ import numpy as np
 from quad_env.robots.arena import body_names
 from quad_env.robots.collisions import HERE, OWN
 from quad_env.robots.robot import Robot
-from quad_env.robots.shapes import Floats, corners, descendants, geoms_of
+from quad_env.robots.shapes import Floats, corners, descendants, geoms_of, rotation_of, welded
 
 TOO_LARGE = 10.0
 """Least ratio of a moment of inertia to mass times the square of the link's reach that is named; a point mass at the
@@ -63,11 +63,27 @@ def unlikely_armatures(robot: Robot) -> list[int]:
 
 
 def _reach(model: Any, body: int) -> float:
-    """Distance from the centre of mass of a body to the farthest point of its shapes, and to its joints, m."""
-    points: list[Floats] = [corners(model, geom) for geom in geoms_of(model, [body])]
-    points.append(np.zeros((1, 3)))
-    points.append(model.body_pos[np.flatnonzero(model.body_parentid == body)])
-    return float(np.linalg.norm(np.concatenate(points) - model.body_ipos[body], axis=1).max())
+    """Distance from the centre of mass of a body to the farthest point of its rigid assembly, m.
+
+    The assembly is the body and all bodies that are welded to it, with their shapes and the origins of the bodies below
+    them: in many files a link carries the mass, and the links around it the shapes.
+    """
+    points: list[Floats] = []
+    for each in welded(model, body):
+        below = model.body_pos[np.flatnonzero(model.body_parentid == each)]
+        own = [np.zeros((1, 3)), below, *(corners(model, geom) for geom in geoms_of(model, [each]))]
+        points.append(_in_assembly(model, each, np.concatenate(own)))
+    centre = _in_assembly(model, body, model.body_ipos[body])
+    return float(np.linalg.norm(np.concatenate(points) - centre, axis=1).max())
+
+
+def _in_assembly(model: Any, body: int, points: Floats) -> Floats:
+    """Points of a body's frame, (..., 3), in the frame of the first body of its rigid assembly, m."""
+    first = int(model.body_weldid[body])
+    while body != first:
+        points = model.body_pos[body] + points @ rotation_of(model.body_quat[body]).T
+        body = int(model.body_parentid[body])
+    return points
 
 
 def _name(model: Any, body: int) -> str:

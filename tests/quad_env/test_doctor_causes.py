@@ -13,7 +13,7 @@ from quad_env.doctor.standing import stands
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.robots.robot import Robot
 from tests.quad_env.robots.made import Made
-from tests.quad_env.robots.test_model_files import SHIN
+from tests.quad_env.robots.test_model_files import SHIN, robot_of_text
 
 FOOT = SHIN + Made().foot
 SOUND = Made(foot=FOOT).xml()
@@ -141,3 +141,16 @@ def test_bodies_that_press_against_each_other_are_named_and_the_remedy_helps(tmp
     assert said == ""
     finding(with_feet(WIDE_FEET), tmp_path)
     assert "part2 and part5" in "".join(self_contacts(Subject(str(tmp_path / "mine.toml"))))
+
+
+def test_a_link_that_has_the_mass_of_shapes_around_it_is_believed(tmp_path: Path) -> None:
+    """As in ANYmal's URDF: the mass is that of a link without shapes, which is fixed to the trunk, turned."""
+    trunk = '<inertial pos="0 0 0" mass="6.0" diaginertia="0.05 0.1 0.1"/>'
+    weight = '<body name="weight" pos="0.02 0 0.01" euler="0 0 90">'
+    moved = f'{weight}<inertial pos="0 0 0" mass="6.0" diaginertia="0.2 0.1 0.2"/></body>'
+    model = Made().xml()
+    assert trunk in model
+    sound = model.replace(trunk, moved)
+    assert not [line for line in text(robot_of_text(tmp_path, sound)) if "moment of inertia" in line]
+    wrong = sound.replace("0.2 0.1 0.2", "100 100 100")
+    assert [line for line in text(robot_of_text(tmp_path, wrong)) if "weight has a moment of inertia of 100" in line]
