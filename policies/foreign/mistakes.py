@@ -90,6 +90,7 @@ class Correction:
 
 DOUBTS = {
     ACTIONS: 0.25,
+    SIGNS: 0.1,
     PREVIOUS: 0.2,
     POSITIONS: 0.2,
     OBSERVED: 0.3,
@@ -100,6 +101,8 @@ DOUBTS = {
 }
 """Of corrections by mistake: smaller actions and other servos, rates and clocks make walks bearable that something else
 is the cause of; terms in another order do where the network hardly needs them."""
+MIRRORED_DOUBT = 0.4
+"""Added where the default position turns with the signs: that makes another walk of the same network."""
 ROBOTS_DOUBT = 0.1
 """Added for the robot's own gains, which often suit a policy as well as its own."""
 
@@ -374,7 +377,8 @@ def _with_other_signs(described: PolicyDescription, robot: Robot) -> Iterator[Co
         default = tuple((turns * described.default_position + 0.0).tolist())
         offset = described.action_offset and tuple((turns * described.action_offset + 0.0).tolist())
         both = replace(alone, default_position=default, action_offset=offset)
-        yield Correction(SIGNS, f"{words}, default position too", f"`signs` and `default_position` of {which}", both)
+        words, keys = f"{words}, default position too", f"`signs` and `default_position` of {which}"
+        yield Correction(SIGNS, words, keys, both, MIRRORED_DOUBT)
 
 
 def _with_other_gains(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
