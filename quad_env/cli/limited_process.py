@@ -131,7 +131,8 @@ def read_limited(function: Callable[[Path], Any], file: Path, *, again: bool = T
 
 def _limit(variable: str, otherwise: int) -> int:
     given = os.environ.get(variable, "")
-    return int(given) if given.isascii() and given.isdigit() and 0 < len(given) < 8 else otherwise
+    number = int(given) if given.isascii() and given.isdigit() and len(given) < 8 else 0
+    return number or otherwise
 
 
 class _Process:

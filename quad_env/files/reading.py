@@ -27,7 +27,8 @@ _NETWORK_MIB = 128
 def largest_network() -> int:
     """Return the size of the largest file that is read as the network of a policy, byte."""
     given = os.environ.get(NETWORK_LIMIT, "")
-    return (int(given) if given.isascii() and given.isdigit() and len(given) < 10 else _NETWORK_MIB) * 2**20
+    number = int(given) if given.isascii() and given.isdigit() and len(given) < 10 else 0
+    return (number or _NETWORK_MIB) * 2**20
 
 
 def read_bytes(path: Path, limit: int = TEXT) -> bytes:

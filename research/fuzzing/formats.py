@@ -153,8 +153,8 @@ def _graph(folder: Path, rng: Rng) -> Path:
             case 0:
                 node.op_type = _OPERATORS[rng.integers(len(_OPERATORS))]
             case 1:
-                del node.input[rng.integers(len(node.input)) :]
-            case 2 if graph.input:
+                del node.input[rng.integers(len(node.input) + 1) :]
+            case 2 if _has_shape(graph):
                 sizes = graph.input[0].type.tensor_type.shape.dim
                 sizes[rng.integers(len(sizes))].dim_value = int(rng.choice([0, 1, -1, 12, 2**31, 2**40]))
             case 3 if graph.input:
@@ -172,12 +172,14 @@ def _graph(folder: Path, rng: Rng) -> Path:
                 graph.input[0].type.tensor_type.elem_type = int(rng.integers(20))
             case _:
                 graph.node.add().CopyFrom(node)
-        if not graph.input or not len(graph.input[0].type.tensor_type.shape.dim):
-            break
     content = model.SerializeToString()
     file = folder / "policy.onnx"
     file.write_bytes(mutate_bytes(content, rng) if rng.random() < _SHARE_OF_BYTES else content)
     return file
+
+
+def _has_shape(graph: Any) -> bool:
+    return bool(graph.input and graph.input[0].type.tensor_type.shape.dim)
 
 
 def _read_graph(file: Path) -> None:

@@ -1,6 +1,7 @@
 """Files made to hang, to fill the memory or to raise: each ends in one line, in a bounded processor time."""
 
 import re
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -17,6 +18,7 @@ from policies.base import PolicyError
 from policies.foreign.description import MAX_OBSERVATION, PolicyDescription, Term
 from policies.foreign.readers import name_patterns, read
 from policies.foreign.readers.settings import load
+from policies.foreign.reference import checked
 from quad_env.files.reading import NETWORK_LIMIT
 from quad_env.files.text import brief
 
@@ -319,3 +321,18 @@ def test_random_bytes_are_refused(tmp_path: Path) -> None:
             file.write_bytes(rng.bytes(int(rng.integers(1, 300))))
             with suppress(PolicyError):
                 assert read(file) is None  # an ONNX file without a description
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux and macOS limit processor time")
+def test_a_file_of_many_slow_patterns_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each takes a bounded time, and all of them more than the process has that reads them."""
+    monkeypatch.setenv("QUAD_ENV_READ_TIME", "1")
+    network(tmp_path)
+    patterns = {f"(.*){{1000}}{'(.*)*' * 30}.{{{number % 5}}}(x|.{{{number}}}|.*)": 0.0 for number in range(2000)}
+    changed = replaced(files.env(), "scene/robot/init_state/joint_pos", patterns)
+    file = written(tmp_path / "params/env.yaml", changed)
+    began = time.process_time()
+    with pytest.raises(PolicyError, match="it takes more than 1 s of processor time") as error:
+        checked(file, trust=False)
+    assert str(error.value).startswith(f"{file}: ")
+    assert time.process_time() - began < PATIENCE
