@@ -30,6 +30,9 @@ COMMANDS = {
     "search": Command("research.training.search", "parameters of policies with feedback, searched by CMA-ES"),
     "curves": Command("research.training.curves", "learning curves of runs as a picture, with a band over seeds"),
     "ablations": Command("research.training.ablations", "the effect of each choice of the training"),
+    "sb3-block": Command(
+        "research.training.sb3_block", "the README's block for SB3, run with several seeds and evaluated"
+    ),
     "publish": Command("research.training.publish", "finished runs evaluated, and that of seed 0 shipped"),
 }
 PROGRAM = Program("python -m research", COMMANDS)
