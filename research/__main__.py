@@ -32,6 +32,9 @@ COMMANDS = {
     "ablations": Command("research.training.ablations", "the effect of each choice of the training"),
     "fuzz": Command("research.fuzzing.run", "readers of other people's files, on mutated files"),
     "seal": Command("research.training.seal", "digests of the descriptions of older trained policies"),
+    "sb3-block": Command(
+        "research.training.sb3_block", "the README's block for SB3, run with several seeds and evaluated"
+    ),
     "publish": Command("research.training.publish", "finished runs evaluated, and that of seed 0 shipped"),
 }
 PROGRAM = Program("python -m research", COMMANDS)

@@ -1,5 +1,7 @@
 """README and docs run and render: Python blocks as they stand, commands by their options, tables by the code.
 
+Of a block that trains for minutes the number of steps alone is another, see `shortened`.
+
 Of blocks of commands those of the tutorial are run (`test_tutorial.py`). The others take minutes to hours, install
 packages: what is looked at are their commands and options. Blocks that are files of one folder, with
 a name in a comment on their first line, are run there too.
@@ -86,7 +88,15 @@ def test_python_block_runs_as_it_stands(block: str, tmp_path: Path, monkeypatch:
     monkeypatch.setattr("quad_env.scenarios.axes.AXES", dict(AXES))  # one of the blocks adds an axis
     if "stable_baselines3" in block:
         importlib.import_module("torch").set_num_threads(1)  # more make networks of this size slower
-    exec(compile(block, "block", "exec"), {"__name__": "__main__"})
+    exec(compile(shortened(block), "block", "exec"), {"__name__": "__main__"})
+
+
+def shortened(block: str) -> str:
+    """The block, but a training of 100,000 steps or more ends after its first rollout and update.
+
+    `python -m research sb3-block` runs such a block in full; tests/research/test_sb3_block.py compares its record.
+    """
+    return re.sub(r"\.learn\([\d_]{6,}\)", ".learn(1)", block)
 
 
 def named_by(package: str) -> list[str]:

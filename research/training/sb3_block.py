@@ -1,0 +1,196 @@
+"""The README's block for Stable-Baselines3, run as printed and evaluated: `python -m research sb3-block`.
+
+The block runs once for each seed, in place of the one in its line `seed = 0`. Its models and a standing robot walk the
+same held-out episodes, those of `python -m evaluate`.
+"""
+
+import contextlib
+import hashlib
+import json
+import re
+import runpy
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import policies
+from evaluate.measures.metrics import measure
+from evaluate.measures.outcomes import SUCCESS_RULE
+from evaluate.records.provenance import versions
+from evaluate.rollouts.rollout import run
+from evaluate.statistics.intervals import wilson_interval
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.format import number, share
+from quad_env.files.writing import make_writable_folder, write_atomically
+from quad_env.scenarios.named import scenario
+from quad_env.seeding import episode_seeds
+from research.pages import markdown
+from research.pages.places import insert, page_with
+
+PLACE = "sb3"
+"""Name of the place in the page that gets the figures."""
+SEED_LINE = "seed = 0\n"
+"""Line of the block that holds the seed."""
+LEARN = re.compile(r"\.learn\(([\d_]+)\)")
+"""Call in the block that names the number of training steps."""
+MODEL = "mine.zip"
+"""File that the block saves its model in."""
+STANDING = "stand"
+"""Policy that the models are compared with."""
+SCENARIOS = "flat=1", "flat"
+"""Scenarios of the evaluation: the one trained on, and the usual commands up to 1.5 m/s."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Run the README's block for Stable-Baselines3 and evaluate what it trains."""
+
+    seeds: tuple[int, ...] = (0, 1, 2)
+    """Seeds to train with."""
+    episodes: int = 96
+    """Evaluation episodes of 10 s of each policy on each scenario (count)."""
+    page: Path = Path("README.md")
+    """Page with the block and with the lines `<!-- sb3 -->` and `<!-- /sb3 -->`, between which the figures go."""
+    record: Path = Path("docs/results/sb3_block.json")
+    """File for the figures (JSON); replaced if there."""
+    out: Path = Path("results/sb3_block")
+    """Folder for the models, one folder for each seed."""
+
+
+def main(options: Options) -> int:
+    """Train, evaluate, and write the record and the page; the exit code. Raises UsageError."""
+    check_numbers(options, {"episodes": (1, 1_000_000)})
+    if len(set(options.seeds)) < max(len(options.seeds), 1) or min(options.seeds) < 0:
+        raise UsageError(f"--seeds: whole numbers from 0, none twice, at least one; got {options.seeds}")
+    text = page_with(options.page, PLACE)
+    block = find_block(text)
+    trained = [train(block, seed, options.out / f"seed-{seed}") for seed in options.seeds]
+    record = {
+        "block_sha256": digest(block),
+        "steps": steps_of(block),
+        "episodes": options.episodes,
+        "success_rule": SUCCESS_RULE,
+        "versions": {name: versions()[name] for name in ("python", "mujoco", "numpy", "gymnasium")},
+        "standing": evaluate(STANDING, options.episodes),
+        "seeds": trained,
+    }
+    for entry in trained:
+        entry["scenarios"] = evaluate(str(options.out / f"seed-{entry['seed']}" / MODEL), options.episodes)
+        print(entry, flush=True)
+    write_atomically(options.record, (json.dumps(record, indent=2) + "\n").encode())
+    lines = figures(record)
+    write_atomically(options.page, insert(text, lines, PLACE).encode())
+    print("\n".join(lines))
+    return 0
+
+
+def find_block(text: str) -> str:
+    """Return the page's Python block that learns with Stable-Baselines3. Raises UsageError."""
+    blocks = re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    found = [block for block in blocks if "stable_baselines3" in block]
+    if len(found) != 1 or found[0].count(SEED_LINE) != 1 or len(LEARN.findall(found[0])) != 1:
+        raise UsageError(
+            f"the page needs one block with stable_baselines3, one line {SEED_LINE.strip()!r} and one .learn(STEPS), "
+            f"got {len(found)} blocks"
+        )
+    return str(found[0])
+
+
+def steps_of(block: str) -> int:
+    """Return the number of training steps that the block names."""
+    return int(LEARN.findall(block)[0].replace("_", ""))
+
+
+def digest(block: str) -> str:
+    """Return the SHA-256 of the block, by which figures of another block are told apart."""
+    return hashlib.sha256(block.encode()).hexdigest()
+
+
+def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
+    """Run the block with that seed in that folder; its seed and its processor time, minutes."""
+    make_writable_folder(folder)
+    script = folder / "block.py"
+    write_atomically(script, block.replace(SEED_LINE, f"seed = {seed}\n").encode())
+    begin = time.process_time()
+    with contextlib.chdir(folder):
+        runpy.run_path(script.name, run_name="__main__")
+    return {"seed": seed, "minutes": round((time.process_time() - begin) / 60.0, 2)}
+
+
+def evaluate(policy: str, episodes: int) -> dict[str, dict[str, float]]:
+    """Walk the first held-out episodes of seed 0; successes, falls and errors of each scenario.
+
+    Args:
+        policy: Name, or path of a model.
+        episodes: Number of episodes of each scenario.
+
+    Returns:
+        Scenario -> name of the figure -> value.
+    """
+    found = {}
+    for name in SCENARIOS:
+        seeds = episode_seeds("evaluation", 0, episodes)
+        measures = measure(run(policies.resolve(policy, trust=True), scenario(name), seeds))
+        found[name] = {
+            "successes": int(measures.succeeded.sum()),
+            "falls": int(measures.fell.sum()),
+            "velocity_error": round(float(measures.velocity_error.mean()), 4),
+        }
+    return found
+
+
+def figures(record: Mapping[str, Any]) -> list[str]:
+    """Return the table of a record and what it was made with, in lines of Markdown."""
+    heads = {"seed": "seed", "minutes": "processor time, min"}
+    heads |= {name: f"success, `{name}`" for name in SCENARIOS}
+    heads["falls"] = f"falls, `{SCENARIOS[0]}`"
+    rows = [
+        _row(str(entry["seed"]), number(entry["minutes"], 1), entry["scenarios"], record) for entry in record["seeds"]
+    ]
+    rows.append(_row("action 0, which stands", "–", record["standing"], record))
+    seeds = " ".join(str(entry["seed"]) for entry in record["seeds"])
+    made = record["versions"]
+    return [
+        f"{record['steps']:,} steps for each seed, then {record['episodes']} held-out episodes on the usual physics "
+        f"({_commands(SCENARIOS[0])}; {_commands(SCENARIOS[1])}):",
+        "",
+        *markdown.table(heads, rows).splitlines(),
+        "",
+        f"`python -m research sb3-block --seeds {seeds} --episodes {record['episodes']}`; success by "
+        f"`{record['success_rule']}`; MuJoCo {made['mujoco']}, Python {made['python']}.",
+    ]
+
+
+def _row(
+    name: str, minutes: str, scenarios: Mapping[str, Mapping[str, float]], record: Mapping[str, Any]
+) -> dict[str, str]:
+    """Return the cells of one policy by column."""
+    count = record["episodes"]
+    successes = {
+        each: share(scenarios[each]["successes"] / count, wilson_interval(scenarios[each]["successes"], count))
+        for each in SCENARIOS
+    }
+    return {"seed": name, "minutes": minutes, **successes, "falls": str(scenarios[SCENARIOS[0]]["falls"])}
+
+
+def _commands(name: str) -> str:
+    """Say which commands a scenario draws."""
+    ranges = scenario(name).commands
+    low, high = ranges.forward
+    return (
+        f"`{name}`: {number(low, 2)} … {number(high, 2)} m/s forward, ±{number(ranges.lateral[1], 2)} m/s sideways, "
+        f"±{number(ranges.yaw_rate[1], 2)} rad/s"
+    )
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Return the figures in a file of this command."""
+    return dict(json.loads(path.read_bytes()))
+
+
+def lowest_success(record: Mapping[str, Any], name: str) -> float:
+    """Return the lowest share of success over the seeds on a scenario, 0 … 1."""
+    entries: Sequence[Mapping[str, Any]] = record["seeds"]
+    return min(entry["scenarios"][name]["successes"] for entry in entries) / float(record["episodes"])
