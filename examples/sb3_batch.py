@@ -5,6 +5,7 @@ Needs `pip install -e ".[train]"`. A robot walks after 3 million steps, the defa
 """
 
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import torch
@@ -35,7 +36,13 @@ def main(steps: int = 3_000_000, robots: int = 256, seed: int = 0, out: Path = P
     counted = RecordEpisodeStatistics(VectorHomePoseActions(vec, authority=0.5))
     env = TrainingVecEnv(counted, seeds=range(1000 * seed, 1000 * seed + robots), reward_scale=10.0)
     network = {"log_std_init": -2.0, "net_arch": [128, 128], "activation_fn": torch.nn.ELU}
-    settings = {"n_steps": 32, "batch_size": 8 * robots, "n_epochs": 5, "gamma": 0.98, "policy_kwargs": network}
+    settings: dict[str, Any] = {
+        "n_steps": 32,
+        "batch_size": 8 * robots,
+        "n_epochs": 5,
+        "gamma": 0.98,
+        "policy_kwargs": network,
+    }
     model = PPO("MlpPolicy", env, falling_rate, **settings, seed=seed, device="cpu", verbose=1)
     model.learn(steps, log_interval=10)
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -193,4 +193,5 @@ def read_record(path: Path) -> dict[str, Any]:
 def lowest_success(record: Mapping[str, Any], name: str) -> float:
     """Return the lowest share of success over the seeds on a scenario, 0 … 1."""
     entries: Sequence[Mapping[str, Any]] = record["seeds"]
-    return min(entry["scenarios"][name]["successes"] for entry in entries) / float(record["episodes"])
+    fewest = min(int(entry["scenarios"][name]["successes"]) for entry in entries)
+    return fewest / int(record["episodes"])
