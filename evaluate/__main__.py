@@ -40,7 +40,7 @@ MOVED["rescore"] = "gone, with --trace: `python -m evaluate report FOLDER --succ
 MOVED["merge"] = (
     "not there: runs are not merged, and `python -m evaluate compare A B` ranks the policies of two together"
 )
-"""Where commands of older versions are, and what to do instead of one that is missed."""
+"""New places of commands of older versions, and replacements of removed ones."""
 
 
 def compare(words: list[str]) -> int:

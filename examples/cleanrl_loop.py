@@ -11,9 +11,9 @@ from torch import nn
 from quad_env import RewardWeights, TaskConfig, VectorHomePoseActions
 
 REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, foot_air_time=10.0, fall=-5.0)
-"""With a slope far from the command, where the default rewards are flat."""
+"""Reward weights with a slope far from the command, where the default rewards are flat."""
 TASK = TaskConfig(timestep=0.005, solver_iterations=4, reward_weights=REWARDS)
-"""Coarse and fast physics; evaluations have the robot's own."""
+"""Task with coarse and fast physics; evaluations use the robot's own physics."""
 
 
 def main(steps: int = 500_000, robots: int = 64, horizon: int = 32, seed: int = 0) -> None:

@@ -17,13 +17,13 @@ from quad_env import RewardWeights, TaskConfig, VectorHomePoseActions
 from train.sb3.vec_env import TrainingVecEnv
 
 REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, foot_air_time=10.0, fall=-5.0)
-"""With a slope far from the command, where the default rewards are flat."""
+"""Reward weights with a slope far from the command, where the default rewards are flat."""
 TASK = TaskConfig(timestep=0.005, solver_iterations=4, reward_weights=REWARDS)
-"""Coarse and fast physics; evaluations have the robot's own."""
+"""Task with coarse and fast physics; evaluations use the robot's own physics."""
 
 
 def falling_rate(remaining: float) -> float:
-    """Return the learning rate at that remaining share of the run."""
+    """Return the learning rate at a remaining share of the run."""
     return 1e-3 * max(remaining, 0.05)
 
 

@@ -1,8 +1,8 @@
 """Stable-Baselines3's PPO on single environments, then evaluated: `python examples/sb3_home_pose.py`.
 
-Needs `pip install -e ".[train]"`. Plain PPO explores about 0 at unit size: as joint angles, rad, no robot stands so; as
-shares of 0.5 rad about the home pose it does. The saved model says what its actions stand for. This shows the way
-through SB3's own wrappers: 200,000 steps do not make a robot walk. `sb3_batch.py` makes one walk.
+Needs `pip install -e ".[train]"`. Plain PPO explores about 0 at unit size: a robot cannot stand with these joint angles
+in rad. It can with actions as shares of 0.5 rad about the home pose. The saved model contains the meaning of its
+actions. This example shows SB3's own wrappers: 200,000 steps do not make a robot walk. `sb3_batch.py` makes one walk.
 """
 
 from pathlib import Path
@@ -17,11 +17,11 @@ from evaluate.__main__ import main as evaluate
 from quad_env import HomePoseActions, RewardWeights, TaskConfig
 
 REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, foot_air_time=10.0, fall=-5.0)
-"""With a slope far from the command, where the default rewards are flat."""
+"""Reward weights with a slope far from the command, where the default rewards are flat."""
 
 
 def robot() -> HomePoseActions:
-    """Return a robot on flat ground, with commands up to 1 m/s, whose actions are shares of 0.5 rad."""
+    """Return a robot on flat ground, commands up to 1 m/s, with actions as shares of 0.5 rad."""
     task = TaskConfig(reward_weights=REWARDS)
     return HomePoseActions(gym.make("quad_env:SimpleQuad-v0", scenario="flat=1", config=task), authority=0.5)
 

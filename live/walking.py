@@ -28,7 +28,7 @@ WALKER = "trot_feedback"
 COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
 """Of SimpleQuad: m/s and rad/s; scaled to the size of other robots."""
 OWN_DAMPING = 0.05
-"""Least share of the servos' damping from which on that of the joints themselves is told."""
+"""Least ratio of the joints' own damping to the servos' that is reported."""
 NAME_ANOTHER = "name an existing policy: python -m quad_env policies"
 SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
@@ -105,7 +105,7 @@ def description(subject: Subject) -> Finding:
 
 
 def _without_description(subject: Subject) -> Finding:
-    """Whether a policy that says nothing of its observation walks on this environment's."""
+    """Return whether a policy without a description of its observation walks on this environment's."""
     found = _walks(subject)
     if not (seen := diagnosis.faults(found)):
         return NO_DESCRIPTION

@@ -56,7 +56,7 @@ def _loaded(folder: str | Path, robot: Robot, control_period: float, late: int, 
 
 
 def is_missing(name: str, robot: Robot) -> bool:
-    """Whether `name` is a trained policy that has no bundle for this robot."""
+    """Return whether `name` is a trained policy without a bundle for this robot."""
     return name in TRAINED and not (shipped.folder_of(robot) / name).is_dir()
 
 

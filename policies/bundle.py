@@ -30,7 +30,7 @@ from quad_env.robots.robot import Robot
 BEST = "best"
 """Folder of a training run that holds its bundle."""
 LARGEST_DESCRIPTION = 2**22
-"""Most bytes of a `policy.json`; those of this project have 20 thousand."""
+"""Bytes. Largest size of a `policy.json`; those of this project have 20 thousand."""
 
 
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:

@@ -106,7 +106,7 @@ def digest_of(description: Mapping[str, Any]) -> str:
 
 
 def check_unaltered(place: Path, content: bytes) -> None:
-    """Raise PolicyError unless a description is as it was written; older ones have no digest of it."""
+    """Raise PolicyError for a description altered since it was written; older descriptions have no digest."""
     found = parse_json(content)
     if found.get(DIGEST) not in (None, digest_of(found)):
         fail(place, f"{DESCRIPTION} is not as it was written ({DIGEST} differs)")

@@ -51,9 +51,9 @@ class History(Memory):
         self._new |= mask
 
     def take_over(self, mask: NDArray[np.bool_], other: "History") -> None:
-        """Go on where the mask, (n,), is true with the robots of another history, as many as these.
+        """Copy the frames of another history of the same size where the mask, (n,), is true.
 
-        The newest frame of each history is at a place of its own.
+        Each history has its own index of the newest frame.
         """
         super().take_over(mask, other)
         self._past[:, mask] = np.roll(other._past, self._now - other._now, axis=0)

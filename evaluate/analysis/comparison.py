@@ -30,7 +30,7 @@ METRICS = (*RATES, *ERRORS)
 SIGNIFICANT = 0.05
 """Level below which a corrected p-value counts as a difference."""
 NO_INTERVAL: Interval = (np.nan, np.nan)
-"""Interval of what has none, such as the difference of episodes that are the same to the bit."""
+"""Interval of a quantity without one, such as the difference of bit-identical episodes."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Comparison:
     p_value_holm: float
     """Corrected for its family (see `compare`)."""
     identical: bool = False
-    """Whether every measure of every episode is the same to the bit: the difference is 0 and has no interval."""
+    """Whether every measure of every episode is bit-identical: the difference is 0 and has no interval."""
 
 
 def compare(
@@ -94,7 +94,7 @@ def compare_pair(a: Cell, b: Cell, metrics: Sequence[str] = METRICS) -> Iterator
 
 
 def is_identical(a: Cell, b: Cell) -> bool:
-    """Whether every measure of every episode of two cells is the same to the bit."""
+    """Return whether every measure of every episode of two cells is bit-identical."""
     if not np.array_equal(a.seeds, b.seeds):
         return False
     pairs = [(a.fall_reason, b.fall_reason), (a.failure, b.failure)]
@@ -159,9 +159,14 @@ class MetricDifference:
 def differences_of(
     a: Mapping[str, Floats], b: Mapping[str, Floats], *, identical: bool = False
 ) -> Iterator[MetricDifference]:
-    """Every metric and every figure of effort that both runs have, from its value in each of the same episodes, (n,),
-    as of `by_episode` and `effort_by_episode`; episodes without one are left out. `identical` as of
-    `paired_difference`."""
+    """Compare every metric and every effort figure that both runs have, over the same episodes.
+
+    Args:
+        a: Metric or figure -> value of each episode, (n,), as of `by_episode` and `effort_by_episode`; NaN episodes are
+            left out.
+        b: The same of the other run.
+        identical: Whether all measures of these episodes are bit-identical.
+    """
     for metric in (metric for metric in (*METRICS, *EFFORT) if metric in a and metric in b):
         known = ~(np.isnan(a[metric]) | np.isnan(b[metric]))
         if known.any():

@@ -23,8 +23,9 @@ class RankCorrelation:
     correlation: float
     """Kendall's tau-b of the scores: 1 for the same order, −1 for the opposite one."""
     ci: Interval
-    """95 %, bootstrap over the episodes, each with all policies and scenarios of both runs; widened to hold the
-    correlation, which resampled rankings may all fall short of."""
+    """95 % bootstrap interval over the episodes, each with all policies and scenarios of both runs; widened to include
+    the correlation, since all resampled rankings may fall short of it.
+    """
 
     def lines(self) -> Iterator[str]:
         """The answer, `in part` where the same order lies beyond the interval, and both rankings."""

@@ -30,20 +30,22 @@ class Neighbours:
     deviation: float
     """Standard deviation of that difference from episode to episode."""
     ci: Interval
-    """95 %, over the episodes, each with all of its scenarios: bootstrap, of yes-or-no differences Tango's; NaN where
-    the two are identical."""
+    """95 % interval over the episodes, each with all of its scenarios: bootstrap, or Tango's for yes-or-no differences;
+    NaN where the two are identical.
+    """
     p_value: float
     """Paired sign-flip permutation, of yes-or-no differences exact McNemar."""
     p_value_holm: float = np.nan
     """Corrected together with every other claim, see `claims`."""
     needed: float = np.nan
-    """Episodes that would distinguish the two, see `episodes_needed`; NaN where they are distinguished, infinite where
-    they are identical."""
+    """Episodes that would distinguish the two, see `episodes_needed`; NaN if they are distinguished, infinite if
+    identical.
+    """
     better_on: tuple[str, ...] = ()
     worse_on: tuple[str, ...] = ()
     """Scenarios that show by themselves that `better` is better, and that `worse` is."""
     identical: bool = False
-    """Whether all episodes of the two are the same to the bit: the difference is 0 and has no interval."""
+    """Whether all episodes of the two are bit-identical: the difference is 0 and has no interval."""
 
     @property
     def distinguished(self) -> bool:
@@ -79,7 +81,7 @@ def ranking(counted: Counted, places: Sequence[ParetoPoint], *, hardware: bool =
 
 
 def _identical(better: str, worse: str) -> Neighbours:
-    """Neighbours whose episodes are the same to the bit."""
+    """Return the comparison of two neighbours with bit-identical episodes."""
     return Neighbours(better, worse, 0.0, 0.0, NO_INTERVAL, 1.0, identical=True)
 
 

@@ -35,7 +35,7 @@ class Score:
     difference: float
     """From the baseline's score; 0 of the baseline itself, NaN where the baseline has none."""
     difference_ci: Interval
-    """95 %, bootstrap over the episodes; NaN of the baseline itself, and where all episodes are the same as its."""
+    """95 % bootstrap interval over the episodes; NaN for the baseline and for policies bit-identical to it."""
     p_value: float
     """Of that difference, paired sign-flip permutation; not corrected."""
 
@@ -60,7 +60,7 @@ class Counted:
         return np.asarray(np.mean(of_axes, axis=0), np.float64)
 
     def is_identical(self, a: str, b: str) -> bool:
-        """Whether all episodes of two policies are the same to the bit."""
+        """Return whether all episodes of two policies are bit-identical."""
         first, second = self.ran[a], self.ran[b]
         return all(is_identical(first[name], second[name]) for name in self.scenarios)
 

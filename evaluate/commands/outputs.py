@@ -76,7 +76,7 @@ def conclude(run: Run, folder: Path, baseline: str | None = None, show: Show = p
 
 
 def _to_replay(failure: Failure, folder: Path) -> str:
-    """How to see a failure, and where all of them are listed."""
+    """Return how to replay a failure, and where all failures are listed."""
     replay = f"{PROGRAM} replay {shlex.quote(str(folder))}"
     shown = f"{failure.policy} fails in row {failure.row}: {replay} {failure.row} --page {failure.row}.html"
     return f"{shown}; all failures: {replay} --failed"

@@ -137,7 +137,7 @@ def policies_asked_for(
 
 
 def _without_untrained(asked: list[tuple[str, tuple[str, ...]]], robot: Robot) -> list[tuple[str, tuple[str, ...]]]:
-    """Leave out the default's trained policies that this robot has not, named on stderr; SimpleQuad has all."""
+    """Leave out the default's trained policies that this robot lacks, named on stderr; SimpleQuad has all."""
     untrained = [label for label, _ in asked if robot != SIMPLE_QUAD and policies.is_missing(label, robot)]
     if untrained:
         names = ", ".join(untrained)
@@ -203,7 +203,7 @@ def _carried_on(now: Manifest, options: Options) -> Manifest:
 
 
 def _instead(then: Options, now: Options) -> str:
-    """What to do where more is asked of a run than it was begun with."""
+    """Return the remedy where more is asked of a run than at its start."""
     folder = shlex.quote(str(now.out))
     if added := [name for name in now.policies if name not in then.policies]:
         run = f"--policies {shlex.join(added)} --episodes {then.most} --seed {then.seed} --out ANOTHER"

@@ -133,7 +133,7 @@ def _outputs(options: Options) -> list[tuple[str, Path, Callable[[Take, Path, Pr
 
 
 def _list_failed(run: Run, options: Options) -> int:
-    """Print a line for each failed episode of the policy and the scenario; the exit code. Raises UsageError."""
+    """Print a line for each failed episode of policy and scenario; return the exit code. Raises UsageError."""
     if options.episode is not None or any((options.video, options.page, options.against)):
         raise UsageError("--failed lists episodes: leave out EPISODE, --video, --page and --against")
     _check_names(run, options)
@@ -159,7 +159,7 @@ def _list_failed(run: Run, options: Options) -> int:
 
 
 def _failed_row(cell: Cell, number: int, row: int) -> tuple[str, ...]:
-    """What is said of a failed episode: the time is that of its fall or, upright, of its cause."""
+    """Return the words on a failed episode; the time is that of its fall or, upright, of its cause."""
     measures = cell.measures
     time = float(measures.fall_time[number] if measures.fell[number] else measures.cause_time[number])
     outcome = str(measures.outcome[number]).replace("_", " ")
@@ -181,7 +181,7 @@ def _check_names(run: Run, options: Options) -> None:
 
 
 def find(run: Run, options: Options, episode: int) -> Found:
-    """The episode that the options mean. Raises UsageError."""
+    """Return the episode that the options select. Raises UsageError."""
     _check_names(run, options)
     policy, scenario = options.policy, options.scenario
     chosen = [cell for cell in run.cells if policy in (None, cell.policy) and scenario in (None, cell.scenario.name)]
@@ -198,7 +198,7 @@ def find(run: Run, options: Options, episode: int) -> Found:
 def simulated_again(manifest: Manifest, found: Found, policy: LabelledPolicy) -> tuple[Cell, Episodes]:
     """The episode once more: what it measured, and its record."""
     scenario, seeds, hardware = found.cell.scenario, found.cell.seeds[[found.number]], manifest.hardware
-    with bar("simulating", in_lines=False) as progress:  # a second or two
+    with bar("simulating", in_lines=False) as progress:  # takes 1 to 2 s
         where = policy.on(scenario), scenario, seeds
         episodes = rollout.run(*where, steps=manifest.steps, progress=progress, hardware=hardware)
     return measured(policy.label, scenario, episodes), episodes

@@ -31,7 +31,7 @@ AFTERMATH = 1.0
 NEAR = 1.8
 """m from a free camera to SimpleQuad's trunk."""
 SHOOTING = 0.8
-"""Share of the work of a film that is simulating and drawing; the rest is its file."""
+"""Share of simulating and drawing in the work of a film; the rest writes its file."""
 STRIP_RATE = 5.0
 """Frames of a second from which those of a strip are chosen."""
 ALARM, GOOD, BAD = (200, 30, 30), (0, 130, 90), (190, 110, 0)

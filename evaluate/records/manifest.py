@@ -163,7 +163,7 @@ def read(folder: Path) -> Manifest:
 
 
 def _check_robot_file(path: Path, robot: str) -> None:
-    """Raise UsageError, one line with the folder to go to, where the robot of a run is a file that is not here."""
+    """Raise UsageError, one line with the folder to change to, if the robot file of a run is not here."""
     if Path(robot).suffix not in SUFFIXES or Path(robot).is_file():
         return
     here = next((folder for folder in path.resolve().parents if (folder / robot).is_file()), None)

@@ -16,7 +16,7 @@ from quad_env.cli.format import NO_BREAK, broken
 NAME_WIDTH = 20
 """Characters of a name in a line at the head of a row; the rest goes on below."""
 _BREAK = "\u200b\n"
-"""Where a name goes on in the next line; in a table the first character is left out."""
+"""Line break in a name; a table drops the first character."""
 UNBOUNDED = 10_000
 """Columns that no table needs."""
 
@@ -27,12 +27,12 @@ def row_name(name: str) -> str:
 
 
 def name_in_lines(name: str, width: int, indent: str = "") -> str:
-    """A name broken at the ends of its words; in lines instead of a table it is whole again."""
+    """Break a name at the ends of its words; it is whole again in lines instead of a table."""
     return f"{_BREAK}{indent}".join(broken(name, width))
 
 
 def breaking_names(text: str, width: int) -> str:
-    """Break words that are longer than a line, such as paths, at the ends of their parts."""
+    """Break words longer than a line, such as paths, at the ends of their parts."""
     return re.sub(r"\S+", lambda word: "\n".join(broken(word[0], width)) if len(word[0]) > width else word[0], text)
 
 

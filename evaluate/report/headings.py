@@ -32,12 +32,12 @@ _DIGITS = {"torque_rate": 0, "touchdown_impulse": 3}
 
 
 def figure_of_effort(name: str, value: float) -> str:
-    """The figure without its unit and its interval."""
+    """Format the figure without its unit and its interval."""
     return effort_with(name, value, (math.nan, math.nan)).value
 
 
 def effort_with(name: str, value: float, ends: tuple[float, float]) -> Estimate:
-    """The figure with its interval, in one unit."""
+    """Format the figure with its interval, in one unit."""
     scale, digits = _scale(name)
     return estimate(value, ends, digits, scale)
 

@@ -50,7 +50,7 @@ def heading(name: str, unit: str) -> str:
 
 
 def breakable(text: str) -> str:
-    """A text whose names may break at the ends of their words where a phone needs it to."""
+    """Return a text with optional breaks at the ends of words in names, for narrow screens."""
     return re.sub(r"(?<=[^\W_][/_:@+-])(?=[^\W_])", "<wbr>", escape(text))
 
 

@@ -12,11 +12,11 @@ from quad_env.cli.format import counted, listed, p_value, percent, points_with, 
 MOST_NEEDED = 10_000
 """Episodes beyond which no number is given."""
 SAME = "the same to the bit"
-"""Policies whose episodes do not differ in any measure."""
+"""Words for policies with bit-identical episodes."""
 ALIKE = "cannot be distinguished"
-"""Policies whose difference the corrected test does not show."""
+"""Words for policies without a significant difference in the corrected test."""
 BY_ITSELF = "though its interval by itself excludes 0"
-"""A difference that only its own interval, which is not corrected, shows."""
+"""Words for a difference that only its own, uncorrected interval shows."""
 NAMED = 3
 """Scenarios or axes that are named in a line."""
 
@@ -37,7 +37,7 @@ def verdict(ranked: Ranking) -> str:
 
 
 def claim(corrected: float, ci: Interval, *, identical: bool) -> str:
-    """Say what the corrected test shows of one difference of success.
+    """Return the result of the corrected test on one difference of success, in words.
 
     Args:
         corrected: Its p-value, corrected together with all claims.
@@ -53,7 +53,7 @@ def claim(corrected: float, ci: Interval, *, identical: bool) -> str:
 
 
 def excludes_zero(ci: Interval) -> bool:
-    """Whether an interval has one sign."""
+    """Return whether an interval has one sign."""
     return ci[0] > 0.0 or ci[1] < 0.0
 
 

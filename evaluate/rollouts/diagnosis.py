@@ -22,20 +22,20 @@ COMMANDS = {STAND: (0.0, 0.0, 0.0), "forward": (0.5, 0.0, 0.0), "in a curve": (0
 """m/s and rad/s of SimpleQuad; only in a curve is the world's frame another than the body's."""
 SEEDS = episode_seeds("search", 0, 2)
 SCREENED = {"in a curve": COMMANDS["in a curve"]}
-"""Command of the walk by which corrections are chosen."""
+"""Command of the walk that selects corrections."""
 SCREENING = 2.0
-"""Factor by which it is shorter."""
+"""Factor on the walk's duration: the screening walk is shorter by it."""
 MOST_WALKS = 12
-"""Corrections that are tried on all commands."""
+"""Largest number of corrections that are tried on all commands."""
 NEAREST = 2
-"""Corrections on top of which a second one is tried."""
+"""Number of corrections with a second one on top."""
 UPRIGHT = -0.2
-"""z of gravity in the body's frame above which a robot lies."""
+"""z of gravity in the base frame, unit length, above which a robot lies."""
 
 
 @dataclass(frozen=True)
 class ServosByRow(Hardware):
-    """Hardware whose robots have servo gains of their own."""
+    """Hardware with servo gains per robot."""
 
     gains: Any = None
     """Stiffness and damping, (2, n, 12)."""
@@ -45,7 +45,7 @@ class ServosByRow(Hardware):
         return super().environment(robot) | {"servo": tuple(self.gains)}
 
     def mean_robot(self) -> Robot:
-        """Return the robot as the environment knows it."""
+        """Return the environment's robot with mean gains."""
         is_one = (self.gains == self.gains[:, :1]).all()
         return self.quadruped.with_servo(*(self.gains[:, 0] if is_one else self.gains.mean(axis=1)))
 
@@ -53,7 +53,7 @@ class ServosByRow(Hardware):
 class PolicyStack(Policy):
     """Several policies run as one: each controls an equal, contiguous share of the batch.
 
-    Policies all of whose robots have fallen over are not asked any more.
+    A policy is no longer asked once all its robots have fallen.
     """
 
     name = "stack"
@@ -95,11 +95,11 @@ def failed(found: Sequence[Walk]) -> bool:
 
 
 def cause(policy: Foreign, robot: str) -> str:
-    """Return what explains that a policy fails, in words: the correction with which it walks best.
+    """Return the explanation of a policy's failure, in words: the correction with the best walk.
 
-    One mistake is undone, then several in the order of the joints, then a second one on top of the corrections that
-    help most. Each correction is first tried on a short walk, those that walk best there on all commands; all of them
-    in this process.
+    The search undoes one mistake, then several in the order of the joints, then a second one on top of the best
+    corrections. Each correction is tried on a short walk first, and the best of them on all commands, all in this
+    process.
 
     Args:
         policy: It has a description.
@@ -126,7 +126,7 @@ def _rank(scored: tuple[float, Correction]) -> float:
 
 
 def _best(scored: Sequence[tuple[float, Correction]]) -> str:
-    """Return the correction with which it walks best, in words; empty where it walks with none."""
+    """Return the best correction, in words; empty if the policy walks with none."""
     walking = [pair for pair in scored if pair[0] <= 1.0]
     if not walking:
         return ""
@@ -135,7 +135,7 @@ def _best(scored: Sequence[tuple[float, Correction]]) -> str:
 
 
 def _deviations(policy: Foreign, robot: str, candidates: Iterable[Correction]) -> list[tuple[float, Correction]]:
-    """Return how far off its commands a policy is at worst, with each of the corrections that walk best at first.
+    """Return the worst command deviation of a policy with each of the corrections that screen best.
 
     Args:
         policy: It has a description.
@@ -164,7 +164,7 @@ def _worst(
     seeds: NDArray[np.int64],
     shortened_by: float = 1.0,
 ) -> NDArray[np.float64]:
-    """Return how far off the commands each of the policies is at worst, (n,); arguments as those of `walks`."""
+    """Return the worst command deviation of each policy, (n,); arguments as those of `walks`."""
     rows = len(commands) * len(seeds)
     gains = np.array([(each.robot.servo_stiffness, each.robot.servo_damping) for each in policies])
     hardware = ServosByRow(robot=robot, gains=np.repeat(gains.transpose(1, 0, 2), rows, axis=1))
@@ -175,7 +175,7 @@ def _worst(
 
 
 def remarks(policy: Policy) -> tuple[str, ...]:
-    """Return what the file of a foreign policy leaves open, a line each."""
+    """Return the remarks on incomplete fields of a foreign policy's file, a line each."""
     return tuple(getattr(getattr(policy, "policy", policy), "remarks", ()))
 
 
@@ -196,7 +196,7 @@ def warning(policy: Policy, robot: str) -> str | None:
 
 
 def which_observation(policy: Foreign) -> str:
-    """Return what is asked about a policy that walks nowhere and whose file does not say what it reads."""
+    """Return the question on a policy that does not walk and whose file does not describe its observation."""
     table = table_with(policy.robot, policy.height_scan)
     names = ", ".join(f"{name} {part.stop - part.start}" for name, part in table.slices.items())
     given = f"it was given this environment's {table.size} numbers ({names})"

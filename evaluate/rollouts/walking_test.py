@@ -66,14 +66,14 @@ def walks(
     times: int = 1,
     shortened_by: float = 1.0,
 ) -> list[Walk]:
-    """Return a walk for each seed and each command by its words.
+    """Return a walk for each seed and each command, by the command's words.
 
     Args:
         policy: Whom the robots follow.
         hardware: Of the robots.
         commands: SimpleQuad's, m/s and rad/s, scaled to the size of the robot.
         seeds: Of the episodes.
-        times: How often all of them are walked, for a stack of so many policies.
+        times: Number of repetitions of all walks, one for each policy of a stack.
         shortened_by: Factor by which the walks are shorter than SECONDS.
 
     Raises:

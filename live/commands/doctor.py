@@ -37,9 +37,7 @@ def main(options: Options) -> int:
 
 
 def _write(policy: Path, trust: bool, file: Path) -> None:
-    """Write the policy's description as TOML, what its files do not say as comments. Raises UsageError where there is
-    none, and PolicyError.
-    """
+    """Write the policy's description as TOML, its missing fields as comments. Raises UsageError, PolicyError."""
     from policies.foreign.readers import Incomplete, write_draft, write_toml
     from policies.foreign.reference import checked, draft_of
 

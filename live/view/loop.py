@@ -18,7 +18,7 @@ WAITING = 256
 HELLO = "hello"
 """What a page says first."""
 BEGINNINGS = frozenset(("scenario", "policy", "alone", "reset", "next", "let_go"))
-"""Requests that begin an episode, which takes up to 50 ms; frames would wait for all that come at once."""
+"""Requests that start an episode. A start takes up to 50 ms, so only the last of each kind is done."""
 IDLE = 0.01
 """Time between two looks at what is to be done while paused, s."""
 
@@ -84,7 +84,7 @@ class LiveView:
 
 
 def newest(requests: Sequence[Request]) -> list[Request]:
-    """Return the requests without those that a later one makes void: of each kind in BEGINNINGS the last is done."""
+    """Return the requests without superseded ones: only the last of each kind in BEGINNINGS stays."""
     kept: dict[object, Request] = {}
     for number, request in enumerate(requests):
         key = (request.do, request.values.get("robot")) if request.do in BEGINNINGS else number

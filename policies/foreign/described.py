@@ -14,11 +14,11 @@ from policies.memory import per_robot
 from quad_env.robots.robot import Robot
 
 TOLERANCE = 1e-6
-"""Share of a control period within which two instants are one."""
+"""Largest difference of two instants that count as equal, as a share of a control period."""
 
 
 class DescribedPolicy(Policy):
-    """The policy of a description; each target is held until its next, the first of which is when its robot begins.
+    """Policy of a description; each target is held until the next, from the start of its robot.
 
     Args:
         description: of it.
@@ -78,8 +78,8 @@ def with_gains(robot: Robot, description: PolicyDescription) -> Robot:
 def period_share(description: PolicyDescription, control_period: float) -> float:
     """Return the environment's control period, s, as a share of the policy's.
 
-    The policy acts in the first of the environment's control steps that is not before its own, and each target is held
-    until the next. Raises PolicyError for a policy that acts more often than the environment.
+    The policy acts in the first control step of the environment that is not before its own. Each target is held until
+    the next. Raises PolicyError for a policy that acts more often than the environment.
     """
     share = description.control_rate * control_period
     if share > 1.0 + TOLERANCE:

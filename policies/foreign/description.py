@@ -40,9 +40,9 @@ OF_JOINTS = "default_position", "action_scale", "stiffness", "damping", "action_
 MOST_POINTS = 10_000
 """Points of a height scan."""
 MAX_NAME = 100
-"""Characters of a joint's name."""
+"""Largest number of characters of a joint's name."""
 MAX_OBSERVATION = 100_000
-"""Numbers that are kept of a robot: those of one control step, times the longest history."""
+"""Largest number of observed values of a robot: one control step times the longest history."""
 PLAUSIBLE = {
     "control_rate": (1.0, 1e4, "Hz"),
     "default_position": (-100.0, 100.0, "rad"),
@@ -61,7 +61,7 @@ PLAUSIBLE = {
     "action_clip": (-1e12, 1e12, ""),
     "target_clip": (-1e12, 1e12, "rad"),
 }
-"""Field -> least and largest value, unit: far beyond any robot's, so that what lies outside is a fault of the file."""
+"""Field -> least and largest value, unit. Values outside are far beyond any robot and count as a fault of the file."""
 _OWNERS = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
 
 
@@ -116,7 +116,7 @@ class Term(_Checked):
     grid: HeightGrid | None = None
     """Of a `height_scan`."""
     zero_below: Amount = field(default=0.0, repr=False)
-    """Of a `gait_clock`: it is shown as (0, 0) where the norm of the command is smaller; 0: it always runs."""
+    """Norm of the command below which a `gait_clock` is shown as (0, 0); 0: it always runs."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -180,12 +180,13 @@ class PolicyDescription(_Checked):
     previous_action: Literal["raw", "scaled"] = "raw"
     """Whether the previous action is what the network gave, clipped, or the target minus its offset, rad."""
     signs: Numbers | None = None
-    """1 or -1 in the order of `joints`; -1 where the policy's joint turns the other way than the robot file's. None: 1.
-    The robot file's angle is `zeros + signs * the policy's`."""
+    """1 or -1 in the order of `joints`; -1 where the directions of the policy's and the robot file's joint differ.
+    None: 1. The robot file's angle is `zeros + signs * the policy's`.
+    """
     zeros: Numbers | None = None
-    """Angles of the robot file's joints where the policy's are zero, rad, in the order of `joints`; None: 0."""
+    """Angles of the robot file's joints at the policy's zero, rad, in the order of `joints`; None: 0."""
     remarks: tuple[str, ...] = field(default=(), compare=False)
-    """What the file leaves open and was assumed, a line each."""
+    """Assumptions where the file is incomplete, a line each."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -224,9 +225,9 @@ class PolicyDescription(_Checked):
 
     @property
     def text(self) -> str:
-        """All that decides what the policy does beside its network, for a digest.
+        """Return all settings that affect the policy except its network, for a digest.
 
-        Fields that came later are in it only where they are set, so that older descriptions keep their digests.
+        Newer fields enter only where they are set, so that older descriptions keep their digests.
         """
         later = {name: value for name in ("signs", "zeros") if (value := getattr(self, name)) is not None}
         if any(thresholds := [term.zero_below for term in self.terms]):
@@ -236,7 +237,7 @@ class PolicyDescription(_Checked):
 
 
 def _check_plausible(settings: object) -> None:
-    """Raise PolicyError, one line, for the first number beyond PLAUSIBLE; 0 stands for a clock that is none."""
+    """Raise PolicyError, one line, for the first number beyond PLAUSIBLE; 0 means no clock."""
     for name, (least, largest, unit) in PLAUSIBLE.items():
         value = getattr(settings, name, None)
         for each in () if value is None else np.ravel(value).tolist():

@@ -40,13 +40,13 @@ MISTAKES = (
 FACTORS = 0.2, 0.45, 2.2, 5.0
 """Of the described servo gains, where the policy's are not known."""
 SINGLE_FACTORS = 0.1, 10.0
-"""Of the described stiffness or damping alone."""
+"""Factors on the described stiffness or damping alone."""
 ACTION_FACTORS = 0.25, 0.5, 2.0, 4.0
-"""Of the described action scale."""
+"""Factors on the described action scale."""
 HIP_FACTORS = 0.5, 2.0
-"""Of the described action scale of the hips: legged_gym's forks reduce it."""
+"""Factors on the described action scale of the hips: legged_gym's forks reduce it."""
 RATES = 25.0, 100 / 3, 50.0, 100.0
-"""Usual control rates, Hz."""
+"""Hz. Usual control rates."""
 LEGGED_GYM_SCALES: dict[str, Numbers] = {
     "linear_velocity": (2.0,),
     "angular_velocity": (0.25,),
@@ -54,7 +54,7 @@ LEGGED_GYM_SCALES: dict[str, Numbers] = {
     "command": (2.0, 2.0, 0.25),
     "height_scan": (5.0,),
 }
-"""Of observation terms; other projects have 1."""
+"""Scales of observation terms; other projects have 1."""
 LAYOUTS = (
     (
         "linear_velocity",
@@ -99,10 +99,11 @@ DOUBTS = {
     CLOCK: 0.3,
     GAINS: 0.3,
 }
-"""Of corrections by mistake: smaller actions and other servos, rates and clocks make walks bearable that something else
-is the cause of; terms in another order do where the network hardly needs them."""
+"""Doubts of corrections by mistake. Smaller actions and other servos, rates and clocks improve walks with another
+cause; so does another order of terms that the network hardly needs.
+"""
 MIRRORED_DOUBT = 0.4
-"""Added where the default position turns with the signs: that makes another walk of the same network."""
+"""Added where the default position turns with the signs: the same network then walks differently."""
 ROBOTS_DOUBT = 0.1
 """Added for the robot's own gains, which often suit a policy as well as its own."""
 
@@ -117,7 +118,7 @@ def corrections(described: PolicyDescription, robot: Robot, count: int = 1) -> I
 
 
 def twofold(first: Correction, robot: Robot) -> Iterator[Correction]:
-    """Each of MISTAKES undone, of another kind than a correction's, on top of that correction."""
+    """Yield a second correction of another kind on top of a first one."""
     for second in corrections(first.description, robot):
         if second.mistake != first.mistake:
             yield Correction(
@@ -194,7 +195,7 @@ def _reordered(described: PolicyDescription, mistakes: Names, robot: Robot) -> I
 
 
 def _observed_otherwise(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
-    """Other orders of the observed joints alone: that of the actions, or without one of the mistakes in an order."""
+    """Yield other orders of the observed joints alone: the actions' order, or one without a mistake in an order."""
     own = described.observed_joints or described.joints
     orders = [described.joints, *(_changed(own, (mistake,), robot) for mistake in ORDERS)]
     for order in orders:
@@ -232,7 +233,7 @@ def _turned(described: PolicyDescription) -> Iterator[Correction]:
 
 
 def _rescaled(described: PolicyDescription) -> Iterator[Correction]:
-    """Each scale of an observation as in legged_gym, or 1, or by that factor more or less; and all of them together."""
+    """Yield each scale of an observation as in legged_gym, as 1, or times a factor; and all of them together."""
     for name, theirs in LEGGED_GYM_SCALES.items():
         for term in described.terms:
             if term.name != name:
@@ -258,7 +259,7 @@ def _pairs(mine: Numbers, theirs: Numbers) -> Iterable[tuple[float, float]]:
 
 
 def _scaled(scales: dict[str, Numbers]) -> Callable[[Term], Term]:
-    """Return what gives terms those scales, with limits that cut at the same values."""
+    """Return a function that gives terms those scales, with limits that clip at the same values."""
     return lambda term: replace(term, scale=scales[term.name]) if term.name in scales else term
 
 
@@ -272,7 +273,7 @@ def _numbers(values: Numbers) -> str:
 
 
 def _with_other_actions(described: PolicyDescription) -> Iterator[Correction]:
-    """Actions that stand for more or less, or that do not start at the default position."""
+    """Yield other action scales, and actions without the default position as an offset."""
     for factor in ACTION_FACTORS:
         scale = tuple(factor * each for each in described.action_scale)
         words = f"an action_scale of {_numbers(scale)}"
@@ -288,7 +289,7 @@ def _with_other_actions(described: PolicyDescription) -> Iterator[Correction]:
 
 
 def _in_other_time(described: PolicyDescription) -> Iterator[Correction]:
-    """Another control rate, and a history in another direction or layout."""
+    """Yield other control rates, and a history in another direction or layout."""
     for rate in dict.fromkeys((*RATES, 0.5 * described.control_rate, min(2.0 * described.control_rate, RATES[-1]))):
         words = f"a control rate of {rate:.4g} Hz"
         yield Correction(RATE, words, "`control_rate`", replace(described, control_rate=rate))
@@ -307,7 +308,7 @@ def _in_other_time(described: PolicyDescription) -> Iterator[Correction]:
 
 
 def _with_other_numbers(described: PolicyDescription) -> Iterator[Correction]:
-    """The previous action in its other meaning, joint positions from another zero, a clock that is read otherwise."""
+    """Yield the other meaning of the previous action, another zero of joint positions, and other clock settings."""
     names = {term.name for term in described.terms}
     if "previous_action" in names:
         other: Literal["raw", "scaled"] = "scaled" if described.previous_action == "raw" else "raw"
@@ -339,7 +340,7 @@ def _with_clock(described: PolicyDescription, clock: float, zero_below: float) -
 
 
 def _in_other_order(described: PolicyDescription) -> Iterator[Correction]:
-    """The terms in another project's order, or two neighbours the other way round."""
+    """Yield the terms in another project's order, or with two neighbours swapped."""
     terms = described.terms
     orders = [_sorted_by(layout, terms) for layout in LAYOUTS]
     orders += [(*terms[:at], terms[at + 1], terms[at], *terms[at + 2 :]) for at in range(len(terms) - 1)]
@@ -355,8 +356,7 @@ def _sorted_by(layout: Names, terms: tuple[Term, ...]) -> tuple[Term, ...]:
 
 
 def _with_other_signs(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
-    """Joints that turn the other way: by link, on all legs or on those of one side; the default position with them or
-    as it stands."""
+    """Yield reversed joints by link, on all legs or on one side; the default position turns with them or stays."""
     legs, links = np.divmod(joints_of(described.joints, robot).places, JOINTS_PER_LEG)
     is_right = np.array([robot.leg_names[leg].endswith("r") for leg in legs])
     every = np.ones(len(legs), np.bool_)
@@ -382,7 +382,7 @@ def _with_other_signs(described: PolicyDescription, robot: Robot) -> Iterator[Co
 
 
 def _with_other_gains(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
-    """The described gains with one of them far off, the robot's own, and both far off."""
+    """Yield the described gains with one of them far off, the robot's own, and both far off."""
     own, gains = joints_of(described.joints, robot).places, np.array((described.stiffness, described.damping))
     robots = np.array((robot.servo_stiffness, robot.servo_damping))[:, own]
     single = [np.array(pair)[:, None] * gains for each in SINGLE_FACTORS for pair in ((1.0, each), (each, 1.0))]

@@ -1,4 +1,4 @@
-"""Kinds of network files, by their content: their names may end in anything.
+"""Kinds of network files by their content, for every ending of their names.
 
 Sources: TorchScript (`torch.jit.save`) and checkpoints (`torch.save`) are zip archives; only the first have
 `constants.pkl`. Older checkpoints are pickles. Models of Stable-Baselines3 are zip archives with `policy.pth`. rsl_rl's
@@ -13,7 +13,7 @@ from policies.base import PolicyError
 
 Kind = Literal["onnx", "torchscript", "checkpoint", "stable-baselines3", "zip"]
 TORCH_ENDS = ".pt", ".jit"
-"""Of files that are taken for TorchScript where their content does not say what they are."""
+"""Endings of files that count as TorchScript if their content does not identify them."""
 IR_VERSION = b"\x08"
 """First byte of ONNX files: the tag of `ModelProto.ir_version`."""
 _LEARNERS = {
@@ -24,11 +24,11 @@ _LEARNERS = {
 }
 """Learners by a key of their checkpoints."""
 _SCANNED = 2**20
-"""Bytes of a checkpoint's pickle that are looked through for such a key."""
+"""Bytes. Size of the part of a checkpoint's pickle that is searched for a key."""
 
 
 def kind_of(file: Path) -> Kind:
-    """Return what a network's file is; `onnx` for what has no mark of another kind. Raises OSError."""
+    """Return the kind of a network's file; `onnx` without a mark of another kind. Raises OSError."""
     with file.open("rb") as stream:
         start = stream.read(4)
     if start[:1] == b"\x80" and start[1:2] in (b"\x02", b"\x03", b"\x04", b"\x05"):
@@ -48,7 +48,7 @@ def kind_of(file: Path) -> Kind:
 
 
 def is_onnx(file: Path) -> bool:
-    """Return whether a network's file is to be read as ONNX; True as well for one that cannot be read."""
+    """Return whether a network's file is to be read as ONNX; True also for an unreadable one."""
     try:
         return kind_of(file) == "onnx"
     except OSError:
@@ -56,7 +56,7 @@ def is_onnx(file: Path) -> bool:
 
 
 def check_is_network(file: Path) -> None:
-    """Raise PolicyError, which says what it is, for a file of another kind than ONNX and TorchScript."""
+    """Raise PolicyError with the kind of the file unless it is ONNX or TorchScript."""
     try:
         kind = kind_of(file)
     except OSError as error:
@@ -76,7 +76,7 @@ def check_is_network(file: Path) -> None:
 
 
 def _learner_of(file: Path) -> str:
-    """Return the learner that writes such a checkpoint, in words; nothing is unpickled."""
+    """Return the learner that writes a checkpoint of this kind, in words; nothing is unpickled."""
     try:
         with zipfile.ZipFile(file) as archive:
             member = next(name for name in archive.namelist() if Path(name).name == "data.pkl")

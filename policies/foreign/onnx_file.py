@@ -58,8 +58,8 @@ def session_of(file: Path) -> Any:
 
 
 def acting(session: Any, file: Path) -> tuple[Callable[[], Act], bool]:
-    """What makes the network of a session, from one observation to one action without the axis of a batch; and whether
-    it has a memory. Inputs and outputs are known by name (`onnx_roles`). Raises PolicyError.
+    """Return the network of a session as a function from one observation to one action, and whether it has a memory.
+    `onnx_roles` finds inputs and outputs by name. Raises PolicyError.
     """
     if not session.get_inputs() or not session.get_outputs() or not session.get_inputs()[0].shape:
         raise PolicyError(f"{file} has no input of an observation, a vector, or no output")

@@ -1,4 +1,4 @@
-"""Roles of an ONNX network's inputs and outputs: observation, action, and memory with its renewal, by name.
+"""Roles of an ONNX network's inputs and outputs by name: observation, action, and memory with its update.
 
 Sources: rsl_rl `utils/exporter.py` and Isaac Lab `isaaclab_rl/rsl_rl/exporter.py` (`obs`, `h_in`, `c_in` ->
 `actions`, `h_out`, `c_out`); rl_games' exporters (`obs` -> `mu`, `log_std`, `value`, and `states`, `out_state_*`).
@@ -13,13 +13,13 @@ from typing import Any
 from policies.base import PolicyError
 
 ACTIONS = ("actions", "action"), ("mu", "mean", "action_mean", "actions_mean", "deterministic_actions"), ("output",)
-"""Names of the output that is the action; the first group of which there is one decides."""
+"""Names of the action output; the first group with a match decides."""
 OBSERVATIONS = "obs", "observation", "observations", "policy", "input", "features"
-"""Names of the input that is the observation, where several inputs are no memory."""
+"""Names of the observation input, where several inputs are no memory."""
 _SIDE = {"in", "out", "input", "output", "prev", "previous", "next", "new", "old", "last", "init", "final", "updated"}
-"""Words that tell a memory from its renewal."""
+"""Words that distinguish a memory from its update."""
 _STEP = re.compile(r"([a-z]+?)_?(?:0|1|n|t)")
-"""Memories such as `h0`, whose renewal is `hn`."""
+"""Pattern of memories such as `h0`, updated by `hn`."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Roles:
     observation: Any
     action: Any
     memory: tuple[tuple[Any, Any], ...]
-    """Each memory input with the output that renews it."""
+    """Each memory input with the output that updates it."""
 
 
 def roles_of(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> Roles:
@@ -37,7 +37,7 @@ def roles_of(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> Roles
 
     Args:
         inputs: Of the network, with `name` and `shape`.
-        outputs: Of the network, likewise.
+        outputs: Of the network, with `name` and `shape`.
         file: Where it is from, for errors.
 
     Raises:
@@ -58,7 +58,7 @@ def roles_of(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> Roles
 
 
 def _observation(inputs: Sequence[Any], outputs: Sequence[Any]) -> Any:
-    """Return the input that is the observation: by name, or the only one that no output renews, or the first."""
+    """Return the observation input: by name, or the only one that no output updates, or the first."""
     named = [each for each in inputs if each.name.lower() in OBSERVATIONS]
     if len(named) == 1:
         return named[0]
@@ -67,7 +67,7 @@ def _observation(inputs: Sequence[Any], outputs: Sequence[Any]) -> Any:
 
 
 def _action(outputs: Sequence[Any], file: Path) -> Any:
-    """Return the output that is the action."""
+    """Return the action output."""
     for group in ACTIONS:
         if len(named := [each for each in outputs if each.name.lower() in group]) == 1:
             return named[0]
@@ -80,7 +80,7 @@ def _action(outputs: Sequence[Any], file: Path) -> Any:
 
 
 def _by_name(state: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Any | None:
-    """Return the one output whose name is the memory's but for words such as `in` and `out`."""
+    """Return the one output with the memory's name, apart from words such as `in` and `out`."""
     if sum(_stem(each.name) == _stem(state.name) for each in inputs) > 1:
         return None
     found = [each for each in outputs if _stem(each.name) == _stem(state.name) and _may_renew(state, each)]
@@ -102,7 +102,7 @@ def _by_shape(state: Any, states: Sequence[Any], free: Sequence[Any], file: Path
 
 
 def _stem(name: str) -> str:
-    """Return a name in small letters without the words that tell a memory from its renewal."""
+    """Return a name in lower case without the words that distinguish a memory from its update."""
     words = [word for word in re.split(r"[^a-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()) if word]
     kept = "_".join(word for word in words if word not in _SIDE) or name.lower()
     return match[1] if (match := _STEP.fullmatch(kept)) and len(match[1]) <= 2 else kept

@@ -22,7 +22,7 @@ from policies.foreign.watched import START_TIMEOUT, DeadlineMissed, PolicyProces
 DEADLINE = 5.0
 """Longest time that one call may take, s; six times as long for the first."""
 LOAD_TIMEOUT, ACT_TIMEOUT = "QUAD_ENV_LOAD_TIMEOUT", "QUAD_ENV_ACT_TIMEOUT"
-"""Environment variables: other limits than START_TIMEOUT and DEADLINE, s."""
+"""Environment variables: limits in place of START_TIMEOUT and DEADLINE, s."""
 GRACE = 2.0
 """Added to the deadline before a process without an answer is ended, s; the episodes of all its robots then fail."""
 
@@ -44,7 +44,7 @@ class Foreign(Policy):
     description: PolicyDescription | None = None
     """How its network is run; None of a policy that acts on our observation by itself."""
     remarks: tuple[str, ...]
-    """What its files leave open and was assumed, a line each."""
+    """Assumptions where its files are incomplete, a line each."""
 
     def __init__(self, reference: str | Path, *, trust: bool = False, **made_for: Unpack[MadeFor]) -> None:
         super().__init__(**made_for)
@@ -128,7 +128,7 @@ class Foreign(Policy):
 
 
 def _seconds(variable: str, otherwise: float) -> float:
-    """A time that an environment variable gives, s."""
+    """Return the time in an environment variable, s."""
     given = os.environ.get(variable, "")
     return float(given) if re.fullmatch(r"[0-9]{1,6}(\.[0-9]+)?", given) and float(given) > 0 else otherwise
 

@@ -21,7 +21,7 @@ DESCRIBED = ".onnx", ".pt", ".jit", ".toml", ".yaml", ".yml", ".json"
 KINDS = ".py", ".zip", *DESCRIBED
 """How the names of files end that are read."""
 BESIDE = ".toml", ".yaml", ".json"
-"""Of files that describe the .pt or .jit of their name."""
+"""Endings of files that describe the .pt or .jit of their name."""
 _NEEDED = {".onnx": "onnx", ".yaml": "yaml", ".yml": "yaml"}
 """Packages that read files of these kinds."""
 UNSUPPORTED = ".pth", ".ckpt", ".h5", ".pkl"
@@ -29,9 +29,9 @@ UNSUPPORTED = ".pth", ".ckpt", ".h5", ".pkl"
 STATISTICS = "vecnormalize.pkl", "vec_normalize.pkl"
 """Usual names of the statistics of a model of Stable-Baselines3."""
 BEST = "best_model", "best", "best_models", "eval"
-"""Folders of a run's best model, whose statistics lie in the run's folder under any name."""
+"""Folders of a run's best model; its statistics lie in the run's folder under any name."""
 MOST_FOLDERS = 1000
-"""Entries of a model's folder that are looked at for folders with statistics."""
+"""Largest number of entries of a model's folder that are searched for folders with statistics."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Reference:
     description: PolicyDescription | None = None
     """How its network is run; None of a policy that acts on our observation by itself."""
     remarks: tuple[str, ...] = ()
-    """What was assumed, a line each."""
+    """Assumptions, a line each."""
 
     @property
     def suffix(self) -> str:
@@ -54,7 +54,7 @@ class Reference:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 of all that is read of it."""
+        """SHA-256 of all its files."""
         network = None if self.description is None else self.description.network
         files = [file for file in dict.fromkeys((self.file, self.normaliser, network)) if file is not None]
         said = "" if self.description is None else self.description.text
@@ -169,7 +169,7 @@ def _description(file: Path) -> PolicyDescription | None:
 
 
 def _read_description(file: Path) -> PolicyDescription | None:
-    """What a file says, read in a limited process: it may be made to take all time or memory. Raises PolicyError."""
+    """Read a file's description in a limited process, since it may take all time or memory. Raises PolicyError."""
     if (needed := _NEEDED.get(file.suffix.lower())) is not None:
         check_package(needed)
     try:
@@ -179,7 +179,7 @@ def _read_description(file: Path) -> PolicyDescription | None:
 
 
 def _whole(found: PolicyDescription) -> PolicyDescription:
-    """Return a description with the network that it stands beside, checked in a limited process. Raises PolicyError."""
+    """Check a description with the network next to it in a limited process. Raises PolicyError."""
     try:
         return call(readers.whole, found, True)  # type: ignore[no-any-return]
     except (LimitExceededError, CrashError) as error:
@@ -187,7 +187,7 @@ def _whole(found: PolicyDescription) -> PolicyDescription:
 
 
 def draft_of(file: Path) -> readers.Incomplete | None:
-    """Return what is known of a network's file without a description; None of other files."""
+    """Return the known fields of a network's file without a description; None for other files."""
     if not file.is_file() or file.suffix.lower() not in (".onnx", *TORCH_ENDS):
         return None
     return readers.Incomplete("a network without a description", {"network": file.absolute()})
@@ -197,8 +197,8 @@ def _normaliser(model: Path) -> tuple[Path | None, bool]:
     """Return the VecNormalize file of a model, and whether it lies where only this model's does.
 
     Stable-Baselines3's `CheckpointCallback` puts `PREFIX_vecnormalize_N_steps.pkl` next to `PREFIX_N_steps.zip`.
-    `EvalCallback` has a folder of its own for `best_model.zip`, and the statistics lie in the run's, above it. RL Zoo
-    puts them into the folder `ENV` next to `ENV.zip` and `best_model.zip`.
+    `EvalCallback` has its own folder for `best_model.zip`; the statistics lie in the run's folder above it. RL Zoo puts
+    them into the folder `ENV` next to `ENV.zip` and `best_model.zip`.
 
     Raises PolicyError where files near the model could be that of another one.
     """

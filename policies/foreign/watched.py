@@ -10,9 +10,9 @@ from quad_env.cli.child_process import Watchdog, serve_parent, without_ctrl_c, w
 from quad_env.files.text import described
 
 START_TIMEOUT = 60.0
-"""For the process to make its policy, s; time in which it waits for a processor does not count."""
+"""s. Longest run time in which the process makes its policy; waits for a processor do not count."""
 IMPORT_TIMEOUT = 300.0
-"""For the process to start and to load the project, s."""
+"""s. Longest run time in which the process starts and imports the project."""
 
 _asking: Connection | None = None
 """In a policy's process: the connection to the process that asks it."""
@@ -27,7 +27,7 @@ class PolicyProcessError(RuntimeError):
 
 
 class Watched:
-    """An object in a process of its own, whose methods can be asked for within a time, even if they never return.
+    """An object in a subprocess, with a timeout on every call.
 
     Args:
         make: makes the object, in the other process; picklable, such as `functools.partial(policies.make, "trot")`.
@@ -67,10 +67,10 @@ class Watched:
         self.ask(("__repr__",), IMPORT_TIMEOUT, self._load_time)  # waits until it is made
 
     def ask(self, question: tuple[object, ...], patience: float, patience_then: float | None = None) -> Any:
-        """What a method of the object, named first, gives for the arguments after it, in a process begun if need be.
+        """Call the method named by the first part of `question` with the other parts; start the process if needed.
 
-        The process is ended unless the answer comes within `patience` s, or within `patience_then` s (by default as
-        much) of the last `still_at_work`. Time in which it waits for a processor does not count.
+        The process is killed unless the answer comes within `patience`, s, or within `patience_then`, s, of the last
+        `still_at_work` (default: `patience`). Waits for a processor do not count.
         """
         if self._process is None:
             self._launch()
@@ -111,7 +111,7 @@ def _serve(connection: Connection, make: Callable[[], object]) -> None:
     global _asking
     serve_parent()
     try:
-        connection.send(None)  # all is loaded
+        connection.send(None)  # all is imported
         try:
             policy = make()
             _asking = connection

@@ -39,9 +39,9 @@ def without_ctrl_c() -> Iterator[None]:
 
 @contextlib.contextmanager
 def without_main(content: bytes) -> Iterator[None]:
-    """Context in which processes are spawned that do not run the main script again, which may have no guard.
+    """Return a context in which spawned processes do not run the main script again; it may have no guard.
 
-    `content` is what they are given, pickled: where a part of it is of the main script, they run that as ever.
+    `content` is the pickled argument of these processes. They run the main script as usual if `content` refers to it.
     """
     main: Any = sys.modules["__main__"]
     if b"__main__" in content:
@@ -58,7 +58,7 @@ def without_main(content: bytes) -> Iterator[None]:
 
 
 class Watchdog:
-    """Ends a process that could run for some time, see `RunClock`, without being put off.
+    """Kills a process after a limit of its run time, see `RunClock`.
 
     Args:
         process: of `multiprocessing`.
@@ -101,10 +101,10 @@ def _exit_with_parent() -> None:
 
 
 class RunClock:
-    """Time for which a process could run, s: wall time without what it waited for a processor.
+    """Run time of a process, s: wall time minus the longest wait of a thread for a processor.
 
-    On a busy machine a process that works gets as much as on a free one; one that sleeps or waits for a device does
-    not get longer. Only Linux says how long a process waited: elsewhere it is wall time.
+    A process that computes gets the same time on a busy machine as on a free one. Sleep and waits for a device count.
+    Only Linux reports the wait for a processor: elsewhere this is wall time.
     """
 
     def __init__(self, pid: int) -> None:
@@ -112,7 +112,7 @@ class RunClock:
         self.restart()
 
     def restart(self) -> None:
-        """Begin at 0 again."""
+        """Restart at 0."""
         self._began = time.monotonic()
         self._waited = _waiting_times(self._tasks)
 
@@ -123,7 +123,7 @@ class RunClock:
 
 
 def _waiting_times(tasks: str) -> dict[str, float]:
-    """Return for how long each thread of a process has waited for a processor, s; nothing where it is not known."""
+    """Return the time that each thread has waited for a processor, s; empty where the system does not report it."""
     found = {}
     with contextlib.suppress(OSError):  # the process has ended, or the system is another one
         for task in os.listdir(tasks):

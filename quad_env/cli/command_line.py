@@ -26,13 +26,13 @@ SYNONYMS = (
     ("policies", "policy", "model", "models", "checkpoint"),
     ("seed", "random_seed"),
 )
-"""Names of one option in this and in other programs."""
+"""Groups of names that other programs have for one option."""
 _PAIRS = ("policy", "policies"), ("scenario", "scenarios")
 _RULE = re.compile(r"[─-]{3,}")
 _NO_NUMBER = re.compile(r"invalid literal for int\(\) with base 10|could not convert string to float")
 """Python's words for what is no whole number, or no number."""
 _OPTIONAL = re.compile(r"Error parsing (.+?): no type matching .+ Got errors: .*- <class '\w+'>: (.+)")
-"""tyro's words for a value that may be left out; the last of its errors is that of the value."""
+"""tyro's message about an optional value; the last of its errors is about the value."""
 
 
 class UserError(Exception):
@@ -69,7 +69,7 @@ def parse(
 
 
 def _meant(kind: type, complaint: str) -> str:
-    """`; did you mean --threads?` of an unknown option that other programs have, or that is nearly one of these."""
+    """Return `; did you mean --threads?` for an unknown option with a synonym or a close match, else an empty text."""
     known = [field.name for field in fields(kind)]
     for name in re.findall(r"--([\w-]+)", complaint.partition("Unrecognized options")[2]):
         asked = name.replace("-", "_")

@@ -10,12 +10,12 @@ ABSENT = "–"
 MINUS = "−"
 NO_BREAK = "\u00a0"
 SIGNIFICANT_DIGITS = 12
-"""Of a figure; what is beyond them is taken for the rounding of floats."""
+"""Digits of a figure; digits beyond them are taken for rounding errors of floats."""
 _WIDE = Context(prec=400)
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A figure with a fixed count of decimals, halves away from zero, and a real minus sign; a dash if not finite."""
+    """Format a figure with fixed decimals, halves away from zero, and a real minus sign; a dash if not finite."""
     if not math.isfinite(value):
         return ABSENT
     exact = Decimal(f"{value:.{SIGNIFICANT_DIGITS}g}")  # 57 of 200 are 28.5 %, in floats a little less
@@ -34,7 +34,7 @@ class Estimate(NamedTuple):
 
     @property
     def has_interval(self) -> bool:
-        """Whether both ends exist."""
+        """Return whether both ends exist."""
         return ABSENT not in (self.low, self.high)
 
     @property
@@ -70,20 +70,20 @@ def estimate(value: float, ends: tuple[float, float], digits: int = 3, scale: fl
 
 
 def plus_minus(value: float, ends: tuple[float, float], digits: int = 3) -> str:
-    """`0.101 ± 0.009`: a figure and half of its interval, to as many decimals as `estimate` takes."""
+    """Format `0.101 ± 0.009`: a figure and half the width of its interval, with the decimals of `estimate`."""
     found = estimate(value, ends, digits)
     decimals = len(found.low.partition(".")[2])
     return f"{found.value} ± {number((ends[1] - ends[0]) / 2, decimals)}"
 
 
 def four_digits(value: float, ends: tuple[float, float]) -> Estimate:
-    """A figure with its interval, to four significant digits of the largest of the three."""
+    """Format a figure with its interval, to four significant digits of the largest of the three."""
     largest = max((abs(each) for each in (value, *ends) if math.isfinite(each)), default=0.0)
     return estimate(value, ends, max(0, 3 - math.floor(math.log10(largest))) if largest > 0.0 else 0)
 
 
 def _apart(ends: tuple[float, float], digits: int) -> int:
-    """The decimals, or up to three more where different ends would look the same."""
+    """Return the decimals, or up to three more where different ends would look the same."""
     if not all(map(math.isfinite, ends)):
         return digits
     return next((d for d in range(digits, digits + 4) if number(ends[0], d) != number(ends[1], d)), digits)
@@ -99,7 +99,7 @@ def percent(share: float) -> str:
 
 
 def whole_percent(share: float) -> str:
-    """A share of 1 in whole per cent, as in `62%`."""
+    """Format a share in [0, 1] in whole per cent, as in `62%`."""
     return f"{number(100.0 * share, 0)}%"
 
 
@@ -109,17 +109,17 @@ def points(share: float) -> str:
 
 
 def points_with(share: float, ends: tuple[float, float]) -> Estimate:
-    """A difference of shares with its interval in percentage points, one decimal."""
+    """Format a difference of shares with its interval in percentage points, one decimal."""
     return estimate(share, ends, 1, 100.0)
 
 
 def interval(ends: tuple[float, float], digits: int = 3) -> str:
-    """`low … high` of an interval that stands alone; a dash if it does not exist."""
+    """Format an interval without its figure as `low … high`; a dash if it does not exist."""
     return estimate(ends[0], ends, digits).interval
 
 
 def points_interval(ends: tuple[float, float]) -> str:
-    """`low … high` of an interval that stands alone, in percentage points, one decimal."""
+    """Format an interval without its figure as `low … high`, in percentage points, one decimal."""
     return points_with(ends[0], ends).interval
 
 

@@ -1,9 +1,8 @@
-"""A process that reads files of others: whatever is in them, an answer or one line comes in time and in little memory.
+"""Limited process: reads files of others and gives an answer or an error within a limit of time and memory.
 
-One such process serves all questions, one after the other, and ends when it has had none for a while. Processor time
-and memory of each answer are limited by the system (`resource.setrlimit`, on Linux and macOS; only Linux limits the
-memory), and the time for which it could run by the asking process. Where no process can be started, as in a sandbox,
-functions are called here, without limits.
+One process answers all questions in order and ends after an idle time. The system limits processor time and memory of
+each answer (`resource.setrlimit`, on Linux and macOS; only Linux limits the memory). The asking process limits the run
+time. Functions are called here, without limits, where no process can be started, as in a sandbox.
 """
 
 import atexit
@@ -35,7 +34,7 @@ _PROCESSOR_TIME, _MEMORY = 5, 1024
 _GRACE = 2.0
 """s added to the processor time before a process is ended that waits, as for a pipe."""
 _START_TIMEOUT = 120.0
-"""s for the process to start, and to load what answers."""
+"""s. Longest time in which the process starts and imports the function's module."""
 _IDLE = 30.0
 """s without a question after which the process ends."""
 _HEADER = struct.Struct("<Q")
@@ -43,11 +42,11 @@ _CALL = "import sys; from quad_env.cli.limited_process import serve; serve()"
 _READY, _BEGUN = "ready", "begun"
 _IS_CHILD = "QUAD_ENV_LIMITED"
 _READ, _MAX_READ = "QUAD_ENV_READ_FILES", 200
-"""Environment variable with digests of the files that have been read, and how many of them."""
+"""Environment variable with digests of the files that have been read, and the largest number of them."""
 
 
 class LimitExceededError(RuntimeError):
-    """The call took more time or memory than it may; the message says which and how to allow more."""
+    """The call took more time or memory than its limit; the message names the limit and how to raise it."""
 
 
 class CrashError(RuntimeError):
@@ -67,7 +66,7 @@ class _Question:
 
 @dataclass(frozen=True)
 class _Failure:
-    """What a call raised."""
+    """An exception of a call."""
 
     error: Exception
 
@@ -84,9 +83,9 @@ def call(function: Callable[..., Any], *arguments: Any) -> Any:
         arguments: picklable.
 
     Raises:
-        LimitExceededError: it took too much time or memory.
-        CrashError: it ended its process.
-        Exception: what the function raised, one that cannot be pickled as a RuntimeError.
+        LimitExceededError: the call took too much time or memory.
+        CrashError: the call ended its process.
+        Exception: the function's exception; a RuntimeError with its text if it cannot be pickled.
     """
     if os.environ.get(_IS_CHILD):
         return function(*arguments)
@@ -101,9 +100,9 @@ def call(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def read_limited(function: Callable[[Path], Any], file: Path, *, again: bool = True) -> Any:
-    """Call a function of a file in the limited process, unless that file has been read so, as it is now.
+    """Call a function of a file in the limited process, unless this version of the file has been read there.
 
-    The processes that this one starts know which files have been read: they and this one call the function themselves.
+    Child processes inherit the list of read files. They and this process call the function directly on these files.
 
     Args:
         function: reads the file; as `call` takes it.
@@ -111,14 +110,14 @@ def read_limited(function: Callable[[Path], Any], file: Path, *, again: bool = T
         again: whether the result is wanted of a file that has been read before; else it is None.
 
     Raises:
-        LimitExceededError: it took too much time or memory.
-        CrashError: it ended its process.
-        Exception: what the function raised.
+        LimitExceededError: the call took too much time or memory.
+        CrashError: the call ended its process.
+        Exception: the function's exception.
     """
     try:
         content = file.stat()
     except (OSError, ValueError):
-        return function(file)  # which says what is wrong with it
+        return function(file)  # the function reports the error
     key = f"{function.__qualname__} {os.path.realpath(file)} {content.st_mtime_ns} {content.st_size}"
     digest = hashlib.sha256(key.encode(errors="surrogateescape")).hexdigest()[:16]
     read = os.environ.get(_READ, "").split()
@@ -136,7 +135,7 @@ def _limit(variable: str, otherwise: int) -> int:
 
 
 class _Process:
-    """The process, and a thread that waits for what it says."""
+    """The child process, and a thread that receives its messages."""
 
     def __init__(self) -> None:
         environment = os.environ | {
@@ -159,9 +158,9 @@ class _Process:
             )
         except (OSError, ValueError) as error:
             raise _UnavailableError from error
-        self._said: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._messages: queue.SimpleQueue[Any] = queue.SimpleQueue()
         threading.Thread(target=self._listen, name="limited process", daemon=True).start()
-        if self.hear(_START_TIMEOUT) != _READY:
+        if self.receive(_START_TIMEOUT) != _READY:
             self.close()
             raise _UnavailableError
 
@@ -169,26 +168,26 @@ class _Process:
         stream: Any = self.process.stdout
         with contextlib.suppress(OSError, ValueError, EOFError, pickle.UnpicklingError):
             while True:
-                self._said.put(_receive(stream))
-        self._said.put(None)
+                self._messages.put(_receive(stream))
+        self._messages.put(None)
 
-    def tell(self, question: Any) -> None:
+    def send(self, question: Any) -> None:
         """Send a question. Raises OSError where the process has ended."""
         stream: Any = self.process.stdin
         _send(stream, question)
 
-    def hear(self, patience: float) -> Any:
-        """Return what the process says next, or None once it has ended; it is ended after that time."""
+    def receive(self, patience: float) -> Any:
+        """Return the next message, or None once the process has ended; kill it after `patience`, s."""
         clock = RunClock(self.process.pid)
         while True:
             with contextlib.suppress(queue.Empty):
-                return self._said.get(timeout=0.2)
+                return self._messages.get(timeout=0.2)
             if clock.elapsed() > patience:
                 self.process.kill()
-                return self._said.get()
+                return self._messages.get()
 
     def close(self) -> int:
-        """End the process; what it ended with."""
+        """End the process and return its exit code."""
         self.process.kill()
         code = self.process.wait()
         for stream in (self.process.stdin, self.process.stdout):
@@ -203,16 +202,16 @@ _running: _Process | None = None
 
 
 def _ask(question: _Question) -> Any:
-    """The answer of the process, or what ended it. Raises LimitExceededError, CrashError, _UnavailableError."""
+    """Return the answer of the process. Raises LimitExceededError, CrashError or _UnavailableError."""
     global _running
     asked = _running
-    if asked is None or not _begin(asked, question):  # it may have ended, for want of questions
+    if asked is None or not _begin(asked, question):  # an idle process may have ended
         _end()
         asked = _running = _Process()
         if not _begin(asked, question):
             _end()
             raise _UnavailableError
-    answer = asked.hear(question.seconds + _GRACE)
+    answer = asked.receive(question.seconds + _GRACE)
     if answer is not None:
         (value,) = answer
         return value
@@ -229,16 +228,16 @@ def _ask(question: _Question) -> Any:
 
 
 def _begin(process: _Process, question: _Question) -> bool:
-    """Whether the process has taken the question; else it has ended."""
+    """Return whether the process has taken the question; else it has ended."""
     try:
-        process.tell(question)
+        process.send(question)
     except OSError:
         return False
-    return bool(process.hear(_START_TIMEOUT) == _BEGUN)
+    return bool(process.receive(_START_TIMEOUT) == _BEGUN)
 
 
 def _words(code: int, mebibytes: int) -> str:
-    """How a process ended."""
+    """Return a message on how a process ended."""
     try:
         name = signal.Signals(-code).name if code < 0 else f"exit code {code}"
     except ValueError:
@@ -253,10 +252,10 @@ def _end() -> int:
 
 
 def _forget() -> None:
-    """In a forked process: the limited process is that of the parent."""
+    """Drop the parent's limited process in a forked process."""
     global _running, _lock
     if _running is not None:
-        _running.process.returncode = 0  # else Python warns of a process that runs on
+        _running.process.returncode = 0  # else Python warns of a running process
     _running, _lock = None, threading.Lock()
 
 
@@ -272,7 +271,7 @@ def _send(stream: BinaryIO, value: Any) -> None:
 
 
 def _receive(stream: BinaryIO) -> Any:
-    """The next value; EOFError at the end."""
+    """Return the next value. Raises EOFError at the end."""
     (size,) = _HEADER.unpack(_exactly(stream, _HEADER.size))
     return pickle.loads(_exactly(stream, size))
 
@@ -287,10 +286,10 @@ def _exactly(stream: BinaryIO, size: int) -> bytes:
 
 
 def serve() -> None:
-    """Answer questions until there are none for a while, in the limited process."""
+    """Answer questions in the limited process until none comes for `_IDLE`, s."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what is printed goes nowhere
+    os.dup2(2, 1)  # discard printed text
     questions = os.fdopen(os.dup(0), "rb", buffering=0)
     _send(answers, _READY)
     with contextlib.suppress(EOFError, OSError):
@@ -306,12 +305,12 @@ def serve() -> None:
             if _largest_memory() - before > question.mebibytes * 2**20:
                 value = _Failure(_too_large(question))
             _send(answers, (value,))
-            if _largest_memory() - before > 2**28:  # which may stay allocated
+            if _largest_memory() - before > 2**28:  # this memory may stay allocated
                 return
 
 
 def _is_asked(questions: BinaryIO) -> bool:
-    """Whether a question comes before the process has waited too long."""
+    """Return whether a question comes within `_IDLE`, s."""
     if sys.platform == "win32":
         return True
     import select
@@ -339,7 +338,7 @@ def _too_large(question: _Question) -> LimitExceededError:
 
 
 def _largest_memory() -> int:
-    """The most memory that this process has had, byte; 0 where it is not known."""
+    """Return the largest memory of this process so far, byte; 0 where it is not known."""
     if sys.platform == "win32":
         return 0
     import resource

@@ -12,7 +12,7 @@ from typing import TypeAlias
 from quad_env.cli.interrupt import Interrupt
 
 QUIET, PERIOD = 5.0, 10.0
-"""s of work before the first line about it where there is no terminal, and between two lines."""
+"""s. Time before the first line and between two lines where there is no terminal."""
 CellProgress: TypeAlias = Callable[[str, str, float], None]
 """Takes the policy and the scenario of a cell, and the share of it that is done, 0 to 1; 1 exactly once."""
 
@@ -61,10 +61,10 @@ def duration(seconds: float) -> str:
 
 @contextmanager
 def bar(what: str, *, in_lines: bool = True) -> Iterator[Callable[[float], None]]:
-    """Show how much of some work is done: takes the share, 0 … 1.
+    """Show the progress of some work; the result takes the share that is done, 0 … 1.
 
-    A bar on a terminal; elsewhere, `in_lines`, a line after QUIET seconds and then every PERIOD seconds. It raises
-    KeyboardInterrupt if Ctrl-C was pressed: the work stops between two reports.
+    The display is a bar on a terminal. Elsewhere it is a line after QUIET seconds and then every PERIOD seconds, if
+    `in_lines`. A report raises KeyboardInterrupt after Ctrl-C.
     """
     from rich.console import Console
     from rich.progress import (
@@ -100,8 +100,7 @@ def bar(what: str, *, in_lines: bool = True) -> Iterator[Callable[[float], None]
 
 @contextmanager
 def waiting(what: str) -> Iterator[None]:
-    """Say that some work whose share is not known goes on: a spinner on a terminal, elsewhere a line after QUIET
-    seconds."""
+    """Show that work of unknown duration goes on: a spinner on a terminal, else a line after QUIET seconds."""
     from rich.console import Console
 
     console = Console(stderr=True)
@@ -109,13 +108,13 @@ def waiting(what: str) -> Iterator[None]:
         with console.status(what):
             yield
         return
-    told = threading.Timer(QUIET, _say, (f"{what} …",))
-    told.daemon = True
-    told.start()
+    timer = threading.Timer(QUIET, _say, (f"{what} …",))
+    timer.daemon = True
+    timer.start()
     try:
         yield
     finally:
-        told.cancel()
+        timer.cancel()
 
 
 def _say(line: str) -> None:

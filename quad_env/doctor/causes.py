@@ -1,7 +1,7 @@
-"""Why a robot does not stand: each suspected cause is mended in a simulation, until the robot stands.
+"""Diagnosis of a robot that does not stand: applies the remedy of each suspected cause in simulation until it stands.
 
-Of what can be mended in a copy of the model these are servo gains, springs in the joints, shapes that press against
-each other, and inertias that no link has. What is in force is never proposed.
+The suspects that can be changed in a copy of the model are servo gains, joint springs, overlapping shapes and
+implausible inertias. A setting already in force is never proposed.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,13 +19,13 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import servo_gains
 from quad_env.robots.unlikely_inertias import unlikely_inertias
 
-ALIKE = 0.1
-"""Largest relative difference of servo gains that are taken for the same."""
+GAIN_TOLERANCE = 0.1
+"""Largest relative difference of servo gains that count as equal."""
 _SHOWN = 3
-"""Largest number of parts that are named."""
+"""Largest number of parts that a message names."""
 
 Mend = Callable[[Any], None]
-"""Changes the model of a simulation of one robot."""
+"""Function that changes the model of a simulation of one robot."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class Suspect:
     cause: str
     remedy: str
     mend: Mend | None = None
-    """None where the robot itself is another one."""
+    """None where the remedy changes the robot itself."""
     robot: Robot | None = None
-    """The robot after the remedy; None for the same."""
+    """The robot after the remedy; None if it is unchanged."""
 
     def helps(self, robot: Robot) -> bool:
-        """Whether the robot stands after the remedy."""
+        """Return whether the robot stands after the remedy."""
         env = new_env(self.robot or robot)
         if self.mend is not None:
             self.mend(env.simulation)
@@ -70,12 +70,12 @@ def diagnosis(subject: Subject, stance: Stance) -> tuple[str, str]:
 
 
 def _is_held(stance: Stance) -> bool:
-    """Whether the joints hold their targets and come to rest: the pose or the masses are wrong, and not the servos."""
+    """Return whether the joints hold their targets at rest: the pose or the masses are wrong, not the servos."""
     return stance.fault is not None and stance.fault.startswith("it does not stand")
 
 
 def _suspects(subject: Subject, stance: Stance) -> Iterator[Suspect]:
-    """Possible causes, the likeliest first."""
+    """Yield possible causes, the likeliest first."""
     robot = stance.robot
     yield from _gains(subject, stance)
     inertias = unlikely_inertias(robot)
@@ -88,24 +88,24 @@ def _suspects(subject: Subject, stance: Stance) -> Iterator[Suspect]:
         )
         remedy = f"correct the inertia of {names} in {robot.mjcf}"
 
-        def believed(simulation: Any) -> None:
+        def reduce_inertias(simulation: Any) -> None:
             for each in inertias:
                 _expanded(simulation, "body_inertia")[:, each.body] = 0.2 * each.largest
 
-        yield Suspect(cause, remedy, believed)
+        yield Suspect(cause, remedy, reduce_inertias)
     yield from _joint_suspects(robot)
     yield from _contacts(robot, stance)
 
 
 def _gains(subject: Subject, stance: Stance) -> Iterator[Suspect]:
-    """Servo gains that are those of SimpleQuad, scaled, where others are in force."""
+    """Yield scaled gains of SimpleQuad where others are in force."""
     robot = stance.robot
     if stance.is_overloaded:
         return
     stiffness, damping = (_rounded(gain) for gain in servo_gains(robot))
     in_force = np.stack((robot.servo_stiffness, robot.servo_damping))
     proposed = np.array(((float(stiffness),), (float(damping),)))
-    if (np.abs(in_force / proposed - 1.0) < ALIKE).all():
+    if (np.abs(in_force / proposed - 1.0) < GAIN_TOLERANCE).all():
         return
     other = robot.with_servo(float(stiffness), float(damping))
     lags = not stance.diverged and stance.lag > LARGEST_LAG
@@ -119,7 +119,7 @@ def _gains(subject: Subject, stance: Stance) -> Iterator[Suspect]:
 
 
 def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
-    """Springs of the joints."""
+    """Yield the springs of the joints."""
     model = robot.model
     springs = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
     joints = [int(joint) for joint in np.flatnonzero(springs.any(axis=1))]
@@ -128,21 +128,21 @@ def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
         largest = float(np.abs(springs).sum(axis=1).max())
         cause = f"springs in the joints of the model pull against the servos: {names}, up to {largest:.3g} N·m at 1 rad"
 
-        def slack(simulation: Any) -> None:
+        def remove_springs(simulation: Any) -> None:
             for field in ("jnt_stiffness", "jnt_stiffnesspoly"):
                 _expanded(simulation, field)[:] = 0.0
 
-        yield Suspect(cause, f"stiffness = 0 of these joints in {robot.mjcf}", slack)
+        yield Suspect(cause, f"stiffness = 0 of these joints in {robot.mjcf}", remove_springs)
 
 
 def self_contacts(subject: Subject) -> list[str]:
-    """Say in a line which bodies of the robot press against each other after it has stood; nothing where none do."""
-    pairs = _pressing(subject.env)
+    """Return a line that names the bodies of the robot in self-contact after a stand; empty without any."""
+    pairs = _self_contact_pairs(subject.env)
     return [f"bodies of the robot press against each other: {_in_words(pairs)}"] if pairs else []
 
 
-def _pressing(env: Any) -> list[tuple[str, str]]:
-    """Names of the bodies of a robot that touch each other after a stand, in pairs, as its file has them."""
+def _self_contact_pairs(env: Any) -> list[tuple[str, str]]:
+    """Return the pairs of names of bodies in self-contact after a stand, as in the robot's file."""
     stance_of(env)
     model = env.model
     bodies = model.geom_bodyid[env.data.contact.geom]
@@ -157,23 +157,23 @@ def _in_words(pairs: list[tuple[str, str]]) -> str:
 
 
 def _contacts(robot: Robot, stance: Stance) -> Iterator[Suspect]:
-    """Bodies of the robot that press against each other where it was left by its stand."""
-    pairs = [] if stance.diverged else _pressing(new_env(robot))
+    """Yield bodies of the robot in self-contact at the end of its stand."""
+    pairs = [] if stance.diverged else _self_contact_pairs(new_env(robot))
     if not pairs:
         return
 
-    def apart(simulation: Any) -> None:
+    def remove_self_contacts(simulation: Any) -> None:
         its_own = simulation.model.geom_bodyid > 0
         for field in ("geom_contype", "geom_conaffinity"):
             _expanded(simulation, field)[:, its_own] &= GROUND_BIT
 
     cause = f"bodies of the robot press against each other: {_in_words(pairs)}"
     rules = "".join(f'<exclude body1="{one}" body2="{other}"/>' for one, other in pairs)
-    yield Suspect(cause, f"<contact>{rules}</contact> in {robot.mjcf}, or other shapes", apart)
+    yield Suspect(cause, f"<contact>{rules}</contact> in {robot.mjcf}, or other shapes", remove_self_contacts)
 
 
 def _rounded(gain: float) -> str:
-    """A gain as it is proposed: what is tried is this number."""
+    """Round a gain to the number that is tried and proposed."""
     return f"{gain:.3g}" if gain < 1.0 else f"{gain:.1f}" if gain < 100.0 else f"{gain:.0f}"
 
 

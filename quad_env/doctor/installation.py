@@ -14,7 +14,7 @@ from quad_env.doctor.check import Finding, Subject, ok, problem
 
 PROJECT = "simple-quad"
 PATIENCE = 60.0
-"""Longest time for a first frame, with shaders that the processor compiles, s; waiting for a processor not counted."""
+"""s. Longest run time until a first frame, with shaders that the processor compiles; see `RunClock`."""
 INSTALL = "install EGL (Debian and Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri)"
 DRAW = """
 from quad_env.envs.env import SimpleQuadEnv
@@ -80,7 +80,7 @@ def opengl(_: Subject) -> Finding:
 
 
 def _stderr_in_time(run: "subprocess.Popen[bytes]") -> bytes | None:
-    """What a process prints on stderr until it ends; None where it has not ended in PATIENCE, and is ended now."""
+    """Return the stderr of a process; None if it does not end within PATIENCE, and is killed."""
     clock = RunClock(run.pid)
     while clock.elapsed() < PATIENCE:
         with contextlib.suppress(subprocess.TimeoutExpired):

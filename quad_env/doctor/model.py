@@ -58,7 +58,7 @@ def plausible(subject: Subject) -> Finding:
 
 
 def names(subject: Subject) -> Finding:
-    """Whether the joints are where their names say."""
+    """Check that the joints are at the places that their names say."""
     robot = subject.robot
     if found := next(contradictions(robot), None):
         seen, _, remedy = found.partition("; ")

@@ -1,4 +1,4 @@
-"""How a robot stands: it holds its home pose for two seconds, and then squats."""
+"""Stance test: a robot holds its home pose for two seconds, and then squats."""
 
 import math
 from dataclasses import dataclass
@@ -11,21 +11,21 @@ from quad_env.envs.env import SimpleQuadEnv
 from quad_env.robots.robot import Robot
 
 STAND_TIME = 2.0
-"""s"""
+"""s. Duration of the hold of the home pose."""
 LARGEST_TILT, LARGEST_SINK = 0.1, 0.2
-"""Of a robot that stands: rad, and a share of its height."""
+"""Limits for a robot that stands: tilt of the trunk, rad, and sink as a share of its height."""
 LARGEST_LAG = 0.1
-"""Of a joint from its target under the robot's weight, rad."""
+"""rad. Largest distance of a joint from its target under the robot's weight."""
 FULL_LOAD = 0.95
-"""Share of the rated torque at which a joint has no reserve."""
+"""Share of the rated torque above which a joint has no reserve."""
 RINGING = 1.0
-"""Root mean square of all joint speeds at rest in the squat, rad/s; of a robot by name at most 0.3"""
+"""rad/s. Root mean square of all joint speeds at rest in the squat; at most 0.3 for a robot by name."""
 SETTLED = 0.5
-"""s until it has come to rest in the squat"""
+"""s. Time to come to rest in the squat."""
 LAST = 0.2
-"""s before an end that are looked at"""
+"""s. Length of the window at the end that is measured."""
 SQUAT = 0.1
-"""Step of the thighs' targets, and half of the calves', rad"""
+"""rad. Step of the thighs' targets; the calves' step is half of it."""
 
 
 class DivergedError(ValueError):
@@ -34,18 +34,18 @@ class DivergedError(ValueError):
 
 @dataclass(frozen=True)
 class Stance:
-    """A robot that was to hold its home pose, and then to squat."""
+    """Result of a stance test: home pose, then a squat."""
 
     robot: Robot
     diverged: bool = False
     height: float = math.nan
-    """Of the trunk's origin, m."""
+    """Height of the trunk's origin, m."""
     tilt: float = math.nan
-    """rad"""
+    """Tilt of the trunk, rad."""
     lags: NDArray[np.float64] | None = None
-    """Of the joints from their targets, (12,), rad."""
+    """Joint errors from the targets, (12,), rad."""
     torque: float = math.nan
-    """Largest of a joint at rest, N·m."""
+    """Largest torque of a joint at rest, N·m."""
     ringing: float = math.nan
     """Root mean square of the joint speeds after the squat, rad/s."""
 
@@ -56,12 +56,12 @@ class Stance:
 
     @property
     def is_overloaded(self) -> bool:
-        """Whether a joint has no reserve of torque."""
+        """Return whether a joint has no reserve of torque."""
         return self.torque > FULL_LOAD * self.robot.rated_torque
 
     @property
     def fault(self) -> str | None:
-        """What is wrong, in words; None for a robot that stands. Numbers that are not finite are a fault."""
+        """Fault of the stance in words; None for a robot that stands. Numbers that are not finite are a fault."""
         robot = self.robot
         if self.diverged or not np.isfinite((self.height, self.tilt, self.lag, self.torque, self.ringing)).all():
             return "the simulation diverges: no finite state"
@@ -77,18 +77,18 @@ class Stance:
 
     @property
     def held(self) -> str:
-        """How well the joints hold their targets, in words."""
+        """Tracking of the joint targets, in words."""
         assert self.lags is not None
         return f"standing, {self.robot.joint_names[int(self.lags.argmax())]} is {self.lag:.3f} rad off its target"
 
     @property
     def trunk(self) -> str:
-        """Place of the trunk, in words."""
+        """Pose of the trunk, in words."""
         return f"its trunk is {self.height:.3f} m high and tilted by {self.tilt:.3f} rad"
 
 
 def stance_of(env: Any) -> Stance:
-    """Let the robot of a single environment stand, and squat, after a reset."""
+    """Reset a single environment, let its robot stand and squat, and return the result."""
     robot = env.robot
     env.reset(seed=0, options={"command": np.zeros(3)})
     try:
@@ -107,7 +107,7 @@ def stance_of(env: Any) -> Stance:
 
 
 def _ringing(env: Any) -> float:
-    """Root mean square of all joint speeds at the end of a squat, rad/s."""
+    """Return the root mean square of all joint speeds at the end of a squat, rad/s."""
     robot = env.robot
     step = SQUAT * np.array([[0.0, -knee, 2.0 * knee] for knee in robot.knee_direction]).ravel()
     squatting = states(env, robot.home_pose + step, SETTLED)[-round(LAST / env.dt) :]
@@ -135,5 +135,5 @@ def states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
 
 
 def new_env(robot: Robot) -> SimpleQuadEnv:
-    """A single environment with a robot, falls ignored."""
+    """Make a single environment with a robot, falls ignored."""
     return SimpleQuadEnv(robot=robot, terminate_on_fall=False)

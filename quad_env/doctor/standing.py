@@ -1,4 +1,4 @@
-"""Whether the robot stands, and if not, why: the remedy that is named is one with which it stood, see `causes`."""
+"""Check that the robot stands; the named remedy is one with which it stood, see `causes`."""
 
 from quad_env.doctor.causes import diagnosis
 from quad_env.doctor.check import Finding, Subject, ok, problem

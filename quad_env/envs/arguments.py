@@ -14,7 +14,7 @@ from quad_env.files.text import brief
 MOST_PIXELS = 8192
 """Longest side of a frame."""
 MOST_THREADS = 1024
-"""Of a batch."""
+"""Largest number of threads of a batch."""
 RESET_OPTIONS = ("command", "reset_mask")
 
 

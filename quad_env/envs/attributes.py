@@ -11,7 +11,7 @@ ALWAYS = frozenset(("spec", "metadata", "np_random", "closed"))
 SPACES = frozenset(("observation_space", "action_space", "single_observation_space", "single_action_space"))
 """Attributes that a subclass may replace."""
 COMMAND = frozenset(("command", "commands", "command_ranges"))
-"""Names under which users look for the command."""
+"""Names that users try for the command."""
 PACKAGE = __name__.rpartition(".")[0]
 
 

@@ -48,10 +48,10 @@ class Parts(TypedDict, total=False):
 
 
 class QuadEnvBase:
-    """An environment whose copies and pickles are new ones, made with its arguments, that have yet to be reset.
+    """Environment base class: a copy or an unpickled one is a new environment with the same arguments, not yet reset.
 
-    A `reset` without a seed gives a copy the episode that it would have given the original. The state of MuJoCo's
-    simulation itself can be neither copied nor pickled.
+    A `reset` without a seed gives a copy the next episode of the original. The state of MuJoCo's simulation can be
+    neither copied nor pickled.
 
     Setting a public attribute outside of `SETTABLE` after construction raises AttributeError. A subclass may set
     attributes of its own, and spaces.

@@ -1,4 +1,4 @@
-"""Texts that may be names or paths: whether one can only be a path, to something that is not there."""
+"""Check of names and paths: finds texts that can only be a path to a missing file."""
 
 from pathlib import Path
 
@@ -8,11 +8,11 @@ ENDINGS = frozenset(
         *(".stl", ".toml", ".urdf", ".xml", ".yaml", ".yml", ".zip"),
     )
 )
-"""Endings of the files that users name; a severity such as `noise=0.2` has none of them."""
+"""Endings of the files that users name; a severity such as `noise=0.2` does not end in one of them."""
 
 
 def missing_file(text: str) -> str | None:
-    """Say that a path leads nowhere: `there is no file or folder x/y`; None for a name, and for what is there.
+    """Return `there is no file or folder x/y` for a missing path; None for a name and for an existing file.
 
     A text is a path if it has a separator, begins with `~`, or has one of ENDINGS. `FILE.py:NAME` is a path, too.
     """
@@ -24,6 +24,6 @@ def missing_file(text: str) -> str | None:
     try:
         if Path(path).exists():
             return None
-    except (OSError, ValueError):  # no name that a file can have
+    except (OSError, ValueError):  # not a valid file name
         pass
     return f"there is no file {path}" if ending in ENDINGS else f"there is no file or folder {path}"

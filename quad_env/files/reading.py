@@ -14,18 +14,18 @@ from quad_env.files.text import brief
 TEXT = 64 * 2**20
 """Largest text, such as a description, a model or a script, byte."""
 LARGEST = 4 * 2**30
-"""Largest file of numbers that this project writes, such as a table or a checkpoint, byte."""
+"""Byte. Largest file of numbers that this project writes, such as a table or a checkpoint."""
 LARGEST_TOML, MAX_PARTS = 2**17, 20
-"""Most bytes of a TOML and most parts of a dotted key: Python's reader takes a time that grows with their square."""
+"""Limits of a TOML: bytes, and parts of a dotted key. The time of Python's reader grows with their square."""
 _BETWEEN = re.compile(r"[],=[{}\"']")
 NETWORK_LIMIT = "QUAD_ENV_LARGEST_NETWORK"
 """Environment variable: the largest network of a policy that is read, MiB."""
 _NETWORK_MIB = 128
-"""MiB. Networks of published policies have 0.1 to 20 MiB, with an image encoder up to 100."""
+"""MiB. Networks of published policies have 0.1 to 20 MiB, with an image encoder up to 100 MiB."""
 
 
 def largest_network() -> int:
-    """Return the size of the largest file that is read as the network of a policy, byte."""
+    """Return the size of the largest policy network that is read, byte."""
     given = os.environ.get(NETWORK_LIMIT, "")
     number = int(given) if given.isascii() and given.isdigit() and len(given) < 10 else 0
     return (number or _NETWORK_MIB) * 2**20
@@ -56,7 +56,7 @@ def parse_json(content: bytes | str) -> Any:
 
 
 def parse_toml(content: bytes | str) -> dict[str, Any]:
-    """TOML values; ValueError for what is no TOML, is too large, or has a key of very many parts."""
+    """Parse TOML. Raises ValueError for invalid TOML, a text that is too large, or a key of too many parts."""
     if len(content) > LARGEST_TOML:
         raise ValueError(f"it is larger than {LARGEST_TOML // 1024} KiB")
     text = content if isinstance(content, str) else content.decode()

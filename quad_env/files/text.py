@@ -6,7 +6,7 @@ from traceback import TracebackException
 LONGEST = 2000
 """Characters of a line that is printed."""
 MAX_SHOWN = 60
-"""Characters of a text that an error shows of a value."""
+"""Number of characters of a value that an error shows."""
 _MAX_ENTRIES, _MAX_BITS = 4, 200
 
 
@@ -24,9 +24,9 @@ def visible(text: str) -> str:
 
 
 def brief(value: object, depth: int = 2) -> str:
-    """Return a value of a file as an error shows it, in bounded time: the start of a text, few entries of a collection.
+    """Return a short text of a value for an error, in bounded time: the start of a text, few entries of a collection.
 
-    A collection of a YAML file can hold itself, or the same one at many places, so that its `repr` never ends.
+    A collection of a YAML file can contain itself, or the same one many times, so its `repr` can be endless.
     """
     if isinstance(value, str | bytes):
         return repr(value) if len(value) <= MAX_SHOWN else f"{value[:MAX_SHOWN]!r}…"

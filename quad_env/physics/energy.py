@@ -81,7 +81,7 @@ class Meter:
 
 
 def touch_sensors(robot: Robot, model: Any) -> list[list[str]]:
-    """Names of the sensors of the force that presses each foot: one for each of its bodies."""
+    """Return the names of the force sensors of each foot: one for each of its bodies."""
     if not robot.imported:
         return [[f"{leg}_foot_touch"] for leg in robot.leg_names]
     names = [model.sensor(number).name for number in range(model.nsensor)]
@@ -89,7 +89,7 @@ def touch_sensors(robot: Robot, model: Any) -> list[list[str]]:
 
 
 def summed(touch: Sequence[Sequence[Array]], ids: Ids) -> Array:
-    """Return the force that presses each foot of those robots, (k, 4), N, from the data of the sensors of each foot."""
+    """Return the ground force on each foot of those robots, (k, 4), N, from the sensor data of each foot."""
     return np.concatenate([np.sum([each[ids] for each in data], axis=0) for data in touch], axis=1)
 
 

@@ -24,7 +24,7 @@ LEG_WORDS = {word: words[:2] for words in ("fl lf", "fr rf", "hl rl lh bl", "hr 
 LINK_WORDS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1", "calf": "2", "knee": "2", "kfe": "2"}
 """Places in the leg that a word may mean, counted from the trunk: some call the thigh's joint a hip too."""
 LEAST_BEND = 0.1
-"""Middle of a calf's range, rad, that shows which way its knee bends."""
+"""rad. Least middle of a calf's range that shows the bend direction of its knee."""
 _PARALLEL = 0.999
 """Least cosine of two axes that are taken for parallel."""
 _SAME = 0.02
@@ -54,7 +54,7 @@ class Leg:
     thigh_length: float
     calf_length: float
     foot: Foot
-    """Its points in the base frame with the leg straight down."""
+    """Foot with its points in the base frame, the leg straight down."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Anatomy:
     carried: frozenset[int] = frozenset()
     """Ids of the bodies that these joints would move."""
     omitted: tuple[tuple[str, str], ...] = ()
-    """What the model has and the robot has not, heading and text of each line, see `omissions`."""
+    """Parts of the model that the robot lacks, heading and text of each line, see `omissions`."""
 
     @property
     def bodies(self) -> list[int]:
@@ -174,7 +174,7 @@ def root_of(mujoco: Any, model: Any) -> int:
 
 
 def _remedy(mujoco: Any, model: Any) -> str:
-    """What to change in a model without a free joint: its root is fixed, or moves by joints of its own."""
+    """Return the remedy for a model without a free joint: its root is fixed, or moves by joints of its own."""
     firsts = [int(body) for body in np.flatnonzero(model.body_parentid == 0)[1:]]
     counts = {body: int(descendants(model, body)[model.jnt_bodyid].sum()) for body in firsts}
     if not counts or max(counts.values()) == 0:
@@ -188,7 +188,7 @@ def _remedy(mujoco: Any, model: Any) -> str:
         )
     own: list[int] = []
     body = root
-    while True:  # the joints of a planar root may be those of several bodies, one in another
+    while True:  # a planar root may have its joints on several nested bodies
         start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
         own += range(start, start + count)
         below = [each for each in np.flatnonzero(model.body_parentid == body) if each != body]
@@ -309,7 +309,7 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
 
 
 def _tilts(model: Any, chain: list[int], signs: Floats, zeros: Floats) -> tuple[float, float]:
-    """Least and largest tilt of a shin about the axis of its knee in a stance, from the leg straight down, rad."""
+    """Return the least and largest tilt of a shin about its knee axis in a stance, from the leg straight down, rad."""
     places = model.jnt_qposadr[chain]
     angles = zeros + signs * (model.key_qpos[:, places] - model.qpos0[places])
     standing = float(np.abs(angles[:, 1] + angles[:, 2]).max()) if model.nkey else 0.0
@@ -319,7 +319,7 @@ def _tilts(model: Any, chain: list[int], signs: Floats, zeros: Floats) -> tuple[
 
 
 def bend_direction(model: Any, joint: int, sign: float, zero: float) -> float:
-    """Return the way in which a knee bends by the limits of its joint: -1 backward, 1 forward, 0 where they leave both.
+    """Return the bend direction of a knee by its joint limits: -1 backward, 1 forward, 0 if both are possible.
 
     Args:
         model: Compiled model.

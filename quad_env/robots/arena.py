@@ -97,9 +97,9 @@ def _on_our_ground(robot: Figures, _changed: int) -> Any:
 
 
 def body_names(robot: Figures) -> dict[str, str]:
-    """Return the names that bodies have in the user's file, by those that they have on our ground.
+    """Return the body names of the user's file by the body names on our ground.
 
-    Bodies without a name in the file, and those of robots that are not imported, are called as on our ground.
+    The names on our ground stand for bodies without a name in the file, and for robots that are not imported.
     """
     if not robot.imported:
         return {}
@@ -144,10 +144,10 @@ def _keep_masses(parts: Parts, model: Any, found: Anatomy) -> None:
 
 
 def _turn_joints(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> None:
-    """Make the joints read what they are in the robot's terms; their angles in the unit of the model's compiler.
+    """Turn the joint axes to the robot's convention; angles in the unit of the model's compiler.
 
-    A spring's force -(a x + b x² + c x³) has the other sign of b about the other axis; a damper's is odd. A joint has
-    the armature and damping of its motors, and no motor's torque is cut below the rated one.
+    A spring's force is -(a x + b x² + c x³): b changes its sign with the axis. A damper's force is odd. A joint has the
+    armature and damping of its motors, and no motor's torque is cut below the rated one.
     """
     of_motors = _of_motors(model)
     for joint, sign, zero, *limits in zip(found.joints, found.signs, found.zeros, *found.limits(model), strict=True):
@@ -170,7 +170,7 @@ def _turn_joints(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> No
 
 
 def _of_motors(model: Any) -> Floats:
-    """Armature and damping coefficients that each joint has from its motors, (njnt, 4): by the gear squared."""
+    """Return the armature and damping coefficients of each joint from its motors, (njnt, 4), with the squared gear."""
     import mujoco
 
     found = np.zeros((model.njnt, 4))
@@ -183,7 +183,7 @@ def _of_motors(model: Any) -> Floats:
 
 
 def _leave_out_forces(parts: Parts, model: Any, found: Anatomy) -> None:
-    """Leave the robot its weight, its joints' springs and the ground: nothing else acts on it, see `omissions`."""
+    """Remove all forces but the weight, the joint springs and the ground contact, see `omissions`."""
     import mujoco
 
     for body in found.bodies:
@@ -201,7 +201,7 @@ def _leave_out_forces(parts: Parts, model: Any, found: Anatomy) -> None:
 
 
 def _touch_like_ours(parts: Parts, own: Any, found: Anatomy, foot: Any) -> None:
-    """Give geoms and pairs the contact parameters of SimpleQuad's foot; friction stays theirs."""
+    """Give geoms and pairs the contact parameters of SimpleQuad's foot and keep their friction."""
     geoms = [geom for body in found.bodies for geom in parts.bodies[body].geoms]
     for part in (*geoms, *own.pairs):
         part.solref, part.solimp = foot.solref, foot.solimp
@@ -209,7 +209,7 @@ def _touch_like_ours(parts: Parts, own: Any, found: Anatomy, foot: Any) -> None:
     for geom in geoms:
         geom.solmix, geom.condim, geom.priority = foot.solmix, foot.condim, foot.priority
         geom.surfacevel = np.zeros(6)
-        geom.fluid_ellipsoid = 0.0  # no fluid is here
+        geom.fluid_ellipsoid = 0.0  # there is no fluid here
     for pair in own.pairs:
         pair.solreffriction = (0.0, 0.0)
         pair.condim = foot.condim
@@ -246,7 +246,7 @@ def _name_parts(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> Non
 
 
 def _unturned(part: Any) -> None:
-    """Put a new geom or site along the axes of its body, whatever orientation the model's class defaults gave it."""
+    """Align a new geom or site with the axes of its body, for every orientation in the model's class defaults."""
     import mujoco
 
     part.quat = (1.0, 0.0, 0.0, 0.0)

@@ -28,13 +28,14 @@ RULES = {"excludes": ("body", "bodyname1", "bodyname2"), "pairs": ("geom", "geom
 
 
 Rule = tuple[Any, str, Any]
-"""Rule of a specification, field, and the part that it names."""
+"""Rule of a specification, its field, and the part that it names."""
 
 
 def own_rules(own: Any, found: Anatomy, overlaps: Sequence[Overlap]) -> list[Rule]:
     """Return the rules of a specification between parts of the robot, and delete the others from it.
 
-    Those with parts of the scene go, since the ground is ours; so do pairs of geoms of bodies that `overlaps` names.
+    Rules with parts of the scene are deleted, since the ground is ours. So are pairs of geoms of the bodies in
+    `overlaps`.
 
     Args:
         own: Specification of the user's file.
@@ -55,7 +56,7 @@ def own_rules(own: Any, found: Anatomy, overlaps: Sequence[Overlap]) -> list[Rul
 
 
 def excluded(own: Any, parts: Parts, overlaps: Sequence[Overlap]) -> list[Rule]:
-    """Exclude bodies with overlapping shapes from collision in a specification; the new rules."""
+    """Exclude bodies with overlapping shapes from collision in a specification and return the new rules."""
     rules: list[Rule] = []
     for overlap in overlaps:
         rule = own.add_exclude()

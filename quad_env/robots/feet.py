@@ -1,8 +1,8 @@
-"""The foot of a leg, found in its compiled model: the geoms of the last link that a stance can stand on.
+"""Foot of a leg in its compiled model: the geoms of the last link that can carry the robot in a stance.
 
-Kinematics and terrain take a foot for a ball. A sphere, or the end of a capsule, is one. In a foot of several geoms or
-of another shape it is a ball as wide as the thinnest side of the foot, on the middle of the sole; how far the foot
-reaches below this ball when the leg is tilted is worked out from `points` and `radii`, see `kinematics.foot_depths`.
+Kinematics and terrain model a foot as a ball: a sphere, or the end of a capsule. For several geoms or another shape,
+the ball is as wide as the thinnest side of the foot and lies on the middle of the sole. `points` and `radii` give the
+depth of the foot below this ball when the leg is tilted, see `kinematics.foot_depths`.
 
 A geom belongs to the foot if it is the lowest in one pose of a stance: the link is tilted about the axis of the knee
 and about the leg's x axis, see `standing_geoms`.
@@ -23,24 +23,24 @@ _FLAT = 0.1
 _THICKEST = 0.15
 """Largest radius of the ball in a foot of another shape, as a share of the way from the knee to the sole."""
 _REACH = 0.9
-"""Distance from the knee, as a share of the farthest geom's, from which on a geom is one of those at the leg's end."""
+"""Least distance from the knee of a geom at the leg's end, as a share of the farthest geom's."""
 _SOFT = 5e-3
-"""Height above the lowest point up to which a short geom is part of the foot: contacts yield, m."""
+"""m. Height above the lowest point up to which a short geom is part of the foot: contacts yield."""
 SWING = 0.3
-"""Largest tilt of a shin in a stance beyond that of standing, rad."""
+"""rad. Largest tilt of a shin in a stance beyond that of standing."""
 LEAST_BENT, MOST_BENT = 0.8, 1.0
-"""Least and largest of what is taken for a shin's largest tilt in a stance with a bent knee, rad."""
+"""rad. Limits of the estimated largest tilt of a shin in a stance with a bent knee."""
 _ROLL = 0.4
-"""Largest tilt of a shin in a stance to either side, rad."""
+"""rad. Largest tilt of a shin in a stance to either side."""
 _BALL = 1e-4
-"""m that other geoms of a foot may reach below its ball while the foot is still taken for that ball."""
+"""m. Depth below the foot's ball up to which other geoms do not count."""
 _DIRECTIONS = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 9)], indexing="ij"), axis=-1).reshape(-1, 3)
 _DIRECTIONS = _DIRECTIONS[np.abs(_DIRECTIONS).max(axis=1) == 1.0]
 _DIRECTIONS /= np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 _AROUND, _ASIDE = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False), np.linspace(-0.4, 0.4, 9))
 _PITCHED = np.cos(_ASIDE) * np.sin(_AROUND), np.sin(_ASIDE), -np.cos(_ASIDE) * np.cos(_AROUND)
 _DIRECTIONS = np.concatenate((_DIRECTIONS, np.stack(_PITCHED, axis=-1).reshape(-1, 3)))
-"""Unit vectors all around, more of them where a shin that is tilted in the plane of its leg may be lowest."""
+"""Unit vectors in all directions, denser in the leg plane, where a tilted shin may be lowest."""
 
 
 class Foot(NamedTuple):
@@ -54,12 +54,12 @@ class Foot(NamedTuple):
     """Centre of the ball, (3,)."""
     radius: float
     points: Floats
-    """Points from that centre, (k, 3); of a ball none, (0, 3). The foot is their hull, each grown by its radius."""
+    """Points from that centre, (k, 3), m; (0, 3) for a ball. The foot is their hull, each grown by its radius."""
     radii: Floats
     """Radii about the points, (k,), m."""
 
     def bodies(self, model: Any) -> list[int]:
-        """Ids of the bodies that have its geoms, `body` first."""
+        """Return the ids of the bodies that have its geoms, `body` first."""
         return list(dict.fromkeys(int(model.geom_bodyid[geom]) for geom in self.geoms))
 
 
@@ -138,8 +138,9 @@ def standing_foot(
 
 
 def _down(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) -> Floats | None:
-    """Unit vector from the knee to the middle of the geoms at the end of the leg, in the plane in which it bends, world
-    frame, (3,); None where the geoms lie at the joint."""
+    """Return the direction from the knee to the middle of the end geoms, in the leg plane, world frame, (3,). None
+    where the geoms lie at the joint.
+    """
     knee, axis = data.xanchor[joint], data.xaxis[joint]
     distances = {geom: float(np.linalg.norm(points - knee, axis=1).max()) for geom, points in hulls.items()}
     farthest = max(distances, key=lambda geom: distances[geom])
@@ -161,13 +162,13 @@ def _down(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) -> Floats
 
 
 def _is_ball(model: Any, geom: int, hull: Floats, down: Floats) -> bool:
-    """Whether the lower end of a geom is that of a sphere or of a capsule that does not lie across the leg."""
+    """Return whether the lower end of a geom is that of a sphere or of a capsule that does not lie across the leg."""
     ends = balls(model, geom)
     return len(ends) == 1 or (len(ends) == 2 and float(np.ptp(hull @ down)) > 3.0 * ends[0][1])
 
 
 def _flat(vector: Floats, axis: Floats) -> Floats | None:
-    """The direction of a vector across an axis, unit length, (3,); None for one that lies along it."""
+    """Return the direction of a vector across an axis, unit length, (3,); None for a vector along the axis."""
     across = vector - (vector @ axis) * axis
     length = float(np.linalg.norm(across))
     if length < 1e-6:
@@ -177,12 +178,12 @@ def _flat(vector: Floats, axis: Floats) -> Floats | None:
 
 
 def _is_short(points: Floats, down: Floats, length: float) -> bool:
-    """Whether a geom is no shin: it reaches along less than half of the way from the knee to the sole."""
+    """Return whether a geom is no shin: its extent along the leg is less than half of the leg's length."""
     return float(np.ptp(points @ down)) < _LONG * length
 
 
 def _stance(down: Floats, axis: Floats, tilts: tuple[float, float]) -> Floats:
-    """Directions of gravity in the poses of a stance for a leg that is straight down at `down`, world frame, (k, 3)."""
+    """Return the directions of gravity in a stance for a leg that is straight down at `down`, world frame, (k, 3)."""
     pitches = np.linspace(*tilts, 27)
     rolls = np.linspace(-_ROLL, _ROLL, 9)
     pitch, roll = (each.reshape(-1, 1) for each in np.meshgrid(pitches, rolls))
@@ -192,7 +193,7 @@ def _stance(down: Floats, axis: Floats, tilts: tuple[float, float]) -> Floats:
 
 
 def _with_points(model: Any, data: Any, foot: Foot) -> Foot:
-    """The foot with the points and radii of its geoms."""
+    """Return the foot with the points and radii of its geoms."""
     shapes = [(geom, *rounded(model, geom)) for geom in foot.geoms]
     points = np.concatenate([in_world(model, data, geom, points) for geom, points, _ in shapes])
     radii = np.concatenate([np.full(len(points), radius) for _, points, radius in shapes])
@@ -201,7 +202,7 @@ def _with_points(model: Any, data: Any, foot: Foot) -> Foot:
 
 
 def extremes(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
-    """Drop the points that are the farthest in no direction of many, and add those straight below a round end.
+    """Drop the points that are the farthest in no sampled direction, and add those straight below a round end.
 
     Args:
         points: (k, 3), m.
@@ -221,7 +222,7 @@ def extremes(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
 
 
 def depths(points: Floats, radii: Floats, angles: Floats, up: Floats) -> Floats:
-    """Return how far feet reach below their centres, (...,), m.
+    """Return the depths of feet below their centres, (...,), m.
 
     Args:
         points: Of the feet, base frame with the legs straight down, (..., k, 3), m.
@@ -259,5 +260,5 @@ def in_world(model: Any, data: Any, geom: int, points: Floats) -> Floats:
 
 
 def in_world_of(data: Any, body: int, points: Floats) -> Floats:
-    """Points of a body, (..., 3), in the world frame."""
+    """Transform points of a body, (..., 3), m, to the world frame."""
     return np.asarray(data.xpos[body] + points @ data.xmat[body].reshape(3, 3).T)

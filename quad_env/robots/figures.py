@@ -18,7 +18,7 @@ from quad_env.robots.shapes import Floats as Floats
 
 T = TypeVar("T")
 LEVEL = 2e-4
-"""Largest difference between heights of the feet in the home pose that is one of manufacture, m."""
+"""m. Largest height difference of the feet in the home pose that counts as a manufacturing tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +61,11 @@ class Figures:
     trunk_centre: Floats = field(default_factory=lambda: np.zeros(3))
     """Centre of the trunk's box in the base frame, shape (3,), m."""
     foot_points: Floats = field(default_factory=lambda: np.zeros((4, 0, 3)))
-    """Points from the centre of each foot, base frame with the legs straight down, shape (4, k, 3), m: the foot is
-    their hull, each grown by its radius. None where all feet are balls."""
+    """Points from the centre of each foot, base frame with the legs straight down, (4, k, 3), m; empty if all feet are
+    balls. The foot is their hull, each grown by its radius.
+    """
     foot_radii: Floats = field(default_factory=lambda: np.zeros((4, 0)))
-    """Radii about the points, shape (4, k), m."""
+    """Radii about the points, (4, k), m."""
     stiff_servo: Floats = field(default_factory=lambda: np.array((300.0, 10.0)))
     """Stiffness and damping, shape (2, 12), N·m/rad and N·m·s/rad, for controllers that need stiff servos: SimpleQuad's
     scaled by mass and leg length, or those of a user's TOML; given as two numbers where all joints are alike."""
@@ -79,8 +80,7 @@ class Figures:
 
     @property
     def keeps_contact(self) -> bool:
-        """Whether the geoms of the model keep their contact parameters: those of the robots by name, for which results
-        are published."""
+        """Return whether geoms keep the model's contact parameters: true for named robots with published results."""
         return self.imported and self.source is None
 
     def __post_init__(self) -> None:
@@ -129,13 +129,13 @@ class Figures:
 
     @cached_property
     def home_hip_height(self) -> float:
-        """Hip joints above the centres of the feet in the home pose, mean over the legs, m."""
+        """Height of the hip joints above the centres of the feet in the home pose, mean over the legs, m."""
         heights = self.hip_heights
         return float(heights[0] if np.ptp(heights) < LEVEL else heights.mean())
 
     @cached_property
     def hip_heights(self) -> Floats:
-        """Each hip joint above the centre of its foot in the home pose, (4,), m."""
+        """Height of each hip joint above the centre of its foot in the home pose, (4,), m."""
         hip, thigh, calf = self.home_pose.reshape(-1, 3).T
         bent = self.thigh_length * np.cos(thigh) + self.calf_length * np.cos(thigh + calf)
         heights: Floats = np.cos(hip) * bent - np.sin(hip) * self.side * self.hip_offset
@@ -143,7 +143,7 @@ class Figures:
 
     @cached_property
     def home_height(self) -> float:
-        """Origin of the base frame above flat ground in the home pose, level, with the lowest foot just touching, m."""
+        """Height of the base frame's origin above flat ground in the level home pose, lowest foot in contact, m."""
         parts = self.hip_heights, self._foot_depths, self.hip_positions[:, 2], self.leg_heights
         if max(np.ptp(part) for part in parts) < LEVEL:
             return self.home_hip_height + self.foot_depth - self.hip_rise
@@ -151,7 +151,7 @@ class Figures:
 
     @property
     def leg_heights(self) -> Floats:
-        """Origin of the base frame, level, above the underside of each foot in the home pose, (4,), m."""
+        """Height of the level base frame's origin above the underside of each foot in the home pose, (4,), m."""
         return self.hip_heights + self._foot_depths - self.hip_positions[:, 2]
 
     @cached_property
@@ -166,7 +166,7 @@ class Figures:
 
     @cached_property
     def _foot_depths(self) -> Floats:
-        """Lowest point of each foot below its centre in the home pose, (4,), m."""
+        """Depth of the lowest point of each foot below its centre in the home pose, (4,), m."""
         if not self.foot_points.size:
             return np.full(len(self.leg_names), self.foot_radius)
         up = np.array((0.0, 0.0, 1.0))

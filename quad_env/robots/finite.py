@@ -1,4 +1,4 @@
-"""Numbers of a compiled model that are not finite, and where its file has them."""
+"""Check for numbers of a compiled model that are not finite, with their places in its file."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 _KINDS = {"body_": "body", "jnt_": "joint", "geom_": "geom", "actuator_": "actuator"}
-"""Kind of part by the beginning of a model's field."""
+"""Kind of part by the prefix of a model's field."""
 _FIELDS = (
     *("body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "body_iquat"),
     *("jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness", "jnt_actfrcrange"),

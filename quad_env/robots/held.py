@@ -72,7 +72,7 @@ def hold(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> Any:
 
 
 def _keep_springs(spec: Any, model: Any) -> None:
-    """Write out what `springdamper` was compiled to: it follows from an inertia that held joints change."""
+    """Write the compiled result of `springdamper` to the joints: it depends on an inertia that held joints change."""
     for part in spec.joints:
         if part.springdamper.any():
             dof = int(model.jnt_dofadr[part.id])

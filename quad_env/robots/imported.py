@@ -20,11 +20,11 @@ FIGURES = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_d
 SHORTEST_BEND, LONGEST_BEND = 0.5, 0.97
 """Hip joints above the feet in a keyframe that is taken for a stand, as a share of a leg's length."""
 MIN_MASS, MAX_MASS = 1e-3, 1e6
-"""kg."""
+"""kg. Limits of a robot's mass."""
 
 
 class GivenError(ModelError):
-    """A figure that was given does not fit the model."""
+    """A given figure does not fit the model."""
 
 
 def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
@@ -48,7 +48,7 @@ def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
 
 
 def _checked_name(name: Any) -> str:
-    """The name of a robot. Raises ModelError for what is none."""
+    """Return a robot's name. Raises ModelError for an invalid name."""
     is_name = isinstance(name, str) and name and not name.startswith(".") and Path(name).name == name
     if not is_name or not name.isprintable():
         raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
@@ -207,7 +207,7 @@ def _height(leg: Leg, angles: Floats) -> float:
 
 
 def _home_pose(robot: Figures, heights: Sequence[float]) -> Floats:
-    """Feet below the thigh joints, each leg's at its height, m, above them; (12,), rad."""
+    """Return a pose with the feet below the thigh joints, each leg's at its height, m, above them; (12,), rad."""
     upper, lower = robot.thigh_length, robot.calf_length
     pose = []
     for knee, height in zip(robot.knee_direction, heights, strict=True):
@@ -215,12 +215,12 @@ def _home_pose(robot: Figures, heights: Sequence[float]) -> Floats:
         thigh = np.arccos(np.clip((upper**2 + height**2 - lower**2) / (2.0 * upper * height), -1.0, 1.0))
         calf = np.pi - np.arccos(np.clip((upper**2 + lower**2 - height**2) / (2.0 * upper * lower), -1.0, 1.0))
         pose += [0.0, -knee * thigh, knee * calf]
-    return np.array(pose) + 0.0  # which makes no -0.0 of a hip's
+    return np.array(pose) + 0.0  # avoids -0.0 at the hips
 
 
 def _levelled(robot: Figures) -> Figures:
-    """The robot with a home pose in which all feet touch: those that reach deeper, or hang lower, are bent more."""
-    for _ in range(10):  # a foot that is no ball reaches as deep as its shin is tilted
+    """Return the robot with a home pose in which all feet touch: deeper or lower feet get a more bent leg."""
+    for _ in range(10):  # the depth of a foot that is no ball depends on the tilt of its shin
         heights = robot.leg_heights
         if np.ptp(heights) < LEVEL:
             break
@@ -230,7 +230,7 @@ def _levelled(robot: Figures) -> Figures:
 
 
 def _feet(found: Anatomy) -> tuple[Floats, Floats]:
-    """Return the points of the feet from where kinematics has their centres, which takes all legs for the same.
+    """Return the points of the feet from their centres in kinematics, which takes all legs for equal.
 
     Returns:
         points: (4, k, 3), m; k is 0 where all feet are balls.

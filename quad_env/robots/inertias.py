@@ -1,4 +1,4 @@
-"""Inertias of a user's model that no body can have: balanced as MuJoCo's `balanceinertia` does, and named."""
+"""Impossible inertias of a user's model: balanced as by MuJoCo's `balanceinertia`, and named."""
 
 from typing import Any
 
@@ -10,19 +10,19 @@ from quad_env.robots.shapes import Floats
 UNBALANCED = "A + B >= C"
 NOT_POSITIVE = "positive eigenvalues"
 NOTHING = "must be larger than mjMINVAL"
-"""Parts of the errors of MuJoCo's compiler about inertias."""
+"""Parts of error messages of MuJoCo's compiler about inertias."""
 LEAST = 1e-15
-"""Least mass, kg, and moment of inertia, kg·m², of a body that moves: mjMINVAL of MuJoCo."""
+"""kg, kg·m². Least mass and moment of inertia of a moving body: mjMINVAL of MuJoCo."""
 FROM_GEOMS = 1
-"""Value of `inertiafromgeom` with which inertias of the file do not count: mjINERTIAFROMGEOM_TRUE of MuJoCo."""
+"""Value of `inertiafromgeom` that ignores the inertias of the file: mjINERTIAFROMGEOM_TRUE of MuJoCo."""
 LEAST_MASS = 1e-9
-"""Of a link that moves and has no mass, kg; a millionth of a gram."""
+"""kg. Mass that a moving link without a mass gets; a millionth of a gram."""
 LEAST_RADIUS = 0.01
-"""Radius of gyration of such a link, m."""
+"""m. Radius of gyration of this link."""
 
 
 def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
-    """Compile a specification; inertias that MuJoCo refuses are changed in it to three equal moments.
+    """Compile a specification; replace inertias that MuJoCo refuses by three equal moments.
 
     Args:
         mujoco: The package.
@@ -62,7 +62,7 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
 
 
 def _balanced(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -> tuple[str, ...]:
-    """Names of the bodies whose moments MuJoCo, or `compile_balanced`, has made equal since they were impossible."""
+    """Return the names of bodies with impossible moments that MuJoCo, or `compile_balanced`, has made equal."""
     if int(spec.compiler.inertiafromgeom) == FROM_GEOMS:
         return ()
     return tuple(
@@ -73,9 +73,9 @@ def _balanced(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -> tuple
 
 
 def without_inferred_masses(spec: Any) -> tuple[str, ...]:
-    """Let links of a URDF without `<inertial>` have no mass, whatever shapes they have.
+    """Give links of a URDF without `<inertial>` no mass, even if they have shapes.
 
-    A link that moves and carries others gets `LEAST_MASS`, without which MuJoCo does not read it.
+    A moving link that carries others gets `LEAST_MASS`; MuJoCo refuses a mass of zero there.
 
     Args:
         spec: The `mujoco.MjSpec` of the URDF, changed.
@@ -100,14 +100,14 @@ def without_inferred_masses(spec: Any) -> tuple[str, ...]:
 
 
 def _mass(body: Any, welded_only: bool = False) -> float:
-    """Mass of a body and of those below it, or of those that are welded to it, kg."""
+    """Return the mass of a body and of those below it, or of those that are welded to it, kg."""
     below = [each for each in body.bodies if not (welded_only and each.joints)]
     own = float(body.mass) if body.explicitinertial else 0.0
     return own + sum(_mass(each, welded_only) for each in below)
 
 
 def _moments(body: Any) -> Floats:
-    """Principal moments of a body's explicit inertia, ascending, (3,), kg·m²."""
+    """Return the principal moments of a body's explicit inertia, ascending, (3,), kg·m²."""
     full = np.array(body.fullinertia)
     if np.isnan(full[0]):
         return np.sort(body.inertia)
@@ -120,7 +120,7 @@ def _moments(body: Any) -> Floats:
 
 
 def _without_inertia(spec: Any, error: ValueError) -> str:
-    """Text about the body of MuJoCo's error, which has no mass or no inertia."""
+    """Return a message on the body in MuJoCo's error: it has no mass or no inertia."""
     name = next((body.name for body in spec.bodies if body.name and f"'{body.name}'" in str(error)), "")
     return _refusal(name)
 

@@ -1,4 +1,4 @@
-"""Legs by the words of names: `FL_hip_joint` and `front_left_hip` say fl; and whether the names are where they say."""
+"""Leg names: `FL_hip_joint` and `front_left_hip` mean fl; and a check of the names against the places of the hips."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -18,16 +18,16 @@ _TURNS = {
     "left and right are exchanged (its y axis points to the right?): y points to the left": (_MIRROR,),
     "fore and hind are exchanged (its x axis points to the tail?): x points forward": (_REVERSE,),
 }
-"""Cause and remedy of names that all differ from the places in the same way, and what maps the one to the other."""
+"""Cause and remedy of names that all differ from the places in the same way, and the map from one to the other."""
 
 
 def words_of(name: str) -> list[str]:
-    """Return the words of a name, in small letters."""
+    """Return the words of a name in lower case."""
     return [word.lower() for word in _WORD.findall(name)]
 
 
 def leg_of(words: Sequence[str]) -> str | None:
-    """Return fl, fr, hl or hr; None where the words do not say it."""
+    """Return fl, fr, hl or hr; None where the words name no leg."""
     known = {LEG_WORDS[word] for word in words if word in LEG_WORDS}
     ends = {_ENDS[word] for word in words if word in _ENDS}
     sides = {_SIDES[word] for word in words if word in _SIDES}
@@ -37,7 +37,7 @@ def leg_of(words: Sequence[str]) -> str | None:
 
 
 def contradictions(robot: Robot) -> Iterator[str]:
-    """Say in a line which joints' names contradict the places of their hips, and how to mend it; nothing if none."""
+    """Yield a line with the joint names that contradict the places of their hips, and the remedy; nothing if none."""
     said = [leg_of(words_of(name)) for name in robot.joint_names]
     places = [leg for leg in robot.leg_names for _ in range(JOINTS_PER_LEG)]
     wrong = [

@@ -1,17 +1,17 @@
-"""Meshes and textures of a model that are only shown and whose files are not there: left out, and told."""
+"""Missing meshes and textures of a model: visual ones are left out and reported."""
 
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 NOTE = "quad_env: files that are not there"
-"""Name of the custom text in a specification that lists what was left out."""
+"""Name of the custom text in a specification that lists the files left out."""
 
 
 def leave_out_missing(spec: Any) -> None:
     """Delete from a specification the geoms of missing meshes that neither collide nor weigh, and missing textures.
 
-    What collides or gives a body its mass stays: MuJoCo refuses the model, and names the file.
+    A mesh that collides or gives its body a mass stays: MuJoCo refuses the model and names the file.
     """
     missing = [*_meshes(spec), *_textures(spec)]
     note_missing(spec, missing)
@@ -42,7 +42,7 @@ def _meshes(spec: Any) -> Iterator[str]:
 
 
 def _matters(geom: Any, paired: set[str]) -> bool:
-    """Whether a geom collides or gives its body a mass."""
+    """Return whether a geom collides or gives its body a mass."""
     if geom.contype or geom.conaffinity or (geom.name and geom.name in paired):
         return True
     compiler = geom.parent.compiler

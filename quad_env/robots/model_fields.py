@@ -1,6 +1,6 @@
-"""What becomes of each field of a user's compiled model: kept, replaced, named, or without effect on the motion.
+"""Treatment of each field of a user's compiled model: kept, replaced, named, or without effect on the motion.
 
-The lists are complete: a test walks all fields that MuJoCo has, and fails for one that is in no list or in two.
+The lists are complete: a test walks all fields of MuJoCo and fails for a field that is in no list or in two.
 """
 
 
@@ -60,7 +60,7 @@ _DERIVED = _fields("""
     tendon_adr tendon_invweight0 tendon_length0 tendon_num tendon_plasticadr tendon_treeid tendon_treenum
     tree_bodyadr tree_bodynum tree_dofadr tree_dofnum
 """)
-"""Fields that MuJoCo works out from others."""
+"""Fields that MuJoCo computes from others."""
 _SIZES = _fields("""
     nB nC nD nJfe nJmom nJten nM na nactuator narena nbody nbuffer nbvh nbvhdynamic nbvhstatic ncam nconmax
     nefm0L nefm0dof nefmCvert nemax neq nexclude nflex nflexbending nflexedge nflexelem nflexelemdata
@@ -85,8 +85,9 @@ KEPT = _fields("""
     actuator_armature actuator_damping actuator_dampingpoly
     qpos0 qpos_spring plugin plugin_attr
 """)
-"""The robot has the model's value, in the joint coordinates of `Robot`. A motor's armature and damping are its joint's.
-Spring, damping, armature and friction of the free joint are not kept: they are named."""
+"""Fields with the model's value, in the joint coordinates of `Robot`. A motor's armature and damping are its joint's.
+Spring, damping, armature and friction of the free joint are not kept: they are named.
+"""
 REPLACED = _fields("""
     geom_condim geom_priority geom_margin geom_gap geom_solref geom_solimp geom_solmix geom_fluid
     pair_dim pair_margin pair_gap pair_solref pair_solreffriction pair_solimp
@@ -99,7 +100,7 @@ REPLACED = _fields("""
     tree_sleep_policy
     hfield_adr hfield_data hfield_ncol hfield_nrow hfield_pathadr hfield_size
 """)
-"""The robot has SimpleQuad's value, or one that follows from its figures; docs/your-robot.md says so."""
+"""Fields with SimpleQuad's value, or with one that follows from its figures; see docs/your-robot.md."""
 NAMED = _fields("""
     body_gravcomp body_plugin body_mocapid
     jnt_actgravcomp jnt_springyield
@@ -117,11 +118,11 @@ NAMED = _fields("""
     flex_plasticmode flex_priority flex_radius flex_rigid flex_selfcollide flex_size flex_solimp flex_solmix
     flex_solref flex_stiffness flex_vert flex_vert0 flex_vertbodyid flex_yield
 """)
-"""The robot does not have it, and `omissions` says so in a line."""
+"""Fields that the robot lacks; `omissions` names each in a line."""
 WITHOUT_EFFECT = _SHOWN + _NAMES + _SENSORS + _DERIVED + _SIZES
-"""The motion does not depend on it."""
+"""Fields that do not affect the motion."""
 MODEL_FIELDS = {"kept": KEPT, "replaced": REPLACED, "named": NAMED, "without effect": WITHOUT_EFFECT}
-"""Fields of `mujoco.MjModel` by what becomes of them."""
+"""Fields of `mujoco.MjModel` by their treatment."""
 OPTION_FIELDS = {
     "kept": (),
     "replaced": _fields("""
@@ -134,4 +135,4 @@ OPTION_FIELDS = {
     """),
     "without effect": ("magnetic",),
 }
-"""Fields of `mujoco.MjOption` by what becomes of them."""
+"""Fields of `mujoco.MjOption` by their treatment."""

@@ -33,7 +33,7 @@ _PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.*)")
 _FILES = re.compile(rb"""\b(?:file|filename)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
 _FOLDERS = re.compile(rb"""\b(?:meshdir|texturedir|assetdir)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
 _MAX_FILES, _LARGEST_MESH = 5000, 2**28
-"""Files of a model that are looked at, and the bytes of one; the largest published meshes have 50 MiB."""
+"""Largest number of checked files of a model, and of bytes of one; the largest published meshes have 50 MiB."""
 _DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 DECISIVE = (
@@ -45,7 +45,7 @@ DECISIVE = (
 )
 """Arrays of a model that its motion hangs on."""
 RARE = "jnt_stiffnesspoly", "dof_dampingpoly"
-"""Such arrays that are zero in most models, whose digests are older than these."""
+"""Arrays that are zero in most models and enter digests only if not zero, since digests are older."""
 
 
 def digest(names: Iterable[str], model: Any) -> str:
@@ -59,14 +59,14 @@ def digest(names: Iterable[str], model: Any) -> str:
 
 
 def read(path: Path) -> tuple[Any, Any, Anatomy]:
-    """A file's specification, its model and what it is made of, joints that belong to no leg held.
+    """Read a file: its specification, its model and its parts, with the joints of no leg held.
 
-    It is read in a limited process first: MuJoCo can crash on a file, or work on it for hours.
+    A limited process reads the file first: MuJoCo can crash on a file, or work on it for hours.
     """
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     if not _is_installed(path):
-        from quad_env.cli.limited_process import CrashError, LimitExceededError, read_limited  # here: it takes long
+        from quad_env.cli.limited_process import CrashError, LimitExceededError, read_limited  # here: a slow import
 
         try:
             read_limited(check, path, again=False)
@@ -78,9 +78,9 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
 
 
 def check(path: Path) -> None:
-    """Read a file as `read` does, in a limited process, and the files that it names by their sizes.
+    """Read a file as `read` does, in a limited process, and check the sizes of the files that it names.
 
-    Raises ModelError for what cannot be read, whatever MuJoCo says of it.
+    Raises ModelError for an unreadable file.
     """
     _check_files(path)
     try:
@@ -92,7 +92,7 @@ def check(path: Path) -> None:
 
 
 def _check_files(path: Path) -> None:
-    """Raise ModelError for a file that a model names, and which is too large or no regular one."""
+    """Raise ModelError for a file that a model names and that is too large or not regular."""
     waiting, seen = [path], set[Path]()
     while waiting:
         model = waiting.pop()
@@ -109,7 +109,7 @@ def _check_files(path: Path) -> None:
                 seen.add(file)
                 try:
                     check_file(file, _LARGEST_MESH)
-                except (FileNotFoundError, NotADirectoryError, ValueError):  # MuJoCo says what is missing
+                except (FileNotFoundError, NotADirectoryError, ValueError):  # MuJoCo reports missing files
                     continue
                 except OSError as error:
                     if not file.is_dir():
@@ -123,7 +123,7 @@ def _check_files(path: Path) -> None:
 
 @cache
 def _installed() -> tuple[str, ...]:
-    """Folders of this package and of those that are installed: their code runs anyway."""
+    """Return the folders of this package and of installed ones: their code runs anyway."""
     places = [str(Path(__file__).parents[1]), *(sysconfig.get_paths()[name] for name in ("purelib", "platlib"))]
     return tuple(os.path.realpath(place) + os.sep for place in places)
 
@@ -167,7 +167,7 @@ def _read(path: Path) -> tuple[Any, Any, Anatomy]:
 
 
 def _about_inertias(massless: Iterable[str], balanced: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """Lines about links without a mass and about inertias that were changed."""
+    """Yield lines about links without a mass and about changed inertias."""
     if names := listed(massless):
         yield "no mass", f"{names}: the URDF gives none, and shapes do not"
     if names := listed(balanced):
@@ -175,13 +175,13 @@ def _about_inertias(massless: Iterable[str], balanced: Iterable[str]) -> Iterato
 
 
 def _about_files(spec: Any) -> Iterator[tuple[str, str]]:
-    """A line about files that are not there."""
+    """Yield a line about missing files."""
     if (files := missing_files(spec)) is not None:
         yield "not there", f"files that are only shown, left out: {files}"
 
 
 def remarks(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
-    """What the model in a user's file has that one should know of: heading and text, a line each.
+    """Yield the remarks on the model in a user's file: heading and text of each line.
 
     `keeps_contact`: whether the robot keeps the contact parameters, see `Figures.keeps_contact`.
     """
@@ -198,7 +198,7 @@ def remarks(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]
 
 
 def omitted_from(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
-    """What the model in a user's file has and the robot has not, the last lines of `remarks`."""
+    """Yield the parts of a user's model that the robot lacks, the last lines of `remarks`."""
     yield from _said(read(path)[2], keeps_contact)
 
 
@@ -271,7 +271,7 @@ def _urdf_spec(mujoco: Any, path: Path) -> Any:
 
 
 def _is_there(path: Path, folder: str, name: str) -> bool:
-    """Whether the file of a mesh that a URDF names is found."""
+    """Return whether the mesh file that a URDF names exists."""
     try:
         _found(path, folder, name)
     except ModelError:

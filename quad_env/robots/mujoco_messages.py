@@ -1,4 +1,4 @@
-"""What MuJoCo's messages about a model file mean, and what to do, in words."""
+"""Explanations of MuJoCo's messages about a model file, with remedies."""
 
 _MEANINGS = {
     "mjMINVAL": "a body that moves has no mass or no inertia: give it an <inertial>, or geoms with mass",
@@ -22,11 +22,11 @@ _MEANINGS = {
     "zero quaternion": "a rotation is four zeros: correct it",
     "size": "a size is missing or not above 0: correct it",
 }
-"""Cause and remedy by a part of the message; the first that is found counts."""
+"""Cause and remedy by a part of the message; the first match counts."""
 
 
 def explained(message: str) -> str:
-    """Return a message of MuJoCo in one line, after its meaning where that is known."""
+    """Return a message of MuJoCo in one line, after its explanation where there is one."""
     line = " ".join(message.split())
     meaning = next((meaning for part, meaning in _MEANINGS.items() if part in line), None)
     return line if meaning is None else f"{meaning} ({line})"

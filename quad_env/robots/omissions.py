@@ -1,7 +1,7 @@
-"""What a user's model has and the robot has not, in lines: what is left out, and what is replaced.
+"""Report of the parts of a user's model that the robot lacks: lines on removed and on replaced parts.
 
-`model_fields` lists what becomes of every field. The lines are made before joints of no leg are held and the scene is
-left out, since both take tendons, equalities and motors with them.
+`model_fields` lists the treatment of every field. The lines are made before joints of no leg are held and the scene is
+removed, since both steps remove tendons, equalities and motors.
 """
 
 from collections.abc import Iterable, Iterator
@@ -34,16 +34,16 @@ _HINDERING = {
     "armature": ("dof_armature",),
     "friction loss": ("dof_frictionloss",),
 }
-"""Fields of a free joint that act on the trunk, as if something held it."""
+"""Fields of a free joint that act on the trunk as a support would."""
 _FLAGS = (
     *("mjDSBL_CONSTRAINT", "mjDSBL_EQUALITY", "mjDSBL_FRICTIONLOSS", "mjDSBL_LIMIT", "mjDSBL_CONTACT", "mjDSBL_SPRING"),
     *("mjDSBL_DAMPER", "mjDSBL_GRAVITY", "mjDSBL_CLAMPCTRL", "mjDSBL_FILTERPARENT", "mjDSBL_ACTUATION"),
 )
-"""Disable flags of physics; the others are of numerics."""
+"""Disable flags of physics; the other flags concern numerics."""
 
 
 def omissions(mujoco: Any, spec: Any, model: Any, root: int) -> Lines:
-    """Return what of a model the robot has not.
+    """Return the parts of a model that the robot lacks.
 
     Args:
         mujoco: The package.
@@ -64,14 +64,14 @@ def omissions(mujoco: Any, spec: Any, model: Any, root: int) -> Lines:
 
 
 def listed(names: Iterable[str]) -> str:
-    """Names with commas, the last ones counted where there are many."""
+    """Join names with commas; the last ones are counted where there are many."""
     names = list(names)
     more = len(names) - MOST_NAMES
     return ", ".join(names) if more <= 0 else f"{', '.join(names[:MOST_NAMES])} and {more} more"
 
 
 def _left_out(mujoco: Any, spec: Any, model: Any, own: Bools) -> Iterator[tuple[str, str]]:
-    """Scene, tendons, equalities, soft bodies, and actuators of neither joints nor tendons."""
+    """Yield the scene, tendons, equalities, soft bodies, and actuators of neither joints nor tendons."""
     scene = np.flatnonzero(~own & (model.body_parentid == 0))[1:]  # the first is the world
     found = [f"body {model.body(int(body)).name or body}" for body in scene]
     geoms = sum(geom.parent.id == 0 for geom in spec.geoms)
@@ -108,13 +108,13 @@ def _body(model: Any, body: Any) -> str:
 
 
 def unlimited(model: Any, joints: Iterable[int]) -> Lines:
-    """Return a line about leg joints without a range, which get one."""
+    """Yield a line about leg joints without a range; they get one."""
     names = [model.joint(joint).name for joint in joints if not model.jnt_limited[joint]]
     return (("no range", f"of {listed(names)} in the model: ±π rad"),) if names else ()
 
 
 def _forces(mujoco: Any, model: Any, own: Bools, root: int) -> Iterator[tuple[str, str]]:
-    """What would act on the robot besides its weight, its motors and the ground."""
+    """Yield the forces on the robot besides its weight, its motors and the ground."""
     if (lifted := np.flatnonzero(own & (model.body_gravcomp != 0.0))).size:
         names = listed(_body(model, body) for body in lifted)
         yield "gravcomp", f"of {names} is left out: the feet carry the whole weight"
@@ -136,7 +136,7 @@ def _forces(mujoco: Any, model: Any, own: Bools, root: int) -> Iterator[tuple[st
 
 
 def _contact(mujoco: Any, model: Any, own: Bools) -> Iterator[tuple[str, str]]:
-    """Contact parameters that the file sets."""
+    """Yield the contact parameters that the file sets."""
     geoms = own[model.geom_bodyid] & solid(model)
     pairs = own[model.geom_bodyid[model.pair_geom1]] & own[model.geom_bodyid[model.pair_geom2]]
     default = mujoco.MjModel.from_xml_string('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
@@ -160,7 +160,7 @@ def _differs(values: Any, neutral: Any) -> bool:
 
 
 def _settings(mujoco: Any, model: Any) -> Iterator[tuple[str, str]]:
-    """Physics of the file's options that is not the bench's."""
+    """Yield the physics of the file's options that differs from the bench's."""
     default = mujoco.MjSpec().option
     overridden = bool(model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE)
     found = []

@@ -1,8 +1,7 @@
-"""Collision shapes of a robot that overlap in its home pose: a rotor inside the trunk, a thigh that reaches into it.
+"""Collision shapes of a robot that overlap in its home pose: a rotor inside the trunk, or a thigh that enters it.
 
-Two bodies with overlapping shapes push each other apart for ever, against every servo. Makers leave such overlaps in
-models whose simulator does not let a robot collide with itself. On our ground these bodies do not collide with each
-other; feet are left as they are.
+Two bodies with overlapping shapes push each other apart against every servo. Makers leave these overlaps in models for
+simulators without self-collision. On our ground these bodies do not collide with each other; feet are left as they are.
 """
 
 import copy
@@ -18,13 +17,13 @@ class Overlap(NamedTuple):
     bodies: tuple[int, int]
     """Ids in the model."""
     geoms: tuple[int, int]
-    """Ids of the two shapes that overlap most."""
+    """Ids of the two shapes with the largest overlap."""
     depth: float
-    """How far these reach into each other, m."""
+    """Penetration depth of these two, m."""
 
 
 def overlaps_of(mujoco: Any, model: Any, found: Anatomy, home_pose: Floats) -> list[Overlap]:
-    """Return the pairs of bodies whose shapes overlap in the home pose and collide in the model, in its order.
+    """Return the body pairs that overlap in the home pose and collide in the model, in the model's order.
 
     Args:
         mujoco: The package.
@@ -52,7 +51,7 @@ def overlaps_of(mujoco: Any, model: Any, found: Anatomy, home_pose: Floats) -> l
 
 
 def overlap_line(model: Any, overlaps: list[Overlap]) -> str:
-    """Name the pairs by bodies, and by how far their shapes reach into each other."""
+    """Name the pairs of bodies with their penetration depths."""
     pairs = [
         f"{_name(model, overlap.bodies[0])} and {_name(model, overlap.bodies[1])} by {1e3 * overlap.depth:.1f} mm"
         for overlap in overlaps

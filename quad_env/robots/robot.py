@@ -101,13 +101,13 @@ class Robot(Figures):
 
     @property
     def joint_damping(self) -> Floats:
-        """Damping of the model's joints, which acts besides that of the servos, shape (12,), N·m·s/rad."""
+        """Damping of the model's joints in addition to the servos', (12,), N·m·s/rad."""
         dofs = [int(self.model.joint(name).dofadr[0]) for name in self.joint_names]
         return constant(self.model.dof_damping[dofs])
 
     @property
     def joint_damping_line(self) -> str:
-        """How much the joints' own damping adds to that of the servos, in words; empty where it is zero."""
+        """Share of the joints' own damping relative to the servos', in words; empty where it is zero."""
         damping = self.joint_damping
         if not damping.any():
             return ""

@@ -103,7 +103,7 @@ def surface(model: Any, geom: int) -> Floats:
 
 
 def rounded(model: Any, geom: int) -> tuple[Floats, float]:
-    """Return points, (k, 3), body frame, m, and a radius: the geom is the hull of the points, grown by the radius."""
+    """Return points, (k, 3), body frame, m, and a radius, m: the geom is the hull of the points plus the radius."""
     if ends := balls(model, geom):
         return np.stack([centre for centre, _ in ends]), ends[0][1]
     return surface(model, geom), 0.0

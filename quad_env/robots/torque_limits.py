@@ -1,7 +1,8 @@
-"""The largest joint torques that the actuators of a user's model give, as MuJoCo adds and clamps them.
+"""Largest joint torques of the actuators of a user's model, as MuJoCo adds and clamps them.
 
-The forces of all actuators of a joint add. An actuator acts on a joint, or through a fixed tendon on several. Where the
-lever depends on the pose (a site, a slider-crank, a spatial tendon) or the force has no limit, the torque is unknown.
+The forces of all actuators of a joint add. An actuator acts on a joint, or through a fixed tendon on several joints.
+The torque is unknown where the lever depends on the pose (a site, a slider-crank, a spatial tendon) or the force has no
+limit.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from quad_env.robots.shapes import Floats
 
 UNKNOWN = -np.inf, np.inf
 POSES = 4
-"""Number of random poses that show which joints an actuator moves whose lever depends on the pose."""
+"""Number of random poses that reveal the joints of an actuator with a pose-dependent lever."""
 
 
 def torque_ranges(model: Any, joints: Sequence[int]) -> Floats:
@@ -60,7 +61,7 @@ def torque_ranges(model: Any, joints: Sequence[int]) -> Floats:
 
 
 def _pull(actuators: Sequence[tuple[float, Floats]], limits: Floats | None) -> Floats:
-    """Range of the force along a tendon, (2,), N or N·m.
+    """Return the range of the force along a tendon, (2,), N or N·m.
 
     Args:
         actuators: Gear, and range of the force before it, of each actuator of the tendon.
@@ -76,7 +77,7 @@ def _pull(actuators: Sequence[tuple[float, Floats]], limits: Floats | None) -> F
 
 
 def _largest_pull(actuators: Sequence[tuple[float, Floats]], limits: Floats) -> float:
-    """Largest sum of gears times forces whose own sum lies within limits; what has the smallest gear yields first."""
+    """Return the largest sum of gears times forces with a sum in the limits; the smallest gear yields first."""
     gears = np.array([gear for gear, _ in actuators])
     lower, upper = np.array([force for _, force in actuators]).T
     forces = np.where(gears > 0.0, upper, lower)
@@ -93,12 +94,12 @@ def _gear(model: Any, actuator: int) -> float:
 
 
 def _times(factor: float, force: Floats) -> Floats:
-    """Range of a force times a factor, lower end first; zero times infinity is zero."""
+    """Return the range of a force times a factor, lower end first; zero times infinity is zero."""
     return np.sort(factor * force) if factor else np.zeros(2)
 
 
 def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
-    """Range of an actuator's force before its gear, (2,), N or N·m; infinite where nothing limits it."""
+    """Return the range of an actuator's force before its gear, (2,), N or N·m; infinite without a limit."""
     if model.opt.disableactuator & (1 << int(model.actuator_group[actuator])):
         return np.zeros(2)
     force = np.array(UNKNOWN)
@@ -117,7 +118,7 @@ def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
 
 
 def _input_range(mujoco: Any, model: Any, actuator: int) -> Floats:
-    """Range of what the gain of an actuator is multiplied by: its control or its activation."""
+    """Return the range of the input of an actuator's gain: its control or its activation."""
     kinds = mujoco.mjtDyn
     kind = int(model.actuator_dyntype[actuator])
     control = int(model.actuator_ctrladr[actuator])
@@ -131,7 +132,7 @@ def _input_range(mujoco: Any, model: Any, actuator: int) -> Floats:
 
 
 def _moved_joints(mujoco: Any, model: Any, actuator: int) -> list[int]:
-    """Ids of the joints on which an actuator has a lever in one of some poses."""
+    """Return the ids of the joints on which an actuator has a lever in some sampled pose."""
     data = mujoco.MjData(model)
     rng = np.random.default_rng(0)
     rows = range(

@@ -1,4 +1,4 @@
-"""Inertias that no link of its mass and size has: most often a placeholder, such as ixx = 1000 of 0.15 kg."""
+"""Inertias that are implausible for a link's mass and size: most often a placeholder, as ixx = 1000 for 0.15 kg."""
 
 from typing import Any, NamedTuple
 
@@ -10,19 +10,21 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.shapes import Floats, corners, descendants, geoms_of, rotation_of, welded
 
 TOO_LARGE = 10.0
-"""Least ratio of a moment of inertia to mass times the square of the link's reach that is named; a point mass at the
-farthest point of the link has 1, the links of the robots of the `robots` extra at most 0.9."""
+"""Least ratio of a named moment of inertia to mass times squared reach of the link. A point mass at the farthest point
+has 1; the links of the robots of the `robots` extra have at most 0.9.
+"""
 HEAVY_ARMATURE = 0.1
-"""Least ratio of a joint's armature to the robot's mass times the square of its leg's length that is named; the robots
-of the `robots` extra have at most 0.014."""
+"""Least ratio of a named joint armature to the robot's mass times squared leg length; the robots of the `robots` extra
+have at most 0.014.
+"""
 _SMALLEST = 0.1
-"""Least reach of a link that is taken, as a share of the leg's length: links without any shape have none."""
+"""Lower bound on the reach of a link, as a share of the leg's length, for links without a shape."""
 _TINY = 5e-3
-"""Moment of inertia, as a share of the robot's mass times the square of its leg's length, that changes no motion."""
+"""Moment of inertia, as a share of the robot's mass times squared leg length, that does not affect the motion."""
 
 
 class Inertia(NamedTuple):
-    """The inertia of a link that is not believed."""
+    """The implausible inertia of a link."""
 
     body: int
     """Id in the robot's model."""
@@ -31,16 +33,16 @@ class Inertia(NamedTuple):
     """Largest principal moment, kg·m²."""
     mass: float
     reach: float
-    """From the centre of mass to the farthest point of the link, m."""
+    """Distance from the centre of mass to the farthest point of the link, m."""
 
     @property
     def largest(self) -> float:
-        """Largest moment of a link of that mass and reach, kg·m²."""
+        """Largest plausible moment at the link's mass and reach, kg·m²."""
         return self.mass * self.reach**2
 
 
 def unlikely_inertias(robot: Robot) -> list[Inertia]:
-    """Return the links whose largest moment of inertia is far above what their mass and size allow."""
+    """Return the links with a largest moment of inertia far above the limit by mass and size."""
     model = robot.model
     root = model.body("base_link").id
     found = []
@@ -56,17 +58,17 @@ def unlikely_inertias(robot: Robot) -> list[Inertia]:
 
 
 def unlikely_armatures(robot: Robot) -> list[int]:
-    """Return the ids of the joints whose armature is as large as the inertia of whole legs."""
+    """Return the ids of the joints with an armature as large as the inertia of whole legs."""
     model = robot.model
     limit = HEAVY_ARMATURE * robot.mass * robot.leg_length**2
     return [int(joint) for joint in model.dof_jntid[model.dof_armature > limit]]
 
 
 def _reach(model: Any, body: int) -> float:
-    """Distance from the centre of mass of a body to the farthest point of its rigid assembly, m.
+    """Return the distance from a body's centre of mass to the farthest point of its rigid assembly, m.
 
-    The assembly is the body and all bodies that are welded to it, with their shapes and the origins of the bodies below
-    them: in many files a link carries the mass, and the links around it the shapes.
+    The assembly is the body, all bodies welded to it, their shapes, and the origins of the bodies below them. In many
+    files one link carries the mass and the links around it the shapes.
     """
     points: list[Floats] = []
     for each in welded(model, body):
@@ -78,7 +80,7 @@ def _reach(model: Any, body: int) -> float:
 
 
 def _in_assembly(model: Any, body: int, points: Floats) -> Floats:
-    """Points of a body's frame, (..., 3), in the frame of the first body of its rigid assembly, m."""
+    """Transform points of a body's frame, (..., 3), to the frame of the first body of its rigid assembly, m."""
     first = int(model.body_weldid[body])
     while body != first:
         points = model.body_pos[body] + points @ rotation_of(model.body_quat[body]).T
@@ -87,5 +89,5 @@ def _in_assembly(model: Any, body: int, points: Floats) -> Floats:
 
 
 def _name(model: Any, body: int) -> str:
-    """Name of a body as its file, or our naming of links, has it."""
+    """Return the name of a body in its file, or in our naming of links."""
     return str(model.body(body).name).removeprefix(OWN).removeprefix(HERE)

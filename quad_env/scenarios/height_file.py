@@ -93,7 +93,7 @@ def _values(content: bytes, suffix: str, peak: float | None) -> Array:
             raise ValueError("of a picture, height is needed: how high its brightest pixel is above black, m")
     elif suffix == ".npy":
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # of damaged headers, which NumPy mends
+            warnings.simplefilter("error")  # NumPy only warns of damaged headers and repairs them
             values = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
     else:
         raise ValueError("heights are a grey picture (.png) or an array (.npy)")

@@ -1,6 +1,6 @@
-"""Formats that are fuzzed: for each a valid file, how it is mutated, and what reads it.
+"""Formats that are fuzzed: a valid file, its mutations and its reader for each.
 
-The readers raise their own error, one line, for whatever is wrong; a result has to be plausible.
+A reader raises its own one-line error for any fault; a result has to be plausible.
 """
 
 import io
@@ -31,17 +31,17 @@ from research.fuzzing.mutations import mutate_bytes, mutate_tree, mutate_xml
 
 Rng = np.random.Generator
 Write = Callable[[Path, Rng], Path]
-"""Writes a mutated file into an empty folder; its path."""
+"""Function that writes a mutated file into an empty folder and returns its path."""
 Read = Callable[[Path], None]
-"""Reads it: its own error for what is wrong, an AbsurdError for a result that is not plausible."""
+"""Function that reads it: raises its own error for a fault, an AbsurdError for an implausible result."""
 _SHARE_OF_BYTES = 0.2
-"""Of mutations that are of the bytes of the file rather than of its values."""
+"""Share of mutations of the file's bytes rather than of its values."""
 _LEGS, _KINDS = ("FR", "FL", "RR", "RL"), ("hip_joint", "thigh_joint", "calf_joint")
 _JOINTS = [f"{leg}_{kind}" for leg in _LEGS for kind in _KINDS]
 
 
 class AbsurdError(AssertionError):
-    """A result that no robot or policy has, given without a word."""
+    """An implausible robot or policy, read without an error."""
 
 
 def _count(rng: Rng) -> int:
@@ -65,7 +65,7 @@ def _toml(value: Any) -> str:
 
 
 def _settings(tree: Any, name: str, network: str = "exported/policy.onnx") -> Write:
-    """Of a text file of values, with an empty network where it looks for one."""
+    """Return the writer of a text file of values, with an empty network where it expects one."""
 
     def write(folder: Path, rng: Rng) -> Path:
         file = folder / name
@@ -94,7 +94,7 @@ def _rl_sar(folder: Path, rng: Rng) -> Path:
 
 
 def _read_description(file: Path) -> None:
-    """Read it, and what is worked out of a description for a robot."""
+    """Read a description, and derive its values for a robot."""
     found = readers.read(file)
     if found is None:
         return
@@ -188,7 +188,7 @@ def _read_graph(file: Path) -> None:
     act: Any = policy()  # type: ignore[operator]
     try:
         act(np.zeros(48, np.float32))
-    except Exception as error:  # the process of a policy notes whatever it raises
+    except Exception as error:  # the process of a policy reports any exception
         raise PolicyError(f"it raises {type(error).__name__}") from None
 
 
@@ -435,6 +435,6 @@ FORMATS: dict[str, tuple[Write, Read]] = {
     "urdf": (_xml(SIMPLE_QUAD.mjcf.with_suffix(".urdf"), "robot.urdf"), _read_robot),
     "terrain": (_terrain, _read_terrain),
 }
-"""Name -> how a mutated file is written and how it is read."""
+"""Name -> writer of a mutated file and its reader."""
 OWN_ERRORS = (PolicyError, ValueError, OSError)
-"""What readers raise for a faulty file: PolicyError, ModelError, other errors of values, and errors of the system."""
+"""Errors of readers for a faulty file: PolicyError, ModelError, other value errors, and system errors."""

@@ -43,7 +43,7 @@ ODD_TEXTS = (
     "９",
     "a" * 3000,
 )
-"""Of attributes of an XML file."""
+"""Values for attributes of an XML file."""
 ODD_BYTES = (
     b"\x00",
     b"\xff",
@@ -106,7 +106,7 @@ def mutate_tree(tree: Tree, rng: np.random.Generator, count: int = 1) -> Tree:
 
 
 def mutate_bytes(content: bytes, rng: np.random.Generator, count: int = 1) -> bytes:
-    """Return bytes with some of them changed, left out, put in, repeated or cut off."""
+    """Return bytes with some of them changed, removed, inserted, repeated or cut off."""
     for _ in range(count):
         at = int(rng.integers(len(content) + 1))
         length = int(rng.integers(1, 30))
@@ -159,7 +159,7 @@ def mutate_xml(root: ElementTree.Element, rng: np.random.Generator, count: int =
 
 
 def _odd_number_in(text: str, rng: np.random.Generator) -> str:
-    """A text of numbers, one of which is another."""
+    """Return a text of numbers with one of them replaced."""
     words = text.split() or [""]
     at = int(rng.integers(len(words)))
     try:

@@ -1,8 +1,8 @@
 """Fuzz the readers of other people's files: `python -m research fuzz FORMAT --minutes 30`, or `all`.
 
-Each case is a valid file with a few changes by its number, so that it can be made again with `--first N --cases 1`.
-Looked for are exceptions other than the readers' own, lines that are none, hangs over 10 s, more than 1 GiB, the end of
-the process, and results that are absurd.
+Each case is a valid file with a few changes by its number; `--first N --cases 1` repeats it. Findings are exceptions
+other than the readers' own, messages that are not one line, hangs over 10 s, more than 1 GiB, the end of the process,
+and absurd results.
 """
 
 import multiprocessing
@@ -27,13 +27,13 @@ from quad_env.cli.interrupt import Interrupt
 from research.fuzzing.formats import FORMATS, OWN_ERRORS, AbsurdError
 
 HANG = 10.0
-"""s for a case, without what its process waits for a processor."""
+"""s. Longest run time of a case, without waits for a processor."""
 MEMORY = 2**30
-"""Byte that a case may take."""
+"""Byte. Largest memory of a case."""
 MAX_LINE = 3000
-"""Characters of an error."""
+"""Largest number of characters of an error."""
 REPORT_PERIOD = 10.0
-"""s between two lines of progress."""
+"""s. Time between two lines of progress."""
 READ, REFUSED = "read", "refused"
 
 
@@ -57,16 +57,16 @@ class Options:
 
 @dataclass(frozen=True)
 class Result:
-    """What came of a case."""
+    """Result of a case."""
 
     number: int
     kind: str
-    """READ, REFUSED, or what was found: traceback, absurd, not one line, memory, hang, end of the process."""
+    """READ, REFUSED, or the finding: traceback, absurd, not one line, memory, hang, end of the process."""
     detail: str = ""
 
 
 def main(options: Options) -> int:
-    """Run the cases and print what is found; 1 where something is."""
+    """Run the cases and print the findings; return 1 if there are any."""
     check_numbers(options, {"minutes": (0.01, 1e5), "cases": (0, 10**9), "first": (0, 10**9), "seed": (0, 2**31)})
     if options.format == "list":
         print("\n".join(FORMATS))
@@ -81,7 +81,7 @@ def main(options: Options) -> int:
 
 
 def _fuzz(name: str, options: Options, interrupt: Interrupt) -> int:
-    """Fuzz one format; how many findings there are."""
+    """Fuzz one format and return the number of findings."""
     counts = Counter[str]()
     seen = set[tuple[str, str]]()
     end = time.monotonic() + 60.0 * options.minutes
@@ -144,7 +144,7 @@ def run_case(name: str, seed: int, number: int) -> Result:
 
 
 def _is_ours(error: Exception) -> bool:
-    """Whether the project itself raised the error, and no library."""
+    """Return whether the project itself raised the error, and no library."""
     frames = traceback.extract_tb(error.__traceback__)
     return Path(frames[-1].filename).is_relative_to(Path(__file__).parents[2])
 
@@ -158,7 +158,7 @@ def _largest_memory() -> int:
 
 
 def _results(name: str, options: Options) -> Iterator[Result]:
-    """Results of cases by number, from a process that is replaced after it has hung or ended."""
+    """Yield results of cases by number, from a process that is replaced after it has hung or ended."""
     context: Any = multiprocessing.get_context("spawn")
     number = options.first
     while True:
@@ -167,7 +167,7 @@ def _results(name: str, options: Options) -> Iterator[Result]:
         process.start()
         theirs.close()
         try:
-            ours.recv()  # all is loaded
+            ours.recv()  # all is imported
             while True:
                 yield _next(ours, process, number)
                 number += 1
@@ -184,7 +184,7 @@ def _results(name: str, options: Options) -> Iterator[Result]:
 
 
 def _next(ours: Connection, process: Any, number: int) -> Result:
-    """The result of that case. Raises EOFError where the process has ended, TimeoutError where it hangs."""
+    """Return the result of that case. Raises EOFError where the process has ended, TimeoutError where it hangs."""
     clock = RunClock(process.pid)
     while not ours.poll(0.2):
         if clock.elapsed() > HANG:

@@ -99,7 +99,7 @@ def _scenario(results: Results, scenario: str, order: Sequence[str]) -> Iterator
 
 
 def _difference(of: Comparison | None) -> str:
-    """A difference with its interval, of success with its corrected test; a dash for the reference itself."""
+    """Format a difference with its interval, and success with its corrected test; a dash for the reference itself."""
     if of is None:
         return ABSENT
     if of.metric != SUCCESS_RATE:

@@ -33,7 +33,7 @@ class TrainedRun:
     bundle: Path
     """Folder of the weights of its best validation."""
     command_then: str | None = None
-    """Command of the run at its git revision; None where it is today's."""
+    """Command of the run at its git revision; None if it equals today's."""
 
     @property
     def baseline(self) -> str:
@@ -90,7 +90,7 @@ evaluation uses. {origin(run)}"""
 
 
 def origin(run: TrainedRun) -> str:
-    """Say at which revision a run was trained, and which command has its settings there."""
+    """Return the revision at which a run was trained, and the command with its settings there, in words."""
     today = command(run.config)
     then = run.command_then or today
     there = "has these settings too" if then == today else f"is `{then}`"

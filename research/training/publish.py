@@ -148,12 +148,13 @@ _REMOVED: Mapping[str, Mapping[str, Any]] = {
 }
 """Settings of shipped policies of older versions, by group, and the only value that they may have; None: any."""
 _ADDED: Mapping[str, Any] = {"effort_ramp": 0.0}
-"""Settings that older versions did not have, with the value that their training amounts to, where it is not today's
-default."""
+"""Settings that older versions lacked, with the value equivalent to their training where it differs from today's
+default.
+"""
 
 
 def todays(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings of a shipped policy in today's terms. Raises ValueError for a removed setting with another value."""
+    """Return a shipped policy's settings in today's terms. Raises ValueError for a removed setting in use."""
     found = {**_ADDED, **settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
     for group, removed in _REMOVED.items():
         values = found.get(group, {}) if group else found
@@ -164,7 +165,7 @@ def todays(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
-    """Return the settings of a shipped policy's run, whose steps are those that its card says.
+    """Return the settings of a shipped policy's run, with the steps of its card.
 
     A bundle holds the settings at the time of its checkpoint, and a run may have been ended after fewer steps.
 

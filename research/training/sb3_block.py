@@ -1,7 +1,7 @@
 """The README's block for Stable-Baselines3, run as printed and evaluated: `python -m research sb3-block`.
 
-The block runs once for each seed, in place of the one in its line `seed = 0`. Its models and a standing robot walk the
-same held-out episodes, those of `python -m evaluate`.
+The block runs once for each seed, which replaces the one in its line `seed = 0`. Its models and a standing robot walk
+the same held-out episodes, those of `python -m evaluate`.
 """
 
 import contextlib
@@ -32,13 +32,13 @@ from research.pages.places import insert, page_with
 PLACE = "sb3"
 """Name of the place in the page that gets the figures."""
 SEED_LINE = "seed = 0\n"
-"""Line of the block that holds the seed."""
+"""Line of the block with the seed."""
 LEARN = re.compile(r"\.learn\(([\d_]+)\)")
-"""Call in the block that names the number of training steps."""
+"""Call in the block with the number of training steps."""
 MODEL = "mine.zip"
-"""File that the block saves its model in."""
+"""Name of the file with the block's model."""
 STANDING = "stand"
-"""Policy that the models are compared with."""
+"""Reference policy of the comparison."""
 SCENARIOS = "flat=1", "flat"
 """Scenarios of the evaluation: the one trained on, and the usual commands up to 1.5 m/s."""
 
@@ -60,7 +60,7 @@ class Options:
 
 
 def main(options: Options) -> int:
-    """Train, evaluate, and write the record and the page; the exit code. Raises UsageError."""
+    """Train, evaluate, write the record and the page, and return the exit code. Raises UsageError."""
     check_numbers(options, {"episodes": (1, 1_000_000)})
     if len(set(options.seeds)) < max(len(options.seeds), 1) or min(options.seeds) < 0:
         raise UsageError(f"--seeds: whole numbers from 0, none twice, at least one; got {options.seeds}")
@@ -87,7 +87,7 @@ def main(options: Options) -> int:
 
 
 def find_block(text: str) -> str:
-    """Return the page's Python block that learns with Stable-Baselines3. Raises UsageError."""
+    """Return the page's Python block that trains with Stable-Baselines3. Raises UsageError."""
     blocks = re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
     found = [block for block in blocks if "stable_baselines3" in block]
     if len(found) != 1 or found[0].count(SEED_LINE) != 1 or len(LEARN.findall(found[0])) != 1:
@@ -104,12 +104,12 @@ def steps_of(block: str) -> int:
 
 
 def digest(block: str) -> str:
-    """Return the SHA-256 of the block, by which figures of another block are told apart."""
+    """Return the SHA-256 of the block, which identifies the block of some figures."""
     return hashlib.sha256(block.encode()).hexdigest()
 
 
 def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
-    """Run the block with that seed in that folder; its seed and its processor time, minutes."""
+    """Run the block with that seed in that folder; return its seed and its processor time, minutes."""
     make_writable_folder(folder)
     script = folder / "block.py"
     write_atomically(script, block.replace(SEED_LINE, f"seed = {seed}\n").encode())
@@ -120,7 +120,7 @@ def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
 
 
 def evaluate(policy: str, episodes: int) -> dict[str, dict[str, float]]:
-    """Walk the first held-out episodes of seed 0; successes, falls and errors of each scenario.
+    """Return successes, falls and errors of each scenario over the first held-out episodes of seed 0.
 
     Args:
         policy: Name, or path of a model.
@@ -142,7 +142,7 @@ def evaluate(policy: str, episodes: int) -> dict[str, dict[str, float]]:
 
 
 def figures(record: Mapping[str, Any]) -> list[str]:
-    """Return the table of a record and what it was made with, in lines of Markdown."""
+    """Return the table of a record and its settings, in lines of Markdown."""
     heads = {"seed": "seed", "minutes": "processor time, min"}
     heads |= {name: f"success, `{name}`" for name in SCENARIOS}
     heads["falls"] = f"falls, `{SCENARIOS[0]}`"
@@ -176,7 +176,7 @@ def _row(
 
 
 def _commands(name: str) -> str:
-    """Say which commands a scenario draws."""
+    """Return the commands that a scenario draws, in words."""
     ranges = scenario(name).commands
     low, high = ranges.forward
     return (

@@ -1,6 +1,6 @@
 """Digests of the descriptions of trained policies: `python -m research seal FOLDER…` adds them to older bundles.
 
-`policies.load` refuses a `policy.json` that is not as it was written, where it has such a digest.
+`policies.load` refuses a `policy.json` with this digest if its content was altered.
 """
 
 import json
@@ -26,14 +26,14 @@ class Options:
 
 
 def main(options: Options) -> int:
-    """Write the digests; the exit code."""
+    """Write the digests and return the exit code."""
     for folder in options.folders:
         print(f"{folder}: {seal(folder)}")
     return 0
 
 
 def seal(folder: Path) -> str:
-    """Add the digest to the description of a bundle that loads; the digest. Raises UsageError."""
+    """Add the digest to the description of a bundle that loads, and return the digest. Raises UsageError."""
     file = folder / bundle.DESCRIPTION
     if not file.is_file():
         raise UsageError(f"FOLDER: {folder} has no {bundle.DESCRIPTION}")

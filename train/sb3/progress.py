@@ -70,9 +70,9 @@ LINE_PERIOD = 5.0
 
 
 class RecentIntervals:
-    """Share of the command intervals that were tracked in the last rollouts, together as long as an episode.
+    """Share of tracked command intervals over the last rollouts.
 
-    The intervals of robots that start together end together: of a single rollout there may be none.
+    Robots that start together end their intervals together, so a single rollout may have none.
 
     Args:
         rollouts: Number of rollouts.
@@ -82,7 +82,7 @@ class RecentIntervals:
         self._counts = deque[tuple[float, float]](maxlen=rollouts)
 
     def update(self, intervals: float, tracked: float) -> float:
-        """Add a rollout with that number of ended intervals and that share of tracked ones; the share of all.
+        """Add a rollout and return the share over all stored rollouts.
 
         Returns:
             The share, 0 … 1; NaN without an interval.

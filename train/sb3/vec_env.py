@@ -18,8 +18,8 @@ SHARED = "robots of a batch are no objects with attributes of their own: make ne
 class TrainingVecEnv(VecEnv):
     """A vector environment with same-step autoreset in SB3's protocol.
 
-    Return and length of a finished episode reach SB3's log where `env` counts them, as Gymnasium's
-    RecordEpisodeStatistics does.
+    SB3's log gets return and length of a finished episode if `env` counts them, as Gymnasium's RecordEpisodeStatistics
+    does.
 
     Args:
         env: what is trained on.

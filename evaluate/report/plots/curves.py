@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from matplotlib.transforms import Transform
 
 HEIGHT = 2.7
-"""Height of the axes with their labels, in."""
+"""in. Height of the axes with their labels."""
 WIDEST, NARROWEST = 2.6, 1.2
-"""Widths of the first and of the last line, pt: what is drawn later covers only the middle of what lies below it."""
+"""pt. Widths of the first and of the last line: a later line covers only the middle of those below it."""
 DASHES = ("solid", (0, (5, 3)), (0, (2, 2)), (0, (6, 2, 1, 2)))
 """Line styles, in turn."""
 STEP, SPREAD = 3.0, 14.0
-"""Distance of two policies' marks at one severity, and the most of all of them together, pt."""
+"""pt. Distance of the marks of two policies at one severity, and largest spread of all of them."""
 BAR = 2.5
-"""Width of the interval of a breaking point, pt."""
+"""pt. Width of the interval of a breaking point."""
 
 
 def against_severity(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
@@ -32,7 +32,7 @@ def against_severity(results: Results, axis: SeverityAxis, metric: str, label: s
 
 
 def draw(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figure":
-    """The figure of `against_severity`. Curves that agree lie next to each other, and none hides another."""
+    """Draw the figure of `against_severity`. Curves that agree lie next to each other, and none hides another."""
     ran = [name for name in results.policies if any((level.name, name) in results.summaries for level in axis.levels)]
     legend = legend_height(len(ran))
     drawn, axes = figure(HEIGHT + legend, margins=Margins(bottom=Margins.bottom + legend + 0.05))
@@ -57,7 +57,7 @@ def draw(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figu
 def _draw_levels(
     axes: "Axes", results: Results, axis: SeverityAxis, policy: str, metric: str, place: int, count: int
 ) -> None:
-    """Draw per cent, and a band between the ends of their intervals; an upright line where the policy ran one level.
+    """Draw per cent, with a band between the ends of their intervals; an upright line for a policy with one level.
 
     Args:
         axes: Where to draw.
@@ -89,12 +89,12 @@ def _draw_levels(
 
 
 def _apart(place: int, count: int, step: float) -> float:
-    """Distance of a policy's marks from the middle of those of all policies, pt."""
+    """Return the distance of a policy's marks from the middle of all policies' marks, pt."""
     return (place - (count - 1) / 2) * min(step, SPREAD / max(1, count - 1))
 
 
 def _moved(axes: "Axes", right: float, up: float) -> "Transform":
-    """Data coordinates, moved on the page by so many pt."""
+    """Return data coordinates shifted on the page, pt."""
     from matplotlib.transforms import ScaledTranslation
 
     return axes.transData + ScaledTranslation(right / 72.0, up / 72.0, axes.figure.dpi_scale_trans)

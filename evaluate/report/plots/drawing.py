@@ -25,7 +25,7 @@ WIDTH = 3.6
 LONGEST_NAME = 1.5
 """in, of a policy's name in a plot"""
 LEGEND_LINE = 0.17
-"""Height of a line of a legend, in."""
+"""in. Height of a line of a legend."""
 
 
 def settings() -> AbstractContextManager[None]:
@@ -117,7 +117,7 @@ def short_name(policy: str) -> str:
 
 
 def legend_height(names: int) -> float:
-    """Height of a legend of so many names below the axes, in."""
+    """Return the height of a legend of those names below the axes, in."""
     return LEGEND_LINE * -(-names // 2)
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 ALT = "Success against cost of transport of each policy, and the Pareto front"
 """The text for readers who do not see it."""
 HEIGHT = 2.5
-"""Height of the axes, in."""
+"""in. Height of the axes."""
 
 
 def front(found: Pareto, policies: tuple[str, ...]) -> "Figure":

@@ -15,7 +15,7 @@ from evaluate.report.verdict import claim
 from quad_env.cli.format import ABSENT, Estimate, four_digits, points_with, share
 
 UNKNOWN = math.nan, math.nan
-"""Interval of a figure that has none."""
+"""Interval of a figure without one."""
 
 
 def policy_label(results: Results, policy: str) -> str:
@@ -67,7 +67,7 @@ def _figure(of: Summary, name: str) -> str:
 
 
 def with_interval_below(shown: Estimate) -> str:
-    """A figure, and in small type its interval where it has one."""
+    """Format a figure, with its interval, if any, in small type."""
     return shown.value + (f"<small>{shown.interval}</small>" if shown.has_interval else "")
 
 

@@ -45,7 +45,7 @@ def read(path: Path) -> PolicyDescription | None:
 
 
 def whole(found: PolicyDescription, corrected: bool = False) -> PolicyDescription:
-    """Return the description if its network, whatever its name, is in one file and names no other joints.
+    """Return the description if its network is in one file and has the same joints.
 
     Args:
         found: The description.

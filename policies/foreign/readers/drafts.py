@@ -1,4 +1,4 @@
-"""What is known of a policy whose files do not say all: a TOML of it, the rest as comments to fill in."""
+"""Drafts: a TOML with the known fields of an incomplete policy, and the rest as comments to fill in."""
 
 import os
 from pathlib import Path
@@ -24,7 +24,7 @@ HEAD = "# What a policy reads and commands, as far as its files say it: docs/dep
 
 
 class Incomplete(PolicyError):
-    """A file of a known kind that does not say all of its policy.
+    """A file of a known kind without a complete policy.
 
     Args:
         kind: What the file is, a noun phrase.
@@ -55,12 +55,12 @@ class Incomplete(PolicyError):
         return Incomplete(self.kind, self.known, self.advice, f"{path}: {self.fault}", remedy)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A copy in another process has the fields too: files are read in one of their own."""
+        """Pickle the fields too: files are read in a limited process."""
         return Incomplete, (self.kind, self.known, self.advice, self.fault, self.remedy)
 
 
 def write_draft(incomplete: Incomplete, file: Path) -> None:
-    """Write what is known as TOML, the network relative to the file's folder, and the rest as comments."""
+    """Write the known fields as TOML, the network relative to the file's folder, and the rest as comments."""
     lines = [HEAD]
     lines += [f"# {each}" for each in incomplete.advice]
     for name, example in EXAMPLES.items():

@@ -1,4 +1,4 @@
-"""Flat settings of deployment scripts: gains, default position and scales by key, without the name of a robot above.
+"""Flat settings of deployment scripts: gains, default position and scales by key, without a robot's name above.
 
 Sources: unitreerobotics/unitree_rl_gym `deploy/deploy_mujoco/configs/*.yaml` (`policy_path`, `kps`, `kds`,
 `default_angles`, `simulation_dt`, `control_decimation`), whose joints are those of its model file and whose observation
@@ -21,10 +21,10 @@ KEYS = {
     "default_position": ("default_dof_pos", "default_angles", "default_joint_pos", "default_joint_angles"),
     "action_scale": ("action_scale",),
 }
-"""Keys of a description's fields that are of joints."""
+"""Keys of a description's fields with a value per joint."""
 _NETWORKS = "policy_path", "model_name", "policy_name", "model_path", "onnx_path", "policy"
 _PERIODS = ("simulation_dt", "control_decimation"), ("dt", "decimation"), ("sim_dt", "decimation")
-"""Time step and control steps of so many."""
+"""Keys of the time step and of the time steps per control step."""
 _SCALES = "lin_vel_scale", "ang_vel_scale", "cmd_scale", "commands_scale", "dof_pos_scale", "dof_vel_scale"
 _BLIND = "angular_velocity, projected_gravity, command, joint_position, joint_velocity, previous_action"
 _WIDTHS = {45: _BLIND, 47: f"{_BLIND}, gait_clock", 48: f"linear_velocity, {_BLIND}"}
@@ -89,7 +89,7 @@ def _network(settings: Settings, given: object) -> Path | None:
 
 
 def advice_of(settings: Settings) -> tuple[str, ...]:
-    """Return what the settings say of their observation, a line each."""
+    """Return the settings on their observation, a line each."""
     lines = []
     for key in ("num_obs", "num_observations"):
         if settings.find(key) is not None:

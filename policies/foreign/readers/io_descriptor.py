@@ -17,7 +17,7 @@ from policies.foreign.readers.joint_orders import Joints
 from policies.foreign.readers.settings import BY_HAND, Settings, load, matches
 
 FOLDER, ENDS = "io_descriptors", ("*IO_descriptors.yaml", "*IO_descriptor.yaml")
-"""Where a run has its descriptors, and how these are called."""
+"""Folder of the descriptors in a run, and patterns of their names."""
 
 
 def is_descriptor(settings: Settings) -> bool:
@@ -72,7 +72,7 @@ def joint_order(env: Path) -> Joints | None:
 
 
 def _robot(settings: Settings) -> Settings:
-    """Return the only articulation, or the one that is called robot."""
+    """Return the only articulation, or the one called robot."""
     articulations = settings.inside("articulations")
     groups = dict(articulations.groups())
     if "robot" in groups:

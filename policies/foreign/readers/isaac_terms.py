@@ -38,7 +38,7 @@ _PERIODS = {"gait_phase": "period", "gait_phase_my": "period", "phase": "cycle_t
 ZERO_BELOW = 0.1
 """Norm of a command below which newer unitree_rl_mjlab shows its clock as (0, 0)."""
 _THRESHOLDS = "command_threshold", "zero_below"
-"""Parameters that give another one."""
+"""Parameters with another threshold."""
 
 
 def term(function: str, settings: Settings, grid: HeightGrid | None = None) -> Term:
@@ -67,7 +67,7 @@ def _clock(function: str, settings: Settings) -> tuple[float, float]:
 
 
 def remarks_on(terms: Iterable[tuple[str, Settings]]) -> tuple[str, ...]:
-    """Return a line for each term, by function, of which a file leaves something open."""
+    """Return a line for each term, by function, that a file leaves incomplete."""
     return tuple(
         f"{function} in {settings.file.name} does not say whether it is (0, 0) at commands below {ZERO_BELOW:g}, as in "
         f"newer unitree_rl_mjlab; read as a clock that always runs: if not so, `zero_below = {ZERO_BELOW:g}` in a TOML"

@@ -51,7 +51,7 @@ def describe(settings: Settings) -> PolicyDescription:
 def _gains(control: Settings, joint: str) -> tuple[float, float]:
     """Return stiffness and damping of a joint, by the last key of the stiffness that is part of the joint's name.
 
-    Where the damping has not that key, the one of its own that is part of the name; legged_gym itself then fails.
+    The damping has its own key in the joint's name where it lacks the stiffness's key; legged_gym itself then fails.
     """
     stiffness, damping = control.inside("stiffness"), control.inside("damping")
     if not (keys := [key for key in stiffness.values if str(key) in joint]):

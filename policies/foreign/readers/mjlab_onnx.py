@@ -31,9 +31,9 @@ _LISTS = "scale", "clip", "history_length"
 _RANDOM = frozenset(
     ("RandomNormal", "RandomNormalLike", "RandomUniform", "RandomUniformLike", "Multinomial", "Bernoulli")
 )
-"""Operators that give other numbers at each call."""
+"""Operators with random outputs."""
 MAX_LISTED = 20_000
-"""Characters of an entry of the metadata."""
+"""Largest number of characters of an entry of the metadata."""
 
 
 def describe(file: Path) -> PolicyDescription | None:
@@ -83,7 +83,7 @@ def _values(text: str) -> Any:
 
 
 def metadata_of(file: Path) -> dict[str, str]:
-    """Metadata of a file that holds all of its network.
+    """Return the metadata of a file that holds all of its network.
 
     Raises PolicyError where weights lie in another file, and where the network draws random numbers.
     """
@@ -100,7 +100,7 @@ def metadata_of(file: Path) -> dict[str, str]:
             f"{file.name} draws random numbers, by the operator {random}", "export the mean of the actions"
         )
     for key, value in metadata.items():
-        if not isinstance(key, str) or not isinstance(value, str):  # the parser gives what is no UTF-8 as bytes
+        if not isinstance(key, str) or not isinstance(value, str):  # the parser gives invalid UTF-8 as bytes
             raise PolicyError(f"{file.name} has metadata at {brief(key)} that is no UTF-8")
         if len(value) > MAX_LISTED and key != "simple_quad_policy":
             raise PolicyError(f"{file.name}: metadata of {len(value)} characters at {brief(key)}, at most {MAX_LISTED}")
@@ -111,7 +111,7 @@ def metadata_of(file: Path) -> dict[str, str]:
 
 
 def _nodes(model: Any) -> Iterator[Any]:
-    """All nodes of a model, those of loops, branches and functions too."""
+    """Yield all nodes of a model, also those of loops, branches and functions."""
     waiting = [model.graph, *model.functions]
     while waiting:
         for node in waiting.pop().node:

@@ -1,7 +1,7 @@
 """Patterns of other projects' files for joint names: regular expressions, matched in a bounded time.
 
-Python's `re` takes exponential time for some expressions, such as `((a*)*)*`. This matcher follows all ways at once: a
-part of a pattern maps a set of positions in the name, as the bits of an integer, to the set where it may end.
+Python's `re` takes exponential time for some expressions, such as `((a*)*)*`. This matcher follows all paths at once. A
+part of a pattern maps a set of positions in the name, as the bits of an integer, to the set of its ends.
 """
 
 import string
@@ -11,11 +11,11 @@ from functools import lru_cache
 Part = Callable[[str, int], int]
 """Maps a name and a set of positions, as bits, to the positions where the part may end."""
 MAX_PATTERN = 200
-"""Characters of a pattern; those of published files have 60 at most."""
+"""Largest number of characters of a pattern; those of published files have 60 at most."""
 MAX_NAME = 100
-"""Characters of a joint's name."""
+"""Largest number of characters of a joint's name."""
 MAX_DEPTH = 20
-"""Groups within groups."""
+"""Largest depth of nested groups."""
 MAX_COUNT = 1000
 """Largest number in `{m,n}`."""
 SYNTAX = ". [...] (...|...) (?:...) (?=...) (?!...) * + ? {m,n} ^ $ \\w \\d \\s"
@@ -27,7 +27,7 @@ _CLASSES: dict[str, Callable[[str], bool]] = {
 
 
 class PatternError(ValueError):
-    """A text that is no pattern, or one of a kind that is not read; the message is one line."""
+    """An invalid or unsupported pattern; the message is one line."""
 
 
 def matches(pattern: str, name: str) -> bool:
@@ -162,7 +162,7 @@ class _Parser:
         return _repeat(part, *counts)
 
     def _counts(self) -> tuple[int, int | None] | None:
-        """Least and most repetitions; None without any, and None as the most without a limit."""
+        """Return the least and most repetitions; None without any, and None as the most without a limit."""
         for sign, counts in {"*": (0, None), "+": (1, None), "?": (0, 1)}.items():
             if self._take(sign):
                 return counts
@@ -183,7 +183,7 @@ class _Parser:
 
 
 def _one(test: Callable[[str], bool]) -> Part:
-    """A part that takes one character."""
+    """Return a part that takes one character."""
 
     def ends(name: str, starts: int) -> int:
         found = 0
@@ -215,7 +215,7 @@ def _either(branches: list[Part]) -> Part:
 
 
 def _ahead(part: Part) -> Part:
-    """The positions from which the part matches."""
+    """Return the positions from which the part matches."""
     return lambda name, starts: sum(1 << place for place in _places(starts) if part(name, 1 << place))
 
 
@@ -228,7 +228,7 @@ def _places(positions: int) -> list[int]:
 
 
 def _repeat(part: Part, least: int, most: int | None) -> Part:
-    """A part several times; positions no longer change after as many repetitions as the name has characters."""
+    """Repeat a part; positions no longer change after as many repetitions as the name has characters."""
     part = _remembered(part)
 
     def ends(name: str, starts: int) -> int:
@@ -248,7 +248,7 @@ def _repeat(part: Part, least: int, most: int | None) -> Part:
 
 
 def _remembered(part: Part) -> Part:
-    """The same part, worked out once for each name and position: repetitions within repetitions stay polynomial."""
+    """Cache a part by name and position: repetitions within repetitions stay polynomial."""
     known: dict[int, int] = {}
     last: list[str] = []
 

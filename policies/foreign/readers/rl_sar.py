@@ -28,8 +28,9 @@ _TERMS = {
     "dof_vel": ("joint_velocity", "dof_vel_scale"),
     "actions": ("previous_action", ""),
 }
-"""Names and scales of the terms. `ang_vel_world` is read in the world's frame and turned into the body's, as
-`ang_vel_body` is at once: both show the body's."""
+"""Names and scales of the terms. `ang_vel_world` is read in the world frame and turned into the base frame;
+`ang_vel_body` is read in the base frame.
+"""
 _OLD = "hip_scale_reduction", "hip_scale_reduction_indices", "rows", "cols"
 """Keys of files up to v2.2."""
 _NEW = "command_mapping", "state_mapping", "joint_mapping", "observations_history_priority"
@@ -67,7 +68,7 @@ def describe(settings: Settings) -> PolicyDescription:
 
 
 def _is_before_v2_3(found: Settings) -> bool:
-    """Return whether a file is of v2.2 or older. Raises PolicyError where it has keys of both that contradict."""
+    """Return whether a file is of v2.2 or older. Raises PolicyError where it has contradicting keys of both."""
     newer = [key for key in _NEW if found.find(key) is not None]
     newer += ["action_scale"] * isinstance(found.find("action_scale"), list)
     if not newer:
@@ -78,7 +79,7 @@ def _is_before_v2_3(found: Settings) -> bool:
 
 
 def _as_before_v2_3(described: PolicyDescription, found: Settings) -> PolicyDescription:
-    """Return the description with what only files up to v2.2 say: the framework's order and the reduction of hips."""
+    """Return the description with the settings of v2.2 and older: the framework's order and the reduction of hips."""
     framework = found.find("framework")
     if framework not in (None, "isaacgym", "isaacsim"):
         raise found.wrong("framework", "isaacgym or isaacsim")
@@ -145,7 +146,7 @@ def _terms(found: Settings, steps: int) -> tuple[Term, ...]:
 
 
 def _history(found: Settings, is_old: bool) -> tuple[int, Literal["first", "last"]]:
-    """Return how many steps are shown, and where the newest is."""
+    """Return the number of steps shown, and the place of the newest."""
     given: Any = found.find("observations_history") or [0]
     steps = list(range(len(given))) if isinstance(given, list) else []
     if not steps or given not in (steps, steps[::-1]):

@@ -18,9 +18,9 @@ from quad_env.files.text import brief, described
 LARGEST, LINES = 2**19, 20_000
 """Most bytes and lines of a file; deployment files have a few thousand lines at most."""
 MAX_KEY = 200
-"""Characters of a key."""
+"""Largest number of characters of a key."""
 MAX_PAIRS = 20_000
-"""Keys of all mappings of a YAML file, with those that merge keys (`<<`) bring."""
+"""Largest number of keys of all mappings of a YAML file, with merged keys (`<<`)."""
 BY_HAND = "write a TOML (docs/deployment-files.md)"
 """What to do about what a file does not say."""
 _TAG = "tag:yaml.org,2002:python/"
@@ -29,7 +29,7 @@ _WHOLE = re.compile(r"[-+]?(?:0b[01]+|0[0-7]+|0x[0-9a-fA-F]+|0|[1-9][0-9]*)$")
 _DECIMAL = re.compile(
     r"[-+]?(?:[0-9]+\.[0-9]*(?:[eE][-+][0-9]+)?|\.[0-9]+(?:[eE][-+][0-9]+)?|\.(?:inf|Inf|INF))$|\.(?:nan|NaN|NAN)$"
 )
-"""Numbers of YAML 1.1 without its groups of digits (`1_000`) and its base of sixty (`1:30`), which stay texts."""
+"""Numbers of YAML 1.1; digit groups (`1_000`) and base sixty (`1:30`) stay texts."""
 _MAX_DIGITS = 100
 NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/policy_lstm_1.pt", "policy_1.pt")
 """Of Isaac Lab, mjlab and Unitree (`exported/policy.*`) and of legged_gym (`exported/policies/policy_1.pt`)."""
@@ -79,7 +79,7 @@ class Settings:
         return ((str(key), self.inside(key)) for key, value in self.values.items() if isinstance(value, dict))
 
     def text(self, key: str) -> str:
-        """A text. PolicyError for anything else, a collection above all."""
+        """Return a text. Raises PolicyError for anything else, as for a collection."""
         if not isinstance(value := self.get(key), str):
             raise self.wrong(key, "a text")
         return value
@@ -163,7 +163,7 @@ class Settings:
 
 
 def matches(pattern: str, name: str) -> bool:
-    """Whether a regular expression matches a whole name, in bounded time. Raises PolicyError for what is none."""
+    """Return whether a regular expression matches a whole name, in bounded time. Raises PolicyError if invalid."""
     try:
         return name_patterns.matches(pattern, name)
     except name_patterns.PatternError as error:
@@ -198,11 +198,11 @@ def load(file: Path) -> Settings:
 
 
 _PARSERS: dict[str, Callable[[str], Any]] = {".json": parse_json, ".toml": parse_toml}
-"""Of files of other kinds than YAML, by the end of their names."""
+"""Parsers of files of other kinds than YAML, by their endings."""
 
 
 def _check_keys(settings: Any, file: Path) -> None:
-    """Raise PolicyError for a key that is no short text or number, however deep; each collection is seen once."""
+    """Raise PolicyError for a key that is no short text or number, at any depth; each collection is checked once."""
     seen, waiting = set[int](), [settings]
     while waiting:
         now = waiting.pop()
@@ -239,7 +239,7 @@ def _yaml(text: str) -> Any:
 
 
 def _resolvers(base: Any) -> dict[Any, list[tuple[str, Any]]]:
-    """YAML's implicit kinds of scalars, with the numbers of `_WHOLE` and `_DECIMAL` alone, and no dates."""
+    """Return YAML's implicit kinds of scalars, with the numbers of `_WHOLE` and `_DECIMAL` alone, and no dates."""
     kinds = {"tag:yaml.org,2002:int": _WHOLE, "tag:yaml.org,2002:float": _DECIMAL}
     return {
         first: [(tag, kinds.get(tag, pattern)) for tag, pattern in rules if tag != "tag:yaml.org,2002:timestamp"]
@@ -252,7 +252,7 @@ def _of_text(constructed: Callable[[str], Any]) -> Callable[[Any, Any], Any]:
 
 
 def _whole(text: str) -> int:
-    """A whole number of YAML. Raises ValueError."""
+    """Parse a whole number of YAML. Raises ValueError."""
     if len(text) > _MAX_DIGITS or not _WHOLE.match(text):
         raise ValueError(f"{brief(text)} is no whole number")
     sign, digits = (-1, text[1:]) if text[0] == "-" else (1, text.lstrip("+"))
@@ -262,7 +262,7 @@ def _whole(text: str) -> int:
 
 
 def _decimal(text: str) -> float:
-    """A number of YAML. Raises ValueError."""
+    """Parse a number of YAML. Raises ValueError."""
     plain = text.lower().replace(".inf", "inf").replace(".nan", "nan")
     if plain.lstrip("+-") in ("inf", "nan") or _NUMBER.fullmatch(plain):
         return float(plain)
@@ -270,7 +270,7 @@ def _decimal(text: str) -> float:
 
 
 def _flatten_mapping(loader: Any, base: Any, node: Any) -> None:
-    """Put the keys that a mapping merges (`<<`) before its own, which are noted. Raises ValueError for too many."""
+    """Put the keys that a mapping merges (`<<`) before its own, and note those. Raises ValueError for too many."""
     loader.own_keys.setdefault(id(node), {id(key) for key, _ in node.value})
     base.flatten_mapping(loader, node)
     if len(node.value) > MAX_PAIRS:
@@ -278,7 +278,7 @@ def _flatten_mapping(loader: Any, base: Any, node: Any) -> None:
 
 
 def _construct_mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, Any]:
-    """The mapping of a node. Raises ValueError for a key of its own that is given twice."""
+    """Return the mapping of a node. Raises ValueError for an own key that is given twice."""
     if not isinstance(node, package("yaml").MappingNode):
         raise ValueError(f"line {node.start_mark.line + 1} holds no settings by key")
     loader.flatten_mapping(node)
@@ -312,7 +312,7 @@ def _number(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     if isinstance(value, str) and (len(value) > _MAX_DIGITS or not _NUMBER.fullmatch(value)):
-        return None  # such as 1_0 and the digits of other scripts, which `float` takes
+        return None  # such as 1_0 and digits of other scripts; `float` takes them
     try:
         found = float(value)
     except (ValueError, OverflowError):
