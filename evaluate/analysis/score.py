@@ -61,7 +61,8 @@ class Counted:
 
     def is_identical(self, a: str, b: str) -> bool:
         """Return whether all episodes of two policies are bit-identical."""
-        first, second = self.ran[a], self.ran[b]
+        first = self.ran[a]
+        second = self.ran[b]
         return all(is_identical(first[name], second[name]) for name in self.scenarios)
 
 

@@ -137,7 +137,8 @@ def _list_failed(run: Run, options: Options) -> int:
     if options.episode is not None or any((options.video, options.page, options.against)):
         raise UsageError("--failed lists episodes: leave out EPISODE, --video, --page and --against")
     _check_names(run, options)
-    rows, first = list[tuple[str, ...]](), 0
+    rows = list[tuple[str, ...]]()
+    first = 0
     for cell in run.cells:
         if options.policy in (None, cell.policy) and options.scenario in (None, cell.scenario.name):
             rows += [

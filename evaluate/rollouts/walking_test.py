@@ -89,7 +89,8 @@ def walks(
         if step.number * step.env.dt > SETTLING / shortened_by:
             velocities.append(step.infos["heading_velocity"])
 
-    steps, seeds = round(SECONDS / shortened_by / policy.control_period), np.tile(seeds, len(commands) * times)
+    steps = round(SECONDS / shortened_by / policy.control_period)
+    seeds = np.tile(seeds, len(commands) * times)
     roll_out(policy, "flat", seeds, observe, steps=steps, command=asked, hardware=hardware)
     planar = np.linalg.norm(asked[:, :2], axis=1, keepdims=True)
     rule = RULES[SUCCESS_RULE]

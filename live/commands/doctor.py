@@ -46,7 +46,8 @@ def _write(policy: Path, trust: bool, file: Path) -> None:
         found = checked(policy, trust).description if policy.is_file() else None
         draft = draft_of(policy) if found is None else None
     except Incomplete as incomplete:
-        found, draft = None, incomplete
+        found = None
+        draft = incomplete
     if found is not None:
         write_toml(found, file)
         return

@@ -228,7 +228,8 @@ def _turned(described: PolicyDescription) -> Iterator[Correction]:
         other = replace(term, scale=tuple(-each for each in term.scale))
         return other if term.name == "projected_gravity" else term
 
-    words, keys = "projected_gravity the other way", "the sign of `scale` of projected_gravity"
+    words = "projected_gravity the other way"
+    keys = "the sign of `scale` of projected_gravity"
     yield Correction(GRAVITY, words, keys, _with_terms(described, turned))
 
 
@@ -297,7 +298,8 @@ def _in_other_time(described: PolicyDescription) -> Iterator[Correction]:
         return
     newest: Literal["first", "last"] = "last" if described.history_newest == "first" else "first"
     layout: Literal["term", "time"] = "time" if described.history_layout == "term" else "term"
-    words, keys = f"the newest step of the history {newest}", "`history_newest`"
+    words = f"the newest step of the history {newest}"
+    keys = "`history_newest`"
     reversed_ = replace(described, history_newest=newest)
     yield Correction(HISTORY, words, keys, reversed_)
     if layout == "term" or len({term.history for term in described.terms}) == 1:
@@ -377,7 +379,8 @@ def _with_other_signs(described: PolicyDescription, robot: Robot) -> Iterator[Co
         default = tuple((turns * described.default_position + 0.0).tolist())
         offset = described.action_offset and tuple((turns * described.action_offset + 0.0).tolist())
         both = replace(alone, default_position=default, action_offset=offset)
-        words, keys = f"{words}, default position too", f"`signs` and `default_position` of {which}"
+        words = f"{words}, default position too"
+        keys = f"`signs` and `default_position` of {which}"
         yield Correction(SIGNS, words, keys, both, MIRRORED_DOUBT)
 
 

@@ -64,7 +64,8 @@ def acting(session: Any, file: Path) -> tuple[Callable[[], Act], bool]:
     if not session.get_inputs() or not session.get_outputs() or not session.get_inputs()[0].shape:
         raise PolicyError(f"{file} has no input of an observation, a vector, or no output")
     roles = roles_of(session.get_inputs(), session.get_outputs(), file)
-    seen, states = roles.observation, [state for state, _ in roles.memory]
+    seen = roles.observation
+    states = [state for state, _ in roles.memory]
     shapes = [[size if isinstance(size, int) else 1 for size in state.shape] for state in states]
     if other := next((each for each in (seen, *states) if each.type not in TYPES), None):
         raise PolicyError(f"{file} reads {other.type}: it must read float or double")

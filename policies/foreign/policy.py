@@ -21,8 +21,10 @@ from policies.foreign.watched import START_TIMEOUT, DeadlineMissed, PolicyProces
 
 DEADLINE = 5.0
 """Longest time that one call may take, s; six times as long for the first."""
-LOAD_TIMEOUT, ACT_TIMEOUT = "QUAD_ENV_LOAD_TIMEOUT", "QUAD_ENV_ACT_TIMEOUT"
-"""Environment variables: limits in place of START_TIMEOUT and DEADLINE, s."""
+LOAD_TIMEOUT = "QUAD_ENV_LOAD_TIMEOUT"
+"""Environment variable: limit in place of START_TIMEOUT, s."""
+ACT_TIMEOUT = "QUAD_ENV_ACT_TIMEOUT"
+"""Environment variable: limit in place of DEADLINE, s."""
 GRACE = 2.0
 """Added to the deadline before a process without an answer is ended, s; the episodes of all its robots then fail."""
 
@@ -57,7 +59,8 @@ class Foreign(Policy):
         self.sha256 = found.sha256
         served = partial(serve, found, self.robot, self.control_period, _seconds(ACT_TIMEOUT, DEADLINE))
         load_time = _seconds(LOAD_TIMEOUT, START_TIMEOUT)
-        self._process, self._stepped = Watched(partial(_on_stderr, served), load_time), False
+        self._process = Watched(partial(_on_stderr, served), load_time)
+        self._stepped = False
         self._try_out()
         self._allocate(1)
 

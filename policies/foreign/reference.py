@@ -124,7 +124,8 @@ def _with_normaliser(model: Reference, trust: bool) -> Reference:
     except PolicyError:
         if trust:
             raise
-        normaliser, is_beside = None, True
+        normaliser = None
+        is_beside = True
     if not trust:
         raise _distrusted(*(file for file in (model.file, normaliser) if file is not None))
     remark = f"its observations are normalised by {normaliser}, the only statistics of its run"
@@ -133,7 +134,8 @@ def _with_normaliser(model: Reference, trust: bool) -> Reference:
 
 def _distrusted(*files: Path) -> PolicyError:
     """Return the error for files that are not to be loaded without --trust."""
-    names, them = " and ".join(map(str, files)), "it" if len(files) == 1 else "them"
+    names = " and ".join(map(str, files))
+    them = "it" if len(files) == 1 else "them"
     where = "it comes" if len(files) == 1 else "they come"
     return PolicyError(
         f"loading {names} can run code that is hidden in {them}: give --trust if you know where {where} from"

@@ -47,7 +47,8 @@ def without_main(content: bytes) -> Iterator[None]:
     if b"__main__" in content:
         yield
         return
-    spec, file = main.__spec__, vars(main).pop("__file__", None)
+    spec = main.__spec__
+    file = vars(main).pop("__file__", None)
     main.__spec__ = None
     try:
         yield
@@ -66,7 +67,9 @@ class Watchdog:
     """
 
     def __init__(self, process: Any, patience: float) -> None:
-        self._process, self._patience, self._clock = process, patience, RunClock(process.pid)
+        self._process = process
+        self._patience = patience
+        self._clock = RunClock(process.pid)
         self._called_off = threading.Event()
         self.has_bitten = False
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)

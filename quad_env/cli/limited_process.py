@@ -27,10 +27,14 @@ from quad_env.cli.child_process import RunClock
 from quad_env.cli.launcher import is_out_of_memory
 from quad_env.files.text import described
 
-TIME, MEMORY = "QUAD_ENV_READ_TIME", "QUAD_ENV_READ_MEMORY"
-"""Environment variables: processor time for a file, s, and memory for it, MiB."""
-_PROCESSOR_TIME, _MEMORY = 5, 1024
-"""s and MiB; the largest published models take 2 s and 300 MiB."""
+TIME = "QUAD_ENV_READ_TIME"
+"""Environment variable: limit of the processor time for a file, s."""
+MEMORY = "QUAD_ENV_READ_MEMORY"
+"""Environment variable: limit of the memory for a file, MiB."""
+_PROCESSOR_TIME = 5
+"""s. Default limit; the largest published models take 2 s."""
+_MEMORY = 1024
+"""MiB. Default limit; the largest published models take 300 MiB."""
 _GRACE = 2.0
 """s added to the processor time before a process is ended that waits, as for a pipe."""
 _START_TIMEOUT = 120.0
@@ -39,10 +43,13 @@ _IDLE = 30.0
 """s without a question after which the process ends."""
 _HEADER = struct.Struct("<Q")
 _CALL = "import sys; from quad_env.cli.limited_process import serve; serve()"
-_READY, _BEGUN = "ready", "begun"
+_READY = "ready"
+_BEGUN = "begun"
 _IS_CHILD = "QUAD_ENV_LIMITED"
-_READ, _MAX_READ = "QUAD_ENV_READ_FILES", 200
-"""Environment variable with digests of the files that have been read, and the largest number of them."""
+_READ = "QUAD_ENV_READ_FILES"
+"""Environment variable with digests of the files that have been read."""
+_MAX_READ = 200
+"""Largest number of these digests."""
 
 
 class LimitExceededError(RuntimeError):
@@ -247,7 +254,8 @@ def _words(code: int, mebibytes: int) -> str:
 
 def _end() -> int:
     global _running
-    ended, _running = _running, None
+    ended = _running
+    _running = None
     return 0 if ended is None else ended.close()
 
 
@@ -256,7 +264,8 @@ def _forget() -> None:
     global _running, _lock
     if _running is not None:
         _running.process.returncode = 0  # else Python warns of a running process
-    _running, _lock = None, threading.Lock()
+    _running = None
+    _lock = threading.Lock()
 
 
 if hasattr(os, "register_at_fork"):

@@ -11,8 +11,10 @@ from typing import TypeAlias
 
 from quad_env.cli.interrupt import Interrupt
 
-QUIET, PERIOD = 5.0, 10.0
-"""s. Time before the first line and between two lines where there is no terminal."""
+QUIET = 5.0
+"""s. Time before the first line of progress where there is no terminal."""
+PERIOD = 10.0
+"""s. Time between two of these lines."""
 CellProgress: TypeAlias = Callable[[str, str, float], None]
 """Takes the policy and the scenario of a cell, and the share of it that is done, 0 to 1; 1 exactly once."""
 
@@ -76,13 +78,15 @@ def bar(what: str, *, in_lines: bool = True) -> Iterator[Callable[[float], None]
         TimeRemainingColumn,
     )
 
-    console, begun = Console(stderr=True), time.perf_counter()
+    console = Console(stderr=True)
+    begun = time.perf_counter()
     columns = (
         TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip
     shown = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
     with Interrupt() as interrupt, shown as progress:
-        task, due = progress.add_task(what, total=1.0), QUIET
+        task = progress.add_task(what, total=1.0)
+        due = QUIET
 
         def report(share: float) -> None:
             nonlocal due

@@ -12,8 +12,10 @@ from quad_env.robots.robot import Robot
 
 STAND_TIME = 2.0
 """s. Duration of the hold of the home pose."""
-LARGEST_TILT, LARGEST_SINK = 0.1, 0.2
-"""Limits for a robot that stands: tilt of the trunk, rad, and sink as a share of its height."""
+LARGEST_TILT = 0.1
+"""rad. Largest tilt of the trunk of a robot that stands."""
+LARGEST_SINK = 0.2
+"""Largest sink of a robot that stands, as a share of its height."""
 LARGEST_LAG = 0.1
 """rad. Largest distance of a joint from its target under the robot's weight."""
 FULL_LOAD = 0.95

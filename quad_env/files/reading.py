@@ -15,8 +15,10 @@ TEXT = 64 * 2**20
 """Largest text, such as a description, a model or a script, byte."""
 LARGEST = 4 * 2**30
 """Byte. Largest file of numbers that this project writes, such as a table or a checkpoint."""
-LARGEST_TOML, MAX_PARTS = 2**17, 20
-"""Limits of a TOML: bytes, and parts of a dotted key. The time of Python's reader grows with their square."""
+LARGEST_TOML = 2**17
+"""Byte. Largest TOML; the time of Python's reader grows with the square of its size."""
+MAX_PARTS = 20
+"""Largest number of parts of a dotted key, for the same reason."""
 _BETWEEN = re.compile(r"[],=[{}\"']")
 NETWORK_LIMIT = "QUAD_ENV_LARGEST_NETWORK"
 """Environment variable: the largest network of a policy that is read, MiB."""

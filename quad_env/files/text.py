@@ -7,7 +7,8 @@ LONGEST = 2000
 """Characters of a line that is printed."""
 MAX_SHOWN = 60
 """Number of characters of a value that an error shows."""
-_MAX_ENTRIES, _MAX_BITS = 4, 200
+_MAX_ENTRIES = 4
+_MAX_BITS = 200
 
 
 def one_line(text: str) -> str:

@@ -54,7 +54,8 @@ class Meter:
         for _ in range(count):
             before = self._speed[ids].copy()
             step(ids, 1)
-            after, force = self._speed[ids].copy(), summed(self._touch, ids)
+            after = self._speed[ids].copy()
+            force = summed(self._touch, ids)
             with np.errstate(all="ignore"):  # of a robot that has diverged, which is about to be parked
                 self._steps.append((before, after, self._received(ids, after - before), force))
 

@@ -206,7 +206,8 @@ class Simulation:
         """How far up those robots, (k, 19), have to go for nothing of them to be below the ground, (k,), m."""
         rotation = np.stack([np.stack(row, -1) for row in rotation_matrix(of_robots(qpos[:, 3:7]))], 1)  # (k, 3, 3)
         corners = qpos[:, None, :3] + self._corners @ rotation.transpose(0, 2, 1)
-        feet, thighs = self._sites[ids][:, self._feet], self._joints[ids][:, self._thighs]
+        feet = self._sites[ids][:, self._feet]
+        thighs = self._joints[ids][:, self._thighs]
         below = foot_depths(self.robot, rotation, qpos[:, 7:]) - self.robot.foot_radius
         balls = ((feet, self.robot.foot_radius, below), (thighs, self.robot.thigh_radius, 0.0), (corners, 0.0, 0.0))
         lifts = [

@@ -189,7 +189,8 @@ def _remedy(mujoco: Any, model: Any) -> str:
     own: list[int] = []
     body = root
     while True:  # a planar root may have its joints on several nested bodies
-        start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        start = int(model.body_jntadr[body])
+        count = int(model.body_jntnum[body])
         own += range(start, start + count)
         below = [each for each in np.flatnonzero(model.body_parentid == body) if each != body]
         if not len(below):

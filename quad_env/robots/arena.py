@@ -204,10 +204,13 @@ def _touch_like_ours(parts: Parts, own: Any, found: Anatomy, foot: Any) -> None:
     """Give geoms and pairs the contact parameters of SimpleQuad's foot and keep their friction."""
     geoms = [geom for body in found.bodies for geom in parts.bodies[body].geoms]
     for part in (*geoms, *own.pairs):
-        part.solref, part.solimp = foot.solref, foot.solimp
+        part.solref = foot.solref
+        part.solimp = foot.solimp
         part.margin = part.gap = part.adhesion = 0.0
     for geom in geoms:
-        geom.solmix, geom.condim, geom.priority = foot.solmix, foot.condim, foot.priority
+        geom.solmix = foot.solmix
+        geom.condim = foot.condim
+        geom.priority = foot.priority
         geom.surfacevel = np.zeros(6)
         geom.fluid_ellipsoid = 0.0  # there is no fluid here
     for pair in own.pairs:

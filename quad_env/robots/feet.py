@@ -28,8 +28,10 @@ _SOFT = 5e-3
 """m. Height above the lowest point up to which a short geom is part of the foot: contacts yield."""
 SWING = 0.3
 """rad. Largest tilt of a shin in a stance beyond that of standing."""
-LEAST_BENT, MOST_BENT = 0.8, 1.0
-"""rad. Limits of the estimated largest tilt of a shin in a stance with a bent knee."""
+LEAST_BENT = 0.8
+"""rad. Lower bound on the estimated largest tilt of a shin in a stance with a bent knee."""
+MOST_BENT = 1.0
+"""rad. Upper bound on the same tilt."""
 _ROLL = 0.4
 """rad. Largest tilt of a shin in a stance to either side."""
 _BALL = 1e-4
@@ -115,7 +117,8 @@ def standing_foot(
     Returns:
         The same ball with all geoms that touch; `foot` itself where its ball is the lowest in every pose.
     """
-    knee, axis = data.xanchor[joint], data.xaxis[joint]
+    knee = data.xanchor[joint]
+    axis = data.xaxis[joint]
     shapes = {geom: rounded(model, geom) for geom in candidates}
     hulls = {geom: (in_world(model, data, geom, points), radius) for geom, (points, radius) in shapes.items()}
     centre = in_world_of(data, foot.body, foot.place)
@@ -141,7 +144,8 @@ def _down(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) -> Floats
     """Return the direction from the knee to the middle of the end geoms, in the leg plane, world frame, (3,). None
     where the geoms lie at the joint.
     """
-    knee, axis = data.xanchor[joint], data.xaxis[joint]
+    knee = data.xanchor[joint]
+    axis = data.xaxis[joint]
     distances = {geom: float(np.linalg.norm(points - knee, axis=1).max()) for geom, points in hulls.items()}
     farthest = max(distances, key=lambda geom: distances[geom])
     down = _flat(_centre(model, data, farthest, knee) - knee, axis)  # a foot may be wide
@@ -154,7 +158,8 @@ def _down(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) -> Floats
     points = np.concatenate([hulls[geom] for geom in at_end]) - knee
     for _ in range(4):  # each turn of the frame moves the middle less
         ahead = np.cross(axis, down)
-        along, across = points @ down, points @ ahead
+        along = points @ down
+        across = points @ ahead
         turned = _flat(along.max() * down + 0.5 * (across.min() + across.max()) * ahead, axis)
         assert turned is not None
         down = turned
@@ -215,7 +220,8 @@ def extremes(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
     if not len(points):
         return points, radii
     kept = np.unique((points @ _DIRECTIONS.T + radii[:, None]).argmax(axis=0))
-    points, radii = points[kept], radii[kept]
+    points = points[kept]
+    radii = radii[kept]
     round_ends = radii > 0.0
     below = points[round_ends] - radii[round_ends, None] * (0.0, 0.0, 1.0)
     return np.concatenate((points, below)), np.concatenate((radii, np.zeros(len(below))))

@@ -19,8 +19,10 @@ FIGURES = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_d
 """Fields of a robot that may be given instead of being inferred."""
 SHORTEST_BEND, LONGEST_BEND = 0.5, 0.97
 """Hip joints above the feet in a keyframe that is taken for a stand, as a share of a leg's length."""
-MIN_MASS, MAX_MASS = 1e-3, 1e6
-"""kg. Limits of a robot's mass."""
+MIN_MASS = 1e-3
+"""kg. Least mass of a robot."""
+MAX_MASS = 1e6
+"""kg. Largest mass of a robot."""
 
 
 class GivenError(ModelError):

@@ -32,8 +32,10 @@ LEAST_INERTIA = 1e-12
 _PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.*)")
 _FILES = re.compile(rb"""\b(?:file|filename)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
 _FOLDERS = re.compile(rb"""\b(?:meshdir|texturedir|assetdir)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
-_MAX_FILES, _LARGEST_MESH = 5000, 2**28
-"""Largest number of checked files of a model, and of bytes of one; the largest published meshes have 50 MiB."""
+_MAX_FILES = 5000
+"""Largest number of checked files of a model."""
+_LARGEST_MESH = 2**28
+"""Byte. Largest file of a model; the largest published meshes have 50 MiB."""
 _DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 DECISIVE = (
@@ -93,7 +95,8 @@ def check(path: Path) -> None:
 
 def _check_files(path: Path) -> None:
     """Raise ModelError for a file that a model names and that is too large or not regular."""
-    waiting, seen = [path], set[Path]()
+    waiting = [path]
+    seen = set[Path]()
     while waiting:
         model = waiting.pop()
         try:

@@ -36,7 +36,8 @@ Read = Callable[[Path], None]
 """Function that reads it: raises its own error for a fault, an AbsurdError for an implausible result."""
 _SHARE_OF_BYTES = 0.2
 """Share of mutations of the file's bytes rather than of its values."""
-_LEGS, _KINDS = ("FR", "FL", "RR", "RL"), ("hip_joint", "thigh_joint", "calf_joint")
+_LEGS = ("FR", "FL", "RR", "RL")
+_KINDS = ("hip_joint", "thigh_joint", "calf_joint")
 _JOINTS = [f"{leg}_{kind}" for leg in _LEGS for kind in _KINDS]
 
 

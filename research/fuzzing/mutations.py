@@ -64,7 +64,8 @@ _SCALES = (0.0, -1.0, 0.1, 10.0, 1e3, 1e6, 1e12)
 
 def places(tree: Tree) -> list[tuple[Any, Any]]:
     """Return all collections of a tree with each of their keys."""
-    found, waiting = [], [tree]
+    found = []
+    waiting = [tree]
     while waiting:
         now = waiting.pop()
         keys = list(now) if isinstance(now, dict) else range(len(now)) if isinstance(now, list) else ()

@@ -34,7 +34,8 @@ MAX_LINE = 3000
 """Largest number of characters of an error."""
 REPORT_PERIOD = 10.0
 """s. Time between two lines of progress."""
-READ, REFUSED = "read", "refused"
+READ = "read"
+REFUSED = "refused"
 
 
 @dataclass(frozen=True)

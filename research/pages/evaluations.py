@@ -157,7 +157,8 @@ def score_table(
 
 
 def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:
-    shown, difference = points_with(each.score, each.ci), points_with(each.difference, each.difference_ci)
+    shown = points_with(each.score, each.ci)
+    difference = points_with(each.difference, each.difference_ci)
     score = f"{shown.value} [{shown.interval}{NO_BREAK}%]"
     minus = f"{difference.value} [{difference.interval}], {p_value(each.p_value)}"
     return {name: score, f"{name} difference": minus if each.policy != baseline else ABSENT}

@@ -16,12 +16,16 @@ if TYPE_CHECKING:
 
 HEIGHT = 2.7
 """in. Height of the axes with their labels."""
-WIDEST, NARROWEST = 2.6, 1.2
-"""pt. Widths of the first and of the last line: a later line covers only the middle of those below it."""
+WIDEST = 2.6
+"""pt. Width of the first line."""
+NARROWEST = 1.2
+"""pt. Width of the last line: it covers only the middle of those below it."""
 DASHES = ("solid", (0, (5, 3)), (0, (2, 2)), (0, (6, 2, 1, 2)))
 """Line styles, in turn."""
-STEP, SPREAD = 3.0, 14.0
-"""pt. Distance of the marks of two policies at one severity, and largest spread of all of them."""
+STEP = 3.0
+"""pt. Distance of the marks of two policies at one severity."""
+SPREAD = 14.0
+"""pt. Largest spread of the marks of all policies at one severity."""
 BAR = 2.5
 """pt. Width of the interval of a breaking point."""
 

@@ -16,8 +16,10 @@ from policies.foreign.readers.isaac_terms import observed_joints, remarks_on, te
 from policies.foreign.readers.joint_orders import Joints
 from policies.foreign.readers.settings import BY_HAND, Settings, load, matches
 
-FOLDER, ENDS = "io_descriptors", ("*IO_descriptors.yaml", "*IO_descriptor.yaml")
-"""Folder of the descriptors in a run, and patterns of their names."""
+FOLDER = "io_descriptors"
+"""Folder of the descriptors in a run."""
+ENDS = ("*IO_descriptors.yaml", "*IO_descriptor.yaml")
+"""Patterns of the descriptors' names."""
 
 
 def is_descriptor(settings: Settings) -> bool:
@@ -27,7 +29,8 @@ def is_descriptor(settings: Settings) -> bool:
 
 def describe(settings: Settings) -> PolicyDescription:
     """Return the policy of an IO descriptor. Raises PolicyError; Incomplete without gains."""
-    robot, action = _robot(settings), _action(settings)
+    robot = _robot(settings)
+    action = _action(settings)
     joints = action.texts("joint_names")
     assets = robot.texts("joint_names")
     if sorted(joints) != sorted(assets) or len(joints) != 12:

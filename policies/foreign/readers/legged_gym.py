@@ -53,7 +53,8 @@ def _gains(control: Settings, joint: str) -> tuple[float, float]:
 
     The damping has its own key in the joint's name where it lacks the stiffness's key; legged_gym itself then fails.
     """
-    stiffness, damping = control.inside("stiffness"), control.inside("damping")
+    stiffness = control.inside("stiffness")
+    damping = control.inside("damping")
     if not (keys := [key for key in stiffness.values if str(key) in joint]):
         raise PolicyError(f"`control.stiffness` in {control.file.name} has nothing for {joint}")
     key = keys[-1]

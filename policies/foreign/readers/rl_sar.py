@@ -84,7 +84,8 @@ def _as_before_v2_3(described: PolicyDescription, found: Settings) -> PolicyDesc
     if framework not in (None, "isaacgym", "isaacsim"):
         raise found.wrong("framework", "isaacgym or isaacsim")
     if framework == "isaacsim":
-        rows, columns = int(found.number("rows", 4.0)), int(found.number("cols", 3.0))
+        rows = int(found.number("rows", 4.0))
+        columns = int(found.number("cols", 3.0))
         if rows * columns != 12:
             raise found.wrong("rows", "so many that rows x cols are 12")
         order = [row * columns + column for column in range(columns) for row in range(rows)]

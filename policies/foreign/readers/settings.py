@@ -15,8 +15,10 @@ from policies.foreign.readers import name_patterns
 from quad_env.files.reading import LARGEST_TOML, parse_json, parse_toml, read_bytes
 from quad_env.files.text import brief, described
 
-LARGEST, LINES = 2**19, 20_000
-"""Most bytes and lines of a file; deployment files have a few thousand lines at most."""
+LARGEST = 2**19
+"""Byte. Largest file."""
+LINES = 20_000
+"""Largest number of lines of a file; deployment files have a few thousand at most."""
 MAX_KEY = 200
 """Largest number of characters of a key."""
 MAX_PAIRS = 20_000
@@ -203,7 +205,8 @@ _PARSERS: dict[str, Callable[[str], Any]] = {".json": parse_json, ".toml": parse
 
 def _check_keys(settings: Any, file: Path) -> None:
     """Raise PolicyError for a key that is no short text or number, at any depth; each collection is checked once."""
-    seen, waiting = set[int](), [settings]
+    seen = set[int]()
+    waiting = [settings]
     while waiting:
         now = waiting.pop()
         if not isinstance(now, dict | list) or id(now) in seen:

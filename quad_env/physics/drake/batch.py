@@ -44,8 +44,10 @@ class DrakeBatch(ArrayBatch):
         model, number = self._model, self._model.sensor(name).id
         watched = int(model.sensor_objid[number])
         if model.sensor_type[number] == mujoco.mjtSensor.mjSENS_TOUCH:
-            leg, body = name.partition("_foot_touch")[0], model.site_bodyid[watched]
-            source, geoms = self._forces, [geom for geom in foot_geoms(model, leg) if model.geom_bodyid[geom] == body]
+            leg = name.partition("_foot_touch")[0]
+            body = model.site_bodyid[watched]
+            source = self._forces
+            geoms = [geom for geom in foot_geoms(model, leg) if model.geom_bodyid[geom] == body]
         elif model.sensor_objtype[number] == mujoco.mjtObj.mjOBJ_GEOM:
             source, geoms = self._touches, [watched]
         else:
