@@ -39,7 +39,7 @@ def walks(subject: Subject) -> Finding:
     good, bad = walk(policies.make(WALKER, robot=robot), subject)
     if not bad:
         return ok(f"{WALKER}: {'; '.join(good)}")
-    cause = f"it stands, so masses, inertias or limits are unlike those that {WALKER} was made for"
+    cause = f"it stands, so its masses, inertias or limits differ from those that {WALKER} was made for"
     if noticed := [*contradictions(robot), *warnings_of(robot), *self_contacts(subject)]:
         cause = f"it stands, but {'; '.join(noticed)}"
     return problem(

@@ -91,9 +91,7 @@ def main(options: Options) -> int:
     if options.failed:
         return _list_failed(run, options)
     if options.episode is None:
-        raise UsageError(
-            f"EPISODE: no row given; `{PROGRAM} replay {options.results} --failed` lists those that failed"
-        )
+        raise UsageError(f"EPISODE: no row given; `{PROGRAM} replay {options.results} --failed` lists failed episodes")
     found = find(run, options, options.episode)
     check_here(run.manifest, found.cell.scenario)
     policy = policy_of(found.cell.policy, run.manifest, options.trust)

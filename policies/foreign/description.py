@@ -205,7 +205,7 @@ class PolicyDescription(_Checked):
             raise PolicyError(f"`signs` must be 1 or -1, not {brief(self.signs)}")
         _check_plausible(self)
         if not any(self.action_scale):
-            raise PolicyError("`action_scale` is 0 for every joint: the network would move nothing")
+            raise PolicyError("`action_scale` is 0 for every joint: the network would have no effect")
         _check_ranges("action_clip", self.action_clip)
         _check_ranges("target_clip", *self.target_clip or ())
         if not self.terms:

@@ -76,7 +76,7 @@ def _action(outputs: Sequence[Any], file: Path) -> Any:
     if len(candidates) == 1:
         return candidates[0]
     names = ", ".join(each.name for each in outputs)
-    raise PolicyError(f"{file} has the outputs {names}, and none is called actions", "rename that of the actions so")
+    raise PolicyError(f"{file} has the outputs {names}, and none is called actions", "rename the output of the actions")
 
 
 def _by_name(state: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Any | None:

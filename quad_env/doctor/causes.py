@@ -65,7 +65,7 @@ def diagnosis(subject: Subject, stance: Stance) -> tuple[str, str]:
         cause = "in the home pose the feet are not below the centre of mass, or a mass is not where it should be"
         return cause, f"home_pose in {subject.figures}, or masses in {robot.mjcf}; describe --picture shows it"
     also = "".join(f"; {suspect.cause}" for suspect in suspects)
-    cause = f"no single one of servo gains, springs, contacts with itself and inertias explains it{also}"
+    cause = f"none of servo gains, springs, self-contacts and inertias alone explains it{also}"
     return cause, f"masses, inertias, joints and home_pose in {robot.mjcf}; describe --picture shows it"
 
 

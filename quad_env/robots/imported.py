@@ -46,7 +46,7 @@ def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
         is_of_the_figures = isinstance(error, GivenError) and source != path
         raise ModelError(one_line(f"{source if is_of_the_figures else path}: {error}")) from error
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise ModelError(one_line(f"{path}: its figures cannot be worked out ({described(error)})")) from error
+        raise ModelError(one_line(f"{path}: its figures cannot be computed ({described(error)})")) from error
 
 
 def _checked_name(name: Any) -> str:

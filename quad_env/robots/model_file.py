@@ -90,7 +90,7 @@ def check(path: Path) -> None:
     except (ModelError, OSError, MemoryError):
         raise
     except Exception as error:
-        raise ModelError(f"MuJoCo cannot read it, or has not the memory for it: {described(error)}") from None
+        raise ModelError(f"MuJoCo cannot read it, or lacks the memory: {described(error)}") from None
 
 
 def _check_files(path: Path) -> None:
@@ -180,7 +180,7 @@ def _about_inertias(massless: Iterable[str], balanced: Iterable[str]) -> Iterato
 def _about_files(spec: Any) -> Iterator[tuple[str, str]]:
     """Yield a line about missing files."""
     if (files := missing_files(spec)) is not None:
-        yield "not there", f"files that are only shown, left out: {files}"
+        yield "not there", f"visual files, left out: {files}"
 
 
 def remarks(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:

@@ -70,7 +70,7 @@ def remarks_on(terms: Iterable[tuple[str, Settings]]) -> tuple[str, ...]:
     """Return a line for each term, by function, that a file leaves incomplete."""
     return tuple(
         f"{function} in {settings.file.name} does not say whether it is (0, 0) at commands below {ZERO_BELOW:g}, as in "
-        f"newer unitree_rl_mjlab; read as a clock that always runs: if not so, `zero_below = {ZERO_BELOW:g}` in a TOML"
+        f"newer unitree_rl_mjlab; read as a clock that always runs, else set `zero_below = {ZERO_BELOW:g}` in a TOML"
         for function, settings in terms
         if function in ("gait_phase", "phase") and not _clock(function, settings)[1]
     )

@@ -105,7 +105,7 @@ class _Parser:
     def _group(self) -> Part:
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            raise self._error(f"more than {MAX_DEPTH} groups within each other")
+            raise self._error(f"more than {MAX_DEPTH} nested groups")
         wrap: Callable[[Part], Part] = lambda part: part  # noqa: E731
         if self._take("?"):
             if self._take("="):

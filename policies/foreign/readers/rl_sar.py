@@ -87,7 +87,7 @@ def _as_before_v2_3(described: PolicyDescription, found: Settings) -> PolicyDesc
         rows = int(found.number("rows", 4.0))
         columns = int(found.number("cols", 3.0))
         if rows * columns != 12:
-            raise found.wrong("rows", "so many that rows x cols are 12")
+            raise found.wrong("rows", "a number with rows x cols = 12")
         order = [row * columns + column for column in range(columns) for row in range(rows)]
         moved: dict[str, Any] = {
             name: tuple(values[place] for place in order)
