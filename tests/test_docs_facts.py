@@ -193,7 +193,7 @@ def _grid() -> list[float]:
 
 
 def _quarters() -> bool:
-    """Whether there are four looks."""
+    """Return whether there are four looks."""
     return sequential.LOOKS == 4
 
 

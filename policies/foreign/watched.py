@@ -27,7 +27,7 @@ class PolicyProcessError(RuntimeError):
 
 
 class Watched:
-    """An object in a subprocess, with a timeout on every call.
+    """Object in a subprocess, with a timeout on every call.
 
     Args:
         make: makes the object, in the other process; picklable, such as `functools.partial(policies.make, "trot")`.

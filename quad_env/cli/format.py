@@ -26,7 +26,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 class Estimate(NamedTuple):
-    """A figure and the ends of its interval as text, all with the same count of decimals."""
+    """Figure and ends of its interval as text, all with the same count of decimals."""
 
     value: str
     low: str

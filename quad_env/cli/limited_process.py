@@ -62,7 +62,7 @@ class CrashError(RuntimeError):
 
 @dataclass(frozen=True)
 class _Question:
-    """A call and its limits."""
+    """Call with its limits."""
 
     module: str
     name: str
@@ -73,7 +73,7 @@ class _Question:
 
 @dataclass(frozen=True)
 class _Failure:
-    """An exception of a call."""
+    """Exception of a call."""
 
     error: Exception
 
@@ -142,7 +142,7 @@ def _limit(variable: str, otherwise: int) -> int:
 
 
 class _Process:
-    """The child process, and a thread that receives its messages."""
+    """Child process, and a thread that receives its messages."""
 
     def __init__(self) -> None:
         environment = os.environ | {

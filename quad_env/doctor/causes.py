@@ -30,7 +30,7 @@ Mend = Callable[[Any], None]
 
 @dataclass(frozen=True)
 class Suspect:
-    """A possible cause."""
+    """Possible cause of a failed stand."""
 
     cause: str
     remedy: str

@@ -26,7 +26,7 @@ MAX_MASS = 1e6
 
 
 class GivenError(ModelError):
-    """A given figure does not fit the model."""
+    """Given figure that does not fit the model."""
 
 
 def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:

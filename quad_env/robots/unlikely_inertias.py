@@ -24,7 +24,7 @@ _TINY = 5e-3
 
 
 class Inertia(NamedTuple):
-    """The implausible inertia of a link."""
+    """Implausible inertia of a link."""
 
     body: int
     """Id in the robot's model."""

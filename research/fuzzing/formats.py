@@ -42,7 +42,7 @@ _JOINTS = [f"{leg}_{kind}" for leg in _LEGS for kind in _KINDS]
 
 
 class AbsurdError(AssertionError):
-    """An implausible robot or policy, read without an error."""
+    """Implausible robot or policy, read without an error."""
 
 
 def _count(rng: Rng) -> int:

@@ -51,7 +51,7 @@ class Options:
     first: int = 0
     """Number of the first case (whole number from 0)."""
     seed: int = 0
-    """Which set of cases (whole number from 0)."""
+    """Seed of the cases (whole number from 0)."""
     keep: Path | None = None
     """Folder for the files with findings."""
 

@@ -1,4 +1,4 @@
-"""What a network remembers of earlier observations, by hand: frames of a while ago, and averages."""
+"""Observation history of a network, by hand: frames of a while ago, and averages."""
 
 import math
 

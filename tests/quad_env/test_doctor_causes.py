@@ -1,4 +1,4 @@
-"""What `doctor` names as the cause of a robot that does not stand is the cause: with its remedy the robot stands."""
+"""Diagnosis of a robot that does not stand: it stands with the remedy that `doctor` names."""
 
 import re
 from pathlib import Path

@@ -77,7 +77,7 @@ def test_an_eased_scenario_keeps_profile_and_randomisation():
 
 
 def told(intervals, command, velocity, fell=(False, False)):
-    """What is said of two robots at a step."""
+    """Return the infos of two robots at a step."""
     ended, kept = intervals.step(np.array(command), np.array(velocity), np.array(fell))
     return list(zip(ended.tolist(), kept.tolist(), strict=True))
 

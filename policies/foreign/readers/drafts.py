@@ -24,7 +24,7 @@ HEAD = "# What a policy reads and commands, as far as its files say it: docs/dep
 
 
 class Incomplete(PolicyError):
-    """A file of a known kind without a complete policy.
+    """File of a known kind without a complete policy.
 
     Args:
         kind: What the file is, a noun phrase.

@@ -27,7 +27,7 @@ _CLASSES: dict[str, Callable[[str], bool]] = {
 
 
 class PatternError(ValueError):
-    """An invalid or unsupported pattern; the message is one line."""
+    """Invalid or unsupported pattern; the message is one line."""
 
 
 def matches(pattern: str, name: str) -> bool:

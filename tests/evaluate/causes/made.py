@@ -19,7 +19,7 @@ RISER = Stairs(rise=0.15, run=0.3, landing=0.75)
 
 
 FOLLOWS = "onset", "window", "shank", "capture"
-"""What follows from a record's signals, where a test gives it."""
+"""Fields of a record that follow from its signals, where a test gives them."""
 
 
 def recorded(

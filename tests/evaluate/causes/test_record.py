@@ -1,4 +1,4 @@
-"""What follows from the signals of an episode, by hand: capture point, onset, window, thresholds on another robot."""
+"""Derived signals of an episode, by hand: capture point, onset, window, thresholds on another robot."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Which of several events decides, and how certain that is, by hand."""
+"""Deciding event among several and its certainty, by hand."""
 
 from collections.abc import Iterator
 from dataclasses import replace

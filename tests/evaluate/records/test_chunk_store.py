@@ -1,4 +1,4 @@
-"""What of a run under way is found again: parts by cell, episodes, seeds and run; and what is removed of others."""
+"""Chunk store of a run under way: parts by cell, episodes, seeds and run; and what is removed of others."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +19,7 @@ EPISODES = 6
 
 @pytest.fixture
 def manifest() -> Manifest:
-    """Of two policies on two scenarios, six episodes each."""
+    """Make a run of two policies on two scenarios, six episodes each."""
     return Manifest(
         policies={"a": "1", "b": "2"},
         scenarios=(FLAT, PUSH),
@@ -93,7 +93,7 @@ def test_parts_of_other_runs_of_other_seeds_and_of_later_episodes_are_left_out(t
 
 
 def test_a_folder_is_another_run_s_until_the_first_part_and_only_this_run_s_then(tmp_path, manifest, part) -> None:
-    """What is there of the other run is neither loaded nor removed before; what is no part stays."""
+    """Parts of the other run are neither loaded nor removed before; what is no part stays."""
     before = ChunkStore(tmp_path, replace(manifest, code="before").begun())
     before.save(part(numbers=(0, 1)))
     before.save(part(numbers=(2, 3)))

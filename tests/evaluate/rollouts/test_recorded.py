@@ -1,4 +1,4 @@
-"""What is kept of a rollout, and how parts of a cell become one, by hand."""
+"""Stored parts of a rollout, and their join into a cell, by hand."""
 
 import dataclasses
 from collections.abc import Generator, Sequence

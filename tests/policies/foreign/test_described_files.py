@@ -35,7 +35,7 @@ def description(tmp_path: Path) -> PolicyDescription:
 
 
 def first_actions(reference: Reference, row: np.ndarray) -> np.ndarray:
-    """What the policy gives in its first control step."""
+    """Return the policy's targets in its first control step."""
     of = serve(reference, SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
     of.reset(1, 0)
     return of.step(row).actions

@@ -1,4 +1,4 @@
-"""What is corrected in a description where one of the usual mistakes is undone, name by name and figure by figure."""
+"""Corrections of a description by one of the usual mistakes, name by name and figure by figure."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -26,7 +26,7 @@ FEATURES, STEEP, STEPS, ROBOTS, SETTLED = 50, 4.0, 50, 40, 40
 
 @dataclass(frozen=True)
 class Style:
-    """What a network reads and gives; joints in the robot's order unless said otherwise."""
+    """Inputs and outputs of a network; joints in the robot's order unless said otherwise."""
 
     robot: str = "simple_quad"
     legs: tuple[int, ...] = (1, 0, 3, 2)
@@ -52,17 +52,17 @@ class Style:
     turned: tuple[int, ...] = ()
     """Links, 0 to 2, whose joints turn the other way than the robot's."""
     is_scaled: bool = False
-    """Whether the previous action is in rad."""
+    """True if the previous action is in rad."""
     default: float = 0.1
     """Added to the home pose, rad."""
     steering: float = 1.5
-    """Of the velocity's error, added to the command."""
+    """Gain on the velocity error, added to the command."""
     levelling: float = 0.5
-    """Share of what would level the trunk by which the legs on its lower side reach further."""
+    """Leg extension on the lower side, as a share of the full levelling of the trunk."""
     rate_levelling: float = 0.04
     """The same of the trunk's angular velocity, s."""
     joint_damping: float = 0.003
-    """Of the joints' speeds, s."""
+    """Gain on the joint speeds, s."""
     smoothing: float = 0.2
     """Share of the previous action in an action."""
 
@@ -144,12 +144,12 @@ def write(file: Path, style: Style = LEVELLED) -> PolicyDescription:
 
 
 def _signs(style: Style) -> np.ndarray:
-    """Of the policy's joints against the robot's, (12,), in the robot's order."""
+    """Signs of the policy's joints relative to the robot's, (12,), in the robot's order."""
     return np.where(np.isin(np.arange(12) % 3, style.turned), -1.0, 1.0)
 
 
 def _scale(style: Style, name: str) -> np.ndarray:
-    """Of a term's numbers."""
+    """Scale of a term's values."""
     width = 12 if name.startswith(("joint", "previous")) else 3
     return np.broadcast_to(style.terms[name], width)
 

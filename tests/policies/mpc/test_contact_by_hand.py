@@ -90,7 +90,7 @@ def at(robots: int = 2, **readings: Any) -> Motion:
 
 
 def firm(robots: int = 2, up: float = 60.0) -> np.ndarray:
-    """Two feet press on the ground with so many N each."""
+    """Return contact forces of two feet with that normal force each, N."""
     forces = np.zeros((robots, 4, 3))
     forces[:, [0, 3], 2] = up
     return forces

@@ -1,4 +1,4 @@
-"""What controllers by the robot's model ask of the joints, by hand."""
+"""Joint targets and torques of the model-based controllers, by hand."""
 
 import numpy as np
 import pytest
@@ -129,7 +129,7 @@ def accelerations(
     late: list[int],
     swings: np.ndarray = FIRST_SWINGS,
 ) -> np.ndarray:
-    """Of the feet, two of which swing, at that progress of all."""
+    """Return the planned feet at that progress of all four, two in swing."""
     cycle = LegCycle(swings, np.full((1, 4), progress))
     states = ContactStates(*(np.array([each], np.bool_) for each in (standing, late, standing)))
     return policy._feet(now, cycle, states, now.bodies.feet[..., :2] + 0.1, flat)[0]

@@ -1,4 +1,4 @@
-"""What is planned, for whom, and what becomes of a robot for which there is no plan."""
+"""Plans by robot, and the fallback of a robot without a plan."""
 
 from collections.abc import Iterator
 from typing import Any

@@ -1,4 +1,4 @@
-"""What reads a file of others in a process apart: its answer, its error, or one line in time."""
+"""Limited process for files of others: its answer, its error, or one line in time."""
 
 import os
 import subprocess

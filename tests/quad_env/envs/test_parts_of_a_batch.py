@@ -41,7 +41,7 @@ def actions(step: int, robots: int) -> np.ndarray:
 
 
 def seen(step: Any, robot: int) -> dict[str, np.ndarray]:
-    """What is told of that robot in a step."""
+    """Return the infos of that robot in a step."""
     observation, rewards, terminated, truncated, infos = step
     told = {"observation": observation, "rewards": rewards, "terminated": terminated, "truncated": truncated}
     return {name: np.asarray(values)[robot].copy() for name, values in (told | infos).items()}
@@ -86,7 +86,7 @@ def test_each_robot_of_a_batch_is_the_one_that_it_would_be_alone_whatever_become
 
 
 def seen_of_nothing(before: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """What a robot that has ended earns, and at a reset is said to."""
+    """Return the entries of a robot in the step of its reset, all zero."""
     paid = [name for name in before if name.startswith("reward") or name in ("mechanical_power", "overspeed")]
     return dict.fromkeys((*paid, "terminated", "truncated"), np.zeros(()))
 

@@ -7,7 +7,7 @@ import numpy as np
 LEGS = {"FL": (1, 1), "FR": (1, -1), "RL": (-1, 1), "RR": (-1, -1)}
 LINKS = "hip", "thigh", "calf"
 RANGES = (-0.8, 0.8), (-1.6, 1.6), (-2.5, -0.3)
-"""Of hip, thigh and calf in a robot's terms, rad."""
+"""Angles of hip, thigh and calf in a robot's terms, rad."""
 ARM = """<body name="arm" pos="0.05 0 0.05" gravcomp="{lift}">
 <joint name="arm_0" axis="0 0 1" stiffness="3" damping="1"/>
 <geom type="capsule" fromto="0 0 0 0 0 .2" size=".02" mass="0.7"/><body name="arm_1" pos="0 0 .2">
@@ -27,7 +27,7 @@ class Joint:
     name: str
     sign: int
     zero: float
-    """Where the legs are at `qpos0`, in a robot's terms, rad."""
+    """Leg angles at `qpos0`, in a robot's terms, rad."""
     ref: float
 
 

@@ -72,7 +72,7 @@ def robot_with(foot: str, folder: Path, **made: object) -> Robot:
 
 
 def lowest(robot: Robot, height: float) -> list[float]:
-    """Of each leg's foot the lowest point above flat ground with the robot in its home pose at that height, m."""
+    """Return each foot's lowest point above flat ground with the robot in its home pose at that height, m."""
     model = robot.model
     data = mujoco.MjData(model)
     data.qpos[:] = model.key("home").qpos
@@ -104,7 +104,7 @@ def test_the_robot_stands_on_its_feet_at_its_home_height(shape: str, knees: tupl
 
 @pytest.mark.parametrize("shape", ["bumper on the shin", "bumper on the calf side", "one ball"])
 def test_what_never_touches_is_no_foot_and_leaves_the_ball_as_it_is(shape: str, tmp_path: Path) -> None:
-    """What touches with knees that bend the one way may not with those that bend the other way."""
+    """Geoms that touch with one bend direction of the knee may not with the other."""
     robot = robot_with(FEET[shape][0], tmp_path, knees=(1, 1))
     assert all(len(foot_geoms(robot.model, leg)) == 1 for leg in robot.leg_names)
     assert not robot.foot_points.size

@@ -1,4 +1,4 @@
-"""Which episode each robot is in, what it commands and what pushes it, by hand."""
+"""Schedule of each robot by hand: its episode, command and pushes."""
 
 import numpy as np
 import pytest

@@ -21,7 +21,7 @@ ALL = np.arange(4)
 def instruments(
     suite: SensorSuite, seeds: tuple[int, ...] = (1, 2, 3, 4), scenario: Scenario = PLAIN
 ) -> tuple[Instruments, list[Episode]]:
-    """Of four robots that begin the episodes of these seeds, at 100 Hz."""
+    """Make four robots at the start of the episodes of these seeds, 100 Hz."""
     found = Instruments(SIMPLE_QUAD, suite, 4, 100.0)
     episodes = [Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in seeds]
     found.begin(ALL, episodes)
@@ -34,7 +34,7 @@ def measured(values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def read(of: Instruments, step: int, rows: np.ndarray = ALL) -> np.ndarray:
-    """What the sensors show of those robots now, (k, 34)."""
+    """Return the sensor readings of those robots, (k, 34)."""
     clock = np.full(len(rows), step)
     return np.concatenate([of.channels[name].value(clock, rows) for name in WIDTHS], axis=1)
 

@@ -1,4 +1,4 @@
-"""The observation by hand: every term in its place, of a state in which no two numbers are alike."""
+"""Observation by hand: every term in its place, for a state with all numbers different."""
 
 from typing import Any
 

@@ -19,7 +19,7 @@ pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
 
 CASES = {"mjcf": 15, "urdf": 15, "bundle": 20, "onnx": 20, "mjlab": 30}
-"""Of formats that take longer than others."""
+"""Case counts of formats that take longer than others."""
 
 
 @pytest.mark.parametrize("name", FORMATS)

@@ -1,4 +1,4 @@
-"""Every number of other projects' files goes to its own place: in these files no two are alike."""
+"""Check that every number of other projects' files gets its own place: all numbers differ."""
 
 from pathlib import Path
 from typing import Any

@@ -36,7 +36,7 @@ DEPLOY_MUJOCO = {
 
 
 def incomplete(file: Path) -> Incomplete:
-    """What is known by a file that does not say all; one line."""
+    """Return the draft of an incomplete file; one line."""
     with pytest.raises(Incomplete) as error:
         read(file)
     assert "\n" not in str(error.value)
