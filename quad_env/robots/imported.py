@@ -185,10 +185,13 @@ def _rated_torque(model: Any, found: Anatomy) -> float:
     """The least of the largest torques of the joints, N·m."""
     lower, upper = torque_ranges(model, found.joints).T
     largest = np.minimum(-lower, upper)
-    known = np.isfinite(largest) & (largest > 0.0)
-    if not known.all():
-        names = ", ".join(model.joint(joint).name for joint, has in zip(found.joints, known, strict=True) if not has)
-        raise ModelError(f"the model does not say the largest torque of {names}: give rated_torque, N·m")
+    for wrong, fault in (
+        (~np.isfinite(largest), "the model does not say the largest torque of"),
+        (largest <= 0.0, "the largest torque by the model is 0, one way or both, of"),
+    ):
+        if wrong.any():
+            names = ", ".join(model.joint(found.joints[place]).name for place in np.flatnonzero(wrong))
+            raise ModelError(f"{fault} {names}: give rated_torque, N·m")
     return float(largest.min())
 
 

@@ -95,7 +95,8 @@ def _gear(model: Any, actuator: int) -> float:
 
 def _times(factor: float, force: Floats) -> Floats:
     """Return the range of a force times a factor, lower end first; zero times infinity is zero."""
-    return np.sort(factor * force) if factor else np.zeros(2)
+    with np.errstate(over="ignore"):  # infinite: unknown
+        return np.sort(factor * force) if factor else np.zeros(2)
 
 
 def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
@@ -112,6 +113,8 @@ def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
     if fixed_gain and (no_bias or constant_bias):
         bias = 0.0 if no_bias else float(biases[0])
         force = _times(float(gains[0]), _input_range(mujoco, model, actuator)) + bias
+    if model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_MUSCLE:
+        force = np.array((-np.inf, 0.0))  # it only pulls
     if model.actuator_forcelimited[actuator]:
         force = force.clip(*model.actuator_forcerange[actuator])
     return force

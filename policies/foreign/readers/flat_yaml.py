@@ -14,6 +14,7 @@ from policies.foreign.description import PolicyDescription
 from policies.foreign.readers import rl_sar
 from policies.foreign.readers.drafts import Incomplete
 from policies.foreign.readers.settings import Settings
+from quad_env.files.text import brief
 
 KEYS = {
     "stiffness": ("rl_kp", "kps", "p_gains", "kp", "stiffness"),
@@ -95,9 +96,7 @@ def advice_of(settings: Settings) -> tuple[str, ...]:
         if settings.find(key) is not None:
             width = int(settings.number(key))
             lines.append(f"{key} = {width}" + (f"; perhaps {_WIDTHS[width]}" if width in _WIDTHS else ""))
-    lines += [
-        f"{key} = {settings.find(key)}"[:100].replace("\n", " ") for key in _SCALES if settings.find(key) is not None
-    ]
+    lines += [f"{key} = {brief(settings.find(key))}" for key in _SCALES if settings.find(key) is not None]
     if settings.find("xml_path") is not None:
         lines.append("the joints are in the order of its model file (xml_path)")
     return tuple(lines)

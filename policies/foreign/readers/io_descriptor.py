@@ -15,6 +15,7 @@ from policies.foreign.readers.drafts import Incomplete
 from policies.foreign.readers.isaac_terms import observed_joints, remarks_on, term
 from policies.foreign.readers.joint_orders import Joints
 from policies.foreign.readers.settings import BY_HAND, Settings, load, matches
+from quad_env.files.text import brief
 
 FOLDER = "io_descriptors"
 """Folder of the descriptors in a run."""
@@ -60,7 +61,7 @@ def describe(settings: Settings) -> PolicyDescription:
         known = {name: value for name, value in known.items() if value is not None}
         advice = ("the gains are those of its explicit actuators: params/env.yaml of the run has them",)
         raise Incomplete("an IO descriptor of Isaac Lab with explicit actuators", known, advice)
-    remarks = remarks_on((str(each.get("name")), each) for each in given)
+    remarks = remarks_on((each.text("name"), each) for each in given)
     return PolicyDescription(network=settings.network(), stiffness=stiffness, damping=damping, remarks=remarks, **known)
 
 
@@ -88,7 +89,7 @@ def _robot(settings: Settings) -> Settings:
 def _action(settings: Settings) -> Settings:
     """Return the only action, joint positions."""
     actions = [_settings_of(each, settings) for each in settings.get("actions")]
-    kinds = [str(action.find("full_path") or action.find("name")).rpartition(".")[2] for action in actions]
+    kinds = [_function(action) for action in actions]
     if kinds not in (["JointPositionAction"], ["joint_position_action"]):
         raise PolicyError(f"the actions are {', '.join(kinds) or 'none'}: one JointPositionAction is read", BY_HAND)
     if actions[0].find("clip") is not None:
@@ -100,12 +101,19 @@ def _settings_of(value: object, settings: Settings) -> Settings:
     """Return the settings of an entry of a list."""
     if not isinstance(value, dict):
         raise PolicyError(f"an action or observation in {settings.file.name} must be settings by key", BY_HAND)
-    return Settings(value, settings.file, f"{value.get('name', '')}.")
+    name = value.get("name", "")
+    return Settings(value, settings.file, f"{name if isinstance(name, str) else brief(name)}.")
+
+
+def _function(given: Settings) -> str:
+    """Return the last part of the `full_path` of an action or observation, or its `name`. Raises PolicyError."""
+    key = "full_path" if given.find("full_path") is not None else "name"
+    return given.text(key).rpartition(".")[2]
 
 
 def _term(given: Settings) -> Term:
     """Return a term by the last part of its `full_path`, with its `overloads`."""
-    function = str(given.find("full_path") or given.get("name")).rpartition(".")[2]
+    function = _function(given)
     overloads = given.perhaps("overloads")
     extras = given.perhaps("extras")
     merged = {"params": given.find("params") or {}, "modifiers": extras.find("modifiers")} | overloads.values

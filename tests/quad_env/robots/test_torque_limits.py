@@ -1,6 +1,7 @@
 """A joint's largest torque is what MuJoCo's actuators add up to, or it is asked for."""
 
 import re
+import warnings
 from pathlib import Path
 
 import mujoco
@@ -51,12 +52,17 @@ UNKNOWN = {
     "one with and one without": ('<motor joint="{0}2" ctrlrange="-9 9"/><position joint="{0}2" kp="60"/>', ""),
     "an unlimited integrator": (GENERAL + 'dyntype="integrator" ctrlrange="-1 1"/>', ""),
     "a motor without a saturation": (WINDING + "/>", ""),
-    "a muscle": ('<muscle joint="{0}2" lengthrange="-1 1" force="10"/>', ""),
     "a cable": ('<motor tendon="{0}" ctrlrange="-6 6"/>', SPATIAL),
     "a plugin": ('<plugin plugin="mujoco.pid" joint="{0}2" ctrlrange="-3 3"><config key="kp" value="9"/></plugin>', ""),
     "a rod": ('<motor cranksite="{0}" slidersite="top" cranklength="0.5" ctrlrange="-6 6"/>', ""),
     "nothing": ("", ""),
+}
+MUSCLE = '<muscle joint="{0}2" lengthrange="-1 1" force="60" forcelimited="true" forcerange="-20 20"/>'
+NO_TORQUE = {
     "a motor that pulls alone": ('<motor joint="{0}2" ctrlrange="0 9"/>', ""),
+    "a muscle": ('<muscle joint="{0}2" lengthrange="-1 1" force="10"/>', ""),
+    "a muscle with a limit": (MUSCLE, ""),
+    "a gear of 0": ('<motor joint="{0}2" ctrlrange="-9 9" gear="0"/>', ""),
 }
 
 
@@ -114,6 +120,22 @@ def test_where_it_is_unknown_it_is_asked_for_by_the_names_of_the_joints(kind: st
     assert all(f"{leg}2" in str(caught.value) for leg in LEGS)
     assert "\n" not in str(caught.value)
     assert robot_of_text(tmp_path, model, rated_torque=14.0).rated_torque == 14.0
+
+
+@pytest.mark.parametrize("kind", NO_TORQUE)
+def test_joints_that_get_no_torque_one_way_are_named_as_such(kind: str, tmp_path: Path) -> None:
+    model = with_knees(*NO_TORQUE[kind])
+    with pytest.raises(ModelError, match=r"torque by the model is 0, one way or both, of B2, A2, D2, C2: give"):
+        robot_of_text(tmp_path, model)
+    assert robot_of_text(tmp_path, model, rated_torque=14.0).rated_torque == 14.0
+
+
+def test_a_motor_beyond_all_numbers_is_asked_for_without_a_warning(tmp_path: Path) -> None:
+    model = with_knees('<motor joint="{0}2" gear="1e300" ctrlrange="-1e300 1e300"/>')
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ModelError, match="does not say the largest torque of B2"):
+            robot_of_text(tmp_path, model)
 
 
 def test_actuators_of_a_disabled_group_give_nothing(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Files that say a part of a policy: what kind they are, what they say, and a TOML of it to complete."""
 
+import time
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -215,3 +216,34 @@ def test_a_whole_description_stays_a_whole_toml(tmp_path: Path) -> None:
     assert policy is not None
     write_toml(policy, tmp_path / "policy.toml")
     assert read(tmp_path / "policy.toml") == policy
+
+
+BOMB = "a0: &a0 [x, x, x]\n" + "".join(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 9))
+"""YAML anchors; written out, the last one has a hundred million leaves."""
+
+
+@pytest.mark.parametrize("key", ["ang_vel_scale", "cmd_scale", "dof_vel_scale"])
+def test_nested_aliases_in_flat_settings_take_no_time(tmp_path: Path, key: str) -> None:
+    network(tmp_path, "motion.pt")
+    file = written(tmp_path / "go2.yaml", {**DEPLOY_MUJOCO, key: "PLACE"})
+    file.write_text(BOMB + file.read_text().replace("PLACE", "*a8"))
+    began = time.process_time()
+    error = incomplete(file)
+    assert time.process_time() - began < 2.0
+    (line,) = (each for each in error.advice if each.startswith(f"{key} = "))
+    assert len(line) < 200
+
+
+@pytest.mark.parametrize("key", ["full_path", "name"])
+@pytest.mark.parametrize("group", ["actions", "observations"])
+def test_nested_aliases_in_an_io_descriptor_are_refused_at_once(tmp_path: Path, group: str, key: str) -> None:
+    network(tmp_path)
+    settings = descriptor(ISAAC, ISAAC)
+    entry = settings["actions"][0] if group == "actions" else settings["observations"]["policy"][0]
+    entry |= {"full_path": None, key: "PLACE"}
+    file = written(tmp_path / "io_descriptors/IO_descriptors.yaml", settings)
+    file.write_text(BOMB + file.read_text().replace("PLACE", "*a8"))
+    began = time.process_time()
+    with pytest.raises(PolicyError, match=f"{key}` in .* must be a text, not "):
+        read(file)
+    assert time.process_time() - began < 2.0
