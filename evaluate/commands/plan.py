@@ -194,7 +194,7 @@ def _carried_on(now: Manifest, options: Options) -> Manifest:
     then, asked = _begun(options.out)
     if differing := changed(asked, options):
         said = f"--resume carries a run on as it was begun, but {'; '.join(differing)}"
-        raise UsageError(f"{said}{_instead(asked, options)}")
+        raise UsageError(f"{said}{_resume_remedy(asked, options)}")
     if differing := manifests.differences(then, now):
         raise UsageError(f"--resume carries a run on as it was begun, but {'; '.join(differing)}")
     if now.fingerprint != then.fingerprint:
@@ -202,7 +202,7 @@ def _carried_on(now: Manifest, options: Options) -> Manifest:
     return then
 
 
-def _instead(then: Options, now: Options) -> str:
+def _resume_remedy(then: Options, now: Options) -> str:
     """Return the remedy where more is asked of a run than at its start."""
     folder = shlex.quote(str(now.out))
     if added := [name for name in now.policies if name not in then.policies]:

@@ -180,7 +180,13 @@ def _check_names(run: Run, options: Options) -> None:
 
 
 def find(run: Run, options: Options, episode: int) -> Found:
-    """Return the episode that the options select. Raises UsageError."""
+    """Return the episode that the options select. Raises UsageError.
+
+    Args:
+        run: Results folder.
+        options: Policy and scenario, or None for any.
+        episode: Row among the selected episodes, from 0.
+    """
     _check_names(run, options)
     policy, scenario = options.policy, options.scenario
     chosen = [cell for cell in run.cells if policy in (None, cell.policy) and scenario in (None, cell.scenario.name)]

@@ -27,7 +27,13 @@ def row_name(name: str) -> str:
 
 
 def name_in_lines(name: str, width: int, indent: str = "") -> str:
-    """Break a name at the ends of its words; it is whole again in lines instead of a table."""
+    """Break a name at the ends of its words; it is whole again in lines instead of a table.
+
+    Args:
+        name: Name.
+        width: Characters of a line.
+        indent: Text before each further line.
+    """
     return f"{_BREAK}{indent}".join(broken(name, width))
 
 

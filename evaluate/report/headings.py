@@ -37,7 +37,13 @@ def figure_of_effort(name: str, value: float) -> str:
 
 
 def effort_with(name: str, value: float, ends: tuple[float, float]) -> Estimate:
-    """Format the figure with its interval, in one unit."""
+    """Format the figure with its interval, in one unit.
+
+    Args:
+        name: Of the figure of effort.
+        value: Its value; a share of 1 for per cent.
+        ends: Lower and upper end of its interval, as `value`.
+    """
     scale, digits = _scale(name)
     return estimate(value, ends, digits, scale)
 

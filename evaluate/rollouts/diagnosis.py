@@ -147,17 +147,17 @@ def _deviations(policy: Foreign, robot: str, candidates: Iterable[Correction]) -
     policies = [
         DescribedPolicy(each.description, robot=own, control_period=policy.control_period) for each in tried_out
     ]
-    screened = _worst(policies, robot, SCREENED, SEEDS[:1], SCREENING)
+    screened = _worst_deviations(policies, robot, SCREENED, SEEDS[:1], SCREENING)
     best = [
         place for place in np.argsort(screened, kind="stable")[:MOST_WALKS].tolist() if np.isfinite(screened[place])
     ]
     if not best:
         return []
-    worst = _worst([policies[place] for place in best], robot, COMMANDS, SEEDS)
+    worst = _worst_deviations([policies[place] for place in best], robot, COMMANDS, SEEDS)
     return [(float(off), tried_out[place]) for off, place in zip(worst, best, strict=True)]
 
 
-def _worst(
+def _worst_deviations(
     policies: Sequence[Policy],
     robot: str,
     commands: Mapping[str, Command],

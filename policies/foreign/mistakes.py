@@ -138,15 +138,15 @@ def _all(described: PolicyDescription, robot: Robot, count: int) -> Iterator[Cor
     for undo in (
         _reframed,
         _turned,
-        _rescaled,
+        _with_other_scales,
         _with_other_actions,
-        _in_other_time,
+        _with_other_timing,
         _with_other_numbers,
-        _in_other_order,
+        _with_other_term_order,
     ):
         yield from undo(described)
     yield from _with_other_signs(described, robot)
-    yield from _observed_otherwise(described, robot)
+    yield from _with_other_observed_order(described, robot)
     yield from _with_other_gains(described, robot)
 
 
@@ -194,7 +194,7 @@ def _reordered(described: PolicyDescription, mistakes: Names, robot: Robot) -> I
         yield Correction(kind, words, "`joints` and what is in its order", together)
 
 
-def _observed_otherwise(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
+def _with_other_observed_order(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
     """Yield other orders of the observed joints alone: the actions' order, or one without a mistake in an order."""
     own = described.observed_joints or described.joints
     orders = [described.joints, *(_changed(own, (mistake,), robot) for mistake in ORDERS)]
@@ -233,7 +233,7 @@ def _turned(described: PolicyDescription) -> Iterator[Correction]:
     yield Correction(GRAVITY, words, keys, _with_terms(described, turned))
 
 
-def _rescaled(described: PolicyDescription) -> Iterator[Correction]:
+def _with_other_scales(described: PolicyDescription) -> Iterator[Correction]:
     """Yield each scale of an observation as in legged_gym, as 1, or times a factor; and all of them together."""
     for name, theirs in LEGGED_GYM_SCALES.items():
         for term in described.terms:
@@ -289,7 +289,7 @@ def _with_other_actions(described: PolicyDescription) -> Iterator[Correction]:
         yield Correction(POSITIONS, words, "`action_offset`", replace(described, action_offset=offset))
 
 
-def _in_other_time(described: PolicyDescription) -> Iterator[Correction]:
+def _with_other_timing(described: PolicyDescription) -> Iterator[Correction]:
     """Yield other control rates, and a history in another direction or layout."""
     for rate in dict.fromkeys((*RATES, 0.5 * described.control_rate, min(2.0 * described.control_rate, RATES[-1]))):
         words = f"a control rate of {rate:.4g} Hz"
@@ -341,7 +341,7 @@ def _with_clock(described: PolicyDescription, clock: float, zero_below: float) -
     return _with_terms(described, lambda term: change(term) if term.name == "gait_clock" else term)
 
 
-def _in_other_order(described: PolicyDescription) -> Iterator[Correction]:
+def _with_other_term_order(described: PolicyDescription) -> Iterator[Correction]:
     """Yield the terms in another project's order, or with two neighbours swapped."""
     terms = described.terms
     orders = [_sorted_by(layout, terms) for layout in LAYOUTS]

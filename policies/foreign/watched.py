@@ -69,8 +69,12 @@ class Watched:
     def ask(self, question: tuple[object, ...], patience: float, patience_then: float | None = None) -> Any:
         """Call the method named by the first part of `question` with the other parts; start the process if needed.
 
-        The process is killed unless the answer comes within `patience`, s, or within `patience_then`, s, of the last
-        `still_at_work` (default: `patience`). Waits for a processor do not count.
+        The process is killed if the answer is late. Waits for a processor do not count.
+
+        Args:
+            question: Name of the method, then its arguments.
+            patience: Timeout, s.
+            patience_then: Timeout after each `still_at_work`, s; None for `patience`.
         """
         if self._process is None:
             self._launch()

@@ -65,10 +65,10 @@ def parse(
         if not end.code:
             raise
         said = complaint.getvalue()
-        raise UsageError(f"{first_sentence(said)}; see `{program} --help`{_meant(kind, said)}") from None
+        raise UsageError(f"{first_sentence(said)}; see `{program} --help`{_suggestion(kind, said)}") from None
 
 
-def _meant(kind: type, complaint: str) -> str:
+def _suggestion(kind: type, complaint: str) -> str:
     """Return `; did you mean --threads?` for an unknown option with a synonym or a close match, else an empty text."""
     known = [field.name for field in fields(kind)]
     for name in re.findall(r"--([\w-]+)", complaint.partition("Unrecognized options")[2]):

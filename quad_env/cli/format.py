@@ -65,12 +65,18 @@ def estimate(value: float, ends: tuple[float, float], digits: int = 3, scale: fl
         scale: Factor on all three, such as 100 for per cent.
     """
     low, high = (scale * end for end in ends)
-    decimals = _apart((low, high), digits)
+    decimals = _needed_decimals((low, high), digits)
     return Estimate(number(scale * value, decimals), number(low, decimals), number(high, decimals))
 
 
 def plus_minus(value: float, ends: tuple[float, float], digits: int = 3) -> str:
-    """Format `0.101 ± 0.009`: a figure and half the width of its interval, with the decimals of `estimate`."""
+    """Format `0.101 ± 0.009`: a figure and half the width of its interval, with the decimals of `estimate`.
+
+    Args:
+        value: The figure.
+        ends: Lower and upper end of its interval.
+        digits: Least number of decimals.
+    """
     found = estimate(value, ends, digits)
     decimals = len(found.low.partition(".")[2])
     return f"{found.value} ± {number((ends[1] - ends[0]) / 2, decimals)}"
@@ -82,7 +88,7 @@ def four_digits(value: float, ends: tuple[float, float]) -> Estimate:
     return estimate(value, ends, max(0, 3 - math.floor(math.log10(largest))) if largest > 0.0 else 0)
 
 
-def _apart(ends: tuple[float, float], digits: int) -> int:
+def _needed_decimals(ends: tuple[float, float], digits: int) -> int:
     """Return the decimals, or up to three more where different ends would look the same."""
     if not all(map(math.isfinite, ends)):
         return digits

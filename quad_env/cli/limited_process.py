@@ -231,7 +231,7 @@ def _ask(question: _Question) -> Any:
         raise LimitExceededError(
             f"it takes more than {question.seconds} s of processor time; {TIME} raises the limit, s"
         )
-    raise CrashError(_words(code, question.mebibytes))
+    raise CrashError(_end_message(code, question.mebibytes))
 
 
 def _begin(process: _Process, question: _Question) -> bool:
@@ -243,7 +243,7 @@ def _begin(process: _Process, question: _Question) -> bool:
     return bool(process.receive(_START_TIMEOUT) == _BEGUN)
 
 
-def _words(code: int, mebibytes: int) -> str:
+def _end_message(code: int, mebibytes: int) -> str:
     """Return a message on how a process ended."""
     try:
         name = signal.Signals(-code).name if code < 0 else f"exit code {code}"
@@ -281,11 +281,11 @@ def _send(stream: BinaryIO, value: Any) -> None:
 
 def _receive(stream: BinaryIO) -> Any:
     """Return the next value. Raises EOFError at the end."""
-    (size,) = _HEADER.unpack(_exactly(stream, _HEADER.size))
-    return pickle.loads(_exactly(stream, size))
+    (size,) = _HEADER.unpack(_read_exactly(stream, _HEADER.size))
+    return pickle.loads(_read_exactly(stream, size))
 
 
-def _exactly(stream: BinaryIO, size: int) -> bytes:
+def _read_exactly(stream: BinaryIO, size: int) -> bytes:
     content = b""
     while len(content) < size:
         if not (part := stream.read(size - len(content))):

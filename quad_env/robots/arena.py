@@ -236,19 +236,19 @@ def _name_parts(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> Non
             parts.geoms[geom].name = HERE + numbered(f"{leg.name}_foot", number)
         body = parts.bodies[leg.foot.body]
         site = {"type": 2, "pos": leg.foot.place, "size": (leg.foot.radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
-        _unturned(body.add_site(name=HERE + f"{leg.name}_foot", **site))
+        _align_axes(body.add_site(name=HERE + f"{leg.name}_foot", **site))
         for number, each in enumerate(leg.foot.bodies(model)):
             sole = HERE + numbered(f"{leg.name}_sole", number)
-            _unturned(parts.bodies[each].add_site(name=sole, **_sole(model, leg, each)))
+            _align_axes(parts.bodies[each].add_site(name=sole, **_sole(model, leg, each)))
         for joint, link in zip(leg.joints, LINKS, strict=True):
             parts.joints[joint].name = HERE + model.joint(joint).name
             parts.bodies[int(model.jnt_bodyid[joint])].name = HERE + f"{leg.name}_{link}_link"
     if not found.trunk_collides(model):
         box = {"type": 6, "pos": robot.trunk_centre, "size": robot.trunk_size / 2.0, "mass": 0.0, "group": 3}
-        _unturned(parts.bodies[found.trunk].add_geom(name=HERE + "trunk", contype=GROUND_BIT, conaffinity=0, **box))
+        _align_axes(parts.bodies[found.trunk].add_geom(name=HERE + "trunk", contype=GROUND_BIT, conaffinity=0, **box))
 
 
-def _unturned(part: Any) -> None:
+def _align_axes(part: Any) -> None:
     """Align a new geom or site with the axes of its body, for every orientation in the model's class defaults."""
     import mujoco
 
@@ -283,7 +283,7 @@ def _sole(model: Any, leg: Leg, body: int) -> dict[str, Any]:
 
 def _equip(trunk: Any, stage: Any, robot: Figures) -> None:
     """SimpleQuad's IMU, and its cameras and lamp, as far from the trunk as the robot is larger."""
-    _unturned(
+    _align_axes(
         trunk.add_site(name=HERE + "imu", type=2, pos=np.zeros(3), size=np.full(3, 0.005), rgba=(0.0, 0.0, 0.0, 0.0))
     )
     larger = max(robot.leg_length / REFERENCE.leg_length, robot.trunk_size[0] / REFERENCE.trunk_size[0])

@@ -56,7 +56,13 @@ def own_rules(own: Any, found: Anatomy, overlaps: Sequence[Overlap]) -> list[Rul
 
 
 def excluded(own: Any, parts: Parts, overlaps: Sequence[Overlap]) -> list[Rule]:
-    """Exclude bodies with overlapping shapes from collision in a specification and return the new rules."""
+    """Exclude bodies with overlapping shapes from collision in a specification and return the new rules.
+
+    Args:
+        own: Specification of the user's file, changed.
+        parts: Parts of the specification.
+        overlaps: Bodies that are not to collide.
+    """
     rules: list[Rule] = []
     for overlap in overlaps:
         rule = own.add_exclude()

@@ -1,8 +1,8 @@
 """Foot of a leg in its compiled model: the geoms of the last link that can carry the robot in a stance.
 
 Kinematics and terrain model a foot as a ball: a sphere, or the end of a capsule. For several geoms or another shape,
-the ball is as wide as the thinnest side of the foot and lies on the middle of the sole. `points` and `radii` give the
-depth of the foot below this ball when the leg is tilted, see `kinematics.foot_depths`.
+the ball has the width of the thinnest side and lies on the middle of the sole. `points` and `radii` give the depth of
+the foot below this ball when the leg is tilted, see `kinematics.foot_depths`.
 
 A geom belongs to the foot if it is the lowest in one pose of a stance: the link is tilted about the axis of the knee
 and about the leg's x axis, see `standing_geoms`.
@@ -266,5 +266,11 @@ def in_world(model: Any, data: Any, geom: int, points: Floats) -> Floats:
 
 
 def in_world_of(data: Any, body: int, points: Floats) -> Floats:
-    """Transform points of a body, (..., 3), m, to the world frame."""
+    """Transform points of a body, (..., 3), m, to the world frame.
+
+    Args:
+        data: `mujoco.MjData` with kinematics.
+        body: Id of the body.
+        points: Body frame, (..., 3), m.
+    """
     return np.asarray(data.xpos[body] + points @ data.xmat[body].reshape(3, 3).T)

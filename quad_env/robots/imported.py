@@ -108,7 +108,7 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     if "home_pose" not in figures:
         stand = _stand(model, found)
         height = REFERENCE.home_hip_height * longer if stand is None else _height(leg, stand)
-        robot = _levelled(replace(robot, home_pose=_home_pose(robot, len(found.legs) * [height])))
+        robot = _level_feet(replace(robot, home_pose=_home_pose(robot, len(found.legs) * [height])))
     for field, value in robot.by_name.items():
         if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
             raise ModelError(f"its {field.replace('_', ' ')} is not finite, got {value}")
@@ -223,7 +223,7 @@ def _home_pose(robot: Figures, heights: Sequence[float]) -> Floats:
     return np.array(pose) + 0.0  # avoids -0.0 at the hips
 
 
-def _levelled(robot: Figures) -> Figures:
+def _level_feet(robot: Figures) -> Figures:
     """Return the robot with a home pose in which all feet touch: deeper or lower feet get a more bent leg."""
     for _ in range(10):  # the depth of a foot that is no ball depends on the tilt of its shin
         heights = robot.leg_heights

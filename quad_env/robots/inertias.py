@@ -42,7 +42,7 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
             raise ModelError(_refusal(body.name))
     try:
         model = spec.compile()
-        return model, _balanced(spec, model, moments)
+        return model, _balanced_bodies(spec, model, moments)
     except ValueError as error:
         if not any(text in str(error) for text in (UNBALANCED, NOT_POSITIVE, NOTHING)):
             raise
@@ -58,10 +58,10 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
         if NOTHING in str(error) or NOT_POSITIVE in str(error):
             raise ModelError(_without_inertia(spec, error)) from error
         raise
-    return model, _balanced(spec, model, moments)
+    return model, _balanced_bodies(spec, model, moments)
 
 
-def _balanced(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -> tuple[str, ...]:
+def _balanced_bodies(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -> tuple[str, ...]:
     """Return the names of bodies with impossible moments that MuJoCo, or `compile_balanced`, has made equal."""
     if int(spec.compiler.inertiafromgeom) == FROM_GEOMS:
         return ()

@@ -197,15 +197,15 @@ def remarks(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]
     yield "feet", f"{', '.join(names)} ({', '.join(sorted(kinds))})"
     if not found.trunk_collides(model):
         yield "trunk", "does not collide in the model: the box around what is shown of it does here"
-    yield from _said(found, keeps_contact)
+    yield from _remark_lines(found, keeps_contact)
 
 
 def omitted_from(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
     """Yield the parts of a user's model that the robot lacks, the last lines of `remarks`."""
-    yield from _said(read(path)[2], keeps_contact)
+    yield from _remark_lines(read(path)[2], keeps_contact)
 
 
-def _said(found: Anatomy, keeps_contact: bool) -> Iterator[tuple[str, str]]:
+def _remark_lines(found: Anatomy, keeps_contact: bool) -> Iterator[tuple[str, str]]:
     yield from (line for line in found.omitted if not (keeps_contact and line[0] == CONTACT))
 
 
@@ -252,7 +252,7 @@ def _urdf_spec(mujoco: Any, path: Path) -> Any:
             name = "" if mesh is None else mesh.get("filename", "")
             if mesh is not None and not _readable(name):
                 link.remove(seen)
-            elif mesh is not None and not _is_there(path, compiler.get("meshdir", ""), name):
+            elif mesh is not None and not _mesh_exists(path, compiler.get("meshdir", ""), name):
                 link.remove(seen)
                 missing.append(name)
     for inertia in robot.iter("inertia"):
@@ -273,7 +273,7 @@ def _urdf_spec(mujoco: Any, path: Path) -> Any:
     return spec
 
 
-def _is_there(path: Path, folder: str, name: str) -> bool:
+def _mesh_exists(path: Path, folder: str, name: str) -> bool:
     """Return whether the mesh file that a URDF names exists."""
     try:
         _found(path, folder, name)

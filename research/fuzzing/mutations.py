@@ -76,7 +76,13 @@ def places(tree: Tree) -> list[tuple[Any, Any]]:
 
 
 def mutate_tree(tree: Tree, rng: np.random.Generator, count: int = 1) -> Tree:
-    """Return a copy of a tree with some changes at random places."""
+    """Return a copy of a tree with some changes at random places.
+
+    Args:
+        tree: Valid values.
+        rng: Source of the changes.
+        count: Number of changes.
+    """
     tree = copy.deepcopy(tree)
     for _ in range(count):
         if not (all_places := places(tree)):
@@ -107,7 +113,13 @@ def mutate_tree(tree: Tree, rng: np.random.Generator, count: int = 1) -> Tree:
 
 
 def mutate_bytes(content: bytes, rng: np.random.Generator, count: int = 1) -> bytes:
-    """Return bytes with some of them changed, removed, inserted, repeated or cut off."""
+    """Return bytes with some of them changed, removed, inserted, repeated or cut off.
+
+    Args:
+        content: Valid bytes.
+        rng: Source of the changes.
+        count: Number of changes.
+    """
     for _ in range(count):
         at = int(rng.integers(len(content) + 1))
         length = int(rng.integers(1, 30))
@@ -129,7 +141,13 @@ def mutate_bytes(content: bytes, rng: np.random.Generator, count: int = 1) -> by
 
 
 def mutate_xml(root: ElementTree.Element, rng: np.random.Generator, count: int = 1) -> ElementTree.Element:
-    """Return a copy of an XML tree with some changes of its attributes and elements."""
+    """Return a copy of an XML tree with some changes of its attributes and elements.
+
+    Args:
+        root: Valid element tree.
+        rng: Source of the changes.
+        count: Number of changes.
+    """
     root = copy.deepcopy(root)
     for _ in range(count):
         elements = list(root.iter())

@@ -1,8 +1,8 @@
 """Fuzz the readers of other people's files: `python -m research fuzz FORMAT --minutes 30`, or `all`.
 
-Each case is a valid file with a few changes by its number; `--first N --cases 1` repeats it. Findings are exceptions
-other than the readers' own, messages that are not one line, hangs over 10 s, more than 1 GiB, the end of the process,
-and absurd results.
+Each case is a valid file with a few changes by its number; `--first N --cases 1` repeats it. Findings are foreign
+exceptions, messages that are not one line, hangs over 10 s, more than 1 GiB, the end of the process, and absurd
+results.
 """
 
 import multiprocessing
@@ -119,7 +119,13 @@ def _generator(seed: int, number: int) -> np.random.Generator:
 
 
 def run_case(name: str, seed: int, number: int) -> Result:
-    """Run one case in this process."""
+    """Run one case in this process.
+
+    Args:
+        name: Format.
+        seed: Seed of the cases.
+        number: Number of the case.
+    """
     write, read = FORMATS[name]
     folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
     try:

@@ -109,7 +109,13 @@ def digest(block: str) -> str:
 
 
 def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
-    """Run the block with that seed in that folder; return its seed and its processor time, minutes."""
+    """Run the block with that seed in that folder; return its seed and its processor time, minutes.
+
+    Args:
+        block: Python source.
+        seed: Value for its line `seed = 0`.
+        folder: Working folder, made if needed.
+    """
     make_writable_folder(folder)
     script = folder / "block.py"
     write_atomically(script, block.replace(SEED_LINE, f"seed = {seed}\n").encode())

@@ -36,7 +36,14 @@ def against_severity(results: Results, axis: SeverityAxis, metric: str, label: s
 
 
 def draw(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figure":
-    """Draw the figure of `against_severity`. Curves that agree lie next to each other, and none hides another."""
+    """Draw the figure of `against_severity`. Curves that agree lie next to each other, and none hides another.
+
+    Args:
+        results: Of the run.
+        axis: Severities to draw.
+        metric: Rate to draw.
+        label: Of the vertical axis.
+    """
     ran = [name for name in results.policies if any((level.name, name) in results.summaries for level in axis.levels)]
     legend = legend_height(len(ran))
     drawn, axes = figure(HEIGHT + legend, margins=Margins(bottom=Margins.bottom + legend + 0.05))
@@ -48,7 +55,7 @@ def draw(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figu
         if (point.axis, point.of, point.found) == (axis.name, of, "crossed"):
             ends = np.clip(point.ci, point.lowest, point.highest)
             colour = style(results, point.policy)[0]
-            moved = _moved(axes, 0.0, _apart(ran.index(point.policy), len(ran), BAR + 0.5))
+            moved = _shifted_data(axes, 0.0, _mark_offset(ran.index(point.policy), len(ran), BAR + 0.5))
             axes.plot(ends, (50.0, 50.0), color=colour, linewidth=BAR, solid_capstyle="butt", transform=moved)
             axes.plot([point.severity50], [50.0], "|", color=colour, markersize=9, markeredgewidth=2, transform=moved)
     axes.set(ylim=(-3, 103), yticks=(0, 25, 50, 75, 100), xlabel=axis.quantity, ylabel=label)
@@ -81,7 +88,7 @@ def _draw_levels(
         severities, *shares = np.array(rows, dtype=np.float64).T
         values, low, high = (100.0 * each for each in shares)
         colour, mark = style(results, policy)
-        moved = _moved(axes, _apart(place, count, STEP), 0.0)
+        moved = _shifted_data(axes, _mark_offset(place, count, STEP), 0.0)
         width = WIDEST - (WIDEST - NARROWEST) * place / max(1, count - 1)
         if len(severities) == 1:
             axes.vlines(severities, low, high, color=colour, alpha=0.55, linewidth=2.2, transform=moved)
@@ -92,12 +99,12 @@ def _draw_levels(
         )  # fmt: skip
 
 
-def _apart(place: int, count: int, step: float) -> float:
+def _mark_offset(place: int, count: int, step: float) -> float:
     """Return the distance of a policy's marks from the middle of all policies' marks, pt."""
     return (place - (count - 1) / 2) * min(step, SPREAD / max(1, count - 1))
 
 
-def _moved(axes: "Axes", right: float, up: float) -> "Transform":
+def _shifted_data(axes: "Axes", right: float, up: float) -> "Transform":
     """Return data coordinates shifted on the page, pt."""
     from matplotlib.transforms import ScaledTranslation
 

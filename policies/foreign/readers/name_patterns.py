@@ -229,7 +229,7 @@ def _places(positions: int) -> list[int]:
 
 def _repeat(part: Part, least: int, most: int | None) -> Part:
     """Repeat a part; positions no longer change after as many repetitions as the name has characters."""
-    part = _remembered(part)
+    part = _cached(part)
 
     def ends(name: str, starts: int) -> int:
         settled = len(name) + 1
@@ -247,7 +247,7 @@ def _repeat(part: Part, least: int, most: int | None) -> Part:
     return ends
 
 
-def _remembered(part: Part) -> Part:
+def _cached(part: Part) -> Part:
     """Cache a part by name and position: repetitions within repetitions stay polynomial."""
     known: dict[int, int] = {}
     last: list[str] = []

@@ -64,7 +64,7 @@ def describe(settings: Settings) -> PolicyDescription:
         history_newest=newest,
         history_start="zero",
     )
-    return _as_before_v2_3(described, found) if is_old else described
+    return _with_settings_before_v2_3(described, found) if is_old else described
 
 
 def _is_before_v2_3(found: Settings) -> bool:
@@ -78,7 +78,7 @@ def _is_before_v2_3(found: Settings) -> bool:
     return False
 
 
-def _as_before_v2_3(described: PolicyDescription, found: Settings) -> PolicyDescription:
+def _with_settings_before_v2_3(described: PolicyDescription, found: Settings) -> PolicyDescription:
     """Return the description with the settings of v2.2 and older: the framework's order and the reduction of hips."""
     framework = found.find("framework")
     if framework not in (None, "isaacgym", "isaacsim"):
