@@ -43,7 +43,7 @@ def check_settings(settings: Any) -> None:
         for bounds in () if value is None else limits:
             numbers = np.ravel(value).tolist()
             if any(isinstance(each, bool) or not bounds.lowest <= each <= bounds.highest for each in numbers):
-                raise ValueError(f"{what} must be {bounds.words}, got {value}")
+                raise ValueError(f"{what} must be {bounds.words}, got {value!s:.80}")
 
 
 @cache

@@ -3,6 +3,7 @@
 import hashlib
 import itertools
 import os
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -28,6 +29,8 @@ UNSUPPORTED = ".pth", ".ckpt", ".h5", ".pkl"
 """Files of networks that are not read."""
 STATISTICS = "vecnormalize.pkl", "vec_normalize.pkl"
 """Usual names of the statistics of a model of Stable-Baselines3."""
+_STATISTICS_NAME = re.compile(r"normali[sz]e|vec_?norm")
+"""Part of other names of statistics."""
 BEST = "best_model", "best", "best_models", "eval"
 """Folders of a run's best model; its statistics lie in the run's folder under any name."""
 MOST_FOLDERS = 1000
@@ -217,6 +220,8 @@ def _normaliser(model: Path) -> tuple[Path | None, bool]:
     found = near or above
     if not others and len(found) == 1:
         return found[0], False
+    if not found and model.parent.name in BEST:  # those of the run's checkpoints
+        found = [place for folder in _folders_in(model.parent.parent) for place in _statistics_in(folder)]
     if others or found:
         names = ", ".join(os.path.relpath(file, model.parent) for file in others or found)
         raise PolicyError(
@@ -227,8 +232,12 @@ def _normaliser(model: Path) -> tuple[Path | None, bool]:
 
 
 def _statistics_in(folder: Path) -> list[Path]:
-    """Return the files in a folder that may be a VecNormalize."""
-    return sorted(file for file in folder.glob("*.pkl") if "normalize" in file.name.lower() and file.is_file())
+    """Return the files in a folder that may be a VecNormalize, whose `save` adds no ending to a name."""
+    return sorted(
+        file
+        for file in folder.glob("*")
+        if _STATISTICS_NAME.search(file.name.lower()) and file.suffix in ("", ".pkl", ".pickle") and file.is_file()
+    )
 
 
 def _folders_in(folder: Path) -> list[Path]:

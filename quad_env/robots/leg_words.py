@@ -10,6 +10,8 @@ PLACES = {"fl": "front left", "fr": "front right", "hl": "hind left", "hr": "hin
 """Legs in words."""
 _ENDS = {"front": "f", "fore": "f", "hind": "h", "rear": "h", "back": "h"}
 _SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
+_GLUED = re.compile(f"({'|'.join(_ENDS)})(left|right)|(left|right)({'|'.join(_ENDS)})")
+"""Two words in one, such as `frontleft`."""
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 _MIRROR = str.maketrans("lr", "rl")
 _REVERSE = str.maketrans("fh", "hf")
@@ -20,10 +22,19 @@ _TURNS = {
 }
 """Cause and remedy of names that all differ from the places in the same way, and the map from one to the other."""
 
+PARTIAL = "the other legs are where their names say: exchange the names of these, or their places"
+"""Remedy where some of the names differ from the places, and others do not."""
+
 
 def words_of(name: str) -> list[str]:
     """Return the words of a name in lower case."""
-    return [word.lower() for word in _WORD.findall(name)]
+    words = [word.lower() for word in _WORD.findall(name)]
+    return [part for word in words for part in _parts(word)]
+
+
+def _parts(word: str) -> list[str]:
+    match = _GLUED.fullmatch(word)
+    return [part for part in match.groups() if part] if match else [word]
 
 
 def leg_of(words: Sequence[str]) -> str | None:
@@ -49,7 +60,8 @@ def contradictions(robot: Robot) -> Iterator[str]:
         return
     shown = {(leg, place): name for name, leg, place in reversed(wrong)}
     pairs = ", ".join(f"{name} is {PLACES[place]}" for (_, place), name in reversed(shown.items()))
-    yield f"names and places disagree: {pairs}; {_remedy(shown)}"
+    are_all = len(wrong) == sum(leg is not None for leg in said)
+    yield f"names and places disagree: {pairs}; {_remedy(shown) if are_all else PARTIAL}"
 
 
 def _remedy(wrong: dict[tuple[str, str], str]) -> str:

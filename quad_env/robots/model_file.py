@@ -36,6 +36,11 @@ _MAX_FILES = 5000
 """Largest number of checked files of a model."""
 _LARGEST_MESH = 2**28
 """Byte. Largest file of a model; the largest published meshes have 50 MiB."""
+MAX_PARTS = 2000
+"""Keyframes, sensors and other such parts, of each kind; MuJoCo takes a time that grows with their square to delete
+them. Published models have some hundreds at most."""
+_DELETED = "keys", "sensors", "actuators", "tendons", "equalities", "cameras", "lights", "flexes", "texts"
+"""Kinds of parts that a robot's model has not from its file, see `arena`."""
 _DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 DECISIVE = (
@@ -144,6 +149,7 @@ def _read(path: Path) -> tuple[Any, Any, Anatomy]:
             warnings.simplefilter("ignore")  # of attributes that are deprecated: they are read all the same
             is_urdf = path.suffix == ".urdf"
             spec = _urdf_spec(mujoco, path) if is_urdf else mujoco.MjSpec.from_file(str(path))
+            _check_counts(spec)
             leave_out_missing(spec)
             _keep_parts(mujoco, spec)
             massless = without_inferred_masses(spec) if is_urdf else ()
@@ -167,6 +173,13 @@ def _read(path: Path) -> tuple[Any, Any, Anatomy]:
     found = anatomy(mujoco, still)
     omitted = (*omitted, *unlimited(still, found.joints))
     return spec, still, replace(found, held=tuple(names), carried=carried_by(model, spare), omitted=omitted)
+
+
+def _check_counts(spec: Any) -> None:
+    """Raise ModelError for more parts of a kind than are read."""
+    for kind in _DELETED:
+        if (count := len(getattr(spec, kind))) > MAX_PARTS:
+            raise ModelError(f"it has {count} {kind}: at most {MAX_PARTS} are read")
 
 
 def _about_inertias(massless: Iterable[str], balanced: Iterable[str]) -> Iterator[tuple[str, str]]:

@@ -14,6 +14,7 @@ from policies.base import PolicyError
 from policies.foreign.description import TERMS, HeightGrid, Term
 from policies.foreign.readers.joint_orders import Joints
 from policies.foreign.readers.settings import BY_HAND, Settings
+from quad_env.files.text import MAX_SHOWN, brief
 
 FUNCTIONS = {
     "base_lin_vel": "linear_velocity",
@@ -99,4 +100,5 @@ def observed_joints(terms: dict[str, Term], order: Callable[[str], Joints]) -> J
 
 def unknown(term: str) -> PolicyError:
     """The error for a term that is not known."""
-    return PolicyError(f"the observation term {term} is not known", f"{BY_HAND} with terms of {', '.join(TERMS)}")
+    shown = term if len(term) <= MAX_SHOWN else brief(term)
+    return PolicyError(f"the observation term {shown} is not known", f"{BY_HAND} with terms of {', '.join(TERMS)}")

@@ -415,6 +415,23 @@ def test_several_statistics_of_a_run_are_asked_about(normalised: tuple[Path, Any
         checked(model, trust=False)
 
 
+@pytest.mark.parametrize(
+    ("model", "statistics"),
+    [
+        ("best_model/best_model.zip", "checkpoints/walk_vecnormalize_128_steps.pkl"),
+        ("model.zip", "vec_norm.pkl"),
+        ("model.zip", "vec_normalize"),
+        ("model.zip", "obs_normaliser.pickle"),
+    ],
+)
+def test_statistics_elsewhere_or_of_other_names_are_asked_about(model: str, statistics: str, tmp_path: Path) -> None:
+    for file in (model, statistics):
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).touch()
+    with pytest.raises(PolicyError, match=rf"may be trained on normalised observations: .*{Path(statistics).name}; re"):
+        checked(tmp_path / model, trust=True)
+
+
 def test_statistics_that_may_belong_to_a_model_are_never_left_out_silently(
     normalised: tuple[Path, Any], tmp_path: Path
 ) -> None:

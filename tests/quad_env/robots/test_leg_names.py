@@ -22,7 +22,7 @@ CASES = {
     "reversed": (REVERSED, "faces backward"),
     "mirrored": (MIRRORED, "left and right are exchanged"),
     "fore and hind": (TAIL_FIRST, "fore and hind are exchanged"),
-    "fore legs alone": (SWAPPED, "left and right are exchanged"),
+    "fore legs alone": (SWAPPED, "the other legs are where their names say"),
 }
 
 
@@ -49,6 +49,17 @@ def test_names_that_contradict_places_are_told_in_a_line(case: str, tmp_path: Pa
 
 SPELLED = {"fl": "front_left", "fr": "front_right", "hl": "rear_left", "hr": "rear_right"}
 SILENT = {"fl": "north", "fr": "south", "hl": "east", "hr": "west"}
+
+
+GLUED = {"fl": "frontleft", "fr": "frontright", "hl": "hindleft", "hr": "hindright"}
+TURNED = {"fl": "leftfront", "fr": "rightfront", "hl": "lefthind", "hr": "righthind"}
+
+
+@pytest.mark.parametrize("words", [GLUED, TURNED], ids=["front", "left"])
+def test_two_words_in_one_are_understood(words: dict[str, str], tmp_path: Path) -> None:
+    (line,) = contradictions(named(tmp_path, MIRRORED, words))
+    assert "left and right are exchanged" in line
+    assert list(contradictions(named(tmp_path, {place: place for place in words}, words))) == []
 
 
 @pytest.mark.parametrize("words", [WORDS, SPELLED, SILENT], ids=["letters", "words", "none"])

@@ -471,3 +471,10 @@ def test_a_model_is_read_apart_once_and_no_installed_one_is(tmp_path: Path, monk
     if find_spec(WHEEL) is not None:
         model_file.read(ROBOTS["go1"].mjcf)
     assert not asked
+
+
+@pytest.mark.parametrize(("parts", "kind"), [("<keyframe>{}</keyframe>", "key"), ("<sensor>{}</sensor>", "clock")])
+def test_thousands_of_parts_that_are_left_out_are_refused_at_once(parts: str, kind: str, tmp_path: Path) -> None:
+    model = PLAIN.replace("</mujoco>", parts.format(f"<{kind}/>" * 5000) + "</mujoco>")
+    with pytest.raises(ModelError, match=r"it has 500\d (keys|sensors): at most 2000 are read"):
+        robot_of_text(tmp_path, model)

@@ -336,3 +336,16 @@ def test_a_file_of_many_slow_patterns_is_given_up(tmp_path: Path, monkeypatch: p
         checked(file, trust=False)
     assert str(error.value).startswith(f"{file}: ")
     assert time.process_time() - began < PATIENCE
+
+
+def test_long_values_make_no_long_lines(tmp_path: Path) -> None:
+    network(tmp_path, "go2/robot_lab/policy.pt")
+    config = files.rl_sar(files.permuted(1))[0]["go2/robot_lab"] | {"observations": ["a" * 5000]}
+    file = written(tmp_path / "go2/robot_lab/config.yaml", {"go2/robot_lab": config})
+    written(tmp_path / "go2/base.yaml", files.rl_sar(files.permuted(1))[1])
+    assert len(refusal(file)) < 600
+    toml = tmp_path / "policy.toml"
+    toml.write_text(f'network = "policy.pt"\ncontrol_rate = {"9" * 4000}\njoints = []\ndefault_position = 0\n')
+    with toml.open("a") as lines:
+        lines.write('action_scale = 0.25\nstiffness = 20\ndamping = 0.5\nterms = ["command"]\n')
+    assert len(refusal(toml)) < 600
