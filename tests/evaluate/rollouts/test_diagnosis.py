@@ -116,7 +116,7 @@ def test_what_nothing_explains_is_said_so(
     described: dict[str, PolicyDescription], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(diagnosis, "NEAREST", 0)
-    wrong = replace(described["levelled"], action_scale=(0.0,) * 12, default_position=(0.0,) * 12)
+    wrong = replace(described["levelled"], action_scale=(1e-6,) * 12, default_position=(0.0,) * 12)
     line = diagnosis.warning(made(wrong, "simple_quad"), "simple_quad")
     assert line is not None
     assert "no usual mistake alone explains it; tried: left and right, fore and hind" in line

@@ -136,9 +136,11 @@ def test_gains_are_tried_as_the_robot_s_own_and_far_off_in_the_order_of_the_join
     by_kind = np.array(robot.servo_stiffness).reshape(4, 3).T.ravel()
     np.testing.assert_allclose(found[0].stiffness, by_kind)
     np.testing.assert_allclose(found[0].damping, np.array(robot.servo_damping).reshape(4, 3).T.ravel())
-    for each, factor in zip(found[1:], (0.2, 0.45, 2.2, 5.0), strict=True):
-        np.testing.assert_allclose(each.stiffness, factor * np.array(COUNT))
-        np.testing.assert_allclose(each.damping, 0.5 * factor * np.array(COUNT))
+    both = [(factor, factor) for factor in (0.2, 0.45, 2.2, 5.0)]
+    one = [(1.0, 0.1), (0.1, 1.0), (1.0, 10.0), (10.0, 1.0)]
+    for each, (stiffer, damped) in zip(found[1:], (*both, *one), strict=True):
+        np.testing.assert_allclose(each.stiffness, stiffer * np.array(COUNT))
+        np.testing.assert_allclose(each.damping, 0.5 * damped * np.array(COUNT))
 
 
 def replace_gains():  # type: ignore[no-untyped-def]
