@@ -12,6 +12,7 @@ _FIELDS = (
     *("jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness", "jnt_actfrcrange"),
     *("geom_pos", "geom_quat", "geom_size", "geom_friction", "geom_margin", "geom_gap"),
     *("actuator_gear", "actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "actuator_ctrlrange"),
+    *("jnt_margin", "actuator_armature", "actuator_damping"),
 )
 _OF_JOINTS = "dof_armature", "dof_damping", "dof_frictionloss"
 _SHOWN = 3

@@ -14,6 +14,16 @@ SHORTEST, LONGEST = 0.05, 3.0
 STRONGEST = 2.5
 """Largest torque in m·g·L, weight times leg length: SimpleQuad has 1.2, the robots of the `robots` extra 0.2 to 0.6."""
 
+MANY = 1e6
+"""Times of a torque that are written out."""
+_NEGATIVE = {
+    "damping": ("dof_damping", "dof_jntid"),
+    "armature": ("dof_armature", "dof_jntid"),
+    "friction loss": ("dof_frictionloss", "dof_jntid"),
+    "stiffness": ("jnt_stiffness", None),
+}
+"""Fields of a model that are at least 0 in any robot, and the joints of their rows."""
+
 
 def warnings_of(robot: Robot) -> Iterator[str]:
     """What is hard to believe about a robot, a line each."""
@@ -29,19 +39,32 @@ def warnings_of(robot: Robot) -> Iterator[str]:
         joints = f"{first} and {len(heavy) - 1} more have" if len(heavy) > 1 else f"{first} has"
         largest = float(robot.model.dof_armature.max())
         yield f"{joints} an armature of up to {largest:.3g} kg·m², as much as whole legs: a placeholder?"
+    yield from _negative(robot)
     length, torque, need = robot.leg_length, robot.rated_torque, standing_torque(robot)
     if length > LONGEST:
         yield f"its legs are {length:.3g} m long: a model in millimetres? MJCF is in metres"
     elif length < SHORTEST:
         yield f"its legs are {length:.3g} m long: is the model in metres?"
     if torque > STRONGEST * robot.mass * GRAVITY * length:
-        times = f"{torque / need:.0f} times what standing takes"
+        times = f"{min(torque / need, MANY):.0f} times what standing takes{' or more' if torque > MANY * need else ''}"
         yield f"its motors have {torque:.4g} N·m, {times}: a placeholder? Give rated_torque, N·m"
     elif torque < need:
         yield (
             f"its motors have {torque:.3g} N·m, and standing in the home pose takes {need:.3g} N·m: masses in another "
             "unit than kg? Check them, or give rated_torque, N·m"
         )
+
+
+def _negative(robot: Robot) -> Iterator[str]:
+    """Name the joints with a negative damping, armature, friction loss or stiffness."""
+    model = robot.model
+    for what, (field, joints) in _NEGATIVE.items():
+        rows = np.flatnonzero(getattr(model, field) < 0.0)
+        if not rows.size:
+            continue
+        first = model.joint(int(rows[0] if joints is None else getattr(model, joints)[rows[0]])).name
+        which = f"{first} and {rows.size - 1} more have" if rows.size > 1 else f"{first} has"
+        yield f"{which} a negative {what}: it must be at least 0"
 
 
 def standing_torque(robot: Robot) -> float:

@@ -115,6 +115,9 @@ def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
         force = _times(float(gains[0]), _input_range(mujoco, model, actuator)) + bias
     if model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_MUSCLE:
         force = np.array((-np.inf, 0.0))  # it only pulls
+    brakes = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_AFFINE and not gains[:2].any()
+    if brakes and no_bias and model.actuator_plugin[actuator] < 0:
+        return np.zeros(2)  # a damper, which drives nothing
     if model.actuator_forcelimited[actuator]:
         force = force.clip(*model.actuator_forcerange[actuator])
     return force

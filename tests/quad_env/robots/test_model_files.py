@@ -478,3 +478,31 @@ def test_thousands_of_parts_that_are_left_out_are_refused_at_once(parts: str, ki
     model = PLAIN.replace("</mujoco>", parts.format(f"<{kind}/>" * 5000) + "</mujoco>")
     with pytest.raises(ModelError, match=r"it has 500\d (keys|sensors): at most 2000 are read"):
         robot_of_text(tmp_path, model)
+
+
+@pytest.mark.parametrize("what", ["damping", "armature", "friction loss", "stiffness"])
+def test_what_is_negative_in_a_joint_is_named(what: str, tmp_path: Path) -> None:
+    others = "" if what == "armature" else 'armature="0.01" '
+    model = PLAIN.replace('armature="0.01"', f'{others}{what.replace(" ", "")}="-0.001"')
+    (line,) = (each for each in warnings_of(robot_of_text(tmp_path, model)) if "negative" in each)
+    assert line.endswith(f"11 more have a negative {what}: it must be at least 0")
+
+
+@pytest.mark.parametrize(
+    ("joint", "motor", "named"),
+    [
+        ('margin="inf"', "", "margin of joint"),
+        ("", 'armature="inf"', "armature of"),
+        ("", 'damping="nan"', "damping of"),
+    ],
+)
+def test_what_is_not_finite_of_joints_and_motors_is_named(joint: str, motor: str, named: str, tmp_path: Path) -> None:
+    model = PLAIN.replace('armature="0.01"', f'armature="0.01" {joint}').replace("<motor ", f"<motor {motor} ")
+    with pytest.raises(ModelError, match=f"{named}.* is not finite"):
+        robot_of_text(tmp_path, model)
+
+
+def test_a_torque_beyond_all_numbers_makes_a_short_line(tmp_path: Path) -> None:
+    model = PLAIN.replace('ctrlrange="-30.0 30.0"', 'ctrlrange="-1e300 1e300"')
+    (line,) = warnings_of(robot_of_text(tmp_path, model))
+    assert "1000000 times what standing takes or more" in line

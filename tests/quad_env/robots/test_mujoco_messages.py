@@ -11,7 +11,7 @@ from tests.quad_env.robots.made import Made
 from tests.quad_env.robots.test_model_files import PLAIN, robot_of_text
 
 FAULTS = {
-    "no mass or no inertia": PLAIN.replace(
+    "mass and moments of inertia must be larger than 0": PLAIN.replace(
         'mass="0.4" diaginertia="0.002 0.002 0.002"', 'mass="0" diaginertia="0 0 0"'
     ),
     "an actuator names a joint": PLAIN.replace('motor joint="A0"', 'motor joint="a0"'),

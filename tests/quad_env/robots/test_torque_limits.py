@@ -26,6 +26,7 @@ PULLS = '<motor joint="{0}2" ctrlrange="0 12"/><motor joint="{0}2" ctrlrange="0 
 GENERAL = '<general joint="{0}2" '
 CABLE = '<motor tendon="{0}" ctrlrange="-6 6" gear="1.5"/>'
 WINDING = '<dcmotor joint="{0}2" motorconst="0.1" resistance="1" ctrlrange="-24 24" '
+DAMPED = '<motor joint="{0}2" ctrlrange="-6 6"/><damper joint="{0}2" kv="3" ctrlrange="0 1" '
 KNEES = {  # actuators of each knee, tendons, N·m
     "two that add": (PAIR, "", 25.0),
     "a gear": ('<motor joint="{0}2" gear="-3" forcerange="-5 5"/>', "", 15.0),
@@ -45,6 +46,8 @@ KNEES = {  # actuators of each knee, tendons, N·m
         FIXED,
         15.0,
     ),
+    "a damper beside a motor": (DAMPED + "/>", "", 6.0),
+    "a damper with a limit": (DAMPED + 'forcerange="-2 2"/>', "", 6.0),
     "saturation": (WINDING + 'saturation="7 0 0"/>', "", 7.0),
 }
 UNKNOWN = {
