@@ -241,7 +241,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         }
         if self._readings:
             infos |= readings_of(self.simulation, self._state)
-            infos["joint_torque"][self._schedule.clock == 0] = 0.0  # before its first step a robot's output is that of another
+            infos["joint_torque"][self._schedule.clock == 0] = 0.0  # MuJoCo's is that of another simulation yet
         if isinstance(self._sensors, SensedObservation):
             infos |= self._sensors.readings()
         return infos | {f"_{key}": self._everyone for key in infos}
