@@ -18,7 +18,6 @@ from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import make_writable_folder, sole_use
 from quad_env.physics.batch import MUJOCO
 from quad_env.robots.robot import Robot
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import Scenario
 
 LIMITS = {"episodes": (1, 1_000_000), "seed": (0, 2**63 - 1), "threads": (1, 256), "at_once": (1, 65_536)}
@@ -127,7 +126,7 @@ def policies_asked_for(
     if names == DEFAULT_POLICIES:
         run = {scenario.name for scenario in scenarios}
         asked = [(label, only_on) for label, only_on in asked if not only_on or run.intersection(only_on)]
-        asked = _without_untrained(asked, hardware.quadruped)
+        asked = asked if hardware.robot == Hardware.robot else _without_untrained(asked, hardware.quadruped)
     _check_distinct([label for label, _ in asked])
     _check_scenarios(asked, [scenario.name for scenario in scenarios])
     try:
@@ -138,7 +137,7 @@ def policies_asked_for(
 
 def _without_untrained(asked: list[tuple[str, tuple[str, ...]]], robot: Robot) -> list[tuple[str, tuple[str, ...]]]:
     """Leave out the default's trained policies that this robot lacks, named on stderr; SimpleQuad has all."""
-    untrained = [label for label, _ in asked if robot != SIMPLE_QUAD and policies.is_missing(label, robot)]
+    untrained = [label for label, _ in asked if policies.is_missing(label, robot)]
     if untrained:
         names = ", ".join(untrained)
         print(f"left out, since {robot.name} has no such trained policy: {names}", file=sys.stderr)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 ABSENT = "–"
 MINUS = "−"
 NO_BREAK = "\u00a0"
-SIGNIFICANT_DIGITS = 12
+SIGNIFICANT_DIGITS = 10
 """Digits of a figure; digits beyond them are taken for rounding errors of floats."""
 _WIDE = Context(prec=400)
 

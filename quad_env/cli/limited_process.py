@@ -67,6 +67,8 @@ class _Question:
     module: str
     name: str
     arguments: tuple[Any, ...]
+    folder: str = field(default_factory=lambda: _working_folder())
+    """Working folder, for relative paths: the process may have been started in another one."""
     seconds: int = field(default_factory=lambda: _limit(TIME, _PROCESSOR_TIME))
     mebibytes: int = field(default_factory=lambda: _limit(MEMORY, _MEMORY))
 
@@ -133,6 +135,14 @@ def read_limited(function: Callable[[Path], Any], file: Path, *, again: bool = T
     result = call(function, file)
     os.environ[_READ] = " ".join([*read[-_MAX_READ:], digest])
     return result
+
+
+def _working_folder() -> str:
+    """Return the working folder, "" where it is gone."""
+    try:
+        return os.getcwd()
+    except OSError:
+        return ""
 
 
 def _limit(variable: str, otherwise: int) -> int:
@@ -307,6 +317,8 @@ def serve() -> None:
             function: Any = importlib.import_module(question.module)
             for part in question.name.split("."):
                 function = getattr(function, part)
+            with contextlib.suppress(OSError):
+                os.chdir(question.folder)
             _send(answers, _BEGUN)
             before = _largest_memory()
             _set_limits(question)

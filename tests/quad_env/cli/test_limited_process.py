@@ -166,3 +166,17 @@ def test_a_starved_process_has_its_time_and_a_sleeping_one_has_not() -> None:
         for process in (*processes, sleeping):
             process.kill()
             process.wait()
+
+
+def content_of(file: Path) -> str:
+    return file.read_text(encoding="utf-8")
+
+
+def test_a_relative_path_is_that_of_the_asking_process_wherever_it_has_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "file.txt").write_text(name, encoding="utf-8")
+        monkeypatch.chdir(tmp_path / name)
+        assert call(content_of, Path("file.txt")) == name

@@ -85,11 +85,11 @@ ERRORS = "velocity error 0.120 m/s  yaw-rate error 0.300 rad/s"
         (counted(), f"reward   1.25/s  no command interval ended  {ERRORS}  no episode ended"),
         (
             counted(160, 0.05, 10.0, 0.625),
-            f"reward   1.25/s  62% of command intervals tracked  {ERRORS}  8 of 160 episodes fell",
+            f"reward   1.25/s  63% of command intervals tracked  {ERRORS}  8 of 160 episodes fell",
         ),
         (
             counted(160, 0.05, 10.0, 0.625) | {"success": 0.5},
-            f"50% succeeded in validation  reward   1.25/s  62% of command intervals tracked  {ERRORS}  "
+            f"50% succeeded in validation  reward   1.25/s  63% of command intervals tracked  {ERRORS}  "
             "8 of 160 episodes fell",
         ),
     ],
