@@ -25,7 +25,7 @@ SCREENED = {"in a curve": COMMANDS["in a curve"]}
 """Command of the walk that selects corrections."""
 SCREENING = 2.0
 """Factor on the walk's duration: the screening walk is shorter by it."""
-MOST_WALKS = 13
+MOST_WALKS = 10
 """Largest number of corrections that are tried on all commands."""
 NEAREST = 2
 """Number of corrections with a second one on top."""
