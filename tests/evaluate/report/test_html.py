@@ -11,7 +11,7 @@ from evaluate.report.html import breakable
     ("text", "parts"),
     [
         ("trot_feedback", ["trot_", "feedback"]),
-        ("/tmp/me/own.py:MyPolicy", ["/tmp/", "me/", "own.py:", "MyPolicy"]),
+        ("/home/me/own.py:MyPolicy", ["/home/", "me/", "own.py:", "MyPolicy"]),
         ("push:3+hardware", ["push:", "3+", "hardware"]),
         ("1.6 points [−2.1, 14.5]", ["1.6 points [−2.1, 14.5]"]),
         ("a < b_c", ["a &lt; b_", "c"]),

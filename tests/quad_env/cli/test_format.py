@@ -87,7 +87,7 @@ def test_plus_and_minus_is_shown_to_the_decimals_of_its_interval() -> None:
     ("name", "lines"),
     [
         ("document_repaired", ["document_", "repaired"]),
-        ("/tmp/me/own.py:MyPolicy", ["/tmp/me/", "own.py:", "MyPolicy"]),
+        ("/home/me/own.py:MyPolicy", ["/home/me/", "own.py:", "MyPolicy"]),
         ("trot_feedback", ["trot_", "feedback"]),
         ("push at 35 N·s", ["push at ", "35 N·s"]),
         ("abcdefghijkl", ["abcdefghi", "jkl"]),
