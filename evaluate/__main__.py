@@ -37,7 +37,10 @@ _OLD = "gone: revision 59ce5e8 has it as `python -m research`"
 MOVED |= dict.fromkeys(("ground", "prediction", "safety"), _OLD)
 MOVED |= dict.fromkeys(("gait-diagram", "pictures"), MOVED["gaits"])
 MOVED["rescore"] = "gone, with --trace: `python -m evaluate report FOLDER --success RULE` has other rules of success"
-"""Where commands of older versions are."""
+MOVED["merge"] = (
+    "not there: runs are not merged, and `python -m evaluate compare A B` ranks the policies of two together"
+)
+"""Where commands of older versions are, and what to do instead of one that is missed."""
 
 
 def compare(words: list[str]) -> int:

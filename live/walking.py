@@ -17,13 +17,18 @@ from policies.base import CONTROL_PERIOD, Policy
 from policies.foreign.described import with_gains
 from policies.foreign.description import PolicyDescription, Term
 from policies.foreign.mistakes import order_of
+from quad_env.doctor.causes import self_contacts
 from quad_env.doctor.check import Finding, Subject, ok, problem
+from quad_env.robots.leg_words import contradictions
+from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
 
 WALKER = "trot_feedback"
 """It walks on every robot that has a name here, without a search."""
 COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
 """Of SimpleQuad: m/s and rad/s; scaled to the size of other robots."""
+OWN_DAMPING = 0.05
+"""Least share of the servos' damping from which on that of the joints themselves is told."""
 NAME_ANOTHER = "name an existing policy: python -m quad_env policies"
 SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
@@ -34,9 +39,12 @@ def walks(subject: Subject) -> Finding:
     good, bad = walk(policies.make(WALKER, robot=robot), subject)
     if not bad:
         return ok(f"{WALKER}: {'; '.join(good)}")
+    cause = f"it stands, so masses, inertias or limits are unlike those that {WALKER} was made for"
+    if noticed := [*contradictions(robot), *warnings_of(robot), *self_contacts(subject)]:
+        cause = f"it stands, but {'; '.join(noticed)}"
     return problem(
         f"{WALKER} {'; '.join(bad)}",
-        f"it stands, so masses, inertias or limits are unlike those that {WALKER} was made for",
+        cause,
         f"correct masses and inertias in {robot.mjcf}, or search its trot: python -m train robot "
         f"{robot.source or robot.name}",
     )
@@ -91,9 +99,21 @@ def description(subject: Subject) -> Finding:
         cause = "the description lacks something, or is of another network or robot"
         return problem(error.fault, cause, error.remedy or f"correct that {CORRECT}")
     if (found := policy.description) is None:
-        return NO_DESCRIPTION
+        return _without_description(subject)
     seen = f"{found.network.name} reads {found.width} numbers, as described"
     return Finding("ok", seen, details=tuple(understood(found, subject.robot)))
+
+
+def _without_description(subject: Subject) -> Finding:
+    """Whether a policy that says nothing of its observation walks on this environment's."""
+    found = _walks(subject)
+    if not (seen := diagnosis.faults(found)):
+        return NO_DESCRIPTION
+    words = "; ".join(seen.values())
+    if diagnosis.failed(found):
+        return problem(words, "the network itself", "export it again")
+    asked, _, remedy = diagnosis.which_observation(_loaded(subject)).rpartition(", ")
+    return problem(f"its file does not say what it reads, and {words}", asked, remedy)
 
 
 def standing(subject: Subject) -> Finding:
@@ -111,8 +131,12 @@ def understood(described: PolicyDescription, robot: Robot) -> Iterator[str]:
     yield f"rate    {described.control_rate:g} Hz"
     yield f"joints  {order_of(described.joints, robot)}: {' '.join(described.joints)}"
     scale = _numbers(dict.fromkeys(described.action_scale))
-    yield f"servos  {with_gains(robot, described).servo}; an action of 1 is {scale} rad"
+    commanded = with_gains(robot, described)
+    matters = bool((robot.joint_damping > OWN_DAMPING * commanded.servo_damping).any())
+    own = f"; {robot.joint_damping_line}" if matters else ""
+    yield f"servos  {commanded.servo}; an action of 1 is {scale} rad{own}"
     yield f"reads   {', '.join(map(_words, described.terms))}"
+    yield from (f"open    {remark}" for remark in described.remarks)
 
 
 def _words(term: Term) -> str:

@@ -27,6 +27,7 @@ from policies.summaries import SUMMARIES
 from policies.trot.open_loop import Trot
 from quad_env.actuation.models import Actuator
 from quad_env.actuation.models import actuator as _actuator
+from quad_env.files.paths import missing_file
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -52,6 +53,11 @@ def _loaded(folder: str | Path, robot: Robot, control_period: float, late: int, 
     if misfit := policy.misfit(robot, control_period):
         raise PolicyError(f"the policy in {folder} was {misfit}", "take another policy")
     return policy
+
+
+def is_missing(name: str, robot: Robot) -> bool:
+    """Whether `name` is a trained policy that has no bundle for this robot."""
+    return name in TRAINED and not (shipped.folder_of(robot) / name).is_dir()
 
 
 _OTHER_GAITS = {f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in OTHER_GAITS}
@@ -135,6 +141,8 @@ def resolve(
         return _loaded(text, robot, control_period, late, _actuator(actuator))
     if (remedy := unsupported(text)) is not None:
         raise PolicyError(remedy)
+    if (missing := missing_file(text)) is not None:
+        raise PolicyError(missing)
     raise PolicyError(
         f"no policy {text!r}: name one of {', '.join(names())}, the folder of a trained policy, or a policy of yours: "
         "my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3, a deployment file of another project"
@@ -151,6 +159,7 @@ __all__ = [
     "Safe",
     "Stand",
     "Trot",
+    "is_missing",
     "is_reference",
     "load",
     "make",

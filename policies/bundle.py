@@ -1,6 +1,6 @@
 """A trained policy as data in a folder: `policy.safetensors` (weights) and `policy.json` (all else), never code.
 
-Every field is checked on loading, and the weights against their SHA-256.
+Every field is checked on loading, and weights and description against their SHA-256.
 """
 
 import hashlib
@@ -18,17 +18,19 @@ from safetensors.numpy import save as format_safetensors
 from policies.base import PolicyError
 from policies.description import DESCRIPTION as DESCRIPTION
 from policies.description import WEIGHTS as WEIGHTS
-from policies.description import assembled, description_of, fail, network_of, parsed
+from policies.description import assembled, check_unaltered, description_of, fail, network_of, parsed
 from policies.network import Network
 from policies.residual import ResidualPolicy
 from quad_env.actuation.models import IDEAL, Actuator
-from quad_env.files.reading import LARGEST, TEXT, read_bytes
+from quad_env.files.reading import largest_network, read_bytes
 from quad_env.files.writing import write_atomically
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 
 BEST = "best"
 """Folder of a training run that holds its bundle."""
+LARGEST_DESCRIPTION = 2**22
+"""Most bytes of a `policy.json`; those of this project have 20 thousand."""
 
 
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
@@ -62,12 +64,15 @@ def load(
     Raises PolicyError, one line, if anything is missing, damaged or does not fit.
     """
     folder = folder_of(Path(path))
-    description = parsed(folder, _read(folder / DESCRIPTION, TEXT))
-    weights = _read(folder / WEIGHTS, LARGEST)
+    content = _read(folder / DESCRIPTION, LARGEST_DESCRIPTION)
+    description = parsed(folder, content)
+    weights = _read(folder / WEIGHTS, largest_network())
     if hashlib.sha256(weights).hexdigest() != description.weights_sha256:
         fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
     network = network_of(folder, description.network, _parse_weights(folder, weights))
-    return assembled(folder, description, network, None if robot is None else robot_of(robot), late, actuator)
+    policy = assembled(folder, description, network, None if robot is None else robot_of(robot), late, actuator)
+    check_unaltered(folder, content)
+    return policy
 
 
 def folder_of(folder: Path) -> Path:

@@ -4,6 +4,8 @@ The layout and scales of the observation must be those of this environment, sinc
 look as if it worked.
 """
 
+import hashlib
+import json
 import math
 import sys
 from collections.abc import Mapping
@@ -30,6 +32,8 @@ from quad_env.sensing.height_scan import HeightScan, table_with
 
 SCHEMA_VERSION = 1
 DESCRIPTION, WEIGHTS = "policy.json", "policy.safetensors"
+DIGEST = "description_sha256"
+"""Field with the SHA-256 of all others."""
 _REMOVED_FIELDS = {
     "command_authority": [0.0] * 3,
     "foothold_authority": [0.0] * 2,
@@ -56,6 +60,7 @@ class Fields(Settings):
     training: dict[str, Any]
     git_revision: str
     weights_sha256: str
+    description_sha256: str | None = None
     robot: str = SIMPLE_QUAD.name
     joints: Any = field(default_factory=lambda: list(SIMPLE_QUAD.joint_names))
     model_sha256: str | None = None
@@ -74,7 +79,7 @@ def description_of(
     policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str, weights_sha256: str
 ) -> dict[str, Any]:
     """The description of a policy, as JSON values; `training` is the resolved training configuration."""
-    return {
+    found = {
         "schema_version": SCHEMA_VERSION,
         "name": policy.name,
         **_of_environment(policy.robot, policy.height_scan),
@@ -91,6 +96,20 @@ def description_of(
         "git_revision": git_revision,
         "weights_sha256": weights_sha256,
     }
+    return found | {DIGEST: digest_of(found)}
+
+
+def digest_of(description: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a description, as JSON values, without its own digest."""
+    values = {name: value for name, value in description.items() if name != DIGEST}
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+
+def check_unaltered(place: Path, content: bytes) -> None:
+    """Raise PolicyError unless a description is as it was written; older ones have no digest of it."""
+    found = parse_json(content)
+    if found.get(DIGEST) not in (None, digest_of(found)):
+        fail(place, f"{DESCRIPTION} is not as it was written ({DIGEST} differs)")
 
 
 def parsed(place: Path, content: bytes) -> Fields:

@@ -50,6 +50,14 @@ class History(Memory):
         """Forget everything of the robots where the mask, (n,), is true."""
         self._new |= mask
 
+    def take_over(self, mask: NDArray[np.bool_], other: "History") -> None:
+        """Go on where the mask, (n,), is true with the robots of another history, as many as these.
+
+        The newest frame of each history is at a place of its own.
+        """
+        super().take_over(mask, other)
+        self._past[:, mask] = np.roll(other._past, self._now - other._now, axis=0)
+
     def see(self, frame: Frames) -> Frames:
         """Take in a frame (n, k) and give what is remembered, (n, `width`): the lagged frames, then the averages."""
         if self._new.any():

@@ -16,9 +16,13 @@ import tyro
 
 from quad_env.cli.command_line import UsageError
 from quad_env.doctor.check import Subject
-from quad_env.doctor.standing import STAND_TIME, stands, states
+from quad_env.doctor.stance import STAND_TIME, states
+from quad_env.doctor.standing import stands
+from quad_env.files.text import visible
 from quad_env.info import joint_table
+from quad_env.robots.arena import overlap_remark
 from quad_env.robots.imported import FIGURES
+from quad_env.robots.leg_words import contradictions
 from quad_env.robots.model_file import remarks
 from quad_env.robots.named import robot_of
 from quad_env.robots.plausibility import warnings_of
@@ -41,7 +45,7 @@ def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
     try:
         robot = robot_of(options.robot)
-        print("\n".join(text(robot)))
+        print(visible("\n".join(text(robot))))
         if options.toml is not None:
             write_toml(options.toml, robot.mjcf, robot)
             print(f"written: {options.toml}")
@@ -56,7 +60,7 @@ def main(options: Options) -> int:
             print(f"written, with the figures still to be given: {toml}", file=sys.stderr)
         raise UsageError(str(error)) from error
     if found.result != "ok":
-        raise UsageError(f"{found.seen}: {found.cause}; correct {found.remedy}")
+        raise UsageError(f"{found.seen}: {found.cause}; remedy: {found.remedy}")
     print(f"It stands: {found.seen}.")
     return 0
 
@@ -73,11 +77,15 @@ def text(robot: Robot) -> Iterator[str]:
     size = " × ".join(f"{size:.2f}" for size in robot.trunk_size)
     yield f"trunk        {size} m{centre}, {robot.home_height:.3f} m high"
     yield (f"servos       {robot.servo}, at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s")
+    if robot.joint_damping_line:
+        yield f"{'':12} {robot.joint_damping_line}"
     if robot.held:
         yield f"joints       held at their reference: {', '.join(robot.held)}"
     if robot.imported:
-        yield from (f"{heading:12} {remark}" for heading, remark in remarks(robot.mjcf))
-    yield from (f"warning      {line}" for line in warnings_of(robot))
+        yield from (f"{heading:12} {remark}" for heading, remark in remarks(robot.mjcf, robot.keeps_contact))
+    if (line := overlap_remark(robot)) is not None:
+        yield f"overlap      {line}"
+    yield from (f"warning      {line}" for line in (*contradictions(robot), *warnings_of(robot)))
     yield from joint_table(robot)
     yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
 

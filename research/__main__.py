@@ -30,6 +30,8 @@ COMMANDS = {
     "search": Command("research.training.search", "parameters of policies with feedback, searched by CMA-ES"),
     "curves": Command("research.training.curves", "learning curves of runs as a picture, with a band over seeds"),
     "ablations": Command("research.training.ablations", "the effect of each choice of the training"),
+    "fuzz": Command("research.fuzzing.run", "readers of other people's files, on mutated files"),
+    "seal": Command("research.training.seal", "digests of the descriptions of older trained policies"),
     "sb3-block": Command(
         "research.training.sb3_block", "the README's block for SB3, run with several seeds and evaluated"
     ),

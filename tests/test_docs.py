@@ -16,13 +16,14 @@ import textwrap
 from functools import cache
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from markdown_it import MarkdownIt
 
 import policies
 from live.commands import doctor
-from quad_env import AXES, SCENARIOS, SIMPLE_QUAD, DomainRandomisation
+from quad_env import AXES, ENV_ID, SCENARIOS, SIMPLE_QUAD, DomainRandomisation
 from quad_env.doctor.command import CHECKS
 from quad_env.task.observations import observation_table
 
@@ -135,6 +136,16 @@ def test_every_subcommand_is_on_the_page_of_commands() -> None:
 def test_observation_table_is_the_observation() -> None:
     rows = table("| term | width | unit |", "docs/environment.md")
     assert rows == [[term.name, str(term.width), term.unit] for term in observation_table(SIMPLE_QUAD).terms]
+
+
+def test_every_reading_of_a_batch_has_its_row_with_its_shape() -> None:
+    rows = table("| reading | shape | what it is |", "docs/environment.md")
+    shown = {name.strip(" `"): shape for names, shape, _ in rows for name in names.split(",")}
+    plain, full = (gym.make_vec(ENV_ID, num_envs=5, readings=readings) for readings in (False, True))
+    _, without = plain.reset(seed=0)
+    _, infos = full.reset(seed=0)
+    added = {name: np.shape(value) for name, value in infos.items() if name not in without and name[0] != "_"}
+    assert shown == {name: str(shape).replace("5", "n") for name, shape in added.items()}
 
 
 def test_every_policy_has_its_row() -> None:

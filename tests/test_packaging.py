@@ -4,6 +4,7 @@ import ast
 import contextlib
 import importlib
 import os
+import re
 import subprocess
 import sys
 import tarfile
@@ -207,3 +208,32 @@ def test_every_import_is_a_declared_dependency_and_every_dependency_is_imported(
     assert optional(repository) <= {
         name for package in ("evaluate", "quad_env") for name in imported(repository / package)
     }
+
+
+def test_actions_are_pinned_by_commit_and_the_job_that_can_publish_runs_nothing_else(repository: Path) -> None:
+    yaml = pytest.importorskip("yaml")
+    publishers = []
+    for file in sorted((repository / ".github/workflows").glob("*.yml")):
+        for job in yaml.safe_load(file.read_text(encoding="utf-8"))["jobs"].values():
+            used = [step["uses"] for step in job["steps"] if "uses" in step]
+            assert used
+            assert all(re.fullmatch(r"[\w.-]+/[\w.-]+@[0-9a-f]{40}", each) for each in used), file
+            if job.get("permissions", {}).get("id-token") == "write":
+                publishers.append(job)
+    (job,) = publishers
+    assert [step["uses"].partition("@")[0] for step in job["steps"]] == [
+        "actions/download-artifact",
+        "pypa/gh-action-pypi-publish",
+    ]
+
+
+def test_a_release_is_built_by_packages_of_fixed_versions(repository: Path) -> None:
+    lines = (repository / ".github/release-requirements.txt").read_text(encoding="utf-8").splitlines()
+    pinned = [Requirement(line) for line in lines if not line.startswith("#")]
+    assert all([each.operator for each in requirement.specifier] == ["=="] for requirement in pinned)
+    versions = {canonicalize_name(each.name): str(each.specifier).removeprefix("==") for each in pinned}
+    assert "build" in versions
+    toml = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))
+    for text in toml["build-system"]["requires"]:
+        needed = Requirement(text)
+        assert needed.specifier.contains(versions[canonicalize_name(needed.name)])

@@ -1,10 +1,12 @@
 """Comparisons of policies, and of two runs of one, episode by episode."""
 
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluate.analysis.effort import LIMITS
 from evaluate.measures.catalogue import EFFORT
@@ -27,6 +29,8 @@ METRICS = (*RATES, *ERRORS)
 """What is compared, in the order in which it is shown."""
 SIGNIFICANT = 0.05
 """Level below which a corrected p-value counts as a difference."""
+NO_INTERVAL: Interval = (np.nan, np.nan)
+"""Interval of what has none, such as the difference of episodes that are the same to the bit."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,8 @@ class Comparison:
     test: str
     p_value_holm: float
     """Corrected for its family (see `compare`)."""
+    identical: bool = False
+    """Whether every measure of every episode is the same to the bit: the difference is 0 and has no interval."""
 
 
 def compare(
@@ -81,9 +87,25 @@ def compare_pair(a: Cell, b: Cell, metrics: Sequence[str] = METRICS) -> Iterator
     """Metrics of two cells with the same episodes."""
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
+    same = is_identical(a, b)
     for metric in metrics:
-        found = paired_difference(metric, by_episode(a, metric), by_episode(b, metric))
-        yield Comparison(a.scenario.name, a.policy, b.policy, metric, *found, p_value_holm=found[2])
+        found = paired_difference(metric, by_episode(a, metric), by_episode(b, metric), identical=same)
+        yield Comparison(a.scenario.name, a.policy, b.policy, metric, *found, p_value_holm=found[2], identical=same)
+
+
+def is_identical(a: Cell, b: Cell) -> bool:
+    """Whether every measure of every episode of two cells is the same to the bit."""
+    if not np.array_equal(a.seeds, b.seeds):
+        return False
+    pairs = [(a.fall_reason, b.fall_reason), (a.failure, b.failure)]
+    pairs += [(getattr(a.measures, each.name), getattr(b.measures, each.name)) for each in fields(a.measures)]
+    return all(_same_bits(first, second) for first, second in pairs)
+
+
+def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> bool:
+    if (a.shape, a.dtype) != (b.shape, b.dtype):
+        return False
+    return a.tolist() == b.tolist() if a.dtype == object else a.tobytes() == b.tobytes()
 
 
 def by_episode(cell: Cell, metric: str) -> Floats:
@@ -92,14 +114,32 @@ def by_episode(cell: Cell, metric: str) -> Floats:
     return np.asarray(getattr(cell.measures, counted.get(metric, metric)), np.float64)
 
 
-def paired_difference(metric: str, a: Floats, b: Floats) -> tuple[float, Interval, float, str]:
-    """Mean of a − b over the same episodes, (n,) each, its 95 % interval, its p-value and the name of the test."""
+def paired_difference(
+    metric: str, a: Floats, b: Floats, *, identical: bool = False
+) -> tuple[float, Interval, float, str]:
+    """Compare a metric of two policies over the same episodes.
+
+    Args:
+        metric: Name.
+        a: Value of each episode, (n,).
+        b: Value of each episode of the other, (n,).
+        identical: Whether all measures of these episodes are the same to the bit.
+
+    Returns:
+        difference: Mean of a − b.
+        ci: Its 95 % interval; NaN where the episodes are identical.
+        p_value: Two-sided, not corrected.
+        test: Name of the test.
+    """
+    test = "exact McNemar" if metric in RATES else "paired sign-flip permutation"
+    if identical:
+        return 0.0, NO_INTERVAL, 1.0, test
     difference = float((a - b).mean())
     if metric in RATES:
         only_a, only_b = int((a > b).sum()), int((a < b).sum())
-        return difference, share_difference_interval(only_a, only_b, len(a)), mcnemar(a > 0, b > 0), "exact McNemar"
+        return difference, share_difference_interval(only_a, only_b, len(a)), mcnemar(a > 0, b > 0), test
     ci = difference_interval(a - b, (-_LARGEST[metric], _LARGEST[metric]))
-    return difference, ci, sign_flip_test(a - b), "paired sign-flip permutation"
+    return difference, ci, sign_flip_test(a - b), test
 
 
 @dataclass(frozen=True)
@@ -116,12 +156,15 @@ class MetricDifference:
     test: str
 
 
-def differences_of(a: Mapping[str, Floats], b: Mapping[str, Floats]) -> Iterator[MetricDifference]:
+def differences_of(
+    a: Mapping[str, Floats], b: Mapping[str, Floats], *, identical: bool = False
+) -> Iterator[MetricDifference]:
     """Every metric and every figure of effort that both runs have, from its value in each of the same episodes, (n,),
-    as of `by_episode` and `effort_by_episode`; episodes without one are left out."""
+    as of `by_episode` and `effort_by_episode`; episodes without one are left out. `identical` as of
+    `paired_difference`."""
     for metric in (metric for metric in (*METRICS, *EFFORT) if metric in a and metric in b):
         known = ~(np.isnan(a[metric]) | np.isnan(b[metric]))
         if known.any():
             first, second = a[metric][known], b[metric][known]
-            compared = paired_difference(metric, second, first)
+            compared = paired_difference(metric, second, first, identical=identical)
             yield MetricDifference(metric, float(first.mean()), float(second.mean()), *compared)

@@ -58,14 +58,15 @@ def _match(scenario: str, pair: tuple[str, str], a: Stored, b: Stored) -> Match 
         for run, _ in (a, b)
     )
     values = map(_values, (first, second), weights)
+    identical = _identical(first, second)
     return Match(
         a=pair[0],
         b=pair[1],
         scenario=scenario,
         episodes=(len(seeds[0]), len(seeds[1])),
         common=len(common),
-        identical=_identical(first, second),
-        contrasts=tuple(differences_of(*values)),
+        identical=identical,
+        contrasts=tuple(differences_of(*values, identical=identical)),
     )
 
 

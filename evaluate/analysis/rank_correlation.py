@@ -7,7 +7,7 @@ import numpy as np
 
 from evaluate.measures.averages import quotient
 from evaluate.statistics.intervals import RESAMPLES, Floats, Interval, percentile_interval, resamples
-from quad_env.cli.format import interval, number, percent
+from quad_env.cli.format import estimate, percent
 
 LEAST_POLICIES = 3
 """Policies below which there is nothing to rank."""
@@ -23,14 +23,15 @@ class RankCorrelation:
     correlation: float
     """Kendall's tau-b of the scores: 1 for the same order, −1 for the opposite one."""
     ci: Interval
-    """95 %, bootstrap over the episodes, each with all policies and scenarios of both runs."""
+    """95 %, bootstrap over the episodes, each with all policies and scenarios of both runs; widened to hold the
+    correlation, which resampled rankings may all fall short of."""
 
     def lines(self) -> Iterator[str]:
         """The answer, `in part` where the same order lies beyond the interval, and both rankings."""
         low, high = self.ci
         in_part = "in part" if high < 1.0 - 1e-9 else "yes"
         survives = in_part if low > 0.0 else "no" if high < 0.0 else "not shown"
-        figure = f"{number(self.correlation, 2)} [{interval(self.ci, 2)}]"
+        figure = estimate(self.correlation, self.ci, 2).with_interval
         yield f"does the ranking survive? {survives}: Kendall's tau of {len(self.policies)} policies' scores {figure}"
         for run, scores in zip("AB", self.scores, strict=True):
             order = sorted(zip(self.policies, scores, strict=True), key=lambda each: -each[1])
@@ -42,11 +43,13 @@ def rank_correlation(policies: Sequence[str], a: Floats, b: Floats) -> RankCorre
     drawn = [counts / counts.shape[1] for counts in resamples(a.shape[1], RESAMPLES, 0)]
     resampled = kendall(*(np.concatenate([of @ each.T for of in drawn]) for each in (a, b)))
     known, means = resampled[~np.isnan(resampled)], (a.mean(axis=-1), b.mean(axis=-1))
+    correlation = float(kendall(*means))
+    low, high = percentile_interval(known) if len(known) else (np.nan, np.nan)
     return RankCorrelation(
         policies=tuple(policies),
         scores=(tuple(means[0].tolist()), tuple(means[1].tolist())),
-        correlation=float(kendall(*means)),
-        ci=percentile_interval(known) if len(known) else (np.nan, np.nan),
+        correlation=correlation,
+        ci=(float(np.fmin(low, correlation)), float(np.fmax(high, correlation))) if len(known) else (np.nan, np.nan),
     )
 
 

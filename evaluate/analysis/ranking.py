@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from evaluate.analysis.comparison import SCORE, SIGNIFICANT, SUCCESS_RATE, Comparison, paired_difference
+from evaluate.analysis.comparison import NO_INTERVAL, SCORE, SIGNIFICANT, SUCCESS_RATE, Comparison, paired_difference
 from evaluate.analysis.pareto import ParetoPoint
 from evaluate.analysis.score import Counted
 from evaluate.statistics.intervals import Floats, Interval
@@ -30,16 +30,20 @@ class Neighbours:
     deviation: float
     """Standard deviation of that difference from episode to episode."""
     ci: Interval
-    """95 %, over the episodes, each with all of its scenarios: bootstrap, of yes-or-no differences Tango's."""
+    """95 %, over the episodes, each with all of its scenarios: bootstrap, of yes-or-no differences Tango's; NaN where
+    the two are identical."""
     p_value: float
     """Paired sign-flip permutation, of yes-or-no differences exact McNemar."""
     p_value_holm: float = np.nan
     """Corrected together with every other claim, see `claims`."""
     needed: float = np.nan
-    """Episodes that would distinguish the two, see `episodes_needed`; NaN where they are distinguished."""
+    """Episodes that would distinguish the two, see `episodes_needed`; NaN where they are distinguished, infinite where
+    they are identical."""
     better_on: tuple[str, ...] = ()
     worse_on: tuple[str, ...] = ()
     """Scenarios that show by themselves that `better` is better, and that `worse` is."""
+    identical: bool = False
+    """Whether all episodes of the two are the same to the bit: the difference is 0 and has no interval."""
 
     @property
     def distinguished(self) -> bool:
@@ -66,9 +70,17 @@ class Ranking:
 def ranking(counted: Counted, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:
     """Neighbours compared by episode, each with all of its scenarios; nothing is corrected yet."""
     values = {each.policy: counted.by_episode(each.policy) for each in places}
-    found = [_neighbours(a.policy, b.policy, values[a.policy], values[b.policy]) for a, b in pairwise(places)]
+    pairs = pairwise(each.policy for each in places)
+    found = [
+        _identical(a, b) if counted.is_identical(a, b) else _neighbours(a, b, values[a], values[b]) for a, b in pairs
+    ]
     episodes = len(next(iter(values.values()), ()))
     return Ranking(hardware, len(counted.axes), tuple(counted.scenarios), episodes, tuple(places), tuple(found))
+
+
+def _identical(better: str, worse: str) -> Neighbours:
+    """Neighbours whose episodes are the same to the bit."""
+    return Neighbours(better, worse, 0.0, 0.0, NO_INTERVAL, 1.0, identical=True)
 
 
 def _neighbours(better: str, worse: str, a: Floats, b: Floats) -> Neighbours:
@@ -76,7 +88,8 @@ def _neighbours(better: str, worse: str, a: Floats, b: Floats) -> Neighbours:
     differences = a - b
     deviation = float(differences.std(ddof=1)) if len(differences) > 1 else np.nan
     single = np.isin([a, b], (0.0, 1.0)).all()
-    difference, ci, p_value, _ = paired_difference(SUCCESS_RATE if single else SCORE, a, b)
+    metric = SUCCESS_RATE if single else SCORE
+    difference, ci, p_value, _ = paired_difference(metric, a, b)
     return Neighbours(better, worse, difference, deviation, ci, p_value)
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evaluate.analysis.comparison import NO_INTERVAL, is_identical
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import Floats, Interval, difference_interval, mean_share_interval, wilson_interval
@@ -34,7 +35,7 @@ class Score:
     difference: float
     """From the baseline's score; 0 of the baseline itself, NaN where the baseline has none."""
     difference_ci: Interval
-    """95 %, bootstrap over the episodes; NaN of the baseline itself."""
+    """95 %, bootstrap over the episodes; NaN of the baseline itself, and where all episodes are the same as its."""
     p_value: float
     """Of that difference, paired sign-flip permutation; not corrected."""
 
@@ -57,6 +58,11 @@ class Counted:
         of, axes = self.ran[policy], self.axes
         of_axes = [np.mean([of[level.name].measures.succeeded for level in axis.levels], axis=0) for axis in axes]
         return np.asarray(np.mean(of_axes, axis=0), np.float64)
+
+    def is_identical(self, a: str, b: str) -> bool:
+        """Whether all episodes of two policies are the same to the bit."""
+        first, second = self.ran[a], self.ran[b]
+        return all(is_identical(first[name], second[name]) for name in self.scenarios)
 
 
 def counted(cells: Sequence[Cell], *, hardware: bool = False) -> Counted:
@@ -86,6 +92,7 @@ def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> l
 def _score(policy: str, of: Counted, baseline: str, base: Floats | None) -> Score:
     values, compared, ran = of.by_episode(policy), base is not None and policy != baseline, of.ran[policy]
     difference = values - (base if base is not None and compared else np.nan)
+    has_interval = compared and not of.is_identical(policy, baseline)
     return Score(
         policy=policy,
         score=float(values.mean()),
@@ -95,7 +102,7 @@ def _score(policy: str, of: Counted, baseline: str, base: Floats | None) -> Scor
             for axis in of.axes
         },
         difference=0.0 if policy == baseline else float(difference.mean()),
-        difference_ci=difference_interval(difference, (-1.0, 1.0)) if compared else (np.nan, np.nan),
+        difference_ci=difference_interval(difference, (-1.0, 1.0)) if has_interval else NO_INTERVAL,
         p_value=sign_flip_test(difference) if compared else np.nan,
     )
 

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -19,10 +18,12 @@ from evaluate.analysis.results import without_nan
 from evaluate.records.manifest import Manifest, differences
 from evaluate.records.store import read_rows
 from evaluate.report.console import FittedTable, console_table, row_name
-from evaluate.report.headings import FEW, FIRST, NARROW_DIFFERENCES, figure_of_effort, interval_of_effort
+from evaluate.report.headings import FEW, FIRST, NARROW_DIFFERENCES, effort_with
 from evaluate.report.table import print_ranking
+from evaluate.report.verdict import ALIKE, BY_ITSELF, SAME, excludes_zero
 from quad_env.cli.command_line import UsageError, make_folder_of
-from quad_env.cli.format import ABSENT, counted, interval, number, p_value, points, points_interval
+from quad_env.cli.format import ABSENT, counted, estimate, p_value, points, points_with
+from quad_env.cli.progress import waiting
 from quad_env.files.writing import write_atomically
 
 
@@ -49,8 +50,9 @@ def main(options: Options) -> int:
     if {each.name for each in a[0].scenarios}.isdisjoint(each.name for each in b[0].scenarios):
         changed = [*changed, "the hardware profile, which one of them has"]
         a, b = map(without_profile, (a, b))
-    found: Sequence[Match] = matches(pairs, a, b)
-    both = joint(found, (a, b), _labels(options, found, a[0], b[0]))
+    with waiting("comparing"):
+        found: Sequence[Match] = matches(pairs, a, b)
+        both = joint(found, (a, b), _labels(options, found, a[0], b[0]))
     if not found and not both.ranking.places:
         what = "no scenario of these policies, or no episodes of the same --seed, in common"
         raise UsageError(f"{options.a} and {options.b} have {what}")
@@ -116,6 +118,13 @@ def _survives(ranked: RankCorrelation | None, found: Sequence[Match]) -> Iterato
         if match.p_value_holm < SIGNIFICANT:
             said = f"{points(match.contrasts[0].difference)} points, {p_value(match.p_value_holm)}"
             yield f"success differs: {match.a} on {match.scenario}, {said}"
+    if unclear := [match for match in found if match.p_value_holm >= SIGNIFICANT and excludes_zero(_success(match).ci)]:
+        named = (f"{match.a} on {match.scenario} ({p_value(match.p_value_holm)})" for match in unclear)
+        yield f"success {ALIKE}, {BY_ITSELF}: {', '.join(named)}"
+
+
+def _success(match: Match) -> MetricDifference:
+    return next(each for each in match.contrasts if each.metric == SUCCESS_RATE)
 
 
 def _table(options: Options, found: Sequence[Match], heads: Mapping[str, str]) -> FittedTable:
@@ -124,19 +133,22 @@ def _table(options: Options, found: Sequence[Match], heads: Mapping[str, str]) -
     for match in found:
         name = match.a if match.a == match.b else f"{match.a} → {match.b}"
         shown = dict.fromkeys((*METRICS, *FEW), ABSENT) | {
-            each.metric: _shown(each, match.p_value_holm) for each in match.contrasts
+            each.metric: _shown(each, match.p_value_holm, match.identical) for each in match.contrasts
         }
         groups[match.scenario].append({FIRST: row_name(name + " (=)" * match.identical), **shown})
     return console_table(escape(title), {FIRST: "policy", **heads}, groups)
 
 
-def _shown(found: MetricDifference, corrected: float) -> str:
-    value, ends = (points, points_interval) if found.metric in RATES else (number, interval)
+def _shown(found: MetricDifference, corrected: float, identical: bool) -> str:
+    if identical:
+        return "0"
     if found.metric in FEW:
-        value, ends = partial(figure_of_effort, found.metric), partial(interval_of_effort, found.metric)
+        shown = effort_with(found.metric, found.difference, found.ci)
+    else:
+        shown = (points_with if found.metric in RATES else estimate)(found.difference, found.ci)
     claim = f"\n{p_value(corrected)}" if found.metric == SUCCESS_RATE else ""
-    shown = ends(found.ci).replace("… ", "…\n")
-    return f"{value(found.difference)}\n{shown}{claim}"
+    ends = shown.interval.replace("… ", "…\n")
+    return f"{shown.value}\n{ends}{claim}"
 
 
 def _notes(a: Stored, b: Stored, found: Sequence[Match]) -> Iterator[str]:
@@ -145,7 +157,7 @@ def _notes(a: Stored, b: Stored, found: Sequence[Match]) -> Iterator[str]:
     count = counted(len(seeds[0] & seeds[1]), "episode")
     yield f"paired by episode: {count} of the same seeds, of A's {len(seeds[0])} and B's {len(seeds[1])}"
     if same := sum(match.identical for match in found):
-        yield f"(=): the same to the bit in every episode; {same} of {len(found)}"
+        yield f"(=): {SAME} in every episode, so that differences are 0 and have no interval; {same} of {len(found)}"
 
 
 def _left_out(a: Stored, b: Stored) -> Iterator[str]:

@@ -23,7 +23,7 @@ from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.program import words_of
-from quad_env.cli.progress import show_progress
+from quad_env.cli.progress import show_progress, waiting
 from quad_env.files.writing import sole_use
 from quad_env.physics.batch import MUJOCO, SLOWNESS
 
@@ -49,8 +49,10 @@ def _execute(plan: Plan, show: Show) -> int:
         if is_unfinished(out):
             print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
         for each in plan.policies:
-            if words := diagnosis.warning(each.policy, manifest.hardware.robot):
-                print(f"warning: {each.label}: {words}", file=sys.stderr)
+            with waiting(f"trying whether {each.label} stands and walks"):
+                words = diagnosis.warning(each.policy, manifest.hardware.robot)
+            for line in (*diagnosis.remarks(each.policy), *([words] if words else ())):
+                print(f"warning: {each.label}: {line}", file=sys.stderr)
     if (slower := SLOWNESS[manifest.hardware.simulator]) > 1:
         print(f"{manifest.hardware.simulator} takes about {slower:g} times as long as {MUJOCO}", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 from evaluate.analysis.score import counted, counts
+from evaluate.report.verdict import SAME
 from evaluate.rollouts.experiment import Cell, LabelledPolicy
-from evaluate.statistics.sequential import neighbours
+from evaluate.statistics.sequential import Neighbours, neighbours
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import number
 from quad_env.scenarios.scenario import Scenario
@@ -18,7 +19,7 @@ def look(cells: Sequence[Cell], limit: int) -> tuple[str, str]:
     if not pairs:
         raise ValueError("policies that ran different episodes are not ranked")
     episodes, known = cells[0].episodes, sum(each.distinguished for each in pairs)
-    shown = (f"{a} > {b}" if yes else f"{a} ~ {b} (p = {number(p, 2)})" for a, b, p, yes, _ in pairs)
+    shown = (_shown(each, identical=found.is_identical(each.ahead, each.behind)) for each in pairs)
     line = f"{episodes} of at most {limit} episodes, {known} of {len(pairs)} neighbours distinguished"
     ended = ""
     if known == len(pairs) or episodes == limit:
@@ -26,6 +27,14 @@ def look(cells: Sequence[Cell], limit: int) -> tuple[str, str]:
     elif all(each.distinguished or each.hopeless for each in pairs):
         ended = f"the neighbours not distinguished can hardly be with {limit}"
     return f"{line}: {', '.join(shown)}", ended
+
+
+def _shown(of: Neighbours, *, identical: bool) -> str:
+    if identical:
+        return f"{of.ahead} = {of.behind} ({SAME})"
+    if of.distinguished:
+        return f"{of.ahead} > {of.behind}"
+    return f"{of.ahead} ~ {of.behind} (p = {number(of.p_value, 2)})"
 
 
 def check_ranked(policies: Sequence[LabelledPolicy], scenarios: Sequence[Scenario]) -> None:

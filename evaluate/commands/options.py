@@ -69,7 +69,7 @@ class Options:
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
     threads: int = available_cores()
-    """Simulating processes (count; default: this machine's cores). No result depends on it."""
+    """Worker processes that simulate side by side (count; default: this machine's cores). No result depends on it."""
     at_once: int = 256
     """Episodes that a process simulates and writes together (count). No result depends on it."""
 

@@ -1,5 +1,6 @@
 """The end of a comparison: the table on the terminal, then the files."""
 
+import shlex
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -10,14 +11,16 @@ import matplotlib.figure  # noqa: F401
 import scipy.stats  # noqa: F401
 from rich.console import Console
 
+from evaluate.analysis.failures import Failure, failures
 from evaluate.analysis.results import Results, analyse, write_json
-from evaluate.commands.options import command
+from evaluate.commands.options import PROGRAM, command
 from evaluate.records.episode_table import write_parquet
 from evaluate.records.store import Run
 from evaluate.report.page import warnings, write_report
 from evaluate.report.table import print_results
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import silence_stdout
+from quad_env.cli.progress import waiting
 
 Show = Callable[[Results, Console], None]
 """Prints an outcome."""
@@ -44,15 +47,19 @@ def conclude(run: Run, folder: Path, baseline: str | None = None, show: Show = p
     The table comes first and no failure keeps the rest from being tried: simulating took long. Raises UsageError, which
     names what could not be written.
     """
-    results, console = analysed(run, baseline), Terminal()
+    with waiting("working out the results"):
+        results = analysed(run, baseline)
+    console = Terminal()
     say = partial(console.print, highlight=False, markup=False, soft_wrap=True)
 
     def table() -> None:
         show(results, console)
         for line in warnings(results):
             say(line)
+        if (found := next(failures(results), None)) is not None:
+            say(_to_replay(found[1], folder))
 
-    if failures := _tried("the table", table):
+    if failed := _tried("the table", table):
         console.on_broken_pipe()
     made_by, fingerprint = (command(run.manifest.options), run.manifest.date), run.manifest.fingerprint
     for name, write in (
@@ -61,9 +68,18 @@ def conclude(run: Run, folder: Path, baseline: str | None = None, show: Show = p
         ("report.html", partial(write_report, results, made_by=made_by)),
     ):
         path = folder / name
-        failures += _tried(str(path), partial(write, path)) or _tried("its name", partial(say, str(path)))
-    if failures:
-        raise UsageError(f"cannot write {'; '.join(failures)}; once it can be: python -m evaluate report {folder}")
+        with waiting(f"writing {path}"):
+            unwritten = _tried(str(path), partial(write, path))
+        failed += unwritten or _tried("its name", partial(say, str(path)))
+    if failed:
+        raise UsageError(f"cannot write {'; '.join(failed)}; once it can be: python -m evaluate report {folder}")
+
+
+def _to_replay(failure: Failure, folder: Path) -> str:
+    """How to see a failure, and where all of them are listed."""
+    replay = f"{PROGRAM} replay {shlex.quote(str(folder))}"
+    shown = f"{failure.policy} fails in row {failure.row}: {replay} {failure.row} --page {failure.row}.html"
+    return f"{shown}; all failures: {replay} --failed"
 
 
 def _tried(what: str, write: Callable[[], object]) -> list[str]:

@@ -1,5 +1,6 @@
 """What a command line asks for, checked: everything that can be wrong is found before anything is simulated."""
 
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +8,7 @@ from pathlib import Path
 
 import policies
 from evaluate.commands.looks import check_ranked
-from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, Options, changed, restored
+from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, PROGRAM, Options, changed, restored
 from evaluate.records import manifest as manifests
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from evaluate.rollouts import battery, hardware
@@ -16,6 +17,8 @@ from evaluate.rollouts.hardware import Hardware
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import make_writable_folder, sole_use
 from quad_env.physics.batch import MUJOCO
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import Scenario
 
 LIMITS = {"episodes": (1, 1_000_000), "seed": (0, 2**63 - 1), "threads": (1, 256), "at_once": (1, 65_536)}
@@ -124,12 +127,22 @@ def policies_asked_for(
     if names == DEFAULT_POLICIES:
         run = {scenario.name for scenario in scenarios}
         asked = [(label, only_on) for label, only_on in asked if not only_on or run.intersection(only_on)]
+        asked = _without_untrained(asked, hardware.quadruped)
     _check_distinct([label for label, _ in asked])
     _check_scenarios(asked, [scenario.name for scenario in scenarios])
     try:
         return tuple(labelled(label, hardware, scenarios, trust, only) for label, only in asked)
     except policies.PolicyError as error:
         raise UsageError(f"--policies: {error}") from error
+
+
+def _without_untrained(asked: list[tuple[str, tuple[str, ...]]], robot: Robot) -> list[tuple[str, tuple[str, ...]]]:
+    """Leave out the default's trained policies that this robot has not, named on stderr; SimpleQuad has all."""
+    untrained = [label for label, _ in asked if robot != SIMPLE_QUAD and policies.is_missing(label, robot)]
+    if untrained:
+        names = ", ".join(untrained)
+        print(f"left out, since {robot.name} has no such trained policy: {names}", file=sys.stderr)
+    return [each for each in asked if each[0] not in untrained]
 
 
 def _parts(name: str) -> tuple[str, tuple[str, ...]]:
@@ -179,11 +192,27 @@ def _check_unused(out: Path) -> None:
 def _carried_on(now: Manifest, options: Options) -> Manifest:
     """The manifest that the run was begun with. Raises UsageError unless it can go on as if it had never stopped."""
     then, asked = _begun(options.out)
-    if differing := changed(asked, options) or manifests.differences(then, now):
+    if differing := changed(asked, options):
+        said = f"--resume carries a run on as it was begun, but {'; '.join(differing)}"
+        raise UsageError(f"{said}{_instead(asked, options)}")
+    if differing := manifests.differences(then, now):
         raise UsageError(f"--resume carries a run on as it was begun, but {'; '.join(differing)}")
     if now.fingerprint != then.fingerprint:
         raise UsageError(f"{options.out / manifests.NAME} has been changed by hand; leave --resume out to begin again")
     return then
+
+
+def _instead(then: Options, now: Options) -> str:
+    """What to do where more is asked of a run than it was begun with."""
+    folder = shlex.quote(str(now.out))
+    if added := [name for name in now.policies if name not in then.policies]:
+        run = f"--policies {shlex.join(added)} --episodes {then.most} --seed {then.seed} --out ANOTHER"
+        return (
+            f". A run is not extended: evaluate with {run}, then `{PROGRAM} compare {folder} ANOTHER` ranks all of them"
+        )
+    if now.most > then.most or set(now.scenarios) > set(then.scenarios):
+        return ". A run is not extended: leave --resume out and name another --out"
+    return ""
 
 
 def _begun(folder: Path) -> tuple[Manifest, Options]:

@@ -1,5 +1,9 @@
-"""`python -m evaluate replay RESULTS EPISODE`: one episode of a results folder again, compared with what is stored."""
+"""`python -m evaluate replay RESULTS EPISODE`: one episode of a results folder again, compared with what is stored.
 
+`python -m evaluate replay RESULTS --failed` lists the episodes that failed, with the row to replay and the cause.
+"""
+
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +14,7 @@ import tyro
 
 import policies
 from evaluate.causes.story import in_lines, story
-from evaluate.commands.options import Flag
+from evaluate.commands.options import PROGRAM, Flag
 from evaluate.film import files
 from evaluate.film.page import write_page
 from evaluate.film.shooting import Progress, Take, film
@@ -23,7 +27,10 @@ from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import Cell, LabelledPolicy, labelled, measured
 from evaluate.rollouts.hardware import check
 from quad_env.cli.command_line import UsageError, make_folder_of
+from quad_env.cli.format import ABSENT, counted
+from quad_env.cli.format import number as format_number
 from quad_env.cli.progress import bar
+from quad_env.files.text import one_line
 from quad_env.scenarios.height_file import check_unchanged
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
@@ -38,8 +45,10 @@ class Options:
 
     results: Annotated[Path, tyro.conf.Positional]
     """Folder of an evaluation, finished or not."""
-    episode: Annotated[int, tyro.conf.Positional]
+    episode: Annotated[int | None, tyro.conf.Positional, tyro.conf.arg(metavar="EPISODE")] = None
     """Row of episodes.parquet, counted from 0; with --policy or --scenario, the number in its column `episode`."""
+    failed: Flag = False
+    """List the failed episodes instead, of a policy or scenario if one is named: row, time, outcome and cause."""
     policy: str | None = None
     """Policy whose episode it is; may be left out where there is only one."""
     scenario: str | None = None
@@ -79,7 +88,13 @@ class Found:
 def main(options: Options) -> int:
     """Run the command; the exit code: 0, or 1 if the episode is not the stored one. Raises UsageError."""
     run = read_run(options.results)
-    found = find(run, options)
+    if options.failed:
+        return _list_failed(run, options)
+    if options.episode is None:
+        raise UsageError(
+            f"EPISODE: no row given; `{PROGRAM} replay {options.results} --failed` lists those that failed"
+        )
+    found = find(run, options, options.episode)
     check_here(run.manifest, found.cell.scenario)
     policy = policy_of(found.cell.policy, run.manifest, options.trust)
     others = [] if options.against is None else [policy_of(options.against, run.manifest, options.trust, "--against")]
@@ -117,8 +132,44 @@ def _outputs(options: Options) -> list[tuple[str, Path, Callable[[Take, Path, Pr
     return [(option, path, write) for option, path, write in found if path is not None]
 
 
-def find(run: Run, options: Options) -> Found:
-    """The episode that the options mean. Raises UsageError."""
+def _list_failed(run: Run, options: Options) -> int:
+    """Print a line for each failed episode of the policy and the scenario; the exit code. Raises UsageError."""
+    if options.episode is not None or any((options.video, options.page, options.against)):
+        raise UsageError("--failed lists episodes: leave out EPISODE, --video, --page and --against")
+    _check_names(run, options)
+    rows, first = list[tuple[str, ...]](), 0
+    for cell in run.cells:
+        if options.policy in (None, cell.policy) and options.scenario in (None, cell.scenario.name):
+            rows += [
+                _failed_row(cell, number, first + number)
+                for number in np.flatnonzero(~cell.measures.succeeded).tolist()
+            ]
+        first += cell.episodes
+    heads = ("row", "policy", "scenario", "episode", "time, s", "outcome", "cause")
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    for row in (heads, *rows):
+        print("  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip())
+    see = ""
+    if rows:
+        first_failed = rows[0][0]
+        replay = f"{PROGRAM} replay {shlex.quote(str(options.results))}"
+        see = f"; see one: {replay} {first_failed} --page {first_failed}.html"
+    print(f"{counted(len(rows), 'failed episode')}{see}")
+    return 0
+
+
+def _failed_row(cell: Cell, number: int, row: int) -> tuple[str, ...]:
+    """What is said of a failed episode: the time is that of its fall or, upright, of its cause."""
+    measures = cell.measures
+    time = float(measures.fall_time[number] if measures.fell[number] else measures.cause_time[number])
+    outcome = str(measures.outcome[number]).replace("_", " ")
+    cause = cell.failure[number] or str(measures.cause[number] or ABSENT).replace("_", " ")
+    place = str(row), cell.policy, cell.scenario.name, str(number)
+    return (*place, format_number(time, 2), outcome, one_line(str(cause)))
+
+
+def _check_names(run: Run, options: Options) -> None:
+    """Raise UsageError where the policy or the scenario of the options has no finished episode."""
     if not run.cells:
         raise UsageError(f"{options.results} holds no finished part of a comparison yet")
     for option, wanted, names in (
@@ -127,22 +178,27 @@ def find(run: Run, options: Options) -> Found:
     ):
         if wanted not in (None, *names):
             raise UsageError(f"--{option}: no {wanted} among the finished ones: {', '.join(dict.fromkeys(names))}")
+
+
+def find(run: Run, options: Options, episode: int) -> Found:
+    """The episode that the options mean. Raises UsageError."""
+    _check_names(run, options)
     policy, scenario = options.policy, options.scenario
     chosen = [cell for cell in run.cells if policy in (None, cell.policy) and scenario in (None, cell.scenario.name)]
     if (named := (policy, scenario) != (None, None)) and len(chosen) != 1:
         missing = "--policy" if policy is None else "--scenario"
-        raise UsageError(f"episode {options.episode} is in {len(chosen)} cells: name its {missing} too")
+        raise UsageError(f"episode {episode} is in {len(chosen)} cells: name its {missing} too")
     episodes = [Found(cell, number) for cell in chosen for number in range(cell.episodes)]
-    if not 0 <= options.episode < len(episodes):
+    if not 0 <= episode < len(episodes):
         what = "episodes" if named else "rows"
-        raise UsageError(f"there are {what} 0 to {len(episodes) - 1}, not {options.episode}")
-    return episodes[options.episode]
+        raise UsageError(f"there are {what} 0 to {len(episodes) - 1}, not {episode}")
+    return episodes[episode]
 
 
 def simulated_again(manifest: Manifest, found: Found, policy: LabelledPolicy) -> tuple[Cell, Episodes]:
     """The episode once more: what it measured, and its record."""
     scenario, seeds, hardware = found.cell.scenario, found.cell.seeds[[found.number]], manifest.hardware
-    with bar("simulating") as progress:
+    with bar("simulating", in_lines=False) as progress:  # a second or two
         where = policy.on(scenario), scenario, seeds
         episodes = rollout.run(*where, steps=manifest.steps, progress=progress, hardware=hardware)
     return measured(policy.label, scenario, episodes), episodes

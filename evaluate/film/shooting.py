@@ -30,6 +30,8 @@ AFTERMATH = 1.0
 """s that are shown after a fall."""
 NEAR = 1.8
 """m from a free camera to SimpleQuad's trunk."""
+SHOOTING = 0.8
+"""Share of the work of a film that is simulating and drawing; the rest is its file."""
 STRIP_RATE = 5.0
 """Frames of a second from which those of a strip are chosen."""
 ALARM, GOOD, BAD = (200, 30, 30), (0, 130, 90), (190, 110, 0)
@@ -92,8 +94,9 @@ def film(take: Take, path: Path, progress: Progress, look: Look = Look()) -> Non
     if path.suffix.lower() == files.STRIP:
         look = replace(look, rate=STRIP_RATE)
     files.check_pixels(path, (take.steps // look.every + 1) * len(take.policies) * math.prod(look.size))
-    with closing(shoot(take, look, progress)) as images:
+    with closing(shoot(take, look, lambda share: progress(SHOOTING * share))) as images:
         files.write(images, path, look.period)
+    progress(1.0)
 
 
 def shoot(take: Take, look: Look, progress: Progress) -> Generator[Image.Image]:

@@ -16,6 +16,7 @@ from evaluate.statistics.sequential import looks
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
+from quad_env.robots.named import SUFFIXES
 from quad_env.scenarios.named import Scenario
 from quad_env.serialisation import from_plain, to_plain
 
@@ -156,8 +157,19 @@ def read(folder: Path) -> Manifest:
         manifest = Manifest(**(values | made))
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise UsageError(f"{path} is no manifest of this version ({error})") from error
+    _check_robot_file(path, manifest.hardware.robot)
     hardware_of(manifest.hardware.robot, f"{path}: its robot")
     return manifest
+
+
+def _check_robot_file(path: Path, robot: str) -> None:
+    """Raise UsageError, one line with the folder to go to, where the robot of a run is a file that is not here."""
+    if Path(robot).suffix not in SUFFIXES or Path(robot).is_file():
+        return
+    here = next((folder for folder in path.resolve().parents if (folder / robot).is_file()), None)
+    remedy = "run this command in the folder in which the evaluation was run"
+    remedy = remedy if here is None else f"run this command in {here}"
+    raise UsageError(f"{path}: its robot {robot} is no file in {Path.cwd()}; {remedy}")
 
 
 def _is_changed(found: dict[str, Any]) -> bool:

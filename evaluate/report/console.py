@@ -15,13 +15,25 @@ from quad_env.cli.format import NO_BREAK, broken
 
 NAME_WIDTH = 20
 """Characters of a name in a line at the head of a row; the rest goes on below."""
+_BREAK = "\u200b\n"
+"""Where a name goes on in the next line; in a table the first character is left out."""
 UNBOUNDED = 10_000
 """Columns that no table needs."""
 
 
 def row_name(name: str) -> str:
     """A name at the head of a row, as markup."""
-    return "\n".join(f" {escape(line)}" for line in broken(name, NAME_WIDTH))
+    return f" {escape(name_in_lines(name, NAME_WIDTH, ' '))}"
+
+
+def name_in_lines(name: str, width: int, indent: str = "") -> str:
+    """A name broken at the ends of its words; in lines instead of a table it is whole again."""
+    return f"{_BREAK}{indent}".join(broken(name, width))
+
+
+def breaking_names(text: str, width: int) -> str:
+    """Break words that are longer than a line, such as paths, at the ends of their parts."""
+    return re.sub(r"\S+", lambda word: "\n".join(broken(word[0], width)) if len(word[0]) > width else word[0], text)
 
 
 @dataclass(frozen=True)
@@ -44,12 +56,12 @@ class FittedTable:
         )  # fmt: skip
         first = next(iter(self.heads))
         for column, head in self.heads.items():
-            table.add_column(head, justify="left" if column == first else "right", overflow="fold")
+            table.add_column(_in_a_table(head), justify="left" if column == first else "right", overflow="fold")
         for group, rows in self.groups.items():
             if group:
                 table.add_row(f"[bold]{escape(group)}[/bold]")
             for row in rows:
-                table.add_row(*(row[column] for column in self.heads))
+                table.add_row(*(_in_a_table(row[column]) for column in self.heads))
         return table
 
     def _lines(self) -> Iterator[RenderableType]:
@@ -59,14 +71,18 @@ class FittedTable:
             if group:
                 yield f"[bold]{escape(group)}[/bold]"
             for row in rows:
-                yield "".join(line.removeprefix(" ") for line in row[first].split("\n"))
+                yield _in_a_line(row[first]).removeprefix(" ")
                 cells = (f"{heads[name]}: {_in_a_line(row[name], NO_BREAK)}" for name in columns if row[name])
                 yield Padding("; ".join(cells), (0, 0, 0, 2))
 
 
+def _in_a_table(text: str) -> str:
+    return text.replace(_BREAK, "\n")
+
+
 def _in_a_line(text: str, space: str = " ") -> str:
     """A cell that was broken, as one line; a name goes on where it was broken."""
-    return re.sub(r"(?<=[/_-])\n", "", text).replace("\n", " ").replace(" ", space)
+    return re.sub(f"{_BREAK} ?", "", text).replace("\n", " ").replace(" ", space)
 
 
 def console_table(

@@ -1,9 +1,11 @@
 """Headings of tables: a table's headings and the cells of its rows are kept by the same names of columns."""
 
+import math
+
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, RATES, SUCCESS_RATE
 from evaluate.analysis.pareto import COST_ON
 from evaluate.measures.catalogue import BY_NAME, EFFORT
-from quad_env.cli.format import ABSENT, interval, number
+from quad_env.cli.format import Estimate, estimate
 
 FIRST = ""
 """Name of the column that says what a row is of, in tables whose other columns are named by the user."""
@@ -30,15 +32,14 @@ _DIGITS = {"torque_rate": 0, "touchdown_impulse": 3}
 
 
 def figure_of_effort(name: str, value: float) -> str:
-    """The figure without its unit."""
-    scale, digits = _scale(name)
-    return number(scale * value, digits)
+    """The figure without its unit and its interval."""
+    return effort_with(name, value, (math.nan, math.nan)).value
 
 
-def interval_of_effort(name: str, ends: tuple[float, float]) -> str:
-    """`low … high` in the same unit; empty without an interval."""
+def effort_with(name: str, value: float, ends: tuple[float, float]) -> Estimate:
+    """The figure with its interval, in one unit."""
     scale, digits = _scale(name)
-    return interval((scale * ends[0], scale * ends[1]), digits).removesuffix(ABSENT)
+    return estimate(value, ends, digits, scale)
 
 
 def _scale(name: str) -> tuple[float, int]:

@@ -50,8 +50,8 @@ def heading(name: str, unit: str) -> str:
 
 
 def breakable(text: str) -> str:
-    """A name that may break where a phone needs it to."""
-    return escape(text).replace("_", "_<wbr>").replace("/", "/<wbr>")
+    """A text whose names may break at the ends of their words where a phone needs it to."""
+    return re.sub(r"(?<=[^\W_][/_:@+-])(?=[^\W_])", "<wbr>", escape(text))
 
 
 def mark(colour: str, glyph: str) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluate.analysis.results import Results
-from evaluate.report.html import contents, fold, note, section
+from evaluate.report.html import breakable, contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
 from evaluate.report.sections.causes import causes
@@ -76,7 +76,7 @@ def _head(results: Results, made_by: Origin) -> str:
     begun = f", begun on {date}" if date else ""
     made = f" Made by <code>{command}</code>{begun}." if command else ""
     about = f"{escape(extent(results))}. Seed {results.seed}.{words_of(results.hardware)}{made}"
-    return f'<h1>{escape(verdict(results.ranking))}</h1><p class="soft">{about}</p>{warning}'
+    return f'<h1>{breakable(verdict(results.ranking))}</h1><p class="soft">{about}</p>{warning}'
 
 
 def _about(results: Results) -> str:

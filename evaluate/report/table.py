@@ -15,10 +15,10 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.score import SCORES, Score
 from evaluate.analysis.severity_levels import SeverityAxis, amount, severity_axes
 from evaluate.analysis.summary import Summary
-from evaluate.report.console import FittedTable, console_table, row_name
+from evaluate.report.console import FittedTable, breaking_names, console_table, name_in_lines, row_name
 from evaluate.report.headings import FIRST, NARROW
 from evaluate.report.verdict import best_and_worst, lines, unranked, verdict
-from quad_env.cli.format import ABSENT, broken, counted, interval, number, share
+from quad_env.cli.format import ABSENT, counted, estimate, number, plus_minus, share
 
 MOST_SCENARIOS = 6
 """Scenarios of which every figure is printed."""
@@ -33,7 +33,8 @@ def print_results(results: Results, console: Console) -> None:
     many = len(results.scenarios) > MOST_SCENARIOS
     console.print(success_table(results) if many else summary_table(results))
     _print_notes(results, console)
-    console.print(f"\n[bold]{escape(verdict(results.ranking))}[/bold]\n" if many else "", highlight=False)
+    again = escape(breaking_names(verdict(results.ranking), console.width))
+    console.print(f"\n[bold]{again}[/bold]\n" if many else "", highlight=False)
 
 
 def print_levels(results: Results, console: Console) -> None:
@@ -49,12 +50,13 @@ def print_levels(results: Results, console: Console) -> None:
 
 def print_ranking(ranked: Ranking, console: Console, hardware: Sequence[Score] = ()) -> None:
     """Print the verdict, the ranking and a line for each two neighbours."""
-    console.print(f"[bold]{escape(verdict(ranked))}[/bold]\n", highlight=False)
+    console.print(f"[bold]{escape(breaking_names(verdict(ranked), console.width))}[/bold]\n", highlight=False)
     if ranked.places:
         console.print(ranking_table(ranked, hardware if not ranked.hardware else ()))
         console.print()
     for line in lines(ranked):
-        console.print(Padding(f"- {escape(line)}", (0, 0, 0, 1)), highlight=False)
+        said = breaking_names(f"- {line}", console.width - 1)
+        console.print(Padding(escape(said), (0, 0, 0, 1)), highlight=False)
     console.print()
 
 
@@ -63,7 +65,9 @@ def _print_answers(results: Results, console: Console) -> None:
     print_ranking(results.ranking, console, results.hardware_scores)
     for policy, ends in best_and_worst(results).items():
         if words := "; ".join(f"{end} on {of}" for end, of in zip(("best", "worst"), ends, strict=True) if of):
-            console.print(Padding(f"[bold]{escape(policy)}[/bold]: {escape(words)}", (0, 0, 0, 1)), highlight=False)
+            width = console.width - 2
+            named = f"[bold]{escape(breaking_names(policy, width))}[/bold]: {escape(breaking_names(words, width))}"
+            console.print(Padding(named, (0, 0, 0, 1)), highlight=False)
     if said := unranked(results):
         console.print(Padding(escape(said), (0, 0, 0, 1)), highlight=False)
     console.print()
@@ -80,7 +84,7 @@ def ranking_table(ranked: Ranking, hardware: Sequence[Score] = ()) -> FittedTabl
             FIRST: row_name(each.policy),
             "score": share(each.success, each.success_ci),
             "real": real.get(each.policy, ABSENT),
-            "cost": f"{number(each.cost, 2)} [{interval(each.cost_ci, 2)}]".removesuffix(f" [{ABSENT}]"),
+            "cost": estimate(each.cost, each.cost_ci, 2).with_interval,
         }
         for each in ranked.places
     )
@@ -95,7 +99,7 @@ def _print_notes(results: Results, console: Console) -> None:
 
 def success_table(results: Results) -> FittedTable:
     """Success in per cent: an axis a row, below it its severities, the mildest first, and a policy a column."""
-    heads = {FIRST: "axis"} | {name: escape("\n".join(broken(name, HEAD_WIDTH))) for name in results.policies}
+    heads = {FIRST: "axis"} | {name: escape(name_in_lines(name, HEAD_WIDTH)) for name in results.policies}
     rows = []
     for axis in severity_axes(results.cells):
         severities = " ".join(amount(level.severity) for level in axis.levels if level.severity)
@@ -127,5 +131,5 @@ def summary_figures(summary: Summary, end: str) -> dict[str, str]:
     cells = {"cost_of_transport": number(summary.cost_of_transport, 2)}
     for metric in METRICS:
         value, ci = getattr(summary, metric), getattr(summary, f"{metric}_ci")
-        cells[metric] = share(value, ci) if metric in RATES else f"{number(value)} ± {number((ci[1] - ci[0]) / 2)}"
+        cells[metric] = share(value, ci) if metric in RATES else plus_minus(value, ci)
     return {column: re.sub(r" (?=\[|±)", end, cell) for column, cell in cells.items()}

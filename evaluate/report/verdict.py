@@ -2,13 +2,21 @@
 
 from collections.abc import Iterator, Sequence
 
+from evaluate.analysis.comparison import SIGNIFICANT
 from evaluate.analysis.ranking import Neighbours, Ranking
 from evaluate.analysis.results import Results
 from evaluate.analysis.strengths import strengths
-from quad_env.cli.format import brackets, counted, listed, p_value, percent, points, share
+from evaluate.statistics.intervals import Interval
+from quad_env.cli.format import counted, listed, p_value, percent, points_with, share
 
 MOST_NEEDED = 10_000
 """Episodes beyond which no number is given."""
+SAME = "the same to the bit"
+"""Policies whose episodes do not differ in any measure."""
+ALIKE = "cannot be distinguished"
+"""Policies whose difference the corrected test does not show."""
+BY_ITSELF = "though its interval by itself excludes 0"
+"""A difference that only its own interval, which is not corrected, shows."""
 NAMED = 3
 """Scenarios or axes that are named in a line."""
 
@@ -21,9 +29,32 @@ def verdict(ranked: Ranking) -> str:
     score = f"success {share(best.success, best.success_ci)}"
     if not others:
         return f"{best.policy}: {score}"
+    if ranked.neighbours[0].identical:
+        return f"{best.policy} comes first, {score}; {others[0].policy} is {SAME}"
     if ranked.neighbours[0].distinguished:
         return f"{best.policy} is best: {score}, {_size(ranked.neighbours[0])} more than {others[0].policy}"
     return f"{best.policy} comes first, {score}, but is not distinguished from {others[0].policy}"
+
+
+def claim(corrected: float, ci: Interval, *, identical: bool) -> str:
+    """Say what the corrected test shows of one difference of success.
+
+    Args:
+        corrected: Its p-value, corrected together with all claims.
+        ci: Its 95 % interval, which is not corrected.
+        identical: Whether the episodes are the same to the bit.
+    """
+    if identical:
+        return SAME
+    if corrected < SIGNIFICANT:
+        return f"distinguished, {p_value(corrected)}"
+    words = f"{ALIKE}, {p_value(corrected)}"
+    return f"{words}, {BY_ITSELF}" if excludes_zero(ci) else words
+
+
+def excludes_zero(ci: Interval) -> bool:
+    """Whether an interval has one sign."""
+    return ci[0] > 0.0 or ci[1] < 0.0
 
 
 def unranked(results: Results) -> str:
@@ -53,17 +84,21 @@ def best_and_worst(results: Results) -> dict[str, tuple[str, str]]:
 
 
 def _size(of: Neighbours) -> str:
-    return f"{points(of.difference)} points {brackets((100.0 * of.ci[0], 100.0 * of.ci[1]))}"
+    shown = points_with(of.difference, of.ci)
+    return f"{shown.value} points {shown.brackets}".rstrip()
 
 
 def _together(of: Neighbours, episodes: int) -> str:
     if of.distinguished:
         return f"{of.better} beats {of.worse} by {_size(of)}"
-    said = f"{of.better} and {of.worse} cannot be distinguished with {counted(episodes, 'episode')}"
+    if of.identical:
+        return f"{of.better} and {of.worse} are {SAME} in {counted(episodes, 'episode')} of each scenario"
+    said = f"{of.better} and {of.worse} {ALIKE} with {counted(episodes, 'episode')}"
     if episodes > 1:
         needed = f"about {float(f'{of.needed:.2g}'):.0f}" if of.needed <= MOST_NEEDED else f"more than {MOST_NEEDED}"
         said += f"; {needed} would be needed"
-    return f"{said} ({_size(of)}, corrected {p_value(of.p_value_holm)})"
+    by_itself = f", {BY_ITSELF}" if excludes_zero(of.ci) else ""
+    return f"{said} ({_size(of)}, corrected {p_value(of.p_value_holm)}{by_itself})"
 
 
 def _alone(of: Neighbours, ranked: Ranking) -> str:

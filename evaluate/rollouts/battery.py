@@ -3,10 +3,10 @@
 import runpy
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from quad_env.files.paths import missing_file
 from quad_env.files.reading import TEXT, check_file
 from quad_env.files.text import described
 from quad_env.robots.robot import Robot
@@ -49,11 +49,18 @@ def resolve(names: tuple[str, ...], robot: Robot = SIMPLE_QUAD) -> tuple[Scenari
     ValueError lists the valid ones."""
     if not names:
         raise ValueError(f"no scenario given; valid: {_VALID}")
-    found = tuple(chain.from_iterable(_named(name, robot) for name in names))
-    called = [each.name for each in found]
-    if twice := [name for name in dict.fromkeys(called) if called.count(name) > 1]:
-        raise ValueError(f"a scenario is given twice: {' '.join(twice)}")
-    return found
+    by_name = [(name, each) for name in names for each in _named(name, robot)]
+    called = [each.name for _, each in by_name]
+    for twice in dict.fromkeys(name for name in called if called.count(name) > 1):
+        files = [name for name, each in by_name if each.name == twice]
+        if len(set(files)) > 1 and all(map(of_file, files)):
+            raise ValueError(
+                f"{len(files)} scenarios have the name {twice}: {', '.join(files)}; a scenario is called after its "
+                "file or in it: give one of them another name"
+            )
+    if several := [name for name in dict.fromkeys(called) if called.count(name) > 1]:
+        raise ValueError(f"a scenario is given twice: {' '.join(several)}")
+    return tuple(each for _, each in by_name)
 
 
 def one(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
@@ -82,7 +89,7 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if colon and axis in AXES and level == ALL:
         return tuple(map(axes_of(robot)[axis].level, range(1, len(AXES[axis].levels) + 1)))
     if (one := find(name, robot)) is None:
-        raise ValueError(f"unknown scenario {name!r}; valid: {_VALID}")
+        raise ValueError(missing_file(name) or f"unknown scenario {name!r}; valid: {_VALID}")
     return (one,)
 
 

@@ -1,34 +1,68 @@
 """Whether a policy stands and walks as its description says, and which of the usual mistakes explains it if not."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.rollouts.hardware import Hardware
-from evaluate.rollouts.walking_test import Walk, walks
+from evaluate.rollouts.walking_test import Command, Walk, walks
 from policies.base import Actions, Policy
 from policies.foreign import Foreign
 from policies.foreign.described import DescribedPolicy
-from policies.foreign.mistakes import GAINS, MISTAKES, ORDERS, Correction, corrections
+from policies.foreign.mistakes import MISTAKES, ORDERS, Correction, corrections, twofold
+from quad_env.robots.robot import Robot
 from quad_env.seeding import episode_seeds
+from quad_env.sensing.height_scan import table_with
 
 STAND = "to stand"
 COMMANDS = {STAND: (0.0, 0.0, 0.0), "forward": (0.5, 0.0, 0.0), "in a curve": (0.5, 0.0, 0.8)}
 """m/s and rad/s of SimpleQuad; only in a curve is the world's frame another than the body's."""
 SEEDS = episode_seeds("search", 0, 2)
+SCREENED = {"in a curve": COMMANDS["in a curve"]}
+"""Command of the walk by which corrections are chosen."""
+SCREENING = 2.0
+"""Factor by which it is shorter."""
+MOST_WALKS = 12
+"""Corrections that are tried on all commands."""
+NEAREST = 2
+"""Corrections on top of which a second one is tried."""
+UPRIGHT = -0.2
+"""z of gravity in the body's frame above which a robot lies."""
 
 
-class Abreast(Policy):
-    """Policies for one robot, each for as many of those of a batch."""
+@dataclass(frozen=True)
+class ServosByRow(Hardware):
+    """Hardware whose robots have servo gains of their own."""
 
-    name = "abreast"
+    gains: Any = None
+    """Stiffness and damping, (2, n, 12)."""
 
-    def __init__(self, policies: Sequence[Policy]) -> None:
-        super().__init__(robot=policies[0].robot, control_period=policies[0].control_period)
+    def environment(self, robot: Robot) -> dict[str, Any]:
+        """Keyword arguments of an environment of the robots."""
+        return super().environment(robot) | {"servo": tuple(self.gains)}
+
+    def mean_robot(self) -> Robot:
+        """Return the robot as the environment knows it."""
+        is_one = (self.gains == self.gains[:, :1]).all()
+        return self.quadruped.with_servo(*(self.gains[:, 0] if is_one else self.gains.mean(axis=1)))
+
+
+class PolicyStack(Policy):
+    """Several policies run as one: each controls an equal, contiguous share of the batch.
+
+    Policies all of whose robots have fallen over are not asked any more.
+    """
+
+    name = "stack"
+
+    def __init__(self, policies: Sequence[Policy], hardware: ServosByRow) -> None:
+        super().__init__(robot=hardware.mean_robot(), control_period=policies[0].control_period)
         self.height_scan = policies[0].height_scan
         self._policies = policies
+        self._up = table_with(self.robot, self.height_scan).slices["projected_gravity"].stop - 1
 
     def _allocate(self, num_envs: int) -> None:
         for policy in self._policies:
@@ -36,7 +70,11 @@ class Abreast(Policy):
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         shares = np.split(observation, len(self._policies))
-        actions = [policy.act(own) for policy, own in zip(self._policies, shares, strict=True)]
+        home = self.robot.home_pose.astype(np.float32)
+        actions = [
+            np.tile(home, (len(share), 1)) if (share[:, self._up] > UPRIGHT).all() else policy.act(share)
+            for policy, share in zip(self._policies, shares, strict=True)
+        ]
         return np.nan_to_num(np.concatenate(actions))  # a network that overflows falls
 
 
@@ -57,40 +95,114 @@ def failed(found: Sequence[Walk]) -> bool:
 
 
 def cause(policy: Foreign, robot: str) -> str:
-    """What explains that it fails, in words: the correction with which it walks best, tried in this process.
+    """Return what explains that a policy fails, in words: the correction with which it walks best.
 
-    Other gains than the policy's may suit it better than its own: they explain only what nothing else does.
+    One mistake is undone, then several in the order of the joints, then a second one on top of the corrections that
+    help most. Each correction is first tried on a short walk, those that walk best there on all commands; all of them
+    in this process.
+
+    Args:
+        policy: It has a description.
+        robot: Name or path.
     """
+    assert policy.description is not None
+    own = Hardware(robot=robot).quadruped
+    singles: list[tuple[float, Correction]] = []
     for count in range(1, len(ORDERS) + 1):
-        walking = [pair for pair in _deviations(policy, robot, count) if pair[0] <= 1.0]
-        if walking:
-            _, correction = min(walking, key=lambda pair: (pair[1].mistake == GAINS, round(pair[0], 1)))
-            return f"it walks with {correction.words}: check {correction.keys}"
+        found = _deviations(policy, robot, corrections(policy.description, own, count))
+        if words := _best(found):
+            return words
+        singles += found
+    for _, first in sorted(singles, key=_rank)[:NEAREST]:
+        if words := _best(_deviations(policy, robot, twofold(first, own))):
+            return words
     return f"no usual mistake alone explains it; tried: {', '.join(MISTAKES)}"
 
 
-def _deviations(policy: Foreign, robot: str, count: int) -> Iterator[tuple[float, Correction]]:
-    """How far off its commands it is at worst with each correction, of so many mistakes of the order."""
-    assert policy.description is not None
+def _rank(scored: tuple[float, Correction]) -> float:
+    """Return the deviation of a correction with its doubt."""
+    deviation, correction = scored
+    return deviation + correction.doubt
+
+
+def _best(scored: Sequence[tuple[float, Correction]]) -> str:
+    """Return the correction with which it walks best, in words; empty where it walks with none."""
+    walking = [pair for pair in scored if pair[0] <= 1.0]
+    if not walking:
+        return ""
+    _, correction = min(walking, key=_rank)
+    return f"it walks with {correction.words}: check {correction.keys}"
+
+
+def _deviations(policy: Foreign, robot: str, candidates: Iterable[Correction]) -> list[tuple[float, Correction]]:
+    """Return how far off its commands a policy is at worst, with each of the corrections that walk best at first.
+
+    Args:
+        policy: It has a description.
+        robot: Name or path.
+        candidates: Corrections of it.
+    """
     own = Hardware(robot=robot).quadruped
-    groups: dict[bytes, list[tuple[Correction, Policy]]] = {}
-    for each in corrections(policy.description, own, count):
-        made = DescribedPolicy(each.description, robot=own, control_period=policy.control_period)
-        gains = made.robot.servo_stiffness.tobytes() + made.robot.servo_damping.tobytes()
-        groups.setdefault(gains, []).append((each, made))  # robots of a batch have the same servos
-    for group in groups.values():
-        found = tried(Abreast([made for _, made in group]), robot, len(group))
-        worst = np.reshape([walk.deviation for walk in found], (len(group), -1)).max(axis=1)
-        yield from ((float(off), correction) for off, (correction, _) in zip(worst, group, strict=True))
+    tried_out = list(candidates)
+    policies = [
+        DescribedPolicy(each.description, robot=own, control_period=policy.control_period) for each in tried_out
+    ]
+    screened = _worst(policies, robot, SCREENED, SEEDS[:1], SCREENING)
+    best = [
+        place for place in np.argsort(screened, kind="stable")[:MOST_WALKS].tolist() if np.isfinite(screened[place])
+    ]
+    if not best:
+        return []
+    worst = _worst([policies[place] for place in best], robot, COMMANDS, SEEDS)
+    return [(float(off), tried_out[place]) for off, place in zip(worst, best, strict=True)]
+
+
+def _worst(
+    policies: Sequence[Policy],
+    robot: str,
+    commands: Mapping[str, Command],
+    seeds: NDArray[np.int64],
+    shortened_by: float = 1.0,
+) -> NDArray[np.float64]:
+    """Return how far off the commands each of the policies is at worst, (n,); arguments as those of `walks`."""
+    rows = len(commands) * len(seeds)
+    gains = np.array([(each.robot.servo_stiffness, each.robot.servo_damping) for each in policies])
+    hardware = ServosByRow(robot=robot, gains=np.repeat(gains.transpose(1, 0, 2), rows, axis=1))
+    found = walks(PolicyStack(policies, hardware), hardware, commands, seeds, len(policies), shortened_by)
+    deviations = np.array([walk.deviation for walk in found], dtype=np.float64)
+    worst: NDArray[np.float64] = deviations.reshape(len(policies), -1).max(axis=1)
+    return worst
+
+
+def remarks(policy: Policy) -> tuple[str, ...]:
+    """Return what the file of a foreign policy leaves open, a line each."""
+    return tuple(getattr(getattr(policy, "policy", policy), "remarks", ()))
 
 
 def warning(policy: Policy, robot: str) -> str | None:
-    """A line about a policy that does not stand or walk as its description says; None for others."""
+    """Return a line about a foreign policy that does not stand or walk; None for others."""
     inner: Any = getattr(policy, "policy", policy)  # within a safety layer
-    if getattr(inner, "description", None) is None:
+    is_described = getattr(inner, "description", None) is not None
+    if not is_described and not isinstance(inner, Foreign):
         return None
     found = tried(inner, robot)
     inner.close()
     if not (seen := faults(found)):
         return None
-    return f"{next(iter(seen.values()))}{'' if failed(found) else f'; {cause(inner, robot)}'}"
+    first = next(iter(seen.values()))
+    if failed(found):
+        return first
+    return f"{first}; {cause(inner, robot) if is_described else which_observation(inner)}"
+
+
+def which_observation(policy: Foreign) -> str:
+    """Return what is asked about a policy that walks nowhere and whose file does not say what it reads."""
+    table = table_with(policy.robot, policy.height_scan)
+    names = ", ".join(f"{name} {part.stop - part.start}" for name, part in table.slices.items())
+    given = f"it was given this environment's {table.size} numbers ({names})"
+    file = policy.name.rpartition(".py:")[0]
+    if file or policy.name.lower().endswith(".zip"):
+        remedy = "turn them into its own in a class of a Python file (docs/your-policy.md)"
+    else:
+        remedy = f"describe them: python -m quad_env doctor --policy {policy.name} --write mine.toml begins such a file"
+    return f"{given}; if it was trained on others, such as legged_gym's or Isaac Lab's of the same size, {remedy}"

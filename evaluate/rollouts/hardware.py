@@ -114,7 +114,8 @@ def check(hardware: Hardware, scenario: "Scenario | None" = None) -> None:
 @lru_cache
 def _warn(robot: "Robot") -> None:
     """Print, once, what is hard to believe about a user's robot."""
+    from quad_env.robots.leg_words import contradictions
     from quad_env.robots.plausibility import warnings_of
 
-    for line in warnings_of(robot):
+    for line in (*contradictions(robot), *warnings_of(robot)):
         print(f"warning: {robot.name}: {line}", file=sys.stderr)

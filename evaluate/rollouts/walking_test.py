@@ -64,10 +64,20 @@ def walks(
     commands: Mapping[str, Command],
     seeds: NDArray[np.int64],
     times: int = 1,
+    shortened_by: float = 1.0,
 ) -> list[Walk]:
-    """A walk for each seed and each command by its words; these are SimpleQuad's, scaled to the size of the robot.
+    """Return a walk for each seed and each command by its words.
 
-    All of them so many `times`, for policies abreast. Raises what making the environment and `Policy.check_fits` do.
+    Args:
+        policy: Whom the robots follow.
+        hardware: Of the robots.
+        commands: SimpleQuad's, m/s and rad/s, scaled to the size of the robot.
+        seeds: Of the episodes.
+        times: How often all of them are walked, for a stack of so many policies.
+        shortened_by: Factor by which the walks are shorter than SECONDS.
+
+    Raises:
+        ValueError: What making the environment and `Policy.check_fits` raise.
     """
     scale, count = np.array([ratio(policy.robot, unit) for unit in UNITS]), len(seeds)
     asked = np.tile(np.repeat(scale * np.array(list(commands.values())), count, axis=0), (times, 1))
@@ -76,10 +86,10 @@ def walks(
 
     def observe(step: Step) -> None:
         fall[:] = np.where(fall > 0, fall, step.infos["fall"])
-        if step.number * step.env.dt > SETTLING:
+        if step.number * step.env.dt > SETTLING / shortened_by:
             velocities.append(step.infos["heading_velocity"])
 
-    steps, seeds = round(SECONDS / policy.control_period), np.tile(seeds, len(commands) * times)
+    steps, seeds = round(SECONDS / shortened_by / policy.control_period), np.tile(seeds, len(commands) * times)
     roll_out(policy, "flat", seeds, observe, steps=steps, command=asked, hardware=hardware)
     planar = np.linalg.norm(asked[:, :2], axis=1, keepdims=True)
     rule = RULES[SUCCESS_RULE]

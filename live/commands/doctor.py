@@ -5,6 +5,7 @@ from pathlib import Path
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.doctor.check import Check
 from quad_env.doctor.command import Options, run
+from quad_env.files.paths import missing_file
 
 __all__ = ["CHECKS", "OF_DESCRIPTION", "Options", "main"]
 
@@ -36,15 +37,25 @@ def main(options: Options) -> int:
 
 
 def _write(policy: Path, trust: bool, file: Path) -> None:
-    """Write the policy's description as TOML. Raises UsageError where there is none, and PolicyError."""
-    from policies.foreign.readers import write_toml
-    from policies.foreign.reference import checked
+    """Write the policy's description as TOML, what its files do not say as comments. Raises UsageError where there is
+    none, and PolicyError.
+    """
+    from policies.foreign.readers import Incomplete, write_draft, write_toml
+    from policies.foreign.reference import checked, draft_of
 
     make_folder_of(file, "--write")
-    found = checked(policy, trust).description if policy.is_file() else None
-    if found is None:
+    try:
+        found = checked(policy, trust).description if policy.is_file() else None
+        draft = draft_of(policy) if found is None else None
+    except Incomplete as incomplete:
+        found, draft = None, incomplete
+    if found is not None:
+        write_toml(found, file)
+        return
+    if draft is None:
         raise UsageError(f"--write: {policy} has no description: write one by hand, docs/deployment-files.md")
-    write_toml(found, file)
+    write_draft(draft, file)
+    print(f"{file}: complete {', '.join(draft.missing)}, and name it in place of {policy}")
 
 
 def check_exists(name_or_path: str) -> None:
@@ -58,4 +69,7 @@ def check_exists(name_or_path: str) -> None:
     if (remedy := policies.unsupported(name)) is not None:
         raise UsageError(remedy)
     if name not in policies.names() and not file.exists():
-        raise UsageError(f"no policy {name_or_path!r}: name one of {', '.join(policies.names())}, a folder or a file")
+        raise UsageError(
+            missing_file(name)
+            or f"no policy {name_or_path!r}: name one of {', '.join(policies.names())}, a folder or a file"
+        )

@@ -3,6 +3,7 @@
 import json
 import queue
 import time
+from collections.abc import Sequence
 
 from live.view.driver import Driver
 from live.view.painter import Painter
@@ -16,6 +17,8 @@ WAITING = 256
 """Requests that may be waiting; more are refused."""
 HELLO = "hello"
 """What a page says first."""
+BEGINNINGS = frozenset(("scenario", "policy", "alone", "reset", "next", "let_go"))
+"""Requests that begin an episode, which takes up to 50 ms; frames would wait for all that come at once."""
 IDLE = 0.01
 """Time between two looks at what is to be done while paused, s."""
 
@@ -72,11 +75,22 @@ class LiveView:
         self.server.close()
 
     def _obey(self) -> None:
-        for _ in range(self._todo.qsize()):  # not those that come meanwhile: the robots walk on however many do
+        waiting = [self._todo.get_nowait() for _ in range(self._todo.qsize())]  # not those that come meanwhile
+        for request in newest(waiting):
             try:
-                self._driver.do(self._todo.get_nowait())
+                self._driver.do(request)
             except _NOT_TO_BE_DONE as error:
                 self.server.tell(_error(str(error)))
+
+
+def newest(requests: Sequence[Request]) -> list[Request]:
+    """Return the requests without those that a later one makes void: of each kind in BEGINNINGS the last is done."""
+    kept: dict[object, Request] = {}
+    for number, request in enumerate(requests):
+        key = (request.do, request.values.get("robot")) if request.do in BEGINNINGS else number
+        kept.pop(key, None)
+        kept[key] = request
+    return list(kept.values())
 
 
 def _error(text: str) -> str:

@@ -125,6 +125,11 @@ class Server:
             return connection.respond(http.HTTPStatus.BAD_REQUEST, "that is no request\n")
         if refusal is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")
+        method = getattr(request, "method", "GET")  # older versions of websockets refuse all others by themselves
+        if method not in ("GET", "HEAD") or (method == "HEAD" and path == "/socket"):
+            refused = connection.respond(http.HTTPStatus.METHOD_NOT_ALLOWED, "only GET and HEAD are answered\n")
+            refused.headers["Allow"] = "GET, HEAD"
+            return refused
         if path == "/socket":
             return None
         file = _FILES.get(path)
@@ -132,7 +137,7 @@ class Server:
             return connection.respond(http.HTTPStatus.NOT_FOUND, "there is no such file\n")
         body = file.read_bytes()
         headers = Headers({"Content-Type": KINDS[file.suffix], "Content-Length": str(len(body)), **_HEADERS})
-        return Response(200, "OK", headers, body)
+        return Response(200, "OK", headers, b"" if method == "HEAD" else body)
 
     async def _connected(self, connection: ServerConnection) -> None:
         if len(self._pages) >= MOST_PAGES:

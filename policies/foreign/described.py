@@ -8,17 +8,17 @@ from numpy.typing import NDArray
 from policies.base import Actions, Floats, MadeFor, Policy, PolicyError, to_actions
 from policies.foreign import networks
 from policies.foreign.description import PolicyDescription
-from policies.foreign.joints import joints_of
+from policies.foreign.joints import action_joints, joints_of
 from policies.foreign.terms import Terms
 from policies.memory import per_robot
 from quad_env.robots.robot import Robot
 
 TOLERANCE = 1e-6
-"""Share of a control period by which a policy's may miss a whole number of the environment's."""
+"""Share of a control period within which two instants are one."""
 
 
 class DescribedPolicy(Policy):
-    """The policy of a description; each target is held over its control period, which begins when its robot does.
+    """The policy of a description; each target is held until its next, the first of which is when its robot begins.
 
     Args:
         description: of it.
@@ -35,8 +35,9 @@ class DescribedPolicy(Policy):
     def __init__(self, description: PolicyDescription, **made_for: Unpack[MadeFor]) -> None:
         super().__init__(**made_for)
         self.name, self.robot = description.network.name, with_gains(self.robot, description)
-        self._description, self._steps = description, steps_held(description, self.control_period)
-        self._joints = joints_of(description.joints, self.robot)
+        self._description = description
+        self._share = period_share(description, self.control_period)
+        self._joints = action_joints(description, self.robot)
         offset = description.action_offset or description.default_position
         self._offset, self._scale = np.array(offset), np.array(description.action_scale)
         self._terms = Terms(description, self.robot, self.control_period)
@@ -47,7 +48,9 @@ class DescribedPolicy(Policy):
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         rows = observation.astype(np.float64)
         self._terms.track(rows)
-        due = np.flatnonzero(self._ticks % self._steps == 0)
+        periods = np.floor(self._ticks * self._share + TOLERANCE)
+        before = np.floor((self._ticks - 1) * self._share + TOLERANCE)
+        due = np.flatnonzero((periods > before) | (self._ticks == 0))
         if len(due):
             actions = self._networks.actions(self._terms.observe(rows[due], due), due).astype(np.float64)
             if self._description.action_clip is not None:
@@ -72,12 +75,16 @@ def with_gains(robot: Robot, description: PolicyDescription) -> Robot:
         raise PolicyError(f"the servos of {description.network} cannot be had: {error}") from None
 
 
-def steps_held(description: PolicyDescription, control_period: float) -> int:
-    """Control steps of the environment, of so many s each, in one of the policy. Raises PolicyError."""
-    steps = 1.0 / (description.control_rate * control_period)
-    if abs(steps - round(steps)) > TOLERANCE * steps:
+def period_share(description: PolicyDescription, control_period: float) -> float:
+    """Return the environment's control period, s, as a share of the policy's.
+
+    The policy acts in the first of the environment's control steps that is not before its own, and each target is held
+    until the next. Raises PolicyError for a policy that acts more often than the environment.
+    """
+    share = description.control_rate * control_period
+    if share > 1.0 + TOLERANCE:
         raise PolicyError(
-            f"{description.network} acts at {description.control_rate:g} Hz, of which the environment's "
-            f"{1.0 / control_period:g} Hz is no multiple"
+            f"{description.network} acts at {description.control_rate:g} Hz, more often than the environment's "
+            f"{1.0 / control_period:g} Hz"
         )
-    return round(steps)
+    return 1.0 / round(1.0 / share) if abs(1.0 / share - round(1.0 / share)) < TOLERANCE / share else share

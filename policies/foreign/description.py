@@ -4,13 +4,15 @@ Joint angles, order and names are those of the policy's own files, in its maker'
 this package bring them to the robot's. A target is `offset + scale * clip(action)`, rad.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from reprlib import repr as shortened
 from typing import Annotated, Literal
+
+import numpy as np
 
 from policies.base import PolicyError
 from quad_env.config import Amount, Bounds, Finite, Positive, check_settings
+from quad_env.files.text import brief
 
 Numbers = tuple[Finite, ...]
 Range = tuple[Finite, Finite]
@@ -32,11 +34,34 @@ TERMS: dict[str, int | None] = {
 }
 """Names of observation terms, and how many numbers each has; None where the term's own settings say it."""
 
-OF_JOINTS = "default_position", "action_scale", "stiffness", "damping", "action_offset", "target_clip"
+OF_JOINTS = "default_position", "action_scale", "stiffness", "damping", "action_offset", "target_clip", "signs", "zeros"
 """Fields of a description with a value for each of its `joints`, in their order."""
 
 MOST_POINTS = 10_000
 """Points of a height scan."""
+MAX_NAME = 100
+"""Characters of a joint's name."""
+MAX_OBSERVATION = 100_000
+"""Numbers that are kept of a robot: those of one control step, times the longest history."""
+PLAUSIBLE = {
+    "control_rate": (1.0, 1e4, "Hz"),
+    "default_position": (-100.0, 100.0, "rad"),
+    "action_scale": (-100.0, 100.0, "rad"),
+    "action_offset": (-100.0, 100.0, "rad"),
+    "stiffness": (1e-3, 1e4, "N·m/rad"),
+    "damping": (0.0, 1e3, "N·m·s/rad"),
+    "observation_clip": (1e-6, float("inf"), ""),
+    "scale": (-1e6, 1e6, ""),
+    "clock": (0.01, 100.0, "Hz"),
+    "x": (-100.0, 100.0, "m"),
+    "y": (-100.0, 100.0, "m"),
+    "offset": (-100.0, 100.0, "m"),
+    "values": (-1e12, 1e12, ""),
+    "clip": (-1e12, 1e12, ""),
+    "action_clip": (-1e12, 1e12, ""),
+    "target_clip": (-1e12, 1e12, "rad"),
+}
+"""Field -> least and largest value, unit: far beyond any robot's, so that what lies outside is a fault of the file."""
 _OWNERS = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
 
 
@@ -65,6 +90,7 @@ class HeightGrid(_Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        _check_plausible(self)
         if not 1 <= len(self.x) * len(self.y) <= MOST_POINTS:
             raise PolicyError(f"a height scan has 1 to {MOST_POINTS} points, not {len(self.x)} x {len(self.y)}")
 
@@ -89,17 +115,22 @@ class Term(_Checked):
     """Cycles a second of a `gait_clock`, Hz."""
     grid: HeightGrid | None = None
     """Of a `height_scan`."""
+    zero_below: Amount = field(default=0.0, repr=False)
+    """Of a `gait_clock`: it is shown as (0, 0) where the norm of the command is smaller; 0: it always runs."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.name not in TERMS:
-            raise PolicyError(f"{shortened(self.name)} is no observation term", f"the terms are {', '.join(TERMS)}")
+            raise PolicyError(f"{brief(self.name)} is no observation term", f"the terms are {', '.join(TERMS)}")
         for setting, owner in _OWNERS.items():
             if bool(getattr(self, setting)) != (owner == self.name):
                 raise PolicyError(f"`{setting}` belongs to the term {owner} and to no other, not to {self.name}")
+        if self.zero_below and self.name != "gait_clock":
+            raise PolicyError(f"`zero_below` belongs to the term gait_clock and to no other, not to {self.name}")
         if len(self.scale) not in (1, self.width):
             raise PolicyError(f"`scale` must be 1 or {self.width} numbers, not {len(self.scale)}")
         _check_ranges("clip", self.clip)
+        _check_plausible(self)
 
     @property
     def width(self) -> int:
@@ -148,27 +179,70 @@ class PolicyDescription(_Checked):
     """What fills the history at the start of an episode: the first observation, or zeros."""
     previous_action: Literal["raw", "scaled"] = "raw"
     """Whether the previous action is what the network gave, clipped, or the target minus its offset, rad."""
+    signs: Numbers | None = None
+    """1 or -1 in the order of `joints`; -1 where the policy's joint turns the other way than the robot file's. None: 1.
+    The robot file's angle is `zeros + signs * the policy's`."""
+    zeros: Numbers | None = None
+    """Angles of the robot file's joints where the policy's are zero, rad, in the order of `joints`; None: 0."""
+    remarks: tuple[str, ...] = field(default=(), compare=False)
+    """What the file leaves open and was assumed, a line each."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if any(
+            not name.isprintable() or len(name) > MAX_NAME for name in (*self.joints, *(self.observed_joints or ()))
+        ):
+            raise PolicyError(f"`joints` must be names of at most {MAX_NAME} printable characters")
         if not len(self.joints) == len({*self.joints}) == 12:
-            raise PolicyError(f"`joints` must be the names of 12 different joints, not {shortened(self.joints)}")
+            raise PolicyError(f"`joints` must be the names of 12 different joints, not {brief(self.joints)}")
         if self.observed_joints is not None and sorted(self.observed_joints) != sorted(self.joints):
             raise PolicyError("`observed_joints` must be the names of `joints`, in another order")
         for name in OF_JOINTS:
             if (values := getattr(self, name)) is not None and len(values) != 12:
                 raise PolicyError(f"`{name}` must be of 12 joints, not of {len(values)}")
+        if self.signs is not None and not {*self.signs} <= {-1.0, 1.0}:
+            raise PolicyError(f"`signs` must be 1 or -1, not {brief(self.signs)}")
+        _check_plausible(self)
+        if not any(self.action_scale):
+            raise PolicyError("`action_scale` is 0 for every joint: the network would move nothing")
         _check_ranges("action_clip", self.action_clip)
         _check_ranges("target_clip", *self.target_clip or ())
         if not self.terms:
             raise PolicyError("`terms` must be one term or more", f"the terms are {', '.join(TERMS)}")
         if self.history_layout == "time" and len({term.history for term in self.terms}) > 1:
             raise PolicyError("with the history_layout `time`, all terms must have the same history")
+        kept = max(term.history for term in self.terms) * sum(term.width for term in self.terms)
+        if kept > MAX_OBSERVATION:
+            raise PolicyError(
+                f"`terms` show {kept} numbers with their history: an observation has at most {MAX_OBSERVATION}"
+            )
 
     @property
     def width(self) -> int:
         """Numbers of the whole observation."""
         return sum(term.width * term.history for term in self.terms)
+
+    @property
+    def text(self) -> str:
+        """All that decides what the policy does beside its network, for a digest.
+
+        Fields that came later are in it only where they are set, so that older descriptions keep their digests.
+        """
+        later = {name: value for name in ("signs", "zeros") if (value := getattr(self, name)) is not None}
+        if any(thresholds := [term.zero_below for term in self.terms]):
+            later["zero_below"] = thresholds
+        known = {name: value for name, value in vars(self).items() if name not in ("signs", "zeros", "remarks")}
+        return repr(known | {"network": ""}) + (repr(later) if later else "")
+
+
+def _check_plausible(settings: object) -> None:
+    """Raise PolicyError, one line, for the first number beyond PLAUSIBLE; 0 stands for a clock that is none."""
+    for name, (least, largest, unit) in PLAUSIBLE.items():
+        value = getattr(settings, name, None)
+        for each in () if value is None else np.ravel(value).tolist():
+            if not least <= each <= largest and (name, each) != ("clock", 0.0):
+                limits = f"{least:g} to {largest:g} {unit}".rstrip()
+                raise PolicyError(f"`{name}` is beyond any robot's: got {each:g}; valid: {limits}")
 
 
 def _check_ranges(name: str, *ranges: Range | None) -> None:

@@ -4,7 +4,6 @@ Robots' angles are zero with the leg straight down and grow about +x or +y (see 
 those of its maker's model, for which the robot's own model file stands. A robot's angle is zero + sign * the policy's.
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -14,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, PolicyError
-from quad_env.robots.anatomy import JOINTS_PER_LEG, LEG_WORDS, LINK_WORDS
+from policies.foreign.description import PolicyDescription
+from quad_env.robots.anatomy import JOINTS_PER_LEG, LINK_WORDS
+from quad_env.robots.leg_words import leg_of, words_of
 from quad_env.robots.model_file import read
 from quad_env.robots.robot import Robot
 
@@ -25,9 +26,6 @@ LINKS = LINK_WORDS | {
     **dict.fromkeys(("y", "pitch"), "12"),
 }
 """Places in the leg that a word of a joint's name may mean, counted from the trunk."""
-_ENDS = {"front": "f", "fore": "f", "hind": "h", "rear": "h", "back": "h"}
-_SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
-_WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 
 
 @dataclass(frozen=True)
@@ -66,6 +64,25 @@ def joints_of(names: Sequence[str], robot: Robot) -> Joints:
     return Joints(places, signs[places], zeros[places])
 
 
+def action_joints(description: PolicyDescription, robot: Robot) -> Joints:
+    """Return the robot's joints in the order of a policy's actions. Raises PolicyError."""
+    return _of_description(description.joints, description, robot)
+
+
+def observed_joints(description: PolicyDescription, robot: Robot) -> Joints:
+    """Return the robot's joints in the order in which a policy observes them. Raises PolicyError."""
+    return _of_description(description.observed_joints or description.joints, description, robot)
+
+
+def _of_description(names: Sequence[str], description: PolicyDescription, robot: Robot) -> Joints:
+    """Return joints of those names with the description's signs and zeros on top of the robot file's."""
+    found = joints_of(names, robot)
+    order = [description.joints.index(name) for name in names]
+    signs = np.ones(len(order)) if description.signs is None else np.array(description.signs)[order]
+    zeros = np.zeros(len(order)) if description.zeros is None else np.array(description.zeros)[order]
+    return Joints(found.places, found.signs * signs, found.zeros + found.signs * zeros)
+
+
 def _exact(names: Sequence[str], robot: Robot) -> list[int]:
     """Places of the joints that are called so, if all are there, once each."""
     own = {name.lower(): place for place, name in enumerate(robot.joint_names)}
@@ -75,8 +92,8 @@ def _exact(names: Sequence[str], robot: Robot) -> list[int]:
 
 def _by_words(names: Sequence[str], robot: Robot) -> list[int]:
     """Places of the joints that the names describe. Raises PolicyError, which names the first that describes none."""
-    words = [[word.lower() for word in _WORD.findall(name)] for name in names]
-    legs = [_leg(each) for each in words]
+    words = [words_of(name) for name in names]
+    legs = [leg_of(each) for each in words]
     places = dict[int, int]()
     for number, leg in enumerate(robot.leg_names):
         its = [index for index, found in enumerate(legs) if found == leg]
@@ -87,15 +104,6 @@ def _by_words(names: Sequence[str], robot: Robot) -> list[int]:
     first = next((name for index, name in enumerate(names) if index not in places), None)
     fault = f"moves {len(names)} joints" if first is None else f"moves the joint {first!r}, which fits none"
     raise PolicyError(f"the policy {fault} of {robot.name}, whose joints are {', '.join(robot.joint_names)}")
-
-
-def _leg(words: Sequence[str]) -> str | None:
-    """fl, fr, hl or hr; None where the words do not say it."""
-    known = {LEG_WORDS[word] for word in words if word in LEG_WORDS}
-    ends, sides = ({kind[word] for word in words if word in kind} for kind in (_ENDS, _SIDES))
-    if not known and len(ends) == len(sides) == 1:
-        known = {ends.pop() + sides.pop()}
-    return known.pop() if len(known) == 1 else None
 
 
 def _links(leg: Sequence[Sequence[str]]) -> list[tuple[int, ...]]:

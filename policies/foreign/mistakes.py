@@ -1,7 +1,8 @@
 """The usual mistakes in a policy's description, each undone, and what is to be corrected in it then."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 from typing import Any, Literal
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.foreign.described import with_gains
-from policies.foreign.description import OF_JOINTS, PolicyDescription, Term
+from policies.foreign.description import OF_JOINTS, Numbers, PolicyDescription, Term
 from policies.foreign.joints import joints_of
 from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.robot import Robot
@@ -19,12 +20,58 @@ Order = NDArray[np.intp]
 Names = tuple[str, ...]
 
 ORDERS = SIDES, ENDS, GROUPING = "left and right", "fore and hind", "joints by kind or by leg"
-MISTAKES = (*ORDERS, FRAMES := "frame of velocities", GRAVITY := "sign of gravity", GAINS := "servo gains")
+MISTAKES = (
+    *ORDERS,
+    FRAMES := "frame of velocities",
+    GRAVITY := "sign of gravity",
+    SCALES := "scales of observations",
+    ACTIONS := "scale of actions",
+    SIGNS := "signs of joints",
+    HISTORY := "direction of the history",
+    RATE := "control rate",
+    PREVIOUS := "previous action raw or scaled",
+    POSITIONS := "zero of joint positions",
+    TERMS := "order of the terms",
+    OBSERVED := "order of observed joints",
+    CLOCK := "gait clock",
+    GAINS := "servo gains",
+)
 """What may be the other way round, or another's."""
 FACTORS = 0.2, 0.45, 2.2, 5.0
 """Of the described servo gains, where the policy's are not known."""
+SINGLE_FACTORS = 0.1, 10.0
+"""Of the described stiffness or damping alone."""
+ACTION_FACTORS = 0.25, 0.5, 2.0, 4.0
+"""Of the described action scale."""
+HIP_FACTORS = 0.5, 2.0
+"""Of the described action scale of the hips: legged_gym's forks reduce it."""
+RATES = 25.0, 100 / 3, 50.0, 100.0
+"""Usual control rates, Hz."""
+LEGGED_GYM_SCALES: dict[str, Numbers] = {
+    "linear_velocity": (2.0,),
+    "angular_velocity": (0.25,),
+    "joint_velocity": (0.05,),
+    "command": (2.0, 2.0, 0.25),
+    "height_scan": (5.0,),
+}
+"""Of observation terms; other projects have 1."""
+LAYOUTS = (
+    (
+        "linear_velocity",
+        "angular_velocity",
+        "projected_gravity",
+        "command",
+        *(OF_STATE := ("joint_position", "absolute_joint_position", "joint_velocity", "previous_action")),
+    ),
+    ("linear_velocity", "angular_velocity", "projected_gravity", *OF_STATE, "command"),
+    ("command", "linear_velocity", "angular_velocity", "projected_gravity", *OF_STATE),
+    ("angular_velocity", "linear_velocity", "projected_gravity", "command", *OF_STATE),
+    ("projected_gravity", "angular_velocity", "linear_velocity", "command", *OF_STATE),
+)
+"""Orders of the terms in legged_gym and Isaac Lab, in mjlab and MuJoCo Playground, in HIMLoco, and in others."""
 _OTHER = {SIDES: str.maketrans("lr", "rl"), ENDS: str.maketrans("fh", "hf")}
 _FRAMES: tuple[Literal["body", "world"], ...] = ("body", "world")
+_LINKS = "hip", "thigh", "calf"
 
 
 @dataclass(frozen=True)
@@ -37,16 +84,69 @@ class Correction:
     keys: str
     """What to correct in the description."""
     description: PolicyDescription
+    doubt: float = 0.0
+    """Added to the deviation of its walk before corrections are compared."""
+
+
+DOUBTS = {
+    ACTIONS: 0.25,
+    SIGNS: 0.1,
+    PREVIOUS: 0.2,
+    POSITIONS: 0.2,
+    OBSERVED: 0.3,
+    TERMS: 0.4,
+    RATE: 0.3,
+    CLOCK: 0.3,
+    GAINS: 0.3,
+}
+"""Of corrections by mistake: smaller actions and other servos, rates and clocks make walks bearable that something else
+is the cause of; terms in another order do where the network hardly needs them."""
+MIRRORED_DOUBT = 0.4
+"""Added where the default position turns with the signs: that makes another walk of the same network."""
+ROBOTS_DOUBT = 0.1
+"""Added for the robot's own gains, which often suit a policy as well as its own."""
 
 
 def corrections(described: PolicyDescription, robot: Robot, count: int = 1) -> Iterator[Correction]:
     """Each of MISTAKES undone; or so many of ORDERS together, by which Isaac Lab's order differs from Unitree's."""
+    seen = [described]
+    for correction in _all(described, robot, count):
+        if correction.description not in seen:
+            seen.append(correction.description)
+            yield replace(correction, doubt=correction.doubt + DOUBTS.get(correction.mistake, 0.0))
+
+
+def twofold(first: Correction, robot: Robot) -> Iterator[Correction]:
+    """Each of MISTAKES undone, of another kind than a correction's, on top of that correction."""
+    for second in corrections(first.description, robot):
+        if second.mistake != first.mistake:
+            yield Correction(
+                f"{first.mistake} and {second.mistake}",
+                f"{first.words} and {second.words}",
+                f"{first.keys} and {second.keys}",
+                second.description,
+                first.doubt + second.doubt,
+            )
+
+
+def _all(described: PolicyDescription, robot: Robot, count: int) -> Iterator[Correction]:
     for mistakes in combinations(ORDERS, count):
         yield from _reordered(described, mistakes, robot)
-    if count == 1:
-        yield from _reframed(described)
-        yield from _turned(described)
-        yield from _with_other_gains(described, robot)
+    if count > 1:
+        return
+    for undo in (
+        _reframed,
+        _turned,
+        _rescaled,
+        _with_other_actions,
+        _in_other_time,
+        _with_other_numbers,
+        _in_other_order,
+    ):
+        yield from undo(described)
+    yield from _with_other_signs(described, robot)
+    yield from _observed_otherwise(described, robot)
+    yield from _with_other_gains(described, robot)
 
 
 def order_of(joints: Names, robot: Robot) -> str:
@@ -65,7 +165,7 @@ def _grouped(order: Order) -> tuple[Order, Order]:
     return order[np.lexsort((links, legs))], order[np.lexsort((legs, links))]
 
 
-def _changed(joints: Names, mistakes: Names, robot: Robot) -> Names:
+def _changed(joints: Names, mistakes: Iterable[str], robot: Robot) -> Names:
     """Those joints without the mistakes in their order."""
     order = before = joints_of(joints, robot).places
     for mistake in mistakes:
@@ -93,6 +193,21 @@ def _reordered(described: PolicyDescription, mistakes: Names, robot: Robot) -> I
         yield Correction(kind, words, "`joints` and what is in its order", together)
 
 
+def _observed_otherwise(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
+    """Other orders of the observed joints alone: that of the actions, or without one of the mistakes in an order."""
+    own = described.observed_joints or described.joints
+    orders = [described.joints, *(_changed(own, (mistake,), robot) for mistake in ORDERS)]
+    for order in orders:
+        words = f"joints observed in the order {order_of(order, robot)}"
+        observed = order if order != described.joints else None
+        yield Correction(OBSERVED, words, "`observed_joints`", replace(described, observed_joints=observed))
+
+
+def _with_terms(described: PolicyDescription, change: Callable[[Term], Term]) -> PolicyDescription:
+    """Return the description with each of its terms changed."""
+    return replace(described, terms=tuple(map(change, described.terms)))
+
+
 def _reframed(described: PolicyDescription) -> Iterator[Correction]:
     """The velocities in the body's frame and in the world's, both of them and each alone."""
     both = "linear_velocity", "angular_velocity"
@@ -112,16 +227,168 @@ def _turned(described: PolicyDescription) -> Iterator[Correction]:
         other = replace(term, scale=tuple(-each for each in term.scale))
         return other if term.name == "projected_gravity" else term
 
-    if (terms := tuple(map(turned, described.terms))) != described.terms:
-        words, keys = "projected_gravity the other way", "the sign of `scale` of projected_gravity"
-        yield Correction(GRAVITY, words, keys, replace(described, terms=terms))
+    words, keys = "projected_gravity the other way", "the sign of `scale` of projected_gravity"
+    yield Correction(GRAVITY, words, keys, _with_terms(described, turned))
+
+
+def _rescaled(described: PolicyDescription) -> Iterator[Correction]:
+    """Each scale of an observation as in legged_gym, or 1, or by that factor more or less; and all of them together."""
+    for name, theirs in LEGGED_GYM_SCALES.items():
+        for term in described.terms:
+            if term.name != name:
+                continue
+            less = tuple(mine * each for mine, each in _pairs(term.scale, theirs))
+            more = tuple(mine / each for mine, each in _pairs(term.scale, theirs))
+            for scale in (theirs, (1.0,), less, more):
+                words = f"{name} scaled by {_numbers(scale)}"
+                changed = _with_terms(described, _scaled({name: scale}))
+                yield Correction(SCALES, words, f"`scale` of {name}", changed)
+    ones: dict[str, Numbers] = dict.fromkeys(LEGGED_GYM_SCALES, (1.0,))
+    for words, scales in (
+        ("legged_gym's scales of observations", LEGGED_GYM_SCALES),
+        ("no scales of observations", ones),
+    ):
+        yield Correction(SCALES, words, "`scale` of all terms", _with_terms(described, _scaled(scales)))
+
+
+def _pairs(mine: Numbers, theirs: Numbers) -> Iterable[tuple[float, float]]:
+    """Return pairs of two scales, where one number stands for all."""
+    width = max(len(mine), len(theirs))
+    return zip(mine * (width // len(mine)), theirs * (width // len(theirs)), strict=True)
+
+
+def _scaled(scales: dict[str, Numbers]) -> Callable[[Term], Term]:
+    """Return what gives terms those scales, with limits that cut at the same values."""
+    return lambda term: replace(term, scale=scales[term.name]) if term.name in scales else term
+
+
+def _numbers(values: Numbers) -> str:
+    """Return numbers in words: one for all, each of a few, or the least and the largest."""
+    if len({*values}) == 1:
+        return f"{values[0]:g}"
+    if len(values) > 3:
+        return f"{min(values):g} to {max(values):g}"
+    return " ".join(f"{value:g}" for value in values)
+
+
+def _with_other_actions(described: PolicyDescription) -> Iterator[Correction]:
+    """Actions that stand for more or less, or that do not start at the default position."""
+    for factor in ACTION_FACTORS:
+        scale = tuple(factor * each for each in described.action_scale)
+        words = f"an action_scale of {_numbers(scale)}"
+        yield Correction(ACTIONS, words, "`action_scale`", replace(described, action_scale=scale))
+    hips = ["hip" in name.lower() or "haa" in name.lower() or name.lower().endswith("hx") for name in described.joints]
+    for factor in HIP_FACTORS if sum(hips) == 4 else ():
+        scale = tuple(factor * each if hip else each for each, hip in zip(described.action_scale, hips, strict=True))
+        words = f"{factor:g} times the action_scale of the hips"
+        yield Correction(ACTIONS, words, "`action_scale`", replace(described, action_scale=scale))
+    zeros = (0.0,) * len(described.joints)
+    for words, offset in (("targets from the default position", None), ("targets from zero", zeros)):
+        yield Correction(POSITIONS, words, "`action_offset`", replace(described, action_offset=offset))
+
+
+def _in_other_time(described: PolicyDescription) -> Iterator[Correction]:
+    """Another control rate, and a history in another direction or layout."""
+    for rate in dict.fromkeys((*RATES, 0.5 * described.control_rate, min(2.0 * described.control_rate, RATES[-1]))):
+        words = f"a control rate of {rate:.4g} Hz"
+        yield Correction(RATE, words, "`control_rate`", replace(described, control_rate=rate))
+    if all(term.history == 1 for term in described.terms):
+        return
+    newest: Literal["first", "last"] = "last" if described.history_newest == "first" else "first"
+    layout: Literal["term", "time"] = "time" if described.history_layout == "term" else "term"
+    words, keys = f"the newest step of the history {newest}", "`history_newest`"
+    reversed_ = replace(described, history_newest=newest)
+    yield Correction(HISTORY, words, keys, reversed_)
+    if layout == "term" or len({term.history for term in described.terms}) == 1:
+        by = f"the history by {layout}"
+        yield Correction(HISTORY, by, "`history_layout`", replace(described, history_layout=layout))
+        together = replace(reversed_, history_layout=layout)
+        yield Correction(HISTORY, f"{by} and {words}", f"`history_layout` and {keys}", together)
+
+
+def _with_other_numbers(described: PolicyDescription) -> Iterator[Correction]:
+    """The previous action in its other meaning, joint positions from another zero, a clock that is read otherwise."""
+    names = {term.name for term in described.terms}
+    if "previous_action" in names:
+        other: Literal["raw", "scaled"] = "scaled" if described.previous_action == "raw" else "raw"
+        words = f"the previous action {other}"
+        yield Correction(PREVIOUS, words, "`previous_action`", replace(described, previous_action=other))
+    pair = {"joint_position": "absolute_joint_position", "absolute_joint_position": "joint_position"}
+    if names & pair.keys():
+        changed = _with_terms(described, lambda term: replace(term, name=pair.get(term.name, term.name)))
+        words = " and ".join(term.name for term in changed.terms if term.name in pair)
+        yield Correction(POSITIONS, f"{words} observed", "the term of the joint positions", changed)
+    for term in described.terms:
+        if term.name == "gait_clock":
+            threshold = 0.0 if term.zero_below else 0.1
+            words = (
+                f"a clock that is zero below a command of {threshold:g}" if threshold else "a clock that always runs"
+            )
+            changed = _with_clock(described, term.clock, threshold)
+            yield Correction(CLOCK, words, "`zero_below` of gait_clock", changed)
+            for factor in (0.5, 2.0):
+                clock = factor * term.clock
+                changed = _with_clock(described, clock, term.zero_below)
+                yield Correction(CLOCK, f"a clock of {clock:g} Hz", "`clock` of gait_clock", changed)
+
+
+def _with_clock(described: PolicyDescription, clock: float, zero_below: float) -> PolicyDescription:
+    """Return the description with another clock."""
+    change = partial(replace, clock=clock, zero_below=zero_below)
+    return _with_terms(described, lambda term: change(term) if term.name == "gait_clock" else term)
+
+
+def _in_other_order(described: PolicyDescription) -> Iterator[Correction]:
+    """The terms in another project's order, or two neighbours the other way round."""
+    terms = described.terms
+    orders = [_sorted_by(layout, terms) for layout in LAYOUTS]
+    orders += [(*terms[:at], terms[at + 1], terms[at], *terms[at + 2 :]) for at in range(len(terms) - 1)]
+    for order in orders:
+        words = f"the terms in the order {', '.join(term.name for term in order)}"
+        yield Correction(TERMS, words, "`terms`", replace(described, terms=order))
+
+
+def _sorted_by(layout: Names, terms: tuple[Term, ...]) -> tuple[Term, ...]:
+    """Return the terms of a layout in its order, the others where they are."""
+    known = iter(sorted((term for term in terms if term.name in layout), key=lambda term: layout.index(term.name)))
+    return tuple(next(known) if term.name in layout else term for term in terms)
+
+
+def _with_other_signs(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
+    """Joints that turn the other way: by link, on all legs or on those of one side; the default position with them or
+    as it stands."""
+    legs, links = np.divmod(joints_of(described.joints, robot).places, JOINTS_PER_LEG)
+    is_right = np.array([robot.leg_names[leg].endswith("r") for leg in legs])
+    every = np.ones(len(legs), np.bool_)
+    choices = [("", every, chosen) for chosen in ((1, 2), (0,), (2,), (1,), (0, 1, 2))]
+    choices += [
+        (f" of the {side} legs", mask, chosen)
+        for side, mask in (("right", is_right), ("left", ~is_right))
+        for chosen in ((0,), (0, 1, 2), (1, 2))
+    ]
+    for where, mask, chosen in choices:
+        turns = np.where(mask & np.isin(links, chosen), -1.0, 1.0)
+        signs = turns if described.signs is None else turns * described.signs
+        which = f"{' and '.join(_LINKS[link] for link in chosen)}{where}"
+        words = f"the sign of {which} the other way"
+        values = None if (signs == 1.0).all() else tuple(signs.tolist())
+        alone = replace(described, signs=values)
+        yield Correction(SIGNS, words, f"`signs` of {which}", alone)
+        default = tuple((turns * described.default_position + 0.0).tolist())
+        offset = described.action_offset and tuple((turns * described.action_offset + 0.0).tolist())
+        both = replace(alone, default_position=default, action_offset=offset)
+        words, keys = f"{words}, default position too", f"`signs` and `default_position` of {which}"
+        yield Correction(SIGNS, words, keys, both, MIRRORED_DOUBT)
 
 
 def _with_other_gains(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
-    """The robot's own servo gains, and gains far off."""
+    """The described gains with one of them far off, the robot's own, and both far off."""
     own, gains = joints_of(described.joints, robot).places, np.array((described.stiffness, described.damping))
     robots = np.array((robot.servo_stiffness, robot.servo_damping))[:, own]
-    for stiffness, damping in (each.tolist() for each in (robots, *(factor * gains for factor in FACTORS))):
+    single = [np.array(pair)[:, None] * gains for each in SINGLE_FACTORS for pair in ((1.0, each), (each, 1.0))]
+    others = [(0.0, each) for each in (*(factor * gains for factor in FACTORS), *single)]
+    for doubt, values in ((ROBOTS_DOUBT, robots), *others):
+        stiffness, damping = values.tolist()
         changed = replace(described, stiffness=tuple(stiffness), damping=tuple(damping))
         words = f"servo gains of {with_gains(robot, changed).servo}"
-        yield Correction(GAINS, words, "`stiffness` and `damping`", changed)
+        yield Correction(GAINS, words, "`stiffness` and `damping`", changed, doubt)

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from policies.base import Mask, PolicyError
 from policies.foreign.description import PolicyDescription
+from policies.foreign.network_kind import check_is_network, is_onnx
 from policies.foreign.onnx_file import acting, session_of
+from policies.foreign.onnx_roles import roles_of
 from policies.foreign.packages import package
 from policies.foreign.python_file import Act
 from policies.memory import Memory
@@ -55,7 +57,7 @@ class Networks(Memory):
 
 def load(description: PolicyDescription) -> Networks:
     """The description's network, which has its process to itself. Raises PolicyError, one line."""
-    make, remembers = (_torch if description.network.suffix.lower() == ".pt" else _onnx)(description)
+    make, remembers = (_onnx if is_onnx(description.network) else _torch)(description)
     row = np.random.default_rng(0).standard_normal(description.width).astype(np.float32)
     try:
         act = make()
@@ -87,7 +89,7 @@ def _onnx(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
     """What makes the network of an ONNX file, and whether it has a memory."""
     session = session_of(description.network)
     made = acting(session, description.network)
-    width = session.get_inputs()[0].shape[-1]
+    width = roles_of(session.get_inputs(), session.get_outputs(), description.network).observation.shape[-1]
     if isinstance(width, int) and width != description.width:
         raise _other_width(description, width)
     return made
@@ -95,7 +97,9 @@ def _onnx(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
 
 def _torch(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
     """What makes the network of a TorchScript file, and whether it says that it has a memory."""
-    file, torch = description.network, package("torch", "train")
+    file = description.network
+    check_is_network(file)
+    torch = package("torch", "train")
     torch.set_num_threads(1)
     try:
         with warnings.catch_warnings():

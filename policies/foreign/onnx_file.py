@@ -14,7 +14,8 @@ import numpy as np
 
 from policies import bundle
 from policies.base import Policy, PolicyError
-from policies.description import assembled, network_of, parsed
+from policies.description import assembled, check_unaltered, network_of, parsed
+from policies.foreign.onnx_roles import roles_of
 from policies.foreign.packages import package
 from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
@@ -58,18 +59,20 @@ def session_of(file: Path) -> Any:
 
 def acting(session: Any, file: Path) -> tuple[Callable[[], Act], bool]:
     """What makes the network of a session, from one observation to one action without the axis of a batch; and whether
-    it has a memory: inputs after the first, which outputs after the first renew in the same order. Raises PolicyError.
+    it has a memory. Inputs and outputs are known by name (`onnx_roles`). Raises PolicyError.
     """
-    (seen, *states), (given, *renewed) = session.get_inputs(), session.get_outputs()
+    if not session.get_inputs() or not session.get_outputs() or not session.get_inputs()[0].shape:
+        raise PolicyError(f"{file} has no input of an observation, a vector, or no output")
+    roles = roles_of(session.get_inputs(), session.get_outputs(), file)
+    seen, states = roles.observation, [state for state, _ in roles.memory]
     shapes = [[size if isinstance(size, int) else 1 for size in state.shape] for state in states]
     if other := next((each for each in (seen, *states) if each.type not in TYPES), None):
         raise PolicyError(f"{file} reads {other.type}: it must read float or double")
-    if seen.shape[:-1] not in ([], [1]) and (len(seen.shape) != 2 or isinstance(seen.shape[0], int)):
+    is_batch = len(seen.shape) == 2 and not isinstance(seen.shape[0], int)
+    if not seen.shape or (seen.shape[:-1] not in ([], [1]) and not is_batch):
         raise PolicyError(f"{file} reads {seen.shape}: it must read one observation, or a batch of any size")
-    if [len(each.shape) for each in renewed[: len(states)]] != [len(shape) for shape in shapes]:
-        others = ", ".join(each.name for each in states)
-        raise PolicyError(f"{file} reads {others} besides the observation, and its outputs do not renew them")
-    names, flat = [each.name for each in (given, *renewed[: len(states)])], len(seen.shape) == 1
+    names = [roles.action.name, *(renewed.name for _, renewed in roles.memory)]
+    flat = len(seen.shape) == 1
 
     def make() -> Act:
         memory = {state.name: np.zeros(shape, TYPES[state.type]) for state, shape in zip(states, shapes, strict=True)}
@@ -96,7 +99,9 @@ def _residual(file: Path, description: str, act: Act, robot: Robot) -> ResidualP
         raise PolicyError(f"the network in {file} fails: {described(error)}") from error
     if not off <= TOLERANCE:
         raise PolicyError(f"the network in {file} is not the one that its metadata describes; export it again")
-    return assembled(file, found, network, robot)
+    policy = assembled(file, found, network, robot)
+    check_unaltered(file, description.encode())
+    return policy
 
 
 def _difference(act: Act, network: Network, count: int) -> float:

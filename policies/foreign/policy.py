@@ -1,6 +1,7 @@
 """A policy from outside, in a watched process of its own: its failures cost its own robots the episode, no others."""
 
-import hashlib
+import os
+import re
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -20,6 +21,8 @@ from policies.foreign.watched import START_TIMEOUT, DeadlineMissed, PolicyProces
 
 DEADLINE = 5.0
 """Longest time that one call may take, s; six times as long for the first."""
+LOAD_TIMEOUT, ACT_TIMEOUT = "QUAD_ENV_LOAD_TIMEOUT", "QUAD_ENV_ACT_TIMEOUT"
+"""Environment variables: other limits than START_TIMEOUT and DEADLINE, s."""
 GRACE = 2.0
 """Added to the deadline before a process without an answer is ended, s; the episodes of all its robots then fail."""
 
@@ -40,6 +43,8 @@ class Foreign(Policy):
     """Why the policy failed each robot, (n,); None where it has not."""
     description: PolicyDescription | None = None
     """How its network is run; None of a policy that acts on our observation by itself."""
+    remarks: tuple[str, ...]
+    """What its files leave open and was assumed, a line each."""
 
     def __init__(self, reference: str | Path, *, trust: bool = False, **made_for: Unpack[MadeFor]) -> None:
         super().__init__(**made_for)
@@ -48,9 +53,11 @@ class Foreign(Policy):
             self.robot, self.description = with_gains(self.robot, found.description), found.description
             self.height_scan = scan_of(found.description)
         self.name = str(reference)
-        self.sha256 = hashlib.sha256(found.content).hexdigest()
-        served = partial(serve, found, self.robot, self.control_period, DEADLINE)
-        self._process, self._stepped = Watched(partial(_on_stderr, served)), False
+        self.remarks = found.remarks if found.description is None else found.description.remarks
+        self.sha256 = found.sha256
+        served = partial(serve, found, self.robot, self.control_period, _seconds(ACT_TIMEOUT, DEADLINE))
+        load_time = _seconds(LOAD_TIMEOUT, START_TIMEOUT)
+        self._process, self._stepped = Watched(partial(_on_stderr, served), load_time), False
         self._try_out()
         self._allocate(1)
 
@@ -61,7 +68,7 @@ class Foreign(Policy):
     def _try_out(self) -> None:
         """Raise PolicyError where the policy cannot be loaded, or gives no actions."""
         try:
-            self._process.ask(("reset", 1, None), START_TIMEOUT)
+            self._process.ask(("reset", 1, None), _seconds(LOAD_TIMEOUT, START_TIMEOUT))
         except (DeadlineMissed, PolicyProcessError) as error:
             reason = str(error).removeprefix("PolicyError: ")
             raise PolicyError(reason if reason != str(error) else f"cannot load {self.name}: {reason}") from None
@@ -101,7 +108,7 @@ class Foreign(Policy):
 
     def _asked(self, call: str, *arguments: object) -> Any:
         """What its process answers; None, and no robot has a policy any more, if the process is gone."""
-        patience = DEADLINE * (1 if self._stepped else PATIENCE_AT_FIRST)
+        patience = _seconds(ACT_TIMEOUT, DEADLINE) * (1 if self._stepped else PATIENCE_AT_FIRST)
         try:
             answer = self._process.ask((call, *arguments), patience + GRACE)
             self._stepped |= call == "step"
@@ -118,6 +125,12 @@ class Foreign(Policy):
         for robot, reason in failures.items():
             if self.failure[robot] is None:
                 self.failure[robot] = reason
+
+
+def _seconds(variable: str, otherwise: float) -> float:
+    """A time that an environment variable gives, s."""
+    given = os.environ.get(variable, "")
+    return float(given) if re.fullmatch(r"[0-9]{1,6}(\.[0-9]+)?", given) and float(given) > 0 else otherwise
 
 
 def _on_stderr(make: Callable[[], Served]) -> Served:

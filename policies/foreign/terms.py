@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from policies.base import Floats, Mask, PolicyError
 from policies.foreign.description import HeightGrid, PolicyDescription, Term
-from policies.foreign.joints import joints_of
+from policies.foreign.joints import action_joints, observed_joints
 from policies.legs.level_frame import level_frame
 from policies.memory import Memory, per_robot
 from policies.mpc.contact import ContactSense
@@ -55,20 +55,23 @@ class Terms(Memory):
 
     def __init__(self, description: PolicyDescription, robot: Robot, control_period: float) -> None:
         self._description, self._robot, self._period = description, robot, control_period
-        self._joints = joints_of(description.joints, robot)
-        self._observed = joints_of(description.observed_joints or description.joints, robot)
+        self._joints = action_joints(description, robot)
+        self._observed = observed_joints(description, robot)
         default = self._joints.in_place(np.array(description.default_position, dtype=np.float64))
         self._default = default[self._observed.places]
         self.height_scan = scan_of(description)
         self._slices = table_with(robot, self.height_scan).slices
         self._order = _layout(description)
         self._contacts: ContactSense | None = None
+        self._tracks = any(term.frame == "world" or term.name == "foot_contact" for term in description.terms)
         if any(term.name == "foot_contact" for term in description.terms):
             self._contacts = ContactSense(robot, parameters_of(TROT, robot), control_period)
             self._dynamics = Dynamics(robot)
 
     def track(self, observation: Floats) -> None:
         """Take in the control step that led to the environment's observations, (n, k): turns and contacts."""
+        if not self._tracks:
+            return
         gravity, (_, pitching, turning) = (
             observation[:, self._slices[name]].T for name in ("projected_gravity", "angular_velocity")
         )
@@ -116,7 +119,9 @@ class Terms(Memory):
                 return seen["contact"][:, list(dict.fromkeys(self._joints.places // JOINTS_PER_LEG))]
             case "gait_clock":
                 angles = 2.0 * np.pi * term.clock / self._description.control_rate * seen["steps"]
-                return np.stack((np.sin(angles), np.cos(angles)), axis=1)
+                clock = np.stack((np.sin(angles), np.cos(angles)), axis=1)
+                is_moving = np.linalg.norm(seen["command"], axis=1, keepdims=True) >= term.zero_below
+                return np.where(is_moving, clock, 0.0)
             case "constant":
                 return np.tile(term.values, (len(seen["steps"]), 1))
             case "height_scan":

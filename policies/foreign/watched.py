@@ -1,17 +1,18 @@
 """A policy in a process of its own, watched from outside: whatever it does, an answer or an error comes in time."""
 
 import multiprocessing
-import threading
-import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
 from typing import Any
 
-from quad_env.cli.child_process import serve_parent, without_ctrl_c
+from quad_env.cli.child_process import Watchdog, serve_parent, without_ctrl_c, without_main
 from quad_env.files.text import described
 
 START_TIMEOUT = 60.0
-"""For the process to start and make its policy, s."""
+"""For the process to make its policy, s; time in which it waits for a processor does not count."""
+IMPORT_TIMEOUT = 300.0
+"""For the process to start and to load the project, s."""
 
 _asking: Connection | None = None
 """In a policy's process: the connection to the process that asks it."""
@@ -30,12 +31,14 @@ class Watched:
 
     Args:
         make: makes the object, in the other process; picklable, such as `functools.partial(policies.make, "trot")`.
+        load_time: that `make` may take, s.
 
     A late or broken process is ended; the next question begins another.
     """
 
-    def __init__(self, make: Callable[[], object]) -> None:
+    def __init__(self, make: Callable[[], object], load_time: float = START_TIMEOUT) -> None:
         self._make = make
+        self._load_time = load_time
         self._process: Any = None
         self._connection: Connection | None = None
 
@@ -58,39 +61,36 @@ class Watched:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, self._make), daemon=True)
-        with without_ctrl_c():
+        with without_ctrl_c(), without_main(bytes(ForkingPickler.dumps(self._make))):
             self._process.start()
         theirs.close()
-        self.ask(("__repr__",), START_TIMEOUT)  # waits until it is made
+        self.ask(("__repr__",), IMPORT_TIMEOUT, self._load_time)  # waits until it is made
 
-    def ask(self, question: tuple[object, ...], patience: float) -> Any:
+    def ask(self, question: tuple[object, ...], patience: float, patience_then: float | None = None) -> Any:
         """What a method of the object, named first, gives for the arguments after it, in a process begun if need be.
 
-        The process is ended unless the answer comes within `patience` s, or within as much of the last `still_at_work`.
+        The process is ended unless the answer comes within `patience` s, or within `patience_then` s (by default as
+        much) of the last `still_at_work`. Time in which it waits for a processor does not count.
         """
         if self._process is None:
             self._launch()
         connection, process = self._connection, self._process
         assert connection is not None
         # From a thread of its own, since a large question to a process that does not listen blocks as well.
-        watchdog, began = threading.Timer(patience, process.kill), time.perf_counter()
-        watchdog.start()
+        watchdog = Watchdog(process, patience)
         try:
             connection.send(question)
             while (reply := connection.recv()) is None:  # still at work
-                watchdog.cancel()
-                watchdog.join()
-                watchdog, began = threading.Timer(patience, process.kill), time.perf_counter()
-                watchdog.start()
+                watchdog.call_off()
+                patience = patience if patience_then is None else patience_then
+                watchdog = Watchdog(process, patience)
         except (EOFError, OSError) as error:
-            late = time.perf_counter() - began >= patience
             self.close()
-            if late:
+            if watchdog.has_bitten:
                 raise DeadlineMissed(f"no answer within {patience * 1e3:g} ms") from None
             raise PolicyProcessError("the policy's process has ended") from error
         finally:
-            watchdog.cancel()
-            watchdog.join()
+            watchdog.call_off()
         failure, answer = reply
         if failure is not None:
             raise PolicyProcessError(failure)
@@ -111,6 +111,7 @@ def _serve(connection: Connection, make: Callable[[], object]) -> None:
     global _asking
     serve_parent()
     try:
+        connection.send(None)  # all is loaded
         try:
             policy = make()
             _asking = connection

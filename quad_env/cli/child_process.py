@@ -9,8 +9,10 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from multiprocessing import connection, resource_tracker
+from typing import Any
 
 
 def available_cores() -> int:
@@ -35,6 +37,56 @@ def without_ctrl_c() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
 
+@contextlib.contextmanager
+def without_main(content: bytes) -> Iterator[None]:
+    """Context in which processes are spawned that do not run the main script again, which may have no guard.
+
+    `content` is what they are given, pickled: where a part of it is of the main script, they run that as ever.
+    """
+    main: Any = sys.modules["__main__"]
+    if b"__main__" in content:
+        yield
+        return
+    spec, file = main.__spec__, vars(main).pop("__file__", None)
+    main.__spec__ = None
+    try:
+        yield
+    finally:
+        main.__spec__ = spec
+        if file is not None:
+            main.__file__ = file
+
+
+class Watchdog:
+    """Ends a process that could run for some time, see `RunClock`, without being put off.
+
+    Args:
+        process: of `multiprocessing`.
+        patience: s.
+    """
+
+    def __init__(self, process: Any, patience: float) -> None:
+        self._process, self._patience, self._clock = process, patience, RunClock(process.pid)
+        self._called_off = threading.Event()
+        self.has_bitten = False
+        self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
+        self._thread.start()
+
+    def _watch(self) -> None:
+        left = self._patience
+        while left > 0.0:
+            if self._called_off.wait(max(left, 0.01)):
+                return
+            left = self._patience - self._clock.elapsed()
+        self.has_bitten = True
+        self._process.kill()
+
+    def call_off(self) -> None:
+        """Let the process live."""
+        self._called_off.set()
+        self._thread.join()
+
+
 def serve_parent() -> None:
     """Called first in such a process: from now on Ctrl-C is ignored, and the end of the parent ends it at once."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -46,3 +98,38 @@ def _exit_with_parent() -> None:
     assert parent is not None
     connection.wait([parent.sentinel])
     os._exit(1)
+
+
+class RunClock:
+    """Time for which a process could run, s: wall time without what it waited for a processor.
+
+    On a busy machine a process that works gets as much as on a free one; one that sleeps or waits for a device does
+    not get longer. Only Linux says how long a process waited: elsewhere it is wall time.
+    """
+
+    def __init__(self, pid: int) -> None:
+        self._tasks = f"/proc/{pid}/task"
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin at 0 again."""
+        self._began = time.monotonic()
+        self._waited = _waiting_times(self._tasks)
+
+    def elapsed(self) -> float:
+        """Return the time since the start, s."""
+        waits = (now - self._waited.get(task, 0.0) for task, now in _waiting_times(self._tasks).items())
+        return time.monotonic() - self._began - max(waits, default=0.0)
+
+
+def _waiting_times(tasks: str) -> dict[str, float]:
+    """Return for how long each thread of a process has waited for a processor, s; nothing where it is not known."""
+    found = {}
+    with contextlib.suppress(OSError):  # the process has ended, or the system is another one
+        for task in os.listdir(tasks):
+            with (
+                contextlib.suppress(OSError, ValueError, IndexError),
+                open(f"{tasks}/{task}/schedstat", encoding="ascii") as file,
+            ):
+                found[task] = int(file.read().split()[1]) / 1e9
+    return found

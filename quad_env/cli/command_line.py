@@ -1,6 +1,7 @@
 """Command lines as frozen dataclasses: options from their docstrings, mistakes as one line."""
 
 import contextlib
+import difflib
 import io
 import itertools
 import os
@@ -15,10 +16,23 @@ from quad_env.files.writing import make_writable_folder
 
 Options = TypeVar("Options")
 
+SYNONYMS = (
+    ("threads", "workers", "num_workers", "jobs", "n_jobs", "processes", "num_processes", "cores", "cpus", "nthread"),
+    ("envs", "num_envs", "robots"),
+    ("steps", "timesteps", "total_timesteps", "max_steps"),
+    ("out", "output", "output_dir", "out_dir", "log_dir", "dir"),
+    ("episodes", "num_episodes", "n_episodes"),
+    ("scenarios", "scenario", "terrain", "terrains"),
+    ("policies", "policy", "model", "models", "checkpoint"),
+    ("seed", "random_seed"),
+)
+"""Names of one option in this and in other programs."""
 _PAIRS = ("policy", "policies"), ("scenario", "scenarios")
 _RULE = re.compile(r"[─-]{3,}")
 _NO_NUMBER = re.compile(r"invalid literal for int\(\) with base 10|could not convert string to float")
 """Python's words for what is no whole number, or no number."""
+_OPTIONAL = re.compile(r"Error parsing (.+?): no type matching .+ Got errors: .*- <class '\w+'>: (.+)")
+"""tyro's words for a value that may be left out; the last of its errors is that of the value."""
 
 
 class UserError(Exception):
@@ -50,7 +64,20 @@ def parse(
     except SystemExit as end:
         if not end.code:
             raise
-        raise UsageError(f"{first_sentence(complaint.getvalue())}; see `{program} --help`") from None
+        said = complaint.getvalue()
+        raise UsageError(f"{first_sentence(said)}; see `{program} --help`{_meant(kind, said)}") from None
+
+
+def _meant(kind: type, complaint: str) -> str:
+    """`; did you mean --threads?` of an unknown option that other programs have, or that is nearly one of these."""
+    known = [field.name for field in fields(kind)]
+    for name in re.findall(r"--([\w-]+)", complaint.partition("Unrecognized options")[2]):
+        asked = name.replace("-", "_")
+        same = next((group for group in SYNONYMS if asked in group), ())
+        meant = [each for each in known if each in same] or difflib.get_close_matches(asked, known, 1, 0.7)
+        if meant:
+            return f"; did you mean --{meant[0].replace('_', '-')}?"
+    return ""
 
 
 def _whole_numbers(asked: Any) -> Any:
@@ -97,6 +124,8 @@ def first_sentence(box: str) -> str:
     # Where the terminal cannot draw boxes, a rule follows the title.
     below = itertools.dropwhile(_RULE.fullmatch, lines)
     sentence = " ".join(itertools.takewhile(lambda line: not _RULE.search(line), below)).rstrip(".")
+    if optional := _OPTIONAL.fullmatch(sentence):
+        sentence = f"Error parsing {optional[1]}: {optional[2]}"
     return _NO_NUMBER.sub("no number", sentence)
 
 

@@ -3,35 +3,89 @@
 import math
 import re
 from collections.abc import Sequence
+from decimal import ROUND_HALF_UP, Context, Decimal
+from typing import NamedTuple
 
 ABSENT = "–"
 MINUS = "−"
 NO_BREAK = "\u00a0"
+SIGNIFICANT_DIGITS = 12
+"""Of a figure; what is beyond them is taken for the rounding of floats."""
+_WIDE = Context(prec=400)
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A figure with a fixed count of decimals and a real minus sign; a dash if it does not exist."""
+    """A figure with a fixed count of decimals, halves away from zero, and a real minus sign; a dash if not finite."""
     if not math.isfinite(value):
         return ABSENT
-    text = f"{value:.{digits}f}"
+    exact = Decimal(f"{value:.{SIGNIFICANT_DIGITS}g}")  # 57 of 200 are 28.5 %, in floats a little less
+    text = f"{exact.quantize(Decimal(1).scaleb(-digits), ROUND_HALF_UP, _WIDE):f}"
     if float(text) == 0.0:
         text = text.lstrip("-")
     return text.replace("-", MINUS)
 
 
-def interval(ends: tuple[float, float], digits: int = 3) -> str:
-    """`low … high`; a dash if it does not exist."""
-    low, high = (number(end, _apart(ends, digits)) for end in ends)
-    return ABSENT if ABSENT in (low, high) else f"{low}{NO_BREAK}… {high}"
+class Estimate(NamedTuple):
+    """A figure and the ends of its interval as text, all with the same count of decimals."""
+
+    value: str
+    low: str
+    high: str
+
+    @property
+    def has_interval(self) -> bool:
+        """Whether both ends exist."""
+        return ABSENT not in (self.low, self.high)
+
+    @property
+    def interval(self) -> str:
+        """`low … high`; a dash if it does not exist."""
+        return f"{self.low}{NO_BREAK}… {self.high}" if self.has_interval else ABSENT
+
+    @property
+    def brackets(self) -> str:
+        """`[3.0, 6.8]`, which does not break; empty if it does not exist."""
+        return f"[{self.low},{NO_BREAK}{self.high}]" if self.has_interval else ""
+
+    @property
+    def with_interval(self) -> str:
+        """`4.2 [3.0 … 6.8]`; the figure alone without an interval."""
+        return f"{self.value} [{self.interval}]" if self.has_interval else self.value
 
 
-def brackets(ends: tuple[float, float], digits: int = 1) -> str:
-    """`[3.0, 6.8]`, which does not break."""
-    return f"[{f',{NO_BREAK}'.join(number(end, _apart(ends, digits)) for end in ends)}]"
+def estimate(value: float, ends: tuple[float, float], digits: int = 3, scale: float = 1.0) -> Estimate:
+    """Format a figure with its interval.
+
+    All three are rounded to the same decimals, so that a figure within its interval is shown within it.
+
+    Args:
+        value: The figure.
+        ends: Lower and upper end of its interval; NaN where there is none.
+        digits: Decimals; up to three more where different ends would look the same.
+        scale: Factor on all three, such as 100 for per cent.
+    """
+    low, high = (scale * end for end in ends)
+    decimals = _apart((low, high), digits)
+    return Estimate(number(scale * value, decimals), number(low, decimals), number(high, decimals))
+
+
+def plus_minus(value: float, ends: tuple[float, float], digits: int = 3) -> str:
+    """`0.101 ± 0.009`: a figure and half of its interval, to as many decimals as `estimate` takes."""
+    found = estimate(value, ends, digits)
+    decimals = len(found.low.partition(".")[2])
+    return f"{found.value} ± {number((ends[1] - ends[0]) / 2, decimals)}"
+
+
+def four_digits(value: float, ends: tuple[float, float]) -> Estimate:
+    """A figure with its interval, to four significant digits of the largest of the three."""
+    largest = max((abs(each) for each in (value, *ends) if math.isfinite(each)), default=0.0)
+    return estimate(value, ends, max(0, 3 - math.floor(math.log10(largest))) if largest > 0.0 else 0)
 
 
 def _apart(ends: tuple[float, float], digits: int) -> int:
-    """So many decimals, or up to three more where the ends would else seem to be the same."""
+    """The decimals, or up to three more where different ends would look the same."""
+    if not all(map(math.isfinite, ends)):
+        return digits
     return next((d for d in range(digits, digits + 4) if number(ends[0], d) != number(ends[1], d)), digits)
 
 
@@ -44,14 +98,29 @@ def percent(share: float) -> str:
     return f"{number(value, digits)}{NO_BREAK}%"
 
 
+def whole_percent(share: float) -> str:
+    """A share of 1 in whole per cent, as in `62%`."""
+    return f"{number(100.0 * share, 0)}%"
+
+
 def points(share: float) -> str:
     """A difference of shares in percentage points, one decimal."""
     return number(100.0 * share, 1)
 
 
+def points_with(share: float, ends: tuple[float, float]) -> Estimate:
+    """A difference of shares with its interval in percentage points, one decimal."""
+    return estimate(share, ends, 1, 100.0)
+
+
+def interval(ends: tuple[float, float], digits: int = 3) -> str:
+    """`low … high` of an interval that stands alone; a dash if it does not exist."""
+    return estimate(ends[0], ends, digits).interval
+
+
 def points_interval(ends: tuple[float, float]) -> str:
-    """`low … high` in percentage points, one decimal."""
-    return interval((100.0 * ends[0], 100.0 * ends[1]), 1)
+    """`low … high` of an interval that stands alone, in percentage points, one decimal."""
+    return points_with(ends[0], ends).interval
 
 
 def p_value(value: float) -> str:
@@ -69,12 +138,18 @@ def listed(names: Sequence[str]) -> str:
 
 
 def broken(name: str, width: int) -> list[str]:
-    """A name in lines of at most so many characters: broken after `/`, `_` or `-`, or where it has none of them."""
+    """Break a name into lines of at most `width` characters, at the ends of its words.
+
+    Words end after `/`, `_`, `-`, `:`, `@`, `+` or a space. Only a word longer than a line is broken inside, if
+    possible before a capital letter.
+    """
     lines = [""]
-    for piece in re.findall(rf"[^/_-]{{1,{width - 1}}}[/_-]?|[/_-]", name):
-        if len(lines[-1]) + len(piece) > width:
-            lines.append("")
-        lines[-1] += piece
+    for word in re.findall(r"[^/_\-:@+ ]*[/_\-:@+ ]|[^/_\-:@+ ]+", name):
+        parts = [word] if len(word) <= width else re.split(r"(?<=[a-z0-9])(?=[A-Z])", word)
+        for piece in (piece for part in parts for piece in re.findall(f".{{1,{width}}}", part)):
+            if len(lines[-1]) + len(piece) > width:
+                lines.append("")
+            lines[-1] += piece
     return lines
 
 
@@ -85,4 +160,5 @@ def counted(count: int, thing: str) -> str:
 
 def share(value: float, ends: tuple[float, float]) -> str:
     """`41 % [36, 47]`: a share of 1 with its interval, in whole per cent."""
-    return f"{number(100.0 * value, 0)}{NO_BREAK}% {brackets((100.0 * ends[0], 100.0 * ends[1]), 0)}"
+    found = estimate(value, ends, 0, 100.0)
+    return f"{found.value}{NO_BREAK}% {found.brackets}".rstrip()

@@ -3,6 +3,7 @@
 import contextlib
 import itertools
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +11,8 @@ from typing import TypeAlias
 
 from quad_env.cli.interrupt import Interrupt
 
+QUIET, PERIOD = 5.0, 10.0
+"""s of work before the first line about it where there is no terminal, and between two lines."""
 CellProgress: TypeAlias = Callable[[str, str, float], None]
 """Takes the policy and the scenario of a cell, and the share of it that is done, 0 to 1; 1 exactly once."""
 
@@ -40,9 +43,8 @@ def show_progress(total: int) -> Iterator[CellProgress]:
             progress.update(task, description=f"{scenario}: {policy}", completed=done, left=left)
             if share < 1.0 or console.is_terminal:
                 return
-            with contextlib.suppress(OSError):  # a log that cannot be written is no reason to lose the run
-                took = duration(elapsed) + (left and f", about {left}")
-                print(f"[{next(finished)}/{total}] {scenario}: {policy} ({took})", file=sys.stderr, flush=True)
+            took = duration(elapsed) + (left and f", about {left}")
+            _say(f"[{next(finished)}/{total}] {scenario}: {policy} ({took})")
 
         yield show
 
@@ -58,21 +60,64 @@ def duration(seconds: float) -> str:
 
 
 @contextmanager
-def bar(what: str) -> Iterator[Callable[[float], None]]:
-    """Takes the share of the work that is done, 0 … 1: a bar on a terminal, nothing elsewhere.
+def bar(what: str, *, in_lines: bool = True) -> Iterator[Callable[[float], None]]:
+    """Show how much of some work is done: takes the share, 0 … 1.
 
-    It raises KeyboardInterrupt if Ctrl-C was pressed: the work stops between two reports.
+    A bar on a terminal; elsewhere, `in_lines`, a line after QUIET seconds and then every PERIOD seconds. It raises
+    KeyboardInterrupt if Ctrl-C was pressed: the work stops between two reports.
     """
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
-    console = Console(stderr=True)
-    shown = Progress(console=console, transient=True, disable=not console.is_terminal)
+    console, begun = Console(stderr=True), time.perf_counter()
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
+    )  # fmt: skip
+    shown = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
     with Interrupt() as interrupt, shown as progress:
-        task = progress.add_task(what, total=1.0)
+        task, due = progress.add_task(what, total=1.0), QUIET
 
         def report(share: float) -> None:
+            nonlocal due
             interrupt.check()
             progress.update(task, completed=share)
+            elapsed = time.perf_counter() - begun
+            if console.is_terminal or not in_lines or elapsed < due:
+                return
+            due = elapsed + PERIOD
+            left = f", about {duration(elapsed * (1.0 - share) / share)} left" if 0.0 < share < 1.0 else ""
+            _say(f"{what}: {100.0 * share:.0f} % ({duration(elapsed)}{left})")
 
         yield report
+
+
+@contextmanager
+def waiting(what: str) -> Iterator[None]:
+    """Say that some work whose share is not known goes on: a spinner on a terminal, elsewhere a line after QUIET
+    seconds."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if console.is_terminal:
+        with console.status(what):
+            yield
+        return
+    told = threading.Timer(QUIET, _say, (f"{what} …",))
+    told.daemon = True
+    told.start()
+    try:
+        yield
+    finally:
+        told.cancel()
+
+
+def _say(line: str) -> None:
+    with contextlib.suppress(OSError):  # a log that cannot be written is no reason to lose the work
+        print(line, file=sys.stderr, flush=True)

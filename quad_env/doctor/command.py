@@ -11,6 +11,7 @@ import tyro
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import counted
 from quad_env.doctor.check import Check, Finding, Subject, examine
+from quad_env.files.text import visible
 from quad_env.robots.named import ROBOTS, robot_named
 
 HERE = "quad_env.doctor"
@@ -19,6 +20,7 @@ CHECKS = (
     Check("mujoco", f"{HERE}.installation:mujoco", ("packages",)),
     Check("opengl", f"{HERE}.installation:opengl", ("mujoco",)),
     Check("model", f"{HERE}.model:model", ("mujoco",)),
+    Check("names", f"{HERE}.model:names", ("model",)),
     Check("limits", f"{HERE}.model:limits", ("model",)),
     Check("joints", f"{HERE}.model:joints", ("limits",)),
     Check("stands", f"{HERE}.standing:stands", ("joints",)),
@@ -60,7 +62,7 @@ def run(options: Options, of_policies: tuple[Check, ...] | None) -> int:
     counts = Counter[str]()
     for name, found in examine((*CHECKS, *(of_policies or ())), subject):
         counts[found.result] += 1
-        print("\n".join(_lines(name, found)), flush=True)
+        print(visible("\n".join(_lines(name, found))), flush=True)
     faults = [counted(counts[kind], kind) for kind in ("problem", "warning") if counts[kind]]
     others = [f"{counts[kind]} {kind}" for kind in ("ok", "left out") if counts[kind]]
     print(", ".join(faults + others) + (f"; {NO_CLONE}" if of_policies is None else ""))

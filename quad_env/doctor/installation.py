@@ -1,5 +1,6 @@
 """Whether the packages are those that the project asks for, MuJoCo loads, and pictures can be drawn."""
 
+import contextlib
 import os
 import platform
 import subprocess
@@ -8,11 +9,12 @@ from importlib import import_module, metadata
 
 from packaging.requirements import Requirement
 
+from quad_env.cli.child_process import RunClock
 from quad_env.doctor.check import Finding, Subject, ok, problem
 
 PROJECT = "simple-quad"
 PATIENCE = 60.0
-"""Longest time for a first frame, with shaders that the processor compiles, s."""
+"""Longest time for a first frame, with shaders that the processor compiles, s; waiting for a processor not counted."""
 INSTALL = "install EGL (Debian and Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri)"
 DRAW = """
 from quad_env.envs.env import SimpleQuadEnv
@@ -63,15 +65,28 @@ def opengl(_: Subject) -> Finding:
     """Whether a frame is drawn, in another process."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = sys.executable, "-c", DRAW
-    try:
-        run = subprocess.run(command, capture_output=True, check=False, timeout=PATIENCE, env=environment)
-    except subprocess.TimeoutExpired:
-        return _broken(f"no frame within {PATIENCE:g} s")
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment) as run:
+        stderr = _stderr_in_time(run)
+    if stderr is None:
+        seen = f"no frame within {PATIENCE:g} s, without the time in which other programs had the processor"
+        return problem(
+            seen, "OpenGL, or a driver behind it, waits for ever", "see what `MUJOCO_GL=egl` gives, or osmesa"
+        )
     if run.returncode == 0:
         return ok("a frame is drawn")
-    said = run.stderr.decode(errors="replace").splitlines()
+    said = stderr.decode(errors="replace").splitlines()
     errors = [line for line in said if line and not line[0].isspace() and "Error" in line]
     return _broken((errors or [f"drawing ends the process with {run.returncode}"])[-1].partition(". ")[0])
+
+
+def _stderr_in_time(run: "subprocess.Popen[bytes]") -> bytes | None:
+    """What a process prints on stderr until it ends; None where it has not ended in PATIENCE, and is ended now."""
+    clock = RunClock(run.pid)
+    while clock.elapsed() < PATIENCE:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return run.communicate(timeout=0.5)[1]
+    run.kill()
+    return None
 
 
 def _broken(seen: str) -> Finding:

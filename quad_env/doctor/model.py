@@ -1,12 +1,15 @@
 """Whether the robot's model loads and is plausible, and its joints are mirrored left and right."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from quad_env.doctor.check import Finding, Subject, ok, problem
 from quad_env.robots.anatomy import JOINTS_PER_LEG, ModelError
-from quad_env.robots.model_file import DECISIVE, log_to_the_console
+from quad_env.robots.arena import overlap_remark
+from quad_env.robots.leg_words import contradictions
+from quad_env.robots.model_file import DECISIVE, log_to_the_console, omitted_from
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
 
@@ -37,7 +40,12 @@ def model(subject: Subject) -> Finding:
         )
     held = f"; held at their reference: {', '.join(robot.held)}" if robot.held else ""
     trunk = f"trunk {robot.home_height:.2f} m high"
-    return ok(f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, {trunk}{held}")
+    omitted = omitted_from(robot.mjcf, robot.keeps_contact) if robot.imported else ()
+    details = [f"{heading}: {text}" for heading, text in omitted]
+    if (line := overlap_remark(robot)) is not None:
+        details.append(line)
+    seen = f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, {trunk}{held}"
+    return replace(ok(seen), details=tuple(details))
 
 
 def plausible(subject: Subject) -> Finding:
@@ -47,6 +55,16 @@ def plausible(subject: Subject) -> Finding:
         remedy = f"correct them in {subject.robot.mjcf}, or give them in {subject.figures}"
         return Finding("warning", "; ".join(found), cause, remedy)
     return ok("size, motors and servos are in proportion to the weight")
+
+
+def names(subject: Subject) -> Finding:
+    """Whether the joints are where their names say."""
+    robot = subject.robot
+    if found := next(contradictions(robot), None):
+        seen, _, remedy = found.partition("; ")
+        cause = "the model's trunk frame is turned or mirrored, or legs are named wrongly"
+        return Finding("warning", seen, cause, f"{remedy}; in {robot.mjcf}")
+    return ok("the joints are where their names say")
 
 
 def limits(subject: Subject) -> Finding:

@@ -9,10 +9,22 @@ from gymnasium.vector import AutoresetMode
 
 from quad_env.columns import Array, Mask
 from quad_env.config import COMMAND_BOUND
+from quad_env.files.text import brief
 
 MOST_PIXELS = 8192
 """Longest side of a frame."""
+MOST_THREADS = 1024
+"""Of a batch."""
 RESET_OPTIONS = ("command", "reset_mask")
+
+
+def check_count(name: str, count: Any) -> int:
+    """Return a whole number of at least 1 as Python's own type. Raises ValueError for anything else."""
+    if isinstance(count, bool) or not isinstance(count, int | np.integer):
+        raise ValueError(f"{name} is a whole number of at least 1, got {brief(count)}")
+    if count < 1:
+        raise ValueError(f"{name} must be at least 1, got {brief(int(count))}")
+    return int(count)
 
 
 def check_frame(width: int, height: int) -> None:
@@ -51,8 +63,8 @@ def rows(values: Any, shape: tuple[int, int], name: str) -> Array:
     """Finite numbers of that shape, given as one row for all or a row each."""
     try:
         array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be numbers of shape {shape[1:]} or {shape}, got {values!r:.80}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{name} must be numbers of shape {shape[1:]} or {shape}, got {brief(values)}") from None
     if array.shape not in (shape[1:], shape):
         raise ValueError(f"{name} has shape {array.shape}; wanted {shape[1:]} or {shape}")
     if not np.isfinite(array).all():

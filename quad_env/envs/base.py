@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from functools import partial
-from typing import Any, Self, TypedDict
+from typing import Any, ClassVar, Self, TypedDict
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -15,6 +15,7 @@ from quad_env.actuation.models import actuator as find_actuator
 from quad_env.actuation.runtime import action_delay_of
 from quad_env.columns import Column, Rows, Truth, Vector, share_above
 from quad_env.config import TaskConfig
+from quad_env.envs.attributes import check_settable
 from quad_env.physics.batch import MUJOCO
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
@@ -51,10 +52,22 @@ class QuadEnvBase:
 
     A `reset` without a seed gives a copy the episode that it would have given the original. The state of MuJoCo's
     simulation itself can be neither copied nor pickled.
+
+    Setting a public attribute outside of `SETTABLE` after construction raises AttributeError. A subclass may set
+    attributes of its own, and spaces.
     """
 
+    SETTABLE: ClassVar[frozenset[str]] = frozenset()
+    """Attributes that take effect when they are set."""
     _view: Any = None  # so that what was made in part can be closed
+    _made = False
     _arguments: tuple[tuple[Any, ...], dict[str, Any]]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute. Raises AttributeError where that would change nothing."""
+        if name[0] != "_" and self._made:
+            check_settable(self, name, value, Parts.__annotations__)
+        object.__setattr__(self, name, value)
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
         """An environment that remembers what it was made with."""

@@ -1,6 +1,6 @@
 """The single environment: one robot, its readings, rewards and falls worked out on floats."""
 
-from typing import Any, Unpack
+from typing import Any, ClassVar, Unpack
 
 import gymnasium as gym
 import mujoco
@@ -15,6 +15,7 @@ from quad_env.envs.vector_env import Observation
 from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.scenario import Scenario
+from quad_env.seeding import seeds_of
 from quad_env.sensing.observation import SensedObservation
 from quad_env.task.terminations import fall_code
 
@@ -52,6 +53,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     docs/environment.md says what has changed its figures since it was first registered.
     """
 
+    SETTABLE: ClassVar = frozenset(("terminate_on_fall", "render_mode"))
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012 -- typed so by Gymnasium
 
     def __init__(
@@ -75,6 +77,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self._fall = 0
         self._started = self._diverged = self._terminated = False
         self._frame = (width, height, camera)
+        self._made = True
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -90,8 +93,9 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode; `options["command"]`, (3,), is held for its whole length."""
-        super().reset(seed=seed)
         mask, held = reset_options(options, 1)
+        seed = None if seed is None else seeds_of([seed], 1)[0]
+        super().reset(seed=seed)
         if "reset_mask" in (options or ()):
             raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
         self._schedule.reseed(seed, mask)

@@ -1,7 +1,7 @@
 """The native batch: n robots as one `gymnasium.vector.VectorEnv`."""
 
 from collections.abc import Sequence
-from typing import Any, Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from gymnasium.error import ResetNeeded
@@ -46,6 +46,8 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
             `quad_env.task.readings`.
     """
 
+    SETTABLE: ClassVar = frozenset(("terminate_on_fall", "render_mode", "max_episode_steps"))
+
     def __init__(
         self,
         num_envs: int = 1,
@@ -58,11 +60,13 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         readings: bool = False,
         **parts: Unpack[Parts],
     ) -> None:
-        if num_envs < 1 or nthread < 1:
-            raise ValueError(f"num_envs and nthread must be at least 1, got {num_envs} and {nthread}")
+        num_envs = arguments.check_count("num_envs", num_envs)
+        nthread = arguments.check_count("nthread", nthread)
+        if nthread > arguments.MOST_THREADS:
+            raise ValueError(f"nthread is at most {arguments.MOST_THREADS}, got {nthread}")
         max_episode_steps = None if max_episode_steps == -1 else max_episode_steps
-        if max_episode_steps is not None and max_episode_steps < 1:
-            raise ValueError(f"max_episode_steps must be at least 1, or None or -1 for none, got {max_episode_steps}")
+        if max_episode_steps is not None:
+            max_episode_steps = arguments.check_count("max_episode_steps, None and -1 for no limit,", max_episode_steps)
         if render_mode not in (None, *RENDER_MODES):
             raise ValueError(f"a batch has no render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         self.num_envs = num_envs
@@ -91,6 +95,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._everyone.flags.writeable = False
         self._state: QuadState[Array] | None = None
         """Of all robots now, where it is known."""
+        self._made = True
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None

@@ -2,14 +2,33 @@
 
 import errno
 import json
+import os
+import re
 import stat
+import tomllib
 from pathlib import Path
 from typing import Any
+
+from quad_env.files.text import brief
 
 TEXT = 64 * 2**20
 """Largest text, such as a description, a model or a script, byte."""
 LARGEST = 4 * 2**30
-"""Largest file of numbers, such as weights or a table, byte."""
+"""Largest file of numbers that this project writes, such as a table or a checkpoint, byte."""
+LARGEST_TOML, MAX_PARTS = 2**17, 20
+"""Most bytes of a TOML and most parts of a dotted key: Python's reader takes a time that grows with their square."""
+_BETWEEN = re.compile(r"[],=[{}\"']")
+NETWORK_LIMIT = "QUAD_ENV_LARGEST_NETWORK"
+"""Environment variable: the largest network of a policy that is read, MiB."""
+_NETWORK_MIB = 128
+"""MiB. Networks of published policies have 0.1 to 20 MiB, with an image encoder up to 100."""
+
+
+def largest_network() -> int:
+    """Return the size of the largest file that is read as the network of a policy, byte."""
+    given = os.environ.get(NETWORK_LIMIT, "")
+    number = int(given) if given.isascii() and given.isdigit() and len(given) < 10 else 0
+    return (number or _NETWORK_MIB) * 2**20
 
 
 def read_bytes(path: Path, limit: int = TEXT) -> bytes:
@@ -24,7 +43,8 @@ def check_file(path: Path, limit: int = LARGEST) -> None:
     if not stat.S_ISREG(found.st_mode):
         raise OSError(errno.EINVAL, "it is no regular file", str(path))
     if found.st_size > limit:
-        raise OSError(errno.EFBIG, f"it is larger than {limit // 2**20} MiB", str(path))
+        remedy = f"; {NETWORK_LIMIT} raises the limit, MiB" if limit == largest_network() else ""
+        raise OSError(errno.EFBIG, f"it is larger than {limit // 2**20} MiB{remedy}", str(path))
 
 
 def parse_json(content: bytes | str) -> Any:
@@ -35,9 +55,25 @@ def parse_json(content: bytes | str) -> Any:
         raise ValueError("its values are nested too deeply") from None
 
 
+def parse_toml(content: bytes | str) -> dict[str, Any]:
+    """TOML values; ValueError for what is no TOML, is too large, or has a key of very many parts."""
+    if len(content) > LARGEST_TOML:
+        raise ValueError(f"it is larger than {LARGEST_TOML // 1024} KiB")
+    text = content if isinstance(content, str) else content.decode()
+    for number, line in enumerate(text.splitlines(), 1):
+        plain = line.partition("#")[0]
+        if plain.count(".") > MAX_PARTS and max(part.count(".") for part in _BETWEEN.split(plain)) >= MAX_PARTS:
+            raise ValueError(f"line {number} has a key of more than {MAX_PARTS} parts")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("its values are nested too deeply") from None
+
+
 def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise ValueError(f"{next(name for name in names if names.count(name) > 1)!r} is given twice")
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            raise ValueError(f"{brief(name)} is given twice")
+        found[name] = value
     return found

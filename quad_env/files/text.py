@@ -1,15 +1,50 @@
 """Texts that others write, as lines that may be printed whatever is in them."""
 
+from itertools import islice
 from traceback import TracebackException
 
 LONGEST = 2000
 """Characters of a line that is printed."""
+MAX_SHOWN = 60
+"""Characters of a text that an error shows of a value."""
+_MAX_ENTRIES, _MAX_BITS = 4, 200
 
 
 def one_line(text: str) -> str:
     """A text on one line of bounded length, without the characters that steer a terminal."""
     plain = " ".join("".join(sign if sign.isprintable() else " " for sign in text).split())
     return plain if len(plain) <= LONGEST else f"{plain[:LONGEST]} …"
+
+
+def visible(text: str) -> str:
+    """Return a text whose control characters, other than line breaks, are shown as escapes such as `\\x1b`."""
+    return "".join(
+        sign if sign.isprintable() or sign == "\n" else sign.encode("unicode_escape").decode("ascii") for sign in text
+    )
+
+
+def brief(value: object, depth: int = 2) -> str:
+    """Return a value of a file as an error shows it, in bounded time: the start of a text, few entries of a collection.
+
+    A collection of a YAML file can hold itself, or the same one at many places, so that its `repr` never ends.
+    """
+    if isinstance(value, str | bytes):
+        return repr(value) if len(value) <= MAX_SHOWN else f"{value[:MAX_SHOWN]!r}…"
+    if isinstance(value, int) and value.bit_length() > _MAX_BITS:
+        return f"a whole number of {value.bit_length()} bits"
+    if value is None or isinstance(value, bool | int | float):
+        return repr(value)
+    if not isinstance(value, list | tuple | dict):
+        return f"a value of type {type(value).__name__}"
+    start, end = "[]" if isinstance(value, list) else "()" if isinstance(value, tuple) else "{}"
+    if depth == 0:
+        return f"{start}…{end}" if value else start + end
+    if isinstance(value, dict):
+        entries = [f"{brief(key, 0)}: {brief(entry, depth - 1)}" for key, entry in islice(value.items(), _MAX_ENTRIES)]
+    else:
+        entries = [brief(entry, depth - 1) for entry in value[:_MAX_ENTRIES]]
+    more = ["…"] if len(value) > _MAX_ENTRIES else []
+    return f"{start}{', '.join([*entries, *more])}{end}"
 
 
 def described(error: BaseException) -> str:

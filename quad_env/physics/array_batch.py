@@ -39,7 +39,8 @@ class ArrayBatch:
         for robot in ids:
             self._data.qpos[:] = self._fields["qpos"][robot]
             mujoco.mj_kinematics(self._model, self._data)
-            self._fields["xpos"][robot], self._fields["site_xpos"][robot] = self._data.xpos, self._data.site_xpos
+            for field in ("xanchor", "site_xpos"):
+                self._fields[field][robot] = getattr(self._data, field)
 
     def get_model(self, robot: int, model: mujoco.MjModel) -> None:
         """Write one robot's expanded fields there."""

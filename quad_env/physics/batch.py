@@ -21,6 +21,9 @@ _KNOWN = {
     WARP: "ideal motors and all else but height fields, slow motors and sensors of the robot",
 }
 
+_BEYOND_DRAKE = "jnt_stiffness", "jnt_stiffnesspoly", "dof_dampingpoly"
+"""Fields of a model that Drake's plant does not have."""
+
 
 class Batch(Protocol):
     """n robots of one compiled model. Fields have MuJoCo's names, order, units and frames, a row a robot."""
@@ -87,6 +90,11 @@ def check_simulator(
 def batch_of(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch:
     """n robots of that compiled model in the simulator of that name."""
     if simulator == DRAKE:
+        if any(getattr(model, field).any() for field in _BEYOND_DRAKE):
+            raise ValueError(
+                f"the simulator {simulator} knows linear damping of joints; not springs and not quadratic or cubic "
+                "damping, which the model of the robot has: take mujoco for that"
+            )
         from quad_env.physics.drake.batch import DrakeBatch  # an extra
 
         return DrakeBatch(model, num_envs)

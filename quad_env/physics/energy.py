@@ -1,6 +1,6 @@
 """What n robots' motors do in a control step: work, heat and extremes, from torques as the joints received them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from quad_env.actuation.models import Actuator
 from quad_env.columns import Array, Ids
 from quad_env.physics.batch import MUJOCO, Batch
+from quad_env.robots.collisions import of_name
 from quad_env.robots.robot import Robot
 
 OF_JOINTS = "positive_work", "regeneration", "joule_heat", "mean_torque", "peak_torque", "peak_speed", "torque_change"
@@ -27,7 +28,7 @@ class Meter:
     def __init__(self, robot: Robot, batch: Batch, model: Any, actuator: Actuator, simulator: str = MUJOCO) -> None:
         self._speed = batch.bind("qvel")[:, -robot.num_joints :]
         self._received = received_torque(batch, model, robot.num_joints, simulator)
-        self._touch = [batch.sensor(name).data for name in touch_sensors(robot)]
+        self._touch = [[batch.sensor(name).data for name in names] for names in touch_sensors(robot, model)]
         self._timestep = model.opt.timestep
         line = None if actuator.curve is None else actuator.curve.on(robot)
         self._slope = np.nan if line is None else line.slope
@@ -41,7 +42,7 @@ class Meter:
         """Mean of the last control step, N·m."""
         self.readings = {name: np.zeros(self._speed.shape) for name in OF_JOINTS}
         """Of the last control step, name -> (n, …)."""
-        self.readings["foot_impulse"] = np.zeros((len(self._speed), len(self._touch)))
+        self.readings["foot_impulse"] = np.zeros((len(self._speed), len(robot.leg_names)))
 
     def begin(self, ids: Ids) -> None:
         """Start those robots, whose motors have not done anything yet."""
@@ -53,7 +54,7 @@ class Meter:
         for _ in range(count):
             before = self._speed[ids].copy()
             step(ids, 1)
-            after, force = self._speed[ids].copy(), np.concatenate([each[ids] for each in self._touch], axis=1)
+            after, force = self._speed[ids].copy(), summed(self._touch, ids)
             with np.errstate(all="ignore"):  # of a robot that has diverged, which is about to be parked
                 self._steps.append((before, after, self._received(ids, after - before), force))
 
@@ -79,9 +80,17 @@ class Meter:
             self.readings[name][ids] = values
 
 
-def touch_sensors(robot: Robot) -> list[str]:
-    """Names of the sensors of the force that presses each foot."""
-    return [f"{leg}_foot_touch" for leg in robot.leg_names]
+def touch_sensors(robot: Robot, model: Any) -> list[list[str]]:
+    """Names of the sensors of the force that presses each foot: one for each of its bodies."""
+    if not robot.imported:
+        return [[f"{leg}_foot_touch"] for leg in robot.leg_names]
+    names = [model.sensor(number).name for number in range(model.nsensor)]
+    return [of_name(f"{leg}_foot_touch", names) for leg in robot.leg_names]
+
+
+def summed(touch: Sequence[Sequence[Array]], ids: Ids) -> Array:
+    """Return the force that presses each foot of those robots, (k, 4), N, from the data of the sensors of each foot."""
+    return np.concatenate([np.sum([each[ids] for each in data], axis=0) for data in touch], axis=1)
 
 
 def received_torque(batch: Batch, model: Any, joints: int, simulator: str) -> Received:

@@ -60,6 +60,7 @@ def compile_model(
     _delay(spec, actuator.delay)
     model = _compiled(spec)
     model.actuator_forcerange[:] = np.stack((-limit, limit), axis=-1)
+    model.jnt_actfrclimited[:] = False  # the motors' limit is the only one, whatever their peak torque and strength
     if scenario.ground != Ground() or scenario.randomisation is not None:
         _set_ground(model, scenario.ground, robot)
     return model

@@ -1,5 +1,6 @@
 """What there is to be measured on n simulated robots."""
 
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -7,15 +8,16 @@ from numpy.typing import NDArray
 
 from quad_env.columns import Array, Rows, of_robots, total
 from quad_env.config import GRAVITY
-from quad_env.physics.energy import touch_sensors
+from quad_env.physics.energy import summed, touch_sensors
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.robot import Robot
 
+_IMU = "imu_angular_velocity", "imu_acceleration", "imu_linear_velocity", "imu_orientation"
 
-def probed(robot: Robot) -> tuple[str, ...]:
+
+def probed(robot: Robot, model: Any) -> list[str]:
     """MuJoCo's own sensors that are looked at."""
-    imu = ("imu_angular_velocity", "imu_acceleration", "imu_linear_velocity", "imu_orientation")
-    return (*imu, *touch_sensors(robot))
+    return [*_IMU, *chain(*touch_sensors(robot, model))]
 
 
 class Probe:
@@ -25,9 +27,10 @@ class Probe:
     be computed again; readers of the last substep get copies.
     """
 
-    def __init__(self, robot: Robot, batch: Any, dt: float) -> None:
+    def __init__(self, robot: Robot, batch: Any, model: Any, dt: float) -> None:
         self._batch, self._dt, self._joints = batch, dt, slice(-robot.num_joints, None)
-        self._sensors = [batch.sensor(name).data for name in probed(robot)]
+        self._sensors = [batch.sensor(name).data for name in _IMU]
+        self._touch = [[batch.sensor(name).data for name in names] for names in touch_sensors(robot, model)]
         self._qpos, self._torque = batch.bind("qpos"), batch.bind("qfrc_actuator")
         self._velocity = np.zeros_like(self._sensors[2])
         """Velocity of each IMU at its last sample, world frame, m/s."""
@@ -48,7 +51,7 @@ class Probe:
         motion by 2.4 m/s² (rms, vertical) in a trot, is the reading of the first look alone.
         """
         self._batch.forward(rows)
-        gyro, acceleration, velocity, orientation, *feet = (data[rows] for data in self._sensors)
+        gyro, acceleration, velocity, orientation = (data[rows] for data in self._sensors)
         axes = np.moveaxis(np.array(rotation_matrix(of_robots(orientation))), -1, 0)
         force = (velocity - self._velocity[rows]) / (period * self._dt)
         force[:, 2] += GRAVITY
@@ -61,7 +64,7 @@ class Probe:
             "accelerometer": np.where(first[:, None], acceleration, mean),
             "up": axes[:, 2],
             "joint_position": self._qpos[rows, self._joints],
-            "foot_contact": np.concatenate(feet, axis=1),
+            "foot_contact": summed(self._touch, rows),
             "joint_torque": self._torque[rows, self._joints],
         }
 

@@ -140,18 +140,21 @@ class Ground:
             data.geom_xpos[self._geom, :2] = self._centre
 
     def _cut(self, target: NDArray[np.float64]) -> None:
+        """Keep the samples of the height field about that point, world, m: rows lie along y, columns along x."""
         whole, cut, field = self._whole, self.model, self.height_field
-        count = int(whole.hfield_nrow[field])
-        half, at = whole.hfield_size[field, 0], whole.geom_pos[self._geom, :2]
-        spacing = 2.0 * half / (count - 1)
-        kept = min(count, 2 * round(NEAR / spacing) + 1)
-        first = np.clip(np.round((target - at + half) / spacing).astype(int) - kept // 2, 0, count - kept)
+        counts = np.array((whole.hfield_ncol[field], whole.hfield_nrow[field]))
+        half = whole.hfield_size[field, :2]
+        at = whole.geom_pos[self._geom, :2]
+        spacing = 2.0 * half / (counts - 1)
+        kept = np.minimum(counts, 2 * np.maximum(1, np.round(NEAR / spacing).astype(int)) + 1)
+        first = np.clip(np.round((target - at + half) / spacing).astype(int) - kept // 2, 0, counts - kept)
         start = int(whole.hfield_adr[field])
-        heights = whole.hfield_data[start : start + count * count].reshape(count, count)  # rows along y
-        column, row = first
-        part = heights[row : row + kept, column : column + kept]
-        cut.hfield_data[start : start + kept * kept] = part.ravel()
-        cut.hfield_nrow[field] = cut.hfield_ncol[field] = kept
+        heights = whole.hfield_data[start : start + counts.prod()].reshape(counts[::-1])
+        (column, row), (columns, rows) = first, kept
+        part = heights[row : row + rows, column : column + columns]
+        cut.hfield_data[start : start + part.size] = part.ravel()
+        cut.hfield_nrow[field] = rows
+        cut.hfield_ncol[field] = columns
         cut.hfield_size[field, :2] = spacing * (kept - 1) / 2.0
         self._centre = at - half + spacing * (first + (kept - 1) / 2.0)
 

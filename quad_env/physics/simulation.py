@@ -1,6 +1,7 @@
 """n robots on one batch of a simulator: joint targets in, state out."""
 
 import itertools
+import os
 from collections.abc import Iterable, Sequence
 from typing import Any, cast
 
@@ -31,6 +32,7 @@ from quad_env.physics.probe import Probe, probed
 from quad_env.physics.randomisation import RandomisedModels
 from quad_env.physics.rotations import quaternion
 from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
+from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.kinematics import foot_depths
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.randomisation import Drawn
@@ -89,8 +91,10 @@ class Simulation:
         trunk = contact_sensors(self.model, "trunk")
         soles = [contact_sensors(self.model, f"{leg}_foot") for leg in robot.leg_names if contacts or feet]
         links = [contact_sensors(self.model, f"{leg}_{link}") for leg in robot.leg_names for link in _LINKS if contacts]
-        read = [*trunk, *itertools.chain(*soles, *links), *(() if imu is None else probed(robot))]
-        read += touch_sensors(robot) if contacts else []
+        read = [*trunk, *itertools.chain(*soles, *links), *(() if imu is None else probed(robot, self.model))]
+        read += itertools.chain(*touch_sensors(robot, self.model)) if contacts else []
+        self._process = os.getpid()
+        self._threaded = nthread > 1
         self.batch = batch_of(simulator, stepped_model(self.model, read), num_envs, nthread)
         """The robots as the simulator steps them."""
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
@@ -100,7 +104,7 @@ class Simulation:
         self.torque = self.batch.bind("actuator_force")
         """Torques of the servos in the last physics step, (n, 12), N·m."""
         self.meter = Meter(robot, self.batch, self.model, actuator, simulator) if contacts else None
-        self.probe = None if imu is None else Probe(robot, self.batch, period)
+        self.probe = None if imu is None else Probe(robot, self.batch, self.model, period)
         if self.probe is not None:  # which computes the outputs of the last substep again
             self.torque = self.probe.copy(self.torque)
         self._trunk_contacts = self._sensed(trunk)
@@ -108,7 +112,8 @@ class Simulation:
         self._link_contacts = self._sensed(itertools.chain(*links))
         self._warnings = self.batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in robot.leg_names]
-        self._thighs = [self.model.body(f"{leg}_{link}_link").id for link in _LINKS for leg in robot.leg_names]
+        ends = [joint for joint in range(robot.num_joints) if joint % JOINTS_PER_LEG]
+        self._thighs = [self.model.joint(robot.joint_names[joint]).id for joint in ends]
         self._corners = trunk_corners(self.model)
         bumpy = isinstance(self.terrain, SmoothRandom | HeightField)
         self._clear = _HIGH * robot.leg_length if robot.imported and bumpy else 0.0
@@ -117,7 +122,7 @@ class Simulation:
         self._differ = servo is not None or scenario.randomisation is not None
         if servo is not None:
             give_servo_gains(self.model, self.batch.expand, servo)
-        self._sites, self._bodies = self.batch.bind("site_xpos"), self.batch.bind("xpos")
+        self._sites, self._joints = self.batch.bind("site_xpos"), self.batch.bind("xanchor")
         self._footsteps = Footsteps(period, self._foot_contacts, self._sites, self._feet) if feet else None
         self._filtered = self.batch.bind("act") if self.model.na else None
         load = None if scenario.payload is None else self.model.body(PAYLOAD).id
@@ -144,6 +149,7 @@ class Simulation:
         (k, 2), N, acts on their trunks at every step, world frame; `load`, (k, 2), m, is where their payloads are, base
         frame; `drawn`, k or none, are figures that differ from episode to episode.
         """
+        self._check_process()
         robot = self.robot
         self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self.batch.warning[ids] = 0
@@ -179,6 +185,14 @@ class Simulation:
         self.qpos[ids, 2] += self._lift(ids, qpos)
         self._begin_readings(ids)
 
+    def _check_process(self) -> None:
+        """Raise RuntimeError in a forked process: it has no threads of the batch, so it would wait for ever."""
+        if self._threaded and os.getpid() != self._process:
+            raise RuntimeError(
+                f"this batch has threads of process {self._process}, which a fork, {os.getpid()}, does not have: make "
+                "it in the process that steps it, start processes by spawn, or give nthread=1"
+            )
+
     def _begin_readings(self, ids: Ids) -> None:
         """Nothing has happened to those robots yet."""
         if self._footsteps is not None:
@@ -192,7 +206,7 @@ class Simulation:
         """How far up those robots, (k, 19), have to go for nothing of them to be below the ground, (k,), m."""
         rotation = np.stack([np.stack(row, -1) for row in rotation_matrix(of_robots(qpos[:, 3:7]))], 1)  # (k, 3, 3)
         corners = qpos[:, None, :3] + self._corners @ rotation.transpose(0, 2, 1)
-        feet, thighs = self._sites[ids][:, self._feet], self._bodies[ids][:, self._thighs]
+        feet, thighs = self._sites[ids][:, self._feet], self._joints[ids][:, self._thighs]
         below = foot_depths(self.robot, rotation, qpos[:, 7:]) - self.robot.foot_radius
         balls = ((feet, self.robot.foot_radius, below), (thighs, self.robot.thigh_radius, 0.0), (corners, 0.0, 0.0))
         lifts = [
@@ -207,6 +221,7 @@ class Simulation:
         None instead of forces leaves them as they are: since the reset, without any push. `received` are the
         targets that the servos hear, (n, 12), where they are not those of the action.
         """
+        self._check_process()
         self._previous_action[ids] = self._action[ids]
         self._action[ids] = action[ids]
         targets = (action if received is None else received)[ids]

@@ -15,7 +15,7 @@ from quad_env.columns import Array, Ids, Rows
 from quad_env.physics.array_batch import ArrayBatch
 
 _GIVEN = "qpos", "qvel", "ctrl", "xfrc_applied", "act"
-_FOUND = "qpos", "qvel", "act", "actuator_force", "xpos", "site_xpos", "sensordata"
+_FOUND = "qpos", "qvel", "act", "actuator_force", "xanchor", "site_xpos", "sensordata"
 _DERIVED = "body_subtreemass", "body_invweight0", "dof_invweight0"
 """Fields of the model that follow from others."""
 _CONTACTS, _ROWS = 32, 160

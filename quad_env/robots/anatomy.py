@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.robots.feet import Foot, extremes, find_foot
+from quad_env.robots.feet import LEAST_BENT, MOST_BENT, SWING, Foot, extremes, find_foot, in_world_of, standing_foot
 from quad_env.robots.shapes import Bools, Floats, corners, descendants, geoms_of, grounded, welded
 
 LEGS, JOINTS_PER_LEG = 4, 3
@@ -23,6 +23,8 @@ LEG_WORDS = {word: words[:2] for words in ("fl lf", "fr rf", "hl rl lh bl", "hr 
 """Leg by word of a joint's name; only words that mean one leg wherever they are used."""
 LINK_WORDS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1", "calf": "2", "knee": "2", "kfe": "2"}
 """Places in the leg that a word may mean, counted from the trunk: some call the thigh's joint a hip too."""
+LEAST_BEND = 0.1
+"""Middle of a calf's range, rad, that shows which way its knee bends."""
 _PARALLEL = 0.999
 """Least cosine of two axes that are taken for parallel."""
 _SAME = 0.02
@@ -52,7 +54,7 @@ class Leg:
     thigh_length: float
     calf_length: float
     foot: Foot
-    """Its points in the base frame with the leg straight down, as many for every foot that is no ball."""
+    """Its points in the base frame with the leg straight down."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,8 @@ class Anatomy:
     """Names of the joints that belong to no leg and are gone from the model, see `held`."""
     carried: frozenset[int] = frozenset()
     """Ids of the bodies that these joints would move."""
+    omitted: tuple[tuple[str, str], ...] = ()
+    """What the model has and the robot has not, heading and text of each line, see `omissions`."""
 
     @property
     def bodies(self) -> list[int]:
@@ -158,13 +162,45 @@ def root_of(mujoco: Any, model: Any) -> int:
     ModelError."""
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     if not len(free):
-        raise ModelError("the trunk is the body of a free joint; this model has 0 free joints")
+        raise ModelError(
+            f"the trunk is the body of a free joint; this model has 0 free joints: {_remedy(mujoco, model)}"
+        )
     roots = [int(body) for body in model.jnt_bodyid[free]]
     hinges = [int(_joints_below(model, body).sum()) for body in roots]
     if hinges.count(max(hinges)) > 1 and len(roots) > 1:
         names = ", ".join(_name(model.body(body)) for body in roots)
         raise ModelError(f"{len(roots)} bodies have a free joint, and which is the robot is unclear: {names}")
     return roots[int(np.argmax(hinges))]
+
+
+def _remedy(mujoco: Any, model: Any) -> str:
+    """What to change in a model without a free joint: its root is fixed, or moves by joints of its own."""
+    firsts = [int(body) for body in np.flatnonzero(model.body_parentid == 0)[1:]]
+    counts = {body: int(descendants(model, body)[model.jnt_bodyid].sum()) for body in firsts}
+    if not counts or max(counts.values()) == 0:
+        return "no body below the world has a joint"
+    jointed = [body for body in firsts if counts[body] > 0]
+    root = max(jointed, key=lambda body: counts[body])
+    if len(jointed) >= LEGS and 2 * counts[root] <= sum(counts.values()):
+        return (
+            f"{len(jointed)} legs hang from the world, such as {_name(model.body(root))}: put them into a body of the "
+            "trunk, with its mass and a <freejoint/>"
+        )
+    own: list[int] = []
+    body = root
+    while True:  # the joints of a planar root may be those of several bodies, one in another
+        start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        own += range(start, start + count)
+        below = [each for each in np.flatnonzero(model.body_parentid == body) if each != body]
+        if not len(below):
+            return "no body has four legs below it"
+        if len(below) > 1:
+            break
+        body = int(below[0])
+    if not own:
+        return f"its trunk is fixed: put <freejoint/> into body {_name(model.body(root))}"
+    names = ", ".join(_name(model.joint(joint)) for joint in own)
+    return f"its trunk moves by {names}: put <freejoint/> into body {_name(model.body(body))} in place of these joints"
 
 
 def _joints_below(model: Any, body: int) -> Bools:
@@ -234,11 +270,16 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     lateral = signs[1] * axes[1]
     leg = np.stack(((1.0, 0.0, 0.0), lateral, np.cross((1.0, 0.0, 0.0), lateral)))
     shin = int(model.jnt_bodyid[chain[-1]])
-    sole = find_foot(model, data, chain[-1], geoms_of(model, welded(model, shin), meets))
-    if sole is None:
+    candidates = geoms_of(model, welded(model, shin), meets)
+    if not candidates:
         raise ModelError(f"below joint {names[2]} nothing collides with the ground: no foot")
-    turn = data.xmat[sole.body].reshape(3, 3)
-    at = (data.xpos[sole.body] + turn @ sole.place - origin) @ base
+    sole = find_foot(model, data, chain[-1], candidates)
+    if sole is None:
+        geom = _name(model.geom(candidates[-1]))
+        raise ModelError(
+            f"all that collides below joint {names[2]} lies at the joint: give geom {geom}, the foot, a pos"
+        )
+    at = (in_world_of(data, sole.body, sole.place) - origin) @ base
     across, upper, lower = leg @ (thigh - hip), leg @ (knee - thigh), leg @ (at - knee)
     lengths = [float(np.hypot(link[0], link[2])) for link in (upper, lower)]
     if min(lengths) < 1e-3:
@@ -247,20 +288,49 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
         raise ModelError(f"joint {names[1]} lies {across[2]:+.3f} m off the height of the hip's axis in its leg")
     turned, bent = (float(np.arctan2(-link[0], -link[2])) for link in (upper, lower))
     zeros = np.array([np.arctan2(lateral[2], lateral[1]), turned, bent - turned])
+    zeros = np.arctan2(np.sin(zeros), np.cos(zeros))
     side = float(across[1] + upper[1] + lower[1])
+    sole = standing_foot(model, data, chain[-1], candidates, sole, _tilts(model, chain, signs, zeros))
+    turn = data.xmat[sole.body].reshape(3, 3)
     sin, cos = np.sin(bent), np.cos(bent)
     straightened = np.array(((cos, 0.0, sin), (0.0, 1.0, 0.0), (-sin, 0.0, cos))).T
+    points, radii = extremes(sole.points @ (straightened @ leg @ base.T @ turn).T, sole.radii)
     return Leg(
         name="",
         joints=(chain[0], chain[1], chain[2]),
         signs=signs,
-        zeros=np.arctan2(np.sin(zeros), np.cos(zeros)),
+        zeros=zeros,
         hip=hip + across[0] * np.array((1.0, 0.0, 0.0)),
         hip_offset=side,
         thigh_length=lengths[0],
         calf_length=lengths[1],
-        foot=sole._replace(points=extremes(sole.points @ (straightened @ leg @ base.T @ turn).T)),
+        foot=sole._replace(points=points, radii=radii),
     )
+
+
+def _tilts(model: Any, chain: list[int], signs: Floats, zeros: Floats) -> tuple[float, float]:
+    """Least and largest tilt of a shin about the axis of its knee in a stance, from the leg straight down, rad."""
+    places = model.jnt_qposadr[chain]
+    angles = zeros + signs * (model.key_qpos[:, places] - model.qpos0[places])
+    standing = float(np.abs(angles[:, 1] + angles[:, 2]).max()) if model.nkey else 0.0
+    bent = float(np.clip(standing + SWING, LEAST_BENT, MOST_BENT))
+    bend = signs[2] * bend_direction(model, chain[2], float(signs[2]), float(zeros[2]))
+    return (-bent if bend <= 0.0 else -SWING), (bent if bend >= 0.0 else SWING)
+
+
+def bend_direction(model: Any, joint: int, sign: float, zero: float) -> float:
+    """Return the way in which a knee bends by the limits of its joint: -1 backward, 1 forward, 0 where they leave both.
+
+    Args:
+        model: Compiled model.
+        joint: Id of the calf's joint.
+        sign: Of its axis, see `Leg.signs`.
+        zero: Its angle in the robot's terms at `qpos0`, rad.
+    """
+    if not model.jnt_limited[joint]:
+        return 0.0
+    middle = zero + sign * float(model.jnt_range[joint].mean() - model.qpos0[model.jnt_qposadr[joint]])
+    return float(np.sign(middle)) if abs(middle) > LEAST_BEND else 0.0
 
 
 def _named(legs: list[Leg]) -> tuple[Leg, ...]:

@@ -19,15 +19,18 @@ from quad_env.robots.collisions import (
     OWN,
     RULES,
     Parts,
+    excluded,
     meet_the_ground,
     numbered,
+    of_name,
     own_rules,
     renamed,
     watched,
 )
 from quad_env.robots.figures import REFERENCE, Figures
 from quad_env.robots.model_file import read
-from quad_env.robots.shapes import surface
+from quad_env.robots.overlaps import overlap_line, overlaps_of
+from quad_env.robots.shapes import Floats, surface
 
 _SENSOR = "name", "type", "objtype", "objname", "reftype", "refname", "intprm"
 """Fields of a sensor."""
@@ -56,10 +59,14 @@ def _on_our_ground(robot: Figures, _changed: int) -> Any:
     stage = mujoco.MjSpec.from_file(str(REFERENCE.mjcf))
     parts = Parts(*({part.id: part for part in kind} for kind in (own.bodies, own.joints, own.geoms)))
     _keep_masses(parts, model, found)
-    _turn_joints(parts, model, found)
-    _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights")
-    rules = own_rules(own, found)
+    _turn_joints(parts, model, found, robot)
+    _leave_out_forces(parts, model, found)
+    _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
+    overlaps = overlaps_of(mujoco, model, found, robot.home_pose)
+    rules = [*own_rules(own, found, overlaps), *excluded(own, parts, overlaps)]
     _name_parts(parts, model, found, robot)
+    if not robot.keeps_contact:
+        _touch_like_ours(parts, own, found, stage.geom("fl_foot"))
     sensed = dict(watched(parts, model, found))
     meet_the_ground(parts, found)
     _centre_base(parts, found)
@@ -89,6 +96,35 @@ def _on_our_ground(robot: Figures, _changed: int) -> Any:
     return stage
 
 
+def body_names(robot: Figures) -> dict[str, str]:
+    """Return the names that bodies have in the user's file, by those that they have on our ground.
+
+    Bodies without a name in the file, and those of robots that are not imported, are called as on our ground.
+    """
+    if not robot.imported:
+        return {}
+    _, model, found = read(robot.mjcf)
+    names = {OWN + name: name for body in found.bodies if (name := str(model.body(body).name))}
+    if root := str(model.body(found.root).name):
+        names["base_link"] = root
+    for leg in found.legs:
+        for joint, link in zip(leg.joints, LINKS, strict=True):
+            if name := str(model.body(int(model.jnt_bodyid[joint])).name):
+                names[f"{leg.name}_{link}_link"] = name
+    return names
+
+
+def overlap_remark(robot: Figures) -> str | None:
+    """Return the line that names the shapes of a user's robot that overlap in its home pose; None without any."""
+    import mujoco
+
+    if not robot.imported:
+        return None
+    _, model, found = read(robot.mjcf)
+    overlaps = overlaps_of(mujoco, model, found, robot.home_pose)
+    return overlap_line(model, overlaps) if overlaps else None
+
+
 def _clear(spec: Any, *kinds: str) -> None:
     for kind in kinds:
         for part in list(getattr(spec, kind)):
@@ -107,17 +143,76 @@ def _keep_masses(parts: Parts, model: Any, found: Anatomy) -> None:
         part.ipos, part.iquat, part.ialt.type = model.body_ipos[body], model.body_iquat[body], 0
 
 
-def _turn_joints(parts: Parts, model: Any, found: Anatomy) -> None:
-    """Make the joints read what they are in the robot's terms; their angles in the unit of the model's compiler."""
+def _turn_joints(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> None:
+    """Make the joints read what they are in the robot's terms; their angles in the unit of the model's compiler.
+
+    A spring's force -(a x + b x² + c x³) has the other sign of b about the other axis; a damper's is odd. A joint has
+    the armature and damping of its motors, and no motor's torque is cut below the rated one.
+    """
+    of_motors = _of_motors(model)
     for joint, sign, zero, *limits in zip(found.joints, found.signs, found.zeros, *found.limits(model), strict=True):
         part, place = parts.joints[joint], int(model.jnt_qposadr[joint])
+        dof = int(model.jnt_dofadr[joint])
         unit = _unit(part)
         part.axis = sign * np.array(part.axis)
         part.springref = unit * (zero + sign * (model.qpos_spring[place] - model.qpos0[place]))
         part.ref = unit * zero
         part.limited, part.range = 1, unit * np.array(limits)
+        square, cube = model.jnt_stiffnesspoly[joint]
+        part.stiffness = (model.jnt_stiffness[joint], sign * square, cube)
+        part.damping = np.array((model.dof_damping[dof], *model.dof_dampingpoly[dof])) + of_motors[joint, 1:]
+        part.armature = model.dof_armature[dof] + of_motors[joint, 0]
+        part.springdamper = (0.0, 0.0)  # compiled into stiffness and damping
         if model.jnt_actfrclimited[joint]:
-            part.actfrclimited, part.actfrcrange = 1, np.sort(sign * model.jnt_actfrcrange[joint])
+            lower, upper = np.sort(sign * model.jnt_actfrcrange[joint])
+            part.actfrclimited = 1
+            part.actfrcrange = (min(lower, -robot.rated_torque), max(upper, robot.rated_torque))
+
+
+def _of_motors(model: Any) -> Floats:
+    """Armature and damping coefficients that each joint has from its motors, (njnt, 4): by the gear squared."""
+    import mujoco
+
+    found = np.zeros((model.njnt, 4))
+    for motor in range(model.nactuator):
+        if int(model.actuator_trntype[motor]) in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
+            gear = model.actuator_gear[model.actuator_outadr[motor], 0]
+            own = model.actuator_armature[motor], model.actuator_damping[motor], *model.actuator_dampingpoly[motor]
+            found[model.actuator_trnid[motor, 0]] += gear**2 * np.array(own)
+    return found
+
+
+def _leave_out_forces(parts: Parts, model: Any, found: Anatomy) -> None:
+    """Leave the robot its weight, its joints' springs and the ground: nothing else acts on it, see `omissions`."""
+    import mujoco
+
+    for body in found.bodies:
+        part = parts.bodies[body]
+        part.gravcomp = 0.0
+        part.sleep = mujoco.mjtSleepPolicy.mjSLEEP_AUTO
+        part.plugin.active = False
+    for joint in found.joints:
+        parts.joints[joint].springyield = 0.0
+        parts.joints[joint].actgravcomp = 0
+    free = parts.joints[int(model.body_jntadr[found.root])]
+    free.stiffness = free.damping = (0.0, 0.0, 0.0)
+    free.armature = free.frictionloss = 0.0
+    free.springdamper = (0.0, 0.0)
+
+
+def _touch_like_ours(parts: Parts, own: Any, found: Anatomy, foot: Any) -> None:
+    """Give geoms and pairs the contact parameters of SimpleQuad's foot; friction stays theirs."""
+    geoms = [geom for body in found.bodies for geom in parts.bodies[body].geoms]
+    for part in (*geoms, *own.pairs):
+        part.solref, part.solimp = foot.solref, foot.solimp
+        part.margin = part.gap = part.adhesion = 0.0
+    for geom in geoms:
+        geom.solmix, geom.condim, geom.priority = foot.solmix, foot.condim, foot.priority
+        geom.surfacevel = np.zeros(6)
+        geom.fluid_ellipsoid = 0.0  # no fluid is here
+    for pair in own.pairs:
+        pair.solreffriction = (0.0, 0.0)
+        pair.condim = foot.condim
 
 
 def _unit(joint: Any) -> float:
@@ -137,15 +232,26 @@ def _name_parts(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> Non
         for number, geom in enumerate(leg.foot.geoms):
             parts.geoms[geom].name = HERE + numbered(f"{leg.name}_foot", number)
         body = parts.bodies[leg.foot.body]
-        site = {"pos": leg.foot.place, "size": (leg.foot.radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
-        body.add_site(name=HERE + f"{leg.name}_foot", **site)
-        body.add_site(name=HERE + f"{leg.name}_sole", **_sole(model, leg))
+        site = {"type": 2, "pos": leg.foot.place, "size": (leg.foot.radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
+        _unturned(body.add_site(name=HERE + f"{leg.name}_foot", **site))
+        for number, each in enumerate(leg.foot.bodies(model)):
+            sole = HERE + numbered(f"{leg.name}_sole", number)
+            _unturned(parts.bodies[each].add_site(name=sole, **_sole(model, leg, each)))
         for joint, link in zip(leg.joints, LINKS, strict=True):
             parts.joints[joint].name = HERE + model.joint(joint).name
             parts.bodies[int(model.jnt_bodyid[joint])].name = HERE + f"{leg.name}_{link}_link"
     if not found.trunk_collides(model):
         box = {"type": 6, "pos": robot.trunk_centre, "size": robot.trunk_size / 2.0, "mass": 0.0, "group": 3}
-        parts.bodies[found.trunk].add_geom(name=HERE + "trunk", contype=GROUND_BIT, conaffinity=0, **box)
+        _unturned(parts.bodies[found.trunk].add_geom(name=HERE + "trunk", contype=GROUND_BIT, conaffinity=0, **box))
+
+
+def _unturned(part: Any) -> None:
+    """Put a new geom or site along the axes of its body, whatever orientation the model's class defaults gave it."""
+    import mujoco
+
+    part.quat = (1.0, 0.0, 0.0, 0.0)
+    part.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    part.fromto = np.full(6, np.nan)
 
 
 def _centre_base(parts: Parts, found: Anatomy) -> None:
@@ -165,18 +271,18 @@ def _centre_base(parts: Parts, found: Anatomy) -> None:
         part.set_frame(frame)
 
 
-def _sole(model: Any, leg: Leg) -> dict[str, Any]:
+def _sole(model: Any, leg: Leg, body: int) -> dict[str, Any]:
     """A site around the foot's geoms of one body, a little larger than these: the volume of a touch sensor."""
-    points = np.concatenate(
-        [surface(model, geom) for geom in leg.foot.geoms if model.geom_bodyid[geom] == leg.foot.body]
-    )
+    points = np.concatenate([surface(model, geom) for geom in leg.foot.geoms if model.geom_bodyid[geom] == body])
     low, high = points.min(axis=0), points.max(axis=0)
     return {"type": 6, "pos": 0.5 * (low + high), "size": 0.5 * (high - low) + 1e-3, "rgba": (0.0, 0.0, 0.0, 0.0)}
 
 
 def _equip(trunk: Any, stage: Any, robot: Figures) -> None:
     """SimpleQuad's IMU, and its cameras and lamp, as far from the trunk as the robot is larger."""
-    trunk.add_site(name=HERE + "imu", rgba=(0.0, 0.0, 0.0, 0.0))
+    _unturned(
+        trunk.add_site(name=HERE + "imu", type=2, pos=np.zeros(3), size=np.full(3, 0.005), rgba=(0.0, 0.0, 0.0, 0.0))
+    )
     larger = max(robot.leg_length / REFERENCE.leg_length, robot.trunk_size[0] / REFERENCE.trunk_size[0])
     model = stage.compile()
     for camera in stage.cameras:
@@ -205,13 +311,17 @@ def _sense(stage: Any, robot: Figures, sensors: list[dict[str, Any]], sensed: di
     import mujoco
 
     kinds = mujoco.mjtSensor
-    soles = {f"{leg}_foot": f"{leg}_sole" for leg in robot.leg_names} if robot.foot_points.size else {}
+    sites = [site.name for site in stage.sites]
     for sensor in sensors:
         if sensor["type"] in (kinds.mjSENS_JOINTPOS, kinds.mjSENS_JOINTVEL):
             continue
+        soles = of_name(sensor["objname"].removesuffix("_foot") + "_sole", sites)
+        if sensor["type"] == kinds.mjSENS_TOUCH and (robot.foot_points.size or len(soles) > 1):
+            for number, sole in enumerate(soles):
+                stage.add_sensor(**sensor | {"name": numbered(sensor["name"], number), "objname": sole})
+            continue
         if sensor["type"] != kinds.mjSENS_CONTACT:
-            places = soles if sensor["type"] == kinds.mjSENS_TOUCH else {}
-            stage.add_sensor(**sensor | {"objname": places.get(sensor["objname"], sensor["objname"])})
+            stage.add_sensor(**sensor)
             continue
         for number, part in enumerate(sensed[sensor["name"].removesuffix("_ground")]):
             kind = mujoco.mjtObj.mjOBJ_GEOM if hasattr(part, "contype") else mujoco.mjtObj.mjOBJ_BODY

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from quad_env.robots.anatomy import LINKS, Anatomy
+from quad_env.robots.overlaps import Overlap
 from quad_env.robots.shapes import geoms_of, welded
 
 GROUND_BIT = 1 << 30
@@ -26,19 +27,41 @@ RULES = {"excludes": ("body", "bodyname1", "bodyname2"), "pairs": ("geom", "geom
 """Which parts may not collide, and which may: kind of the parts, and the fields that name the two."""
 
 
-def own_rules(own: Any, found: Anatomy) -> list[tuple[Any, str, Any]]:
-    """Of a specification's rules those between parts of the robot: rule, field, and the part that it names. Any with
-    parts of the scene are deleted, since the ground is ours."""
-    kept: list[tuple[Any, str, Any]] = []
+Rule = tuple[Any, str, Any]
+"""Rule of a specification, field, and the part that it names."""
+
+
+def own_rules(own: Any, found: Anatomy, overlaps: Sequence[Overlap]) -> list[Rule]:
+    """Return the rules of a specification between parts of the robot, and delete the others from it.
+
+    Those with parts of the scene go, since the ground is ours; so do pairs of geoms of bodies that `overlaps` names.
+
+    Args:
+        own: Specification of the user's file.
+        found: What its model is made of.
+        overlaps: Bodies that are not to collide.
+    """
+    kept: list[Rule] = []
+    apart = [set(overlap.bodies) for overlap in overlaps]
     for kind, (part, *names) in RULES.items():
         for rule in list(getattr(own, kind)):
             parts = [getattr(own, part)(getattr(rule, name)) for name in names]
             bodies = {each.id if part == "body" else each.parent.id for each in parts}
-            if bodies <= set(found.bodies):
+            if bodies <= set(found.bodies) and not (kind == "pairs" and bodies in apart):
                 kept += [(rule, name, each) for name, each in zip(names, parts, strict=True)]
             else:
                 own.delete(rule)
     return kept
+
+
+def excluded(own: Any, parts: Parts, overlaps: Sequence[Overlap]) -> list[Rule]:
+    """Exclude bodies with overlapping shapes from collision in a specification; the new rules."""
+    rules: list[Rule] = []
+    for overlap in overlaps:
+        rule = own.add_exclude()
+        bodies = [parts.bodies[body] for body in overlap.bodies]
+        rules += [(rule, name, body) for name, body in zip(RULES["excludes"][1:], bodies, strict=True)]
+    return rules
 
 
 def renamed(name: str) -> str:

@@ -17,6 +17,8 @@ from quad_env.robots.feet import depths
 from quad_env.robots.shapes import Floats as Floats
 
 T = TypeVar("T")
+LEVEL = 2e-4
+"""Largest difference between heights of the feet in the home pose that is one of manufacture, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +61,10 @@ class Figures:
     trunk_centre: Floats = field(default_factory=lambda: np.zeros(3))
     """Centre of the trunk's box in the base frame, shape (3,), m."""
     foot_points: Floats = field(default_factory=lambda: np.zeros((4, 0, 3)))
-    """Points of the hull of each foot that is no ball, from its centre, base frame with the legs straight down, shape
-    (4, k, 3), m."""
+    """Points from the centre of each foot, base frame with the legs straight down, shape (4, k, 3), m: the foot is
+    their hull, each grown by its radius. None where all feet are balls."""
+    foot_radii: Floats = field(default_factory=lambda: np.zeros((4, 0)))
+    """Radii about the points, shape (4, k), m."""
     stiff_servo: Floats = field(default_factory=lambda: np.array((300.0, 10.0)))
     """Stiffness and damping, shape (2, 12), N·m/rad and N·m·s/rad, for controllers that need stiff servos: SimpleQuad's
     scaled by mass and leg length, or those of a user's TOML; given as two numbers where all joints are alike."""
@@ -73,8 +77,14 @@ class Figures:
     source: Path | None = None
     """File of a user's that it was read from, its MJCF, URDF or a TOML; None of a robot that has a name here."""
 
+    @property
+    def keeps_contact(self) -> bool:
+        """Whether the geoms of the model keep their contact parameters: those of the robots by name, for which results
+        are published."""
+        return self.imported and self.source is None
+
     def __post_init__(self) -> None:
-        for name in ("home_pose", "hip_positions", "trunk_size", "trunk_centre", "foot_points"):
+        for name in ("home_pose", "hip_positions", "trunk_size", "trunk_centre", "foot_points", "foot_radii"):
             object.__setattr__(self, name, constant(getattr(self, name)))
         spread = {"knee_direction": len(self.leg_names)}
         spread |= dict.fromkeys(("servo_stiffness", "servo_damping"), len(self.joint_names))
@@ -119,14 +129,30 @@ class Figures:
 
     @cached_property
     def home_hip_height(self) -> float:
-        """Hip joints above the centres of the feet in the home pose, m."""
-        _, thigh, calf = self.home_pose[:3]
-        return float(self.thigh_length * np.cos(thigh) + self.calf_length * np.cos(thigh + calf))
+        """Hip joints above the centres of the feet in the home pose, mean over the legs, m."""
+        heights = self.hip_heights
+        return float(heights[0] if np.ptp(heights) < LEVEL else heights.mean())
+
+    @cached_property
+    def hip_heights(self) -> Floats:
+        """Each hip joint above the centre of its foot in the home pose, (4,), m."""
+        hip, thigh, calf = self.home_pose.reshape(-1, 3).T
+        bent = self.thigh_length * np.cos(thigh) + self.calf_length * np.cos(thigh + calf)
+        heights: Floats = np.cos(hip) * bent - np.sin(hip) * self.side * self.hip_offset
+        return heights
 
     @cached_property
     def home_height(self) -> float:
-        """Origin of the base frame above flat ground in the home pose with the feet just touching, m."""
-        return self.home_hip_height + self.foot_depth - self.hip_rise
+        """Origin of the base frame above flat ground in the home pose, level, with the lowest foot just touching, m."""
+        parts = self.hip_heights, self._foot_depths, self.hip_positions[:, 2], self.leg_heights
+        if max(np.ptp(part) for part in parts) < LEVEL:
+            return self.home_hip_height + self.foot_depth - self.hip_rise
+        return float(self.leg_heights.max())
+
+    @property
+    def leg_heights(self) -> Floats:
+        """Origin of the base frame, level, above the underside of each foot in the home pose, (4,), m."""
+        return self.hip_heights + self._foot_depths - self.hip_positions[:, 2]
 
     @cached_property
     def hip_rise(self) -> float:
@@ -136,9 +162,15 @@ class Figures:
     @cached_property
     def foot_depth(self) -> float:
         """Lowest point of a foot below its centre in the home pose, m: its radius where it is a ball."""
+        return float(self._foot_depths.max())
+
+    @cached_property
+    def _foot_depths(self) -> Floats:
+        """Lowest point of each foot below its centre in the home pose, (4,), m."""
         if not self.foot_points.size:
-            return self.foot_radius
-        return float(depths(self.foot_points, self.home_pose.reshape(-1, 3), np.array((0.0, 0.0, 1.0))).max())
+            return np.full(len(self.leg_names), self.foot_radius)
+        up = np.array((0.0, 0.0, 1.0))
+        return depths(self.foot_points, self.foot_radii, self.home_pose.reshape(-1, 3), up)
 
 
 def constant(values: ArrayLike) -> Floats:

@@ -49,6 +49,7 @@ def spare_joints(mujoco: Any, model: Any) -> list[int]:
 def hold(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> Any:
     """Take these joints out of a specification, their bodies welded where the first keyframe or, without one, `qpos0`
     has them; its model. Bodies and geoms keep their ids."""
+    _keep_springs(spec, model)
     data, places = mujoco.MjData(model), model.jnt_qposadr[list(joints)]
     if model.nkey:
         data.qpos[places] = model.key_qpos[0][places]
@@ -68,6 +69,16 @@ def hold(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> Any:
     for key in spec.keys:
         key.qpos, key.qvel, key.act, key.ctrl = model.key_qpos[key.id][kept], [], [], []
     return spec.compile()
+
+
+def _keep_springs(spec: Any, model: Any) -> None:
+    """Write out what `springdamper` was compiled to: it follows from an inertia that held joints change."""
+    for part in spec.joints:
+        if part.springdamper.any():
+            dof = int(model.jnt_dofadr[part.id])
+            part.stiffness = (model.jnt_stiffness[part.id], *model.jnt_stiffnesspoly[part.id])
+            part.damping = (model.dof_damping[dof], *model.dof_dampingpoly[dof])
+            part.springdamper = (0.0, 0.0)
 
 
 def _referring(mujoco: Any, spec: Any, names: set[str]) -> list[Any]:

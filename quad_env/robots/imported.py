@@ -1,24 +1,30 @@
 """The figures of a user's robot, inferred from its MJCF or URDF or given in a TOML file."""
 
-import tomllib
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from quad_env.files.reading import read_bytes
-from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError
-from quad_env.robots.figures import REFERENCE, REFERENCE_MASS, Figures
+from quad_env.files.reading import parse_toml, read_bytes
+from quad_env.files.text import brief, described, one_line
+from quad_env.robots.anatomy import JOINTS_PER_LEG, LEAST_BEND, LEGS, Anatomy, Leg, ModelError
+from quad_env.robots.figures import LEVEL, REFERENCE, REFERENCE_MASS, Figures
 from quad_env.robots.model_file import read
-from quad_env.robots.shapes import Floats, corners, geoms_of
+from quad_env.robots.shapes import Floats, corners, geoms_of, rotation_of
+from quad_env.robots.torque_limits import torque_ranges
 
 FIGURES = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness"
 """Fields of a robot that may be given instead of being inferred."""
 SHORTEST_BEND, LONGEST_BEND = 0.5, 0.97
 """Hip joints above the feet in a keyframe that is taken for a stand, as a share of a leg's length."""
-LEAST_BEND = 0.1
-"""Middle of a calf's range, rad, that shows which way its knee bends."""
+MIN_MASS, MAX_MASS = 1e-3, 1e6
+"""kg."""
+
+
+class GivenError(ModelError):
+    """A figure that was given does not fit the model."""
 
 
 def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
@@ -29,15 +35,35 @@ def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
         own = figures.pop("name")
     try:
         given = {figure: _figure(figure, value) for figure, value in figures.items()}
-        return replace(_inferred(path, own if name is None else name, given), source=source)
+        own = _checked_name(own if name is None else name)
     except ModelError as error:
-        raise ModelError(f"{path}: {error}") from error
+        raise ModelError(one_line(f"{source}: {error}")) from error
+    try:
+        return replace(_inferred(path, own, given), source=source)
+    except ModelError as error:
+        is_of_the_figures = isinstance(error, GivenError) and source != path
+        raise ModelError(one_line(f"{source if is_of_the_figures else path}: {error}")) from error
+    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+        raise ModelError(one_line(f"{path}: its figures cannot be worked out ({described(error)})")) from error
+
+
+def _checked_name(name: Any) -> str:
+    """The name of a robot. Raises ModelError for what is none."""
+    is_name = isinstance(name, str) and name and not name.startswith(".") and Path(name).name == name
+    if not is_name or not name.isprintable():
+        raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
+    return str(name)
+
+
+def _check_finite(robot: Figures) -> None:
+    """Raise ModelError for the first figures of a robot that are not finite."""
+    for name, value in robot.by_name.items():
+        if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
+            raise ModelError(f"its {name} is not finite: a size, a mass or an angle in the model is beyond any robot's")
 
 
 def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     _, model, found = read(path)
-    if not isinstance(name, str) or name.startswith(".") or Path(name).name != name:
-        raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
     leg = found.legs[0]
     longer = (leg.thigh_length + leg.calf_length) / REFERENCE.leg_length
     stiffness, damping = REFERENCE.stiff_servo[:, 0].tolist()
@@ -55,6 +81,7 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
             chosen[figure] = infer(model, found)
     stiff_servo = [np.broadcast_to(chosen[gain], len(found.joints)) for gain in ("servo_stiffness", "servo_damping")]
     trunk_centre, trunk_size = found.trunk_box(model)
+    foot_points, foot_radii = _feet(found)
     robot = Figures(
         name=name,
         mjcf=path,
@@ -68,7 +95,8 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
         thigh_length=leg.thigh_length,
         calf_length=leg.calf_length,
         foot_radius=leg.foot.radius,
-        foot_points=np.stack([leg.foot.points for leg in found.legs]),
+        foot_points=foot_points,
+        foot_radii=foot_radii,
         thigh_radius=_thigh_radius(model, found, leg),
         trunk_size=trunk_size,
         trunk_centre=trunk_centre,
@@ -78,12 +106,20 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     if "home_pose" not in figures:
         stand = _stand(model, found)
         height = REFERENCE.home_hip_height * longer if stand is None else _height(leg, stand)
-        robot = replace(robot, home_pose=_home_pose(robot, height))
+        robot = _levelled(replace(robot, home_pose=_home_pose(robot, len(found.legs) * [height])))
+    for field, value in robot.by_name.items():
+        if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
+            raise ModelError(f"its {field.replace('_', ' ')} is not finite, got {value}")
     lower, upper = found.limits(model)
     outside = (robot.home_pose < lower) | (robot.home_pose > upper)
     if outside.any():
         names = ", ".join(name for name, out in zip(robot.joint_names, outside, strict=True) if out)
-        raise ModelError(f"the home pose lies outside the limits of {names}")
+        kind = GivenError if "home_pose" in figures else ModelError
+        raise kind(f"the home pose lies outside the limits of {names}")
+    _check_finite(robot)
+    mass = float(model.body_subtreemass[found.root])
+    if not MIN_MASS <= mass <= MAX_MASS:
+        raise ModelError(f"its mass is beyond any robot's: got {mass:g} kg; valid: {MIN_MASS:g} to {MAX_MASS:g} kg")
     return robot
 
 
@@ -92,8 +128,8 @@ def _given(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     try:
-        given = tomllib.loads(read_bytes(path).decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        given = parse_toml(read_bytes(path))
+    except ValueError as error:
         raise ModelError(f"{path} is no TOML: {error}") from error
     if not isinstance(mjcf := given.pop("mjcf", None), str):
         raise ModelError(f'{path} names no model: it wants a line such as mjcf = "my_robot.xml"')
@@ -106,8 +142,8 @@ def _figure(name: str, value: Any) -> Any:
         raise ModelError(f"a robot's {name!r} cannot be given; what can: {', '.join(FIGURES)}")
     try:
         numbers = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"{name} is made of numbers, got {value!r}") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ModelError(f"{name} is made of numbers, got {brief(value)}") from error
     if name == "home_pose":
         if numbers.shape not in ((JOINTS_PER_LEG,), (LEGS * JOINTS_PER_LEG,)) or not np.isfinite(numbers).all():
             raise ModelError(f"home_pose is three angles, the same of every leg, or twelve, rad; got {value!r}")
@@ -145,25 +181,13 @@ def _knee_direction(model: Any, found: Anatomy) -> Floats:
 
 def _rated_torque(model: Any, found: Anatomy) -> float:
     """The least of the largest torques of the joints, N·m."""
-    largest = np.full(model.njnt, np.inf)
-    for actuator in range(model.nu):
-        joint, gear = int(model.actuator_trnid[actuator, 0]), abs(float(model.actuator_gear[actuator, 0]))
-        if model.actuator_trntype[actuator] != 0:
-            continue
-        torque = np.inf
-        if model.actuator_forcelimited[actuator]:
-            torque = float(np.abs(model.actuator_forcerange[actuator]).min())
-        if model.actuator_ctrllimited[actuator] and model.actuator_biastype[actuator] == 0:
-            gain = abs(float(model.actuator_gainprm[actuator, 0]))
-            torque = min(torque, gain * float(np.abs(model.actuator_ctrlrange[actuator]).min()))
-        largest[joint] = min(largest[joint], gear * torque)
-    for joint in found.joints:
-        if model.jnt_actfrclimited[joint]:
-            largest[joint] = min(largest[joint], float(np.abs(model.jnt_actfrcrange[joint]).min()))
-    least = float(largest[found.joints].min())
-    if not np.isfinite(least) or least <= 0.0:
-        raise ModelError("the actuators of the joints do not give their largest torques: give rated_torque, N·m")
-    return least
+    lower, upper = torque_ranges(model, found.joints).T
+    largest = np.minimum(-lower, upper)
+    known = np.isfinite(largest) & (largest > 0.0)
+    if not known.all():
+        names = ", ".join(model.joint(joint).name for joint, has in zip(found.joints, known, strict=True) if not has)
+        raise ModelError(f"the model does not say the largest torque of {names}: give rated_torque, N·m")
+    return float(largest.min())
 
 
 def _stand(model: Any, found: Anatomy) -> Floats | None:
@@ -182,26 +206,67 @@ def _height(leg: Leg, angles: Floats) -> float:
     return float(leg.thigh_length * np.cos(angles[1]) + leg.calf_length * np.cos(angles[1] + angles[2]))
 
 
-def _home_pose(robot: Figures, height: float) -> Floats:
-    """Feet below the thigh joints, these at that height above them, m; (12,), rad."""
+def _home_pose(robot: Figures, heights: Sequence[float]) -> Floats:
+    """Feet below the thigh joints, each leg's at its height, m, above them; (12,), rad."""
     upper, lower = robot.thigh_length, robot.calf_length
-    height = float(np.clip(height, abs(upper - lower) + 1e-3, robot.leg_length))
-    thigh = np.arccos(np.clip((upper**2 + height**2 - lower**2) / (2.0 * upper * height), -1.0, 1.0))
-    calf = np.pi - np.arccos(np.clip((upper**2 + lower**2 - height**2) / (2.0 * upper * lower), -1.0, 1.0))
-    knees = robot.knee_direction
-    pose: Floats = np.stack([0.0 * knees, -knees * thigh, knees * calf], axis=1).ravel()
-    return pose + 0.0  # which makes no -0.0 of a hip's
+    pose = []
+    for knee, height in zip(robot.knee_direction, heights, strict=True):
+        height = float(np.clip(height, abs(upper - lower) + 1e-3, robot.leg_length))
+        thigh = np.arccos(np.clip((upper**2 + height**2 - lower**2) / (2.0 * upper * height), -1.0, 1.0))
+        calf = np.pi - np.arccos(np.clip((upper**2 + lower**2 - height**2) / (2.0 * upper * lower), -1.0, 1.0))
+        pose += [0.0, -knee * thigh, knee * calf]
+    return np.array(pose) + 0.0  # which makes no -0.0 of a hip's
+
+
+def _levelled(robot: Figures) -> Figures:
+    """The robot with a home pose in which all feet touch: those that reach deeper, or hang lower, are bent more."""
+    for _ in range(10):  # a foot that is no ball reaches as deep as its shin is tilted
+        heights = robot.leg_heights
+        if np.ptp(heights) < LEVEL:
+            break
+        pose = _home_pose(robot, (robot.hip_heights + 0.5 * (heights.min() + heights.max()) - heights).tolist())
+        robot = replace(robot, home_pose=pose)
+    return robot
+
+
+def _feet(found: Anatomy) -> tuple[Floats, Floats]:
+    """Return the points of the feet from where kinematics has their centres, which takes all legs for the same.
+
+    Returns:
+        points: (4, k, 3), m; k is 0 where all feet are balls.
+        radii: About the points, (4, k), m.
+    """
+    legs = found.legs
+    if not any(leg.foot.points.size for leg in legs):
+        return np.zeros((len(legs), 0, 3)), np.zeros((len(legs), 0))
+    count = max(1, *(len(leg.foot.points) for leg in legs))
+    points = np.zeros((len(legs), count, 3))
+    radii = np.zeros((len(legs), count))
+    offset = float(np.mean([leg.hip_offset for leg in legs]))
+    for row, leg in enumerate(legs):
+        own = leg.foot.points if leg.foot.points.size else np.zeros((1, 3))
+        its = leg.foot.radii if leg.foot.points.size else np.array((leg.foot.radius,))
+        outboard = np.sign(leg.hip[1]) * (leg.hip_offset - offset)
+        lower = legs[0].calf_length - leg.calf_length
+        points[row] = np.resize(own, (count, 3))
+        points[row] += (0.0, outboard, lower)
+        radii[row] = np.resize(its, count)
+    return points, radii
 
 
 def _thigh_radius(model: Any, found: Anatomy, leg: Leg) -> float:
     """Distance from the line between a thigh's joints to the farthest point of what collides of it, rounded up, m."""
-    thigh, calf = (int(model.jnt_bodyid[joint]) for joint in leg.joints[1:])
-    geoms, along = geoms_of(model, [thigh], found.grounded), model.body_pos[calf]
+    start, end = leg.joints[1:]
+    thigh, calf = (int(model.jnt_bodyid[joint]) for joint in (start, end))
+    geoms = geoms_of(model, [thigh], found.grounded)
     if not geoms:
         return leg.foot.radius
+    along = model.body_pos[calf] + rotation_of(model.body_quat[calf]) @ model.jnt_pos[end]
     if model.body_parentid[calf] != thigh:  # a body that is welded to the thigh lies between
-        along = (found.places[calf] - found.places[thigh]) @ found.axes[thigh]
-    points = np.concatenate([corners(model, geom) for geom in geoms])
+        along = found.places[calf] + found.axes[calf] @ model.jnt_pos[end] - found.places[thigh]
+        along = along @ found.axes[thigh]
+    along = along - model.jnt_pos[start]
+    points = np.concatenate([corners(model, geom) for geom in geoms]) - model.jnt_pos[start]
     share = np.clip(points @ along / (along @ along), 0.0, 1.0)
     beside = np.linalg.norm(points - share[:, None] * along, axis=1)
     return float(np.ceil(100.0 * beside.max()) / 100.0)

@@ -44,7 +44,7 @@ def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
     if not robot.foot_points.size:
         return robot.foot_radius
     angles = joints.reshape(-1, len(robot.leg_names), 3)
-    return depths(robot.foot_points, angles, rotation[:, None, 2, :])
+    return depths(robot.foot_points, robot.foot_radii, angles, rotation[:, None, 2, :])
 
 
 def foot_jacobians(robot: Robot, joints: Array) -> Array:

@@ -1,26 +1,39 @@
 """A user's model file, MJCF or URDF: read as MuJoCo compiles it, what it holds besides the robot, a model's digest."""
 
 import hashlib
+import os
 import re
+import sysconfig
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
-from quad_env.files.reading import read_bytes
-from quad_env.robots.anatomy import Anatomy, ModelError, anatomy
+from quad_env.files.reading import check_file, read_bytes
+from quad_env.files.text import described
+from quad_env.robots.anatomy import Anatomy, ModelError, anatomy, root_of
 from quad_env.robots.collisions import GROUND_BIT
+from quad_env.robots.finite import nonfinite_line
 from quad_env.robots.held import carried_by, hold, spare_joints
+from quad_env.robots.inertias import compile_balanced, without_inferred_masses
+from quad_env.robots.missing_files import leave_out_missing, missing_files, note_missing
+from quad_env.robots.mujoco_messages import explained
+from quad_env.robots.omissions import CONTACT, listed, omissions, unlimited
 
 READABLE = ".stl", ".obj", ".msh"
 """Endings of the meshes that MuJoCo reads, of a URDF."""
 LEAST_INERTIA = 1e-12
 """Of a URDF's link, kg·m²; converters write less for links that are mere frames, which MuJoCo refuses."""
 _PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.*)")
+_FILES = re.compile(rb"""\b(?:file|filename)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
+_FOLDERS = re.compile(rb"""\b(?:meshdir|texturedir|assetdir)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
+_MAX_FILES, _LARGEST_MESH = 5000, 2**28
+"""Files of a model that are looked at, and the bytes of one; the largest published meshes have 50 MiB."""
 _DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 DECISIVE = (
@@ -31,12 +44,14 @@ DECISIVE = (
     *("actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "key_qpos"),
 )
 """Arrays of a model that its motion hangs on."""
+RARE = "jnt_stiffnesspoly", "dof_dampingpoly"
+"""Such arrays that are zero in most models, whose digests are older than these."""
 
 
 def digest(names: Iterable[str], model: Any) -> str:
     """SHA-256 of the robot by its model on flat ground, see `Robot.sha256`."""
     found = hashlib.sha256(" ".join(names).encode())
-    for name in DECISIVE:
+    for name in (*DECISIVE, *(name for name in RARE if getattr(model, name).any())):
         values = np.asarray(getattr(model, name)).ravel()
         values = (values & ~GROUND_BIT if name in ("geom_contype", "geom_conaffinity") else values).astype(np.float64)
         found.update(" ".join(f"{value + 0.0:.6g}" for value in values).encode())
@@ -44,47 +59,151 @@ def digest(names: Iterable[str], model: Any) -> str:
 
 
 def read(path: Path) -> tuple[Any, Any, Anatomy]:
-    """A file's specification, its model and what it is made of, joints that belong to no leg held."""
+    """A file's specification, its model and what it is made of, joints that belong to no leg held.
+
+    It is read in a limited process first: MuJoCo can crash on a file, or work on it for hours.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} is no file")
+    if not _is_installed(path):
+        from quad_env.cli.limited_process import CrashError, LimitExceededError, read_limited  # here: it takes long
+
+        try:
+            read_limited(check, path, again=False)
+        except LimitExceededError as error:
+            raise ModelError(f"MuJoCo cannot read it: {error}") from None
+        except CrashError as error:
+            raise ModelError(f"MuJoCo crashes as it reads it: {error}") from None
+    return _read(path)
+
+
+def check(path: Path) -> None:
+    """Read a file as `read` does, in a limited process, and the files that it names by their sizes.
+
+    Raises ModelError for what cannot be read, whatever MuJoCo says of it.
+    """
+    _check_files(path)
+    try:
+        _read(path)
+    except (ModelError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        raise ModelError(f"MuJoCo cannot read it, or has not the memory for it: {described(error)}") from None
+
+
+def _check_files(path: Path) -> None:
+    """Raise ModelError for a file that a model names, and which is too large or no regular one."""
+    waiting, seen = [path], set[Path]()
+    while waiting:
+        model = waiting.pop()
+        try:
+            text = read_bytes(model)
+        except OSError as error:
+            raise ModelError(f"{model.name} cannot be read ({error.strerror})") from None
+        folders = {b"", *(found[2] for found in _FOLDERS.finditer(text))}
+        for found in _FILES.finditer(text):
+            for folder in folders:
+                file = path.parent / os.fsdecode(folder) / os.fsdecode(found[2])
+                if file in seen or len(seen) > _MAX_FILES:
+                    continue
+                seen.add(file)
+                try:
+                    check_file(file, _LARGEST_MESH)
+                except (FileNotFoundError, NotADirectoryError, ValueError):  # MuJoCo says what is missing
+                    continue
+                except OSError as error:
+                    if not file.is_dir():
+                        raise ModelError(
+                            f"the file {file.name} that it names cannot be read: {error.strerror}"
+                        ) from None
+                    continue
+                if file.suffix.lower() in (".xml", ".mjcf", ".urdf"):
+                    waiting.append(file)
+
+
+@cache
+def _installed() -> tuple[str, ...]:
+    """Folders of this package and of those that are installed: their code runs anyway."""
+    places = [str(Path(__file__).parents[1]), *(sysconfig.get_paths()[name] for name in ("purelib", "platlib"))]
+    return tuple(os.path.realpath(place) + os.sep for place in places)
+
+
+def _is_installed(path: Path) -> bool:
+    return os.path.realpath(path).startswith(_installed())
+
+
+def _read(path: Path) -> tuple[Any, Any, Anatomy]:
     import mujoco
 
     log_to_the_console()
-    if not path.is_file():
-        raise FileNotFoundError(f"{path} is no file")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of attributes that are deprecated: they are read all the same
-            spec = _urdf_spec(mujoco, path) if path.suffix == ".urdf" else mujoco.MjSpec.from_file(str(path))
+            is_urdf = path.suffix == ".urdf"
+            spec = _urdf_spec(mujoco, path) if is_urdf else mujoco.MjSpec.from_file(str(path))
+            leave_out_missing(spec)
             _keep_parts(mujoco, spec)
-            model = spec.compile()
+            massless = without_inferred_masses(spec) if is_urdf else ()
+            model, balanced = compile_balanced(mujoco, spec)
+            if (line := nonfinite_line(model)) is not None:
+                raise ModelError(line)
+            omitted = (
+                *omissions(mujoco, spec, model, root_of(mujoco, model)),
+                *_about_inertias(massless, balanced),
+                *_about_files(spec),
+            )
             if not (spare := spare_joints(mujoco, model)):
-                return spec, model, anatomy(mujoco, model)
+                found = anatomy(mujoco, model)
+                return spec, model, replace(found, omitted=(*omitted, *unlimited(model, found.joints)))
             names = [model.joint(joint).name or f"number {joint}" for joint in spare]
             still = hold(mujoco, spec, model, spare)
     except ModelError:
         raise
     except ValueError as error:
-        raise ModelError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from error
-    return spec, still, replace(anatomy(mujoco, still), held=tuple(names), carried=carried_by(model, spare))
+        raise ModelError(f"MuJoCo cannot read it: {explained(str(error))}") from error
+    found = anatomy(mujoco, still)
+    omitted = (*omitted, *unlimited(still, found.joints))
+    return spec, still, replace(found, held=tuple(names), carried=carried_by(model, spare), omitted=omitted)
 
 
-def remarks(path: Path) -> Iterator[tuple[str, str]]:
-    """What the model in a user's file has that one should know of: heading and text, a line each."""
+def _about_inertias(massless: Iterable[str], balanced: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Lines about links without a mass and about inertias that were changed."""
+    if names := listed(massless):
+        yield "no mass", f"{names}: the URDF gives none, and shapes do not"
+    if names := listed(balanced):
+        yield "inertia", f"of {names} is impossible: three equal moments of the same mean instead"
+
+
+def _about_files(spec: Any) -> Iterator[tuple[str, str]]:
+    """A line about files that are not there."""
+    if (files := missing_files(spec)) is not None:
+        yield "not there", f"files that are only shown, left out: {files}"
+
+
+def remarks(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
+    """What the model in a user's file has that one should know of: heading and text, a line each.
+
+    `keeps_contact`: whether the robot keeps the contact parameters, see `Figures.keeps_contact`.
+    """
     import mujoco
 
-    own, model, found = read(path)
+    _, model, found = read(path)
     feet = [geom for leg in found.legs for geom in leg.foot.geoms]
     names = [model.geom(geom).name or model.body(model.geom_bodyid[geom]).name for geom in feet]
     kinds = {mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower() for geom in feet}
     yield "feet", f"{', '.join(names)} ({', '.join(sorted(kinds))})"
     if not found.trunk_collides(model):
         yield "trunk", "does not collide in the model: the box around what is shown of it does here"
-    others = np.flatnonzero(~found.own & (model.body_parentid == 0))[1:]  # the first is the world
-    scene = [f"body {model.body(int(body)).name or body}" for body in others]
-    loose = sum(geom.parent.id == 0 for geom in own.geoms)
-    for kind, count in (("geom", loose), ("tendon", len(own.tendons)), ("equality", len(own.equalities))):
-        scene += [f"{count} {kind}{' of the world' if kind == 'geom' else ''}"] if count else []
-    if scene:
-        yield "left out", ", ".join(scene)
+    yield from _said(found, keeps_contact)
+
+
+def omitted_from(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
+    """What the model in a user's file has and the robot has not, the last lines of `remarks`."""
+    yield from _said(read(path)[2], keeps_contact)
+
+
+def _said(found: Anatomy, keeps_contact: bool) -> Iterator[tuple[str, str]]:
+    yield from (line for line in found.omitted if not (keeps_contact and line[0] == CONTACT))
 
 
 def _keep_parts(mujoco: Any, spec: Any) -> None:
@@ -122,11 +241,17 @@ def _urdf_spec(mujoco: Any, path: Path) -> Any:
     compiler = extension.find("compiler")
     compiler = ElementTree.SubElement(extension, "compiler") if compiler is None else compiler
     compiler.attrib.update(discardvisual="false", fusestatic="false")
+    compiler.attrib.setdefault("inertiafromgeom", "false")
+    missing: list[str] = []
     for link in robot.iter("link"):
         for seen in link.findall("visual"):
             mesh = seen.find("geometry/mesh")
-            if mesh is not None and not _readable(mesh.get("filename", "")):
+            name = "" if mesh is None else mesh.get("filename", "")
+            if mesh is not None and not _readable(name):
                 link.remove(seen)
+            elif mesh is not None and not _is_there(path, compiler.get("meshdir", ""), name):
+                link.remove(seen)
+                missing.append(name)
     for inertia in robot.iter("inertia"):
         if all(abs(float(moment)) < LEAST_INERTIA for moment in inertia.attrib.values()):
             inertia.attrib.update(dict.fromkeys(inertia.attrib, "0"))
@@ -137,11 +262,21 @@ def _urdf_spec(mujoco: Any, path: Path) -> Any:
         files[number] = file
         mesh.set("filename", number)
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"))
+    note_missing(spec, missing)
     for mesh in spec.meshes:
         mesh.file = str(files[mesh.file])
     if not any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints) and spec.bodies[1:]:
         spec.bodies[1].add_freejoint()
     return spec
+
+
+def _is_there(path: Path, folder: str, name: str) -> bool:
+    """Whether the file of a mesh that a URDF names is found."""
+    try:
+        _found(path, folder, name)
+    except ModelError:
+        return False
+    return True
 
 
 def _readable(name: str) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from quad_env.cli.command_line import UsageError
+from quad_env.files.paths import missing_file
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -92,6 +93,8 @@ def robot_of(robot: str | Robot) -> Robot:
         if Path(robot).suffix in SUFFIXES:
             path = Path(robot)
             return _read(path, path.stat().st_mtime_ns) if path.is_file() else Robot.from_mjcf(path)
+        if (missing := missing_file(robot)) is not None:
+            raise ValueError(missing)
         raise ValueError(
             f"unknown robot {robot!r}; there are {', '.join(ROBOTS)}, or a path to an .xml, .urdf or .toml file"
         )

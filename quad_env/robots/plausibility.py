@@ -7,6 +7,7 @@ import numpy as np
 from quad_env.config import GRAVITY
 from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.robot import Robot
+from quad_env.robots.unlikely_inertias import unlikely_armatures, unlikely_inertias
 
 SHORTEST, LONGEST = 0.05, 3.0
 """Legs of quadrupeds with twelve joints, m."""
@@ -16,6 +17,18 @@ STRONGEST = 2.5
 
 def warnings_of(robot: Robot) -> Iterator[str]:
     """What is hard to believe about a robot, a line each."""
+    if inertias := unlikely_inertias(robot):
+        first = inertias[0]
+        links = f"{first.name} and {len(inertias) - 1} more have" if len(inertias) > 1 else f"{first.name} has"
+        yield (
+            f"{links} a moment of inertia of {first.moment:.3g} kg·m², at {first.mass:.3g} kg within "
+            f"{first.reach:.2f} m, where at most {first.largest:.1g} is likely: a placeholder?"
+        )
+    if heavy := unlikely_armatures(robot):
+        first = robot.model.joint(heavy[0]).name
+        joints = f"{first} and {len(heavy) - 1} more have" if len(heavy) > 1 else f"{first} has"
+        largest = float(robot.model.dof_armature.max())
+        yield f"{joints} an armature of up to {largest:.3g} kg·m², as much as whole legs: a placeholder?"
     length, torque, need = robot.leg_length, robot.rated_torque, standing_torque(robot)
     if length > LONGEST:
         yield f"its legs are {length:.3g} m long: a model in millimetres? MJCF is in metres"

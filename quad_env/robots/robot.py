@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from quad_env.files.text import one_line
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS
 from quad_env.robots.arena import spec_of
 from quad_env.robots.figures import Figures, Floats, constant
@@ -25,11 +26,13 @@ class Robot(Figures):
         """The quadruped of an MJCF or a URDF, whatever its parts are called and in whatever order its legs are.
 
         The robot is the body with the free joint, or a URDF's root link, and all below it. A leg is a chain of three
-        hinges: about the trunk's x axis and twice about the leg's y axis; its foot is the lowest geom, of any shape,
-        that collides. Lengths, limits, torques and the way the knees bend are read from the compiled model, the home
-        pose from its keyframe or, without one, by SimpleQuad's proportions. Its joints have our servos, scaled from
-        SimpleQuad's by mass and leg length, with the least of the model's largest torques. Other hinges and slides, as
-        of an arm or of wheels on the feet, are held where the first keyframe or else `qpos0` has them, see `held`.
+        hinges: about the trunk's x axis and twice about the leg's y axis; its foot is every colliding geom of its last
+        body that can be the lowest in a stance. Lengths, limits, torques and the way the knees bend are read from the
+        compiled model, the home pose from its keyframe or, without one, by SimpleQuad's proportions. Its joints have
+        our servos, scaled from SimpleQuad's by mass and leg length, with the least of the model's largest torques.
+        Other hinges and slides, as of an arm or of wheels on the feet, are held where the first keyframe or else
+        `qpos0` has them, see `held`.
+        `model_fields` lists what becomes of every other field of the model, and `describe` names what is left out.
 
         Args:
             path: the MJCF or URDF, or a TOML file of figures with the MJCF's path from there as `mjcf`: what
@@ -96,6 +99,21 @@ class Robot(Figures):
         """Mass of the model, kg."""
         return self._compiled[2]
 
+    @property
+    def joint_damping(self) -> Floats:
+        """Damping of the model's joints, which acts besides that of the servos, shape (12,), N·m·s/rad."""
+        dofs = [int(self.model.joint(name).dofadr[0]) for name in self.joint_names]
+        return constant(self.model.dof_damping[dofs])
+
+    @property
+    def joint_damping_line(self) -> str:
+        """How much the joints' own damping adds to that of the servos, in words; empty where it is zero."""
+        damping = self.joint_damping
+        if not damping.any():
+            return ""
+        values = " to ".join(f"{value:.3g}" for value in sorted({float(damping.min()), float(damping.max())}))
+        return f"the joints' own damping of {values} N·m·s/rad adds to that of the servos"
+
     @cached_property
     def sha256(self) -> str:
         """SHA-256 of names and figures of the compiled model, to six digits: of what a trained policy hangs on."""
@@ -121,7 +139,11 @@ def servo_gains(servo: Any, num_robots: int) -> Floats:
         gains = np.stack([np.broadcast_to(each, (num_robots, JOINTS)) for each in (stiffness, damping)])
     except (TypeError, ValueError):
         shapes = f"a number, ({JOINTS},) or ({num_robots}, {JOINTS})"
-        raise ValueError(f"servo is a pair of stiffness and damping, each {shapes}, got {servo!r:.80}") from None
+        raise ValueError(
+            f"servo is a pair of stiffness and damping, each {shapes}, got {one_line(repr(servo)):.80}"
+        ) from None
     if not (np.isfinite(gains) & (gains > 0.0)).all():
-        raise ValueError(f"servo gains are finite numbers above 0, N·m/rad and N·m·s/rad, got {servo!r:.80}")
+        raise ValueError(
+            f"servo gains are finite numbers above 0, N·m/rad and N·m·s/rad, got {one_line(repr(servo)):.80}"
+        )
     return gains

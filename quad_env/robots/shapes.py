@@ -10,7 +10,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _SIGNS = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)], indexing="ij"), axis=-1).reshape(-1, 3)
-_TURNS = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+_TURNS = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
 _CIRCLE = np.stack((np.cos(_TURNS), np.sin(_TURNS)), axis=1)
 _HEIGHTS = np.sin(np.linspace(-0.5, 0.5, 25) * np.pi)
 _SPHERE = np.concatenate([np.insert(np.sqrt(max(0.0, 1.0 - z * z)) * _CIRCLE, 2, z, axis=1) for z in _HEIGHTS])
@@ -100,6 +100,13 @@ def surface(model: Any, geom: int) -> Floats:
     else:
         return corners(model, geom)
     return np.asarray(model.geom_pos[geom] + points @ rotation_of(model.geom_quat[geom]).T)
+
+
+def rounded(model: Any, geom: int) -> tuple[Floats, float]:
+    """Return points, (k, 3), body frame, m, and a radius: the geom is the hull of the points, grown by the radius."""
+    if ends := balls(model, geom):
+        return np.stack([centre for centre, _ in ends]), ends[0][1]
+    return surface(model, geom), 0.0
 
 
 def rotation_of(quaternion: Any) -> Floats:

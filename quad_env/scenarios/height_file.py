@@ -2,7 +2,7 @@
 
 import hashlib
 import io
-import tomllib
+import warnings
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from quad_env.columns import Array
-from quad_env.files.reading import read_bytes
+from quad_env.files.reading import parse_toml, read_bytes
 from quad_env.files.text import described, one_line
 
 MOST_SAMPLES = 4_000_000
@@ -33,9 +33,10 @@ class Heights(NamedTuple):
 
 def given(path: Path) -> list[Any]:
     """The values of KEYS in a TOML file, arrays as tuples; ValueError, one line, for what has others."""
+    content = _content(path)
     try:
-        found = tomllib.loads(_content(path).decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        found = parse_toml(content)
+    except ValueError as error:
         raise ValueError(one_line(f"{path} is no TOML: {error}")) from error
     if unknown := found.keys() - KEYS:
         raise ValueError(one_line(f"{path}: a terrain has no {', '.join(sorted(unknown))}; valid: {', '.join(KEYS)}"))
@@ -91,7 +92,9 @@ def _values(content: bytes, suffix: str, peak: float | None) -> Array:
         if peak is None:
             raise ValueError("of a picture, height is needed: how high its brightest pixel is above black, m")
     elif suffix == ".npy":
-        values = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # of damaged headers, which NumPy mends
+            values = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
     else:
         raise ValueError("heights are a grey picture (.png) or an array (.npy)")
     _check_shape(values.shape)

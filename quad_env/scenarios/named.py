@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from quad_env.config import CommandRanges
+from quad_env.files.paths import missing_file
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -59,6 +60,8 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
         return which
     found = find(which, robot_of(robot)) if isinstance(which, str) else None
     if found is None:
+        if isinstance(which, str) and (missing := missing_file(which)) is not None:
+            raise ValueError(missing)
         raise ValueError(
             f"unknown scenario {which!r}; valid: {', '.join(SCENARIOS)}, {WRITTEN}, or a quad_env.Scenario"
         )

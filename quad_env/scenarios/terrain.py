@@ -11,6 +11,7 @@ import numpy as np
 
 from quad_env.columns import Array, Column, clip, where, whole
 from quad_env.config import Amount, Bounds, Settings
+from quad_env.files.text import one_line
 from quad_env.scenarios import height_file
 from quad_env.scenarios.height_file import Heights
 
@@ -190,7 +191,7 @@ class HeightField(Settings):
         try:
             found = cls(place, height_file.sha256_of(place), size, height, start)
         except ValueError as error:
-            raise ValueError(f"{path}: {error}; it wants lines such as {height_file.LINES}") from None
+            raise ValueError(one_line(f"{path}: {error}; it wants lines such as {height_file.LINES}")) from None
         height_file.read(place, found.sha256, height)  # raises for what is no ground
         return found
 

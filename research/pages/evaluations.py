@@ -21,11 +21,9 @@ from quad_env.cli.format import (
     ABSENT,
     NO_BREAK,
     counted,
-    number,
     p_value,
     percent,
-    points,
-    points_interval,
+    points_with,
     share,
 )
 from quad_env.files.reading import parse_json, read_bytes
@@ -159,8 +157,9 @@ def score_table(
 
 
 def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:
-    score = f"{number(100.0 * each.score, 1)} [{points_interval(each.ci)}{NO_BREAK}%]"
-    minus = f"{points(each.difference)} [{points_interval(each.difference_ci)}], {p_value(each.p_value)}"
+    shown, difference = points_with(each.score, each.ci), points_with(each.difference, each.difference_ci)
+    score = f"{shown.value} [{shown.interval}{NO_BREAK}%]"
+    minus = f"{difference.value} [{difference.interval}], {p_value(each.p_value)}"
     return {name: score, f"{name} difference": minus if each.policy != baseline else ABSENT}
 
 

@@ -12,8 +12,9 @@ from evaluate.measures.outcomes import ISAAC_LAB, RULES
 from evaluate.report.headings import EFFORT_TITLES, FEW, FIRST, figure_of_effort
 from evaluate.report.page import warnings
 from evaluate.report.table import summary_figures
+from evaluate.report.verdict import SAME, claim
 from evaluate.rollouts.experiment import rescored
-from quad_env.cli.format import ABSENT, counted, interval, number, p_value, points, points_interval, share
+from quad_env.cli.format import ABSENT, counted, estimate, number, points_with, share
 from quad_env.robots.robot import Robot
 from research.pages.markdown import IN_A_LINE, table
 from research.pages.policy_list import PolicyList
@@ -42,7 +43,8 @@ def page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made
         f"Our controllers{' and published policies' * bool(listed.published)} on {robot.name} ({robot.mass:.1f} kg), "
         f"each with its own servo gains: the same {counted(results.episodes, 'episode')} of each scenario for all. "
         "Success, errors, intervals (95 %) and tests: [numbers.md](numbers.md). Differences are paired by episode, "
-        f"minus `{results.baseline}`; p is corrected for the number of comparisons (Holm).",
+        f"minus `{results.baseline}`. Intervals are each by itself; p of success is corrected together with all claims "
+        "of this page (Holm).",
         "",
         *(f"{line}.\n" for line in warnings(results)),
         made_by,
@@ -97,11 +99,13 @@ def _scenario(results: Results, scenario: str, order: Sequence[str]) -> Iterator
 
 
 def _difference(of: Comparison | None) -> str:
-    """A difference with its interval and its p-value; a dash for the reference itself."""
+    """A difference with its interval, of success with its corrected test; a dash for the reference itself."""
     if of is None:
         return ABSENT
-    value, ends = (points, points_interval) if of.metric == SUCCESS_RATE else (number, interval)
-    return f"{value(of.difference)} [{ends(of.ci)}], {p_value(of.p_value_holm)}"
+    if of.metric != SUCCESS_RATE:
+        return SAME if of.identical else estimate(of.difference, of.ci).with_interval
+    shown = points_with(of.difference, of.ci).with_interval
+    return f"{shown}, {claim(of.p_value_holm, of.ci, identical=of.identical)}"
 
 
 def _sources(listed: PolicyList) -> Iterator[str]:

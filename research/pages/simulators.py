@@ -13,7 +13,7 @@ from evaluate.analysis.effort import COST
 from evaluate.analysis.matches import Stored, matches
 from evaluate.records.store import read_rows
 from quad_env.cli.command_line import UsageError
-from quad_env.cli.format import interval, number
+from quad_env.cli.format import estimate, number
 from quad_env.files.writing import write_atomically
 from research.pages.csv_text import csv_text
 from research.pages.markdown import table
@@ -90,11 +90,11 @@ def _shown(row: dict[str, str | float | int]) -> dict[str, str]:
     def pair(name: str, places: int) -> str:
         return ", ".join(number(float(row[f"{name}_{side}"]), places) for side in "ab")
 
-    ends = interval((float(row["low"]), float(row["high"])))
+    difference = estimate(float(row["difference"]), (float(row["low"]), float(row["high"])))
     return {
         "cell": f"{row['scenario']}, `{row['policy']}`",
         "errors": pair(ERROR, 3),
-        "difference": f"{number(float(row['difference']))} [{ends}]",
+        "difference": difference.with_interval,
         "falls": f"{row['falls_a']}, {row['falls_b']} of {row['episodes']}",
         "costs": pair(COST, 2),
     }

@@ -18,6 +18,7 @@ from policies.base import CONTROL_PERIOD, Floats
 from policies.behaviour import Behaviour, State
 from quad_env import OBSERVATION, SCENARIOS, AnyPose
 from quad_env.cli.command_line import check_numbers
+from quad_env.cli.format import points_with
 from quad_env.seeding import episode_seeds
 
 STANDING_TILT = np.deg2rad(10.0)
@@ -94,11 +95,11 @@ def standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray
 def report(outcome: Outcome) -> str:
     """The measured figures as lines of text."""
     stands = outcome.standing_since <= TIME_ALLOWED
-    low, high = wilson_interval(int(stands.sum()), len(stands))
+    share = points_with(float(stands.mean()), wilson_interval(int(stands.sum()), len(stands)))
     times = outcome.standing_since[stands]
     lines = [
         f"standing within {TIME_ALLOWED:g} s: {stands.sum()} of {len(stands)}, "
-        f"{stands.mean():.1%} (95 % Wilson {low:.1%} … {high:.1%})",
+        f"{share.value} % (95 % Wilson {share.interval} %)",
         f"largest torque {outcome.peak_torque:.1f} N·m; {outcome.diverged} diverged",
     ]
     if len(times):

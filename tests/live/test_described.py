@@ -7,11 +7,13 @@ import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
 from live.commands.doctor import OF_DESCRIPTION
+from live.walking import understood
 from policies.foreign import mistakes
 from policies.foreign.description import PolicyDescription
 from policies.foreign.readers import write_toml
 from quad_env.__main__ import main
 from quad_env.doctor.check import Finding, Subject, examine
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.policies.foreign import walking_network
 
 
@@ -41,6 +43,13 @@ def test_what_was_understood_is_shown(policy: PolicyDescription) -> None:
     assert terms.startswith("reads   linear_velocity 3 × 2, angular_velocity 3 × 0.25, projected_gravity 3, command 3")
 
 
+def test_the_joints_own_damping_is_told_beside_small_gains(policy: PolicyDescription) -> None:
+    """SimpleQuad's joints have 0.2 N·m·s/rad of their own, next to nothing beside the described 10."""
+    soft = replace(policy, damping=tuple(0.5 for _ in policy.joints))
+    lines = [line for each in (policy, soft) for line in understood(each, SIMPLE_QUAD) if line.startswith("servos")]
+    assert ["the joints' own damping of 0.2 N·m·s/rad" in line for line in lines] == [False, True]
+
+
 def test_the_mistake_is_the_cause(policy: PolicyDescription) -> None:
     turned = tuple(replace(term, scale=(-1.0,)) if term.name == "projected_gravity" else term for term in policy.terms)
     checks = found(replace(policy, terms=turned))
@@ -66,3 +75,17 @@ def test_the_description_is_written(policy: PolicyDescription, tmp_path: Path, m
     assert main(["doctor", "--policy", str(file), "--write", str(written)]) == 0
     assert written.read_text(encoding="utf-8") == file.read_text(encoding="utf-8")
     assert "has no description" in refused(main, "doctor", "--policy", "trot", "--write", written)
+
+
+def test_what_a_file_does_not_say_is_written_as_comments(
+    policy: PolicyDescription, monkeypatch, capsys, refused
+) -> None:
+    folder = policy.network.parent
+    monkeypatch.setattr("live.commands.doctor.run", lambda *_: 0)
+    written = folder / "mine.toml"
+    assert main(["doctor", "--policy", str(policy.network), "--write", str(written)]) == 0
+    assert f"{written}: complete control_rate, joints, default_position, action_scale" in capsys.readouterr().out
+    lines = written.read_text(encoding="utf-8").splitlines()
+    assert 'network = "trot.onnx"' in lines
+    assert all(line.startswith("#") for line in lines if not line.startswith("network"))
+    assert "`control_rate` is missing" in refused(main, "doctor", "--policy", written, "--write", folder / "other.toml")

@@ -14,6 +14,7 @@ import pytest
 from live.commands.doctor import CHECKS as OF_POLICIES
 from policies import shipped
 from quad_env.__main__ import main
+from quad_env.doctor import installation
 from quad_env.doctor.check import Check, Finding, Subject, examine
 from quad_env.doctor.command import CHECKS
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -112,7 +113,8 @@ def test_a_problem_is_found_at_its_root_with_its_remedy(name: str, tmp_path: Pat
 def bundle(folder: Path, **changes: object) -> Path:
     """A copy of the shipped residual, whose description may differ."""
     path = Path(shutil.copytree(shipped.MODELS / "residual", folder / "residual")) / "policy.json"
-    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | changes), encoding="utf-8")
+    found = json.loads(path.read_text(encoding="utf-8")) | {"description_sha256": None}  # as of older versions
+    path.write_text(json.dumps(found | changes), encoding="utf-8")
     return path.parent
 
 
@@ -194,6 +196,22 @@ def test_a_missing_driver_of_opengl_is_found(monkeypatch: pytest.MonkeyPatch) ->
     found = complaints(Subject(), OF_THE_INSTALLATION)
     assert list(found) == ["opengl"]
     assert "libegl1" in found["opengl"].remedy
+
+
+def test_a_frame_that_never_comes_is_no_missing_driver(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation, "PATIENCE", 0.2)
+    monkeypatch.setattr(installation, "DRAW", "import time; time.sleep(1000)")
+    found = installation.opengl(Subject())
+    assert found.seen.startswith("no frame within 0.2 s, without the time in which other programs had the processor")
+    assert "install" not in found.remedy
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux says how long a process waited")
+def test_a_frame_that_waits_for_the_processor_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation, "PATIENCE", 0.2)
+    monkeypatch.setattr(installation, "DRAW", "import time; time.sleep(2)")
+    monkeypatch.setattr("quad_env.cli.child_process.RunClock.elapsed", lambda clock: 0.0)
+    assert installation.opengl(Subject()).result == "ok"
 
 
 def test_an_old_package_is_found_with_the_command_that_updates_it(

@@ -77,6 +77,56 @@ def test_a_policy_chosen_under_way_takes_over_without_a_jump() -> None:
     live.close()
 
 
+def test_a_policy_that_has_walked_elsewhere_begins_anew_where_it_is_chosen() -> None:
+    """Its clock and what it remembers: its actions are those of one that was just made."""
+    walked = policies.make("trot_integral")
+    elsewhere = Session(walked, "rough", seed=5, command=(0.8, 0.0, 0.3))
+    for _ in range(33):
+        elsewhere.step()
+    lives = [session("stand"), session("stand")]
+    for live, policy in zip(lives, (walked, policies.make("trot_integral")), strict=True):
+        live.steer((0.4, 0.0, 0.0))
+        live.step()
+        live.choose(policy)
+    for _ in range(60):
+        first, second = (live.step() for live in lives)
+        np.testing.assert_array_equal(first.action, second.action)
+    for live in (*lives, elsewhere):
+        live.close()
+
+
+def test_a_reset_begins_the_policy_anew_and_ends_its_taking_over() -> None:
+    """An episode after a change of policy is that of the policy from the start, whatever it did before."""
+    live, fresh = session("stand"), session("trot", seed=4)
+    live.choose(policies.make("trot"))
+    for _ in range(7):
+        live.step()
+    live.reset()
+    assert (live.seed, live.touched) == (4, False)
+    for _ in range(30):
+        np.testing.assert_array_equal(live.step().action, fresh.step().action)
+    for each in (live, fresh):
+        each.close()
+
+
+def test_a_person_s_doings_are_told_and_known_until_the_next_episode() -> None:
+    told: list[str] = []
+    live = session("stand")
+    live.listeners.append(told.append)
+    assert not live.touched
+    for do in (
+        lambda: live.push((30.0, -40.0), 0.1),
+        lambda: live.steer((0.1, 0.0, 0.0)),
+        lambda: live.choose(policies.make("trot")),
+    ):
+        do()
+        assert live.touched
+        live.reset(seed=9)
+        assert not live.touched
+    assert told == ["pushed by hand, 5 N·s", "reset, seed 9", "reset, seed 9", "trot chosen", "reset, seed 9"]
+    live.close()
+
+
 def test_a_policy_of_another_robot_is_refused_and_nothing_has_changed() -> None:
     live = session("trot")
     with pytest.raises(ValueError, match="was made for"):

@@ -3,6 +3,7 @@ import itertools
 import json
 import pickle
 import re
+import resource
 import shutil
 from dataclasses import asdict, replace
 
@@ -22,8 +23,10 @@ from policies.shipped import MODELS, folder_of
 from policies.trot.integral import integral_parameters
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD, Robot
+from quad_env.cli.command_line import UsageError
 from quad_env.robots.similarity import ratio
 from quad_env.sensing.height_scan import HeightScan, table_with
+from research.training.seal import Options, main
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
 
@@ -281,8 +284,12 @@ def test_description_that_is_no_description_is_refused(folder, content):
     damaged(folder, lambda f: (f / DESCRIPTION).write_text(content, encoding="utf-8"))
 
 
-def test_path_without_a_bundle_is_answered_with_the_names(tmp_path):
+def test_what_is_no_policy_is_answered_with_the_names_and_a_missing_path_as_such(tmp_path):
     with pytest.raises(policies.PolicyError, match="document_repaired"):
+        policies.resolve("nothing")
+    with pytest.raises(
+        policies.PolicyError, match=f"there is no file or folder {re.escape(str(tmp_path / 'nothing'))}"
+    ):
         policies.resolve(str(tmp_path / "nothing"))
     with pytest.raises(policies.PolicyError, match=DESCRIPTION):
         policies.resolve(tmp_path)
@@ -356,3 +363,35 @@ def test_what_was_found_for_a_users_robot_lies_beside_its_file(tmp_path):
     assert integral.body_height == 0.1
     assert integral.integral_gain == pytest.approx(ratio(robot, "1/s") * integral_parameters().integral_gain)
     assert folder_of(SIMPLE_QUAD) == MODELS
+
+
+@pytest.mark.parametrize("changes", [{"authority": [0.3] * 12}, {"hold": 2}, {"inputs": {}}, {"git_revision": "x"}])
+def test_a_description_that_was_altered_is_refused(folder, changes):
+    rewrite(folder, **changes)
+    with pytest.raises(policies.PolicyError, match="is not as it was written"):
+        load(folder)
+    rewrite(folder, description_sha256=None)  # as older versions wrote it
+    load(folder)
+
+
+def test_the_digests_of_shipped_policies_are_made_by_a_command(tmp_path):
+    """Without its digest each is what an older version wrote, and has the same bytes again once it is sealed."""
+    for shipped in sorted(MODELS.glob("**/policy.json")):
+        shutil.copytree(shipped.parent, made := tmp_path / shipped.parent.relative_to(MODELS), dirs_exist_ok=True)
+        rewrite(made, description_sha256=None)
+        assert main(Options((made,))) == 0
+        assert (made / DESCRIPTION).read_bytes() == shipped.read_bytes()
+        if (made.parent, made.name) == (tmp_path, "residual"):
+            rewrite(made, hold=3)
+            with pytest.raises(UsageError, match="is not as it was written"):
+                main(Options((made,)))
+
+
+@pytest.mark.parametrize(("name", "limit"), [(DESCRIPTION, "4 MiB"), (WEIGHTS, "128 MiB")])
+def test_a_file_beyond_any_size_is_refused_by_its_size(folder, name, limit):
+    with (folder / name).open("wb") as sparse:
+        sparse.truncate(3 * 2**30)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(policies.PolicyError, match=rf"{name} cannot be read \(it is larger than {limit}"):
+        load(folder)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100 * 1024  # KiB

@@ -89,3 +89,28 @@ def test_a_lost_height_scan_looks_like_level_ground_and_a_step_as_high_as_it_is(
     base.reset(3)
     seen = features.see(observation, base.act(observation))[:, OBSERVATION_SIZE : OBSERVATION_SIZE + 2]
     np.testing.assert_allclose(seen, 2.5 * np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 0.1]]), atol=1e-6)
+
+
+def test_a_correction_is_held_for_its_control_steps_from_each_robot_s_own_start_on():
+    """Three steps; the second of two begins again after the fifth."""
+    rng = np.random.default_rng(4)
+    weights = rng.normal(0.0, 0.2, (OBSERVATION_SIZE, 12)).astype(np.float32)
+    network = Network((weights,), (np.zeros(12, np.float32),))
+    policy = ResidualPolicy(policies.make("stand"), network, hold=3)
+    policy.reset(2)
+    assert not policy.correction.any()
+    held = np.zeros((2, 12), np.float32)
+    home = SIMPLE_QUAD.home_pose.astype(np.float32)
+    for step in range(11):
+        if step == 5:
+            policy.reset_where(np.array([False, True]))
+            assert not policy.correction[1].any()
+            np.testing.assert_allclose(policy.correction[0], held[0], atol=1e-5)
+        observation = rng.normal(0.0, 1.0, (2, OBSERVATION_SIZE)).astype(np.float32)
+        action = policy.act(observation)
+        due = np.array([step % 3 == 0, step % 3 == 0 if step < 5 else (step - 5) % 3 == 0])
+        held = np.where(due[:, None], np.clip((observation * SCALE) @ weights, -1.0, 1.0), held)
+        np.testing.assert_allclose(policy.correction, held, atol=1e-5)
+        np.testing.assert_array_equal(policy.base_action, np.tile(home, (2, 1)))
+        expected = compose(SIMPLE_QUAD, np.tile(home, (2, 1)), policy.correction, policy.authority)
+        np.testing.assert_array_equal(action, expected)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quad_env.scenarios.named import scenario
-from train.curriculum import Intervals, eased, next_shares
+from train.curriculum import Intervals, eased, next_shares, practice
 
 FORWARD, STILL = np.array([1.0, 0.0, 0.0]), np.zeros(3)
 DT = 0.1
@@ -74,3 +74,57 @@ def test_a_combination_has_no_axis_and_stays_as_it_is():
 def test_an_eased_scenario_keeps_profile_and_randomisation():
     found = eased(scenario("push=60+randomised+hardware"), 0.3)
     assert (found.hardware, found.randomisation) == (True, scenario("flat+randomised").randomisation)
+
+
+def told(intervals, command, velocity, fell=(False, False)):
+    """What is said of two robots at a step."""
+    ended, kept = intervals.step(np.array(command), np.array(velocity), np.array(fell))
+    return list(zip(ended.tolist(), kept.tolist(), strict=True))
+
+
+def test_each_robot_has_intervals_of_its_own():
+    """The first gets a new command after 15 steps and another after 12 more; the second keeps its own, and falls."""
+    intervals, forward = Intervals(2, DT), [FORWARD, FORWARD]
+    for _ in range(15):
+        assert not any(ended for ended, _ in told(intervals, forward, [FORWARD, 0.2 * FORWARD]))
+    assert told(intervals, [STILL, FORWARD], [STILL, 0.2 * FORWARD]) == [(True, True), (False, False)]
+    for _ in range(11):
+        assert not any(ended for ended, _ in told(intervals, [STILL, FORWARD], [0.5 * FORWARD, 0.2 * FORWARD]))
+    # Two steps after its settling second at 0.5 m/s are no standing still.
+    assert told(intervals, forward, [FORWARD, 0.2 * FORWARD])[0] == (True, False)
+    assert told(intervals, forward, [FORWARD, FORWARD], (False, True))[1] == (True, False)
+
+
+def test_every_interval_has_a_settling_second_of_its_own():
+    """10 steps at 9 m/s and 5 at rest, after an interval ahead, are a robot that stood still."""
+    intervals = Intervals(1, DT)
+    walk(intervals, 15, FORWARD, FORWARD)
+    walk(intervals, 10, STILL, 9.0 * FORWARD)
+    walk(intervals, 5, STILL, STILL)
+    assert walk(intervals, 1, FORWARD, FORWARD) == [(True, True)]
+
+
+def test_a_command_that_lasted_no_longer_than_it_takes_to_settle_is_no_interval():
+    intervals = Intervals(1, DT)
+    assert not any(ended for ended, _ in walk(intervals, 10, FORWARD, FORWARD))
+    assert walk(intervals, 1, STILL, STILL)[0][0] is False
+    assert not any(ended for ended, _ in walk(intervals, 10, STILL, STILL))
+    assert walk(intervals, 1, FORWARD, STILL) == [(True, True)]  # 11 steps, of which one counts
+
+
+def test_a_robot_that_falls_has_not_tracked_its_command_however_well_it_did_before():
+    intervals = Intervals(1, DT)
+    walk(intervals, 15, FORWARD, FORWARD)
+    assert walk(intervals, 1, STILL, STILL, fell=True) == [(True, False)]
+
+
+def test_ten_intervals_are_enough_to_change_a_scenario():
+    assert next_shares([0.5, 0.5], np.array([9, 10]), np.array([9, 10])) == pytest.approx([0.5, 0.7])
+    assert next_shares([0.5] * 4, np.full(4, 10), np.array([9, 7, 8, 5])) == pytest.approx([0.6, 0.5, 0.6, 0.5])
+
+
+def test_random_ground_is_that_of_its_purpose_and_seed():
+    found = [practice("rough", purpose, seed).terrain.seed for purpose, seed in (("training", 3), ("search", 0))]
+    assert found == [1003, 2]
+    assert practice("rough", "validation").terrain.seed == 1
+    assert practice("flat", "training", 3) == scenario("flat")

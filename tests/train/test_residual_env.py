@@ -1,5 +1,7 @@
 """Base and correction as one environment: the base's walk, honest ends of episodes, clocks that nothing disturbs."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -7,7 +9,8 @@ import pytest
 import policies
 from policies.history import Inputs
 from policies.network import Network
-from policies.residual import PRESENT, Features, ResidualPolicy, authority_of
+from policies.residual import PRESENT, Features, ResidualPolicy, authority_of, compose
+from policies.trot.open_loop import Trot, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.residual_env import ResidualVectorEnv
@@ -48,6 +51,66 @@ def test_the_first_features_after_a_restart_are_those_of_a_fresh_robot_with_the_
     features.reset(2)
     np.testing.assert_array_equal(seen, features.see(observation, trot.act(observation)))
     np.testing.assert_array_equal(infos["command"], fresh["command"])
+
+
+def test_every_robot_that_restarts_begins_with_its_own_first_observation_alone():
+    """One after the other: what the first remembered of its start is not the second's."""
+    inputs = Inputs(lags=(0.03,), averages=(0.2,), clock=1.5)
+    env, _ = residual(2, inputs=inputs, scenario="flat")
+    plain = robots(2, scenario="flat")
+    plain.reset(seed=SEEDS[:2])
+    observation, _ = plain.reset()
+    trot = policies.make("trot")
+    trot.reset(2)
+    features = Features(trot, inputs)
+    features.reset(2)
+    first, restarts = features.see(observation, trot.act(observation)), []
+    for step in range(8):
+        if step in (3, 6):
+            env.unwrapped.simulation.qpos[step // 3 - 1, 3:7] = (0.0, 1.0, 0.0, 0.0)
+        seen, _, terminated, _, _ = env.step(noise(step, 2))
+        for robot in np.flatnonzero(terminated):
+            restarts.append((step, int(robot)))
+            np.testing.assert_array_equal(seen[robot], first[robot])
+    assert restarts == [(3, 0), (6, 1)]
+
+
+@pytest.mark.parametrize(("base", "scenario"), [("trot", "push"), ("trot_integral", "rough")])
+def test_a_robot_that_restarts_alone_is_seen_from_then_on_as_one_that_has_just_begun(base, scenario):
+    """Robot 1 falls by itself: lags, averages and clock of five more steps are those of its next episode alone, and
+    those of the others those of robots that never saw it."""
+    inputs = Inputs(lags=(0.03,), averages=(0.2,), clock=1.5)
+    env, _ = residual(3, base=base, scenario=scenario, inputs=inputs)
+    seeds = SEEDS[:3]
+    for step in range(8):
+        if step == 7:
+            env.unwrapped.simulation.qpos[1, 3:7] = (0.0, 1.0, 0.0, 0.0)
+        _, _, terminated, _, infos = env.step(noise(step, 3))
+    assert terminated.tolist() == [False, True, False]
+    assert infos["_final_obs"].tolist() == infos["_final_info"].tolist() == [False, True, False]
+    assert not infos["final_obs"][[0, 2]].any()
+    assert infos["final_obs"][1].any()
+    ends = {key: mask.tolist() for key, mask in infos["final_info"].items() if key.startswith("_")}
+    assert "_heading_velocity" in ends
+    assert all(mask == [False, True, False] for mask in ends.values())
+    plain, policy = robots(3, scenario=scenario), policies.make(base)
+    plain.reset(seed=seeds)
+    observation, _ = plain.reset()
+    policy.reset(3)
+    features = Features(policy, inputs)
+    features.reset(3)
+    twin, _ = residual(3, base=base, scenario=scenario, inputs=inputs)
+    for step in range(8):
+        twin.step(noise(step, 3))
+    action = policy.act(observation)
+    features.see(observation, action)
+    for step in range(8, 13):
+        observation, *_ = plain.step(compose(SIMPLE_QUAD, action, noise(step, 3), authority_of(SIMPLE_QUAD)))
+        action = policy.act(observation)
+        expected = features.see(observation, action)
+        found, uncut = env.step(noise(step, 3))[0], twin.step(noise(step, 3))[0]
+        np.testing.assert_array_equal(found[1], expected[1])
+        np.testing.assert_array_equal(found[[0, 2]], uncut[[0, 2]])
 
 
 @pytest.mark.parametrize(("base", "steps"), [("trot_integral", 40), ("mpc", 10), ("stand", 40)])
@@ -130,6 +193,21 @@ def test_a_robot_that_falls_while_a_correction_is_held_ends_there():
             np.testing.assert_array_equal(infos["final_obs"], plain_infos["final_obs"])
             return
     raise AssertionError("280 control steps and no fall")
+
+
+def test_each_of_several_bases_moves_its_own_robots():
+    """One of the first robot, a slower one of the three others: each row is as with that base alone, restarts too."""
+    slow = replace(searched_parameters(), frequency=1.7)
+    mixed = ResidualVectorEnv(robots(4, 12), [(Trot(), 1), (Trot(slow), 3)])
+    fast_alone, slow_alone = (ResidualVectorEnv(robots(4, 12), base) for base in (Trot(), Trot(slow)))
+    seen = [env.reset(seed=SEEDS[:4])[0] for env in (mixed, fast_alone, slow_alone)]
+    for step in range(16):
+        if step:
+            seen = [env.step(noise(step, 4))[0] for env in (mixed, fast_alone, slow_alone)]
+        np.testing.assert_array_equal(seen[0][:1], seen[1][:1])
+        np.testing.assert_array_equal(seen[0][1:], seen[2][1:])
+    with pytest.raises(ValueError, match="4 robots need as many rows of bases, not 3"):
+        ResidualVectorEnv(robots(4), [(Trot(), 1), (Trot(slow), 2)])
 
 
 def test_what_it_cannot_work_with_is_refused_with_a_remedy():

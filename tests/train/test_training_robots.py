@@ -8,7 +8,14 @@ from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.config import PpoConfig, TrainConfig
-from train.training_robots import TrainingRobots, make_robots, segment_steps, side_by_side
+from train.training_robots import (
+    TrainingRobots,
+    effort_at,
+    make_robots,
+    segment_steps,
+    side_by_side,
+    training_seeds,
+)
 
 SEEDS = episode_seeds("training", 3, 5).tolist()
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
@@ -98,6 +105,52 @@ def test_figures_of_a_step_are_those_of_its_infos(monkeypatch):
     assert np.isnan(robots.take_statistics()["falls"])
 
 
+def test_a_fall_is_counted_once_and_a_reset_forgets_the_command_interval_of_that_robot_alone(monkeypatch):
+    """Steps of 0.01 s whose readings are replaced: a second settles, and a new command ends an interval."""
+    (batch,) = batches(2)
+    robots, told = TrainingRobots([batch]), {"fell": np.zeros(2, bool), "command": np.ones((2, 3))}
+
+    def step(_):
+        infos = {"command": told["command"].copy(), "heading_velocity": np.ones((2, 3))}
+        return np.zeros((2, 48), np.float32), np.zeros(2), told["fell"].copy(), np.zeros(2, bool), infos
+
+    robots.reset(seed=SEEDS[:2])
+    monkeypatch.setattr(batch, "step", step)
+    home = np.tile(HOME, (2, 1))
+    for _ in range(120):
+        robots.step(home)
+    told["fell"][1] = True
+    for _ in range(3):  # a fallen robot stands still in time until it is restarted
+        robots.step(home)
+    assert robots.take_intervals().tolist() == [[1], [0]]
+    told["fell"][1] = False
+    robots.reset(options={"reset_mask": np.array([False, True])})
+    told["command"] = 2.0 * np.ones((2, 3))
+    robots.step(home)
+    assert robots.take_intervals().tolist() == [[1], [1]]  # of the robot that went on
+    assert robots.take_intervals().tolist() == [[0], [0]]
+    told["fell"][1] = True
+    robots.step(home)
+    assert robots.take_intervals().tolist() == [[1], [0]]  # of its next episode
+    told["fell"][1] = False
+    robots.reset(options={"reset_mask": np.array([True, False])})
+    means = robots.take_statistics()
+    assert (means["episodes"], means["falls"]) == (2.0, 0.5)
+
+
+def test_each_batch_has_its_own_seeds_masks_and_number():
+    """Of three and two robots: those of the second are told apart, and restart alone."""
+    robots = TrainingRobots(batches(3, 2))
+    whole = TrainingRobots(batches(5))
+    first, infos = robots.reset(seed=SEEDS)
+    np.testing.assert_array_equal(first, whole.reset(seed=SEEDS)[0])
+    np.testing.assert_array_equal(infos["privileged"][:, :2], [[1, 0]] * 3 + [[0, 1]] * 2)
+    mask = np.array([False, True, False, False, True])
+    again, _ = robots.reset(options={"reset_mask": mask})
+    np.testing.assert_array_equal(again, whole.reset(options={"reset_mask": mask})[0])
+    assert [(each != one).any() for each, one in zip(again, first, strict=True)] == mask.tolist()
+
+
 def test_what_is_privileged_is_the_truth_whatever_the_robots_sense():
     found = []
     for sensors in ("truth", "typical"):
@@ -127,3 +180,15 @@ def test_a_segment_is_whole_rollouts_about_as_long_as_an_episode(longest, ppo, r
 def test_threads_take_a_batch_each_where_there_are_enough(threads, side):
     config = TrainConfig(threads=threads, mixture=(("flat", 1.0), ("push", 1.0)))
     assert side_by_side(config) == side
+
+
+def test_each_segment_has_seeds_of_its_own_and_each_robot_one():
+    config = TrainConfig(seed=3, ppo=PpoConfig(envs=4))
+    first, second = training_seeds(config), training_seeds(config, 1)
+    assert first + second == episode_seeds("training", 3, 8).tolist()
+
+
+def test_effort_counts_fully_from_the_end_of_its_ramp_on():
+    config = TrainConfig(steps=1000, effort_ramp=0.4)
+    assert [effort_at(config, steps) for steps in (0, 100, 400, 900)] == [0.0, 0.25, 1.0, 1.0]
+    assert effort_at(TrainConfig(steps=1000, effort_ramp=0.0), 0) == 1.0

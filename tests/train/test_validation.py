@@ -4,6 +4,11 @@ import math
 
 import pytest
 
+import policies
+from evaluate.rollouts.hardware import Hardware
+from quad_env.seeding import episode_seeds
+from train import validation
+from train.config import ValidationConfig
 from train.validation import cost_of_transport, rank, success
 
 
@@ -35,3 +40,23 @@ def test_the_cost_of_transport_is_a_quotient_of_sums():
 )
 def test_success_comes_first_and_the_error_decides_between_equals(better, worse):
     assert rank(dict(enumerate(better))) < rank(dict(enumerate(worse)))
+
+
+def test_each_scenario_is_walked_on_the_validation_s_seeds_by_the_policy_that_is_made_for_it(monkeypatch):
+    """That of the hardware profile where the scenario is on it."""
+    walked = []
+
+    def run(policy, scenario, *, seeds, nthread, hardware):
+        walked.append((policy.name, scenario.name, seeds.tolist(), nthread))
+        return len(walked)
+
+    monkeypatch.setattr(validation, "run", run)
+    monkeypatch.setattr(validation, "summarise", lambda episodes: {"success_rate": float(episodes)})
+    ideal, real = policies.make("trot"), policies.make("stand")
+    config = ValidationConfig(scenarios=("flat", "push+hardware"), episodes=3)
+    found = validation.validate(ideal, config, 2, Hardware(), real)
+    seeds = episode_seeds("validation", 0, 3).tolist()
+    assert walked == [("trot", "flat", seeds, 2), ("stand", "push+hardware", seeds, 2)]
+    assert found == {"flat": {"success_rate": 1.0}, "push+hardware": {"success_rate": 2.0}}
+    validation.validate(ideal, config, 2, Hardware())
+    assert [name for name, *_ in walked[2:]] == ["trot", "trot"]

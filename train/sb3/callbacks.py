@@ -20,6 +20,7 @@ from evaluate.records.provenance import REPOSITORY, git_revision
 from policies import ResidualPolicy
 from policies.bundle import save as save_bundle
 from quad_env.cli.command_line import UsageError
+from quad_env.cli.format import whole_percent
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig
 from train.curriculum import next_shares
@@ -215,8 +216,8 @@ class BetweenRollouts(BaseCallback):
             self._save(policy, BEST)
         write_validations(config.folder, state.best, state.validations)
         write_curve(state.validations, config.folder / CURVE_FILE)
-        each = ", ".join(f"{name} {figures['success_rate']:.0%}" for name, figures in results.items())
-        line = f"{means['success']:.0%} succeed ({each}), cost of transport {means['cost_of_transport']:.2f}"
+        each = ", ".join(f"{name} {whole_percent(figures['success_rate'])}" for name, figures in results.items())
+        line = f"{whole_percent(means['success'])} succeed ({each}), cost of transport {means['cost_of_transport']:.2f}"
         self._display.note(f"{state.validated:>10,} validation: {line}{'  best so far' if better else ''}")
 
     def _log(self) -> None:

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from rich.text import Text
 
 from evaluate.rollouts.rollout import STEPS
+from quad_env.cli.format import whole_percent
 from train.config import TrainConfig
 from train.training_robots import robots_per_scenario
 
@@ -103,10 +104,12 @@ def summary(figures: Mapping[str, float]) -> str:
     reward = f"reward {figures['reward_rate']:6.2f}/s"
     errors = f"velocity error {figures['velocity_error']:.3f} m/s  yaw-rate error {figures['yaw_rate_error']:.3f} rad/s"
     share = figures["recently_tracked"]
-    tracked = "no command interval ended" if math.isnan(share) else f"{share:.0%} of command intervals tracked"
+    tracked = "no command interval ended"
+    if not math.isnan(share):
+        tracked = f"{whole_percent(share)} of command intervals tracked"
     count = int(figures["episodes"])
     ended = f"{round(figures['falls'] * count)} of {count} episodes fell" if count else "no episode ended"
-    validated = f"{figures['success']:.0%} succeeded in validation  " if "success" in figures else ""
+    validated = f"{whole_percent(figures['success'])} succeeded in validation  " if "success" in figures else ""
     return f"{validated}{reward}  {tracked}  {errors}  {ended}"
 
 

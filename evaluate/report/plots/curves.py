@@ -7,36 +7,67 @@ import numpy as np
 from evaluate.analysis.comparison import FALL_RATE
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis
-from evaluate.report.plots.drawing import figure, style, svg
+from evaluate.report.plots.drawing import Margins, add_legend, figure, legend_height, short_name, style, svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.transforms import Transform
 
 HEIGHT = 2.7
-"""in"""
+"""Height of the axes with their labels, in."""
+WIDEST, NARROWEST = 2.6, 1.2
+"""Widths of the first and of the last line, pt: what is drawn later covers only the middle of what lies below it."""
+DASHES = ("solid", (0, (5, 3)), (0, (2, 2)), (0, (6, 2, 1, 2)))
+"""Line styles, in turn."""
+STEP, SPREAD = 3.0, 14.0
+"""Distance of two policies' marks at one severity, and the most of all of them together, pt."""
+BAR = 2.5
+"""Width of the interval of a breaking point, pt."""
 
 
 def against_severity(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
     """Shares of successes or of falls with Wilson bands, and breaking points with their intervals at one half."""
-    drawn, axes = figure(HEIGHT)
+    return svg(draw(results, axis, metric, label))
+
+
+def draw(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figure":
+    """The figure of `against_severity`. Curves that agree lie next to each other, and none hides another."""
+    ran = [name for name in results.policies if any((level.name, name) in results.summaries for level in axis.levels)]
+    legend = legend_height(len(ran))
+    drawn, axes = figure(HEIGHT + legend, margins=Margins(bottom=Margins.bottom + legend + 0.05))
     axes.axhline(50.0, color="#888888", linewidth=0.8, linestyle=(0, (4, 3)))
-    for policy in results.policies:
-        _draw_levels(axes, results, axis, policy, metric)
+    for place, policy in enumerate(ran):
+        _draw_levels(axes, results, axis, policy, metric, place, len(ran))
     of = "falls" if metric == FALL_RATE else "success"
     for point in results.breaking_points:
         if (point.axis, point.of, point.found) == (axis.name, of, "crossed"):
             ends = np.clip(point.ci, point.lowest, point.highest)
             colour = style(results, point.policy)[0]
-            axes.plot(ends, (50.0, 50.0), color=colour, linewidth=3.0, solid_capstyle="butt")
-            axes.plot([point.severity50], [50.0], "|", color=colour, markersize=11, markeredgewidth=2)
+            moved = _moved(axes, 0.0, _apart(ran.index(point.policy), len(ran), BAR + 0.5))
+            axes.plot(ends, (50.0, 50.0), color=colour, linewidth=BAR, solid_capstyle="butt", transform=moved)
+            axes.plot([point.severity50], [50.0], "|", color=colour, markersize=9, markeredgewidth=2, transform=moved)
     axes.set(ylim=(-3, 103), yticks=(0, 25, 50, 75, 100), xlabel=axis.quantity, ylabel=label)
     if axis.falling:
         axes.invert_xaxis()
-    return svg(drawn)
+    add_legend(drawn)
+    return drawn
 
 
-def _draw_levels(axes: "Axes", results: Results, axis: SeverityAxis, policy: str, metric: str) -> None:
-    """Per cent and a band between the ends of their intervals; an upright line where the policy ran one level."""
+def _draw_levels(
+    axes: "Axes", results: Results, axis: SeverityAxis, policy: str, metric: str, place: int, count: int
+) -> None:
+    """Draw per cent, and a band between the ends of their intervals; an upright line where the policy ran one level.
+
+    Args:
+        axes: Where to draw.
+        results: Of the run.
+        axis: Whose levels.
+        policy: Its curve.
+        metric: Rate to draw.
+        place: Of the policy among those that are drawn, from 0.
+        count: Policies that are drawn.
+    """
     rows = [
         (level.severity, getattr(summary, metric), *getattr(summary, f"{metric}_ci"))
         for level in axis.levels
@@ -46,7 +77,24 @@ def _draw_levels(axes: "Axes", results: Results, axis: SeverityAxis, policy: str
         severities, *shares = np.array(rows, dtype=np.float64).T
         values, low, high = (100.0 * each for each in shares)
         colour, mark = style(results, policy)
+        moved = _moved(axes, _apart(place, count, STEP), 0.0)
+        width = WIDEST - (WIDEST - NARROWEST) * place / max(1, count - 1)
         if len(severities) == 1:
-            axes.vlines(severities, low, high, color=colour, alpha=0.55, linewidth=2.2)
-        axes.fill_between(severities, low, high, color=colour, alpha=0.15, linewidth=0)
-        axes.plot(severities, values, mark, color=colour, markersize=4, linewidth=1.4, linestyle="-", label=policy)
+            axes.vlines(severities, low, high, color=colour, alpha=0.55, linewidth=2.2, transform=moved)
+        axes.fill_between(severities, low, high, color=colour, alpha=min(0.15, 0.45 / count), linewidth=0)
+        axes.plot(
+            severities, values, mark, color=colour, markersize=4, linewidth=width, zorder=3 + place, transform=moved,
+            linestyle=DASHES[place % len(DASHES)], label=short_name(policy),
+        )  # fmt: skip
+
+
+def _apart(place: int, count: int, step: float) -> float:
+    """Distance of a policy's marks from the middle of those of all policies, pt."""
+    return (place - (count - 1) / 2) * min(step, SPREAD / max(1, count - 1))
+
+
+def _moved(axes: "Axes", right: float, up: float) -> "Transform":
+    """Data coordinates, moved on the page by so many pt."""
+    from matplotlib.transforms import ScaledTranslation
+
+    return axes.transData + ScaledTranslation(right / 72.0, up / 72.0, axes.figure.dpi_scale_trans)

@@ -1,6 +1,7 @@
 """What all plots of the report share: size, colours, marks, SVG."""
 
 import io
+import re
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
@@ -23,6 +24,8 @@ WIDTH = 3.6
 """in, about a phone's width at 100 points an inch"""
 LONGEST_NAME = 1.5
 """in, of a policy's name in a plot"""
+LEGEND_LINE = 0.17
+"""Height of a line of a legend, in."""
 
 
 def settings() -> AbstractContextManager[None]:
@@ -108,5 +111,19 @@ def text_width(text: str, size: float = 9.0, weight: str = "normal") -> float:
 
 def short_name(policy: str) -> str:
     """A policy's name, or the end of a long path, as a plot has room for it."""
-    cuts = (policy, *(f"…{policy[first:]}" for first in range(1, len(policy))))
+    words = [each.end() for each in re.finditer(r"[/_\-:@+]", policy) if each.end() < len(policy)]
+    cuts = (policy, *(f"…{policy[first:]}" for first in (*words, *range(1, len(policy)))))
     return next((name for name in cuts if text_width(name) <= LONGEST_NAME), "…")
+
+
+def legend_height(names: int) -> float:
+    """Height of a legend of so many names below the axes, in."""
+    return LEGEND_LINE * -(-names // 2)
+
+
+def add_legend(drawn: "Figure") -> None:
+    """Name the policies below the axes, two in a line; figures leave `legend_height` for it."""
+    drawn.legend(
+        loc="lower left", ncols=2, fontsize=7.5, frameon=False, handletextpad=0.2,
+        columnspacing=1.0, borderpad=0.0, labelspacing=0.35,
+    )  # fmt: skip

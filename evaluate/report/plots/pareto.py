@@ -5,21 +5,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evaluate.analysis.pareto import Pareto
-from evaluate.report.plots.drawing import Margins, figure, short_name, styles
+from evaluate.report.plots.drawing import Margins, add_legend, figure, legend_height, short_name, styles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ALT = "Success against cost of transport of each policy, and the Pareto front"
 """The text for readers who do not see it."""
-HEIGHT, LINE = 2.5, 0.17
-"""Height of the axes and of a line of the legend, in."""
+HEIGHT = 2.5
+"""Height of the axes, in."""
 
 
 def front(found: Pareto, policies: tuple[str, ...]) -> "Figure":
     """Filled: on the front. `policies` are those of the run, by which marks and colours go."""
     drawn_points = [point for point in found.points if np.isfinite(point.cost)]
-    legend = LINE * -(-len(drawn_points) // 2)
+    legend = legend_height(len(drawn_points))
     drawn, axes = figure(HEIGHT + legend, margins=Margins(bottom=0.6 + legend))
     for point in drawn_points:
         colour, shape = styles(policies)[point.policy]
@@ -36,8 +36,5 @@ def front(found: Pareto, policies: tuple[str, ...]) -> "Figure":
     axes.step([*corners[:, 0], right], [*corners[:, 1], *corners[-1:, 1]], where="post", color="#888888", linewidth=1.0)
     axes.set(xlabel="cost of transport", ylabel="success, %", ylim=(-3, 103))
     axes.set_xlim(right=right)
-    drawn.legend(
-        loc="lower left", ncols=2, fontsize=7.5, frameon=False, handletextpad=0.2,
-        columnspacing=1.0, borderpad=0.0, labelspacing=0.35,
-    )  # fmt: skip
+    add_legend(drawn)
     return drawn

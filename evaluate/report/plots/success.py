@@ -7,7 +7,7 @@ import numpy as np
 
 from evaluate.analysis.score import Score
 from evaluate.report.plots.drawing import Margins, figure, text_width
-from quad_env.cli.format import broken
+from quad_env.cli.format import broken, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,8 +34,8 @@ def heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "Figure
     margins = Margins(left=0.15 + max(map(text_width, names)), right=0.05, bottom=0.06, top=top)
     size = len(policies) * width + margins.left + margins.right, len(names) * ROW + margins.top + margins.bottom
     drawn, axes = figure(size[1], size[0], margins)
-    for number, (head, policy) in enumerate(zip(heads, policies, strict=True)):
-        centre = (number + 0.5) * width
+    for place, (head, policy) in enumerate(zip(heads, policies, strict=True)):
+        centre = (place + 0.5) * width
         left = centre - block / 2
         for part, count in zip(parts, counts, strict=True):
             for axis, rates in part.get(policy, {}).items():
@@ -57,4 +57,4 @@ def _cell(axes: "Axes", left: float, top: float, rate: float) -> None:
 
     colour, ink = colormaps["cividis"](rate), "black" if rate > 0.5 else "white"
     axes.add_patch(Rectangle((left, top), COLUMN, 1.0, facecolor=colour, edgecolor="white"))
-    axes.text(left + COLUMN / 2, top + 0.52, f"{100.0 * rate:.0f}", ha="center", va="center", color=ink, fontsize=7)
+    axes.text(left + COLUMN / 2, top + 0.52, number(100.0 * rate, 0), ha="center", va="center", color=ink, fontsize=7)

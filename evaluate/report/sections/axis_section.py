@@ -13,8 +13,8 @@ from evaluate.report.sections.figures import comparison_table, figures_table
 SHOWN = {SUCCESS_RATE: "episodes that succeed, %", FALL_RATE: "episodes with a fall, %"}
 """Metrics that are drawn, and what their figures are."""
 LEAD = (
-    "Bands join the levels' 95 % intervals, lines the levels; on the line at one half: breaking points with their "
-    "intervals. Harder to the right."
+    "Bands join the levels' 95 % intervals, lines the levels; about the line at one half: breaking points with their "
+    "intervals. Harder to the right. At each level the marks of several policies stand next to each other."
 )
 
 

@@ -5,9 +5,9 @@ from html import escape
 
 from evaluate.analysis.results import Results
 from evaluate.measures.catalogue import EFFORT
-from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FIRST, figure_of_effort, interval_of_effort
+from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FIRST, effort_with
 from evaluate.report.html import heading, note, section, table
-from evaluate.report.sections.figures import policy_label
+from evaluate.report.sections.figures import policy_label, with_interval_below
 from evaluate.report.sections.ranking import front
 
 MOTION = "Over the time while upright; means over episodes with 95 % intervals, the cost of transport of all together."
@@ -23,11 +23,11 @@ def _figures(results: Results) -> Iterator[str]:
     """A row for each policy over the commands and at a steady speed."""
     rows = [
         {FIRST: f"{policy_label(results, policy)}<small>{escape(scenario)}</small>"}
-        | {name: f"{figure_of_effort(name, one.effort[name])}<small>{ends[name]}</small>" for name in EFFORT}
+        | {name: with_interval_below(effort_with(name, one.effort[name], ends[name])) for name in EFFORT}
         for scenario in EFFORT_ON
         for policy in results.policies
         if (one := results.summaries.get((scenario, policy)))
-        for ends in [{name: interval_of_effort(name, of) for name, of in one.effort_intervals.items()}]
+        for ends in [one.effort_intervals]
     ]
     if rows:
         places = "; ".join(f"{name}: {words}" for name, words in EFFORT_ON.items() if name in results.scenarios)

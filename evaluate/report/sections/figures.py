@@ -1,5 +1,6 @@
 """Tables of figures: success, paired differences of it, and every measure."""
 
+import math
 from collections.abc import Iterable
 from html import escape
 
@@ -10,7 +11,11 @@ from evaluate.measures.catalogue import BY_NAME, FIGURES, KEY, MEASURES
 from evaluate.report.headings import FIRST, TITLES
 from evaluate.report.html import breakable, heading, mark, note, table
 from evaluate.report.plots.drawing import MARKS, style
-from quad_env.cli.format import ABSENT, p_value, points, points_interval, share
+from evaluate.report.verdict import claim
+from quad_env.cli.format import ABSENT, Estimate, four_digits, points_with, share
+
+UNKNOWN = math.nan, math.nan
+"""Interval of a figure that has none."""
 
 
 def policy_label(results: Results, policy: str) -> str:
@@ -25,8 +30,8 @@ def comparison_table(comparisons: Iterable[Comparison]) -> str:
     rows = (
         {
             FIRST: f"{breakable(c.a)} − {breakable(c.b)}<small>{escape(c.scenario)}</small>",
-            "success": f"{points(c.difference)}<small>{points_interval(c.ci)}</small>",
-            "p": p_value(c.p_value_holm),
+            "success": with_interval_below(points_with(c.difference, c.ci)),
+            "p": claim(c.p_value_holm, c.ci, identical=c.identical),
         }
         for c in comparisons
     )
@@ -48,7 +53,8 @@ def figures_table(results: Results, scenario: str) -> str:
         if any(of.figures[name] == of.figures[name] for of in found.values())
     ]
     rows += [
-        {FIRST: f"duty factor, {leg}"} | {policy: _four_digits(of.duty_factor[foot]) for policy, of in found.items()}
+        {FIRST: f"duty factor, {leg}"}
+        | {policy: four_digits(of.duty_factor[foot], UNKNOWN).value for policy, of in found.items()}
         for foot, leg in enumerate(results.hardware.quadruped.leg_names)
     ]
     return table({FIRST: "measure", **{policy: policy_label(results, policy) for policy in found}}, rows)
@@ -56,9 +62,13 @@ def figures_table(results: Results, scenario: str) -> str:
 
 def _figure(of: Summary, name: str) -> str:
     """With its interval, where it has one."""
-    ends = getattr(of, f"{name}_ci", of.effort_intervals.get(name, (float("nan"),) * 2))
-    low, high = map(_four_digits, ends)
-    return _four_digits(of.figures[name]) + (f"<small>{low} … {high}</small>" if ABSENT not in (low, high) else "")
+    ends = getattr(of, f"{name}_ci", of.effort_intervals.get(name, UNKNOWN))
+    return with_interval_below(four_digits(of.figures[name], ends))
+
+
+def with_interval_below(shown: Estimate) -> str:
+    """A figure, and in small type its interval where it has one."""
+    return shown.value + (f"<small>{shown.interval}</small>" if shown.has_interval else "")
 
 
 def definitions() -> str:
@@ -75,8 +85,3 @@ def definitions() -> str:
         for m in MEASURES
     ]
     return note(KEY) + table({column: column for column in rows[0]}, rows, "text")
-
-
-def _four_digits(value: float) -> str:
-    """Four significant digits."""
-    return f"{value:.4g}" if abs(value) < float("inf") else ABSENT

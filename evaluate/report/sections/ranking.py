@@ -9,9 +9,9 @@ from evaluate.report.headings import FIRST
 from evaluate.report.html import breakable, grid, heading, image, note, section, table
 from evaluate.report.plots import pareto as plots
 from evaluate.report.plots.drawing import svg
-from evaluate.report.sections.figures import policy_label
+from evaluate.report.sections.figures import policy_label, with_interval_below
 from evaluate.report.verdict import lines, unranked
-from quad_env.cli.format import interval, listed, number, points_interval
+from quad_env.cli.format import estimate, listed, points_with
 
 
 def ranking(results: Results) -> str:
@@ -49,8 +49,8 @@ def _table(results: Results) -> str:
     for name, points in kinds.items():
         for each in points:
             row = rows.setdefault(each.policy, {})
-            row[name] = f"{number(100.0 * each.success, 1)}<small>{points_interval(each.success_ci)}</small>"
-            row.setdefault("cost", f"{number(each.cost, 2)}<small>{interval(each.cost_ci, 2)}</small>")
+            row[name] = with_interval_below(points_with(each.success, each.success_ci))
+            row.setdefault("cost", with_interval_below(estimate(each.cost, each.cost_ci, 2)))
     heads = {FIRST: "policy", **{name: heading(name, "%") for name in kinds}, "cost": "cost of transport"}
     blank = dict.fromkeys(heads, "")
     return table(heads, (blank | row | {FIRST: policy_label(results, policy)} for policy, row in rows.items()))

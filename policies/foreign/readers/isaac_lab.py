@@ -10,7 +10,8 @@ from dataclasses import replace
 
 from policies.base import PolicyError
 from policies.foreign.description import HeightGrid, PolicyDescription, Range, Term
-from policies.foreign.readers.isaac_terms import history_of, observed_joints, term
+from policies.foreign.readers.io_descriptor import joint_order
+from policies.foreign.readers.isaac_terms import history_of, observed_joints, remarks_on, term
 from policies.foreign.readers.joint_orders import FAMILIES, Joints, by_kind
 from policies.foreign.readers.settings import BY_HAND, Settings, load, matches
 
@@ -20,7 +21,9 @@ _NAMES = "joint_names_expr"
 def describe(settings: Settings) -> PolicyDescription:
     """The policy of an `env.yaml`. Raises PolicyError."""
     robot, action = settings.inside("scene", "robot"), _action(settings)
-    asset = _asset(robot) if settings.inside("sim").find("newton_cfg") is None else None
+    asset = joint_order(settings.file)
+    if asset is None and settings.inside("sim").find("newton_cfg") is None:
+        asset = _asset(robot)
     joints = _chosen(action, asset)
     group = settings.inside("observations", "policy")
     terms = {name: _term(settings, group, each) for name, each in group.groups()}
@@ -39,22 +42,24 @@ def describe(settings: Settings) -> PolicyDescription:
         damping=tuple(_gain(robot, joint, "damping") for joint in joints),
         terms=tuple(terms.values()),
         observed_joints=observed if observed != joints else None,
+        remarks=remarks_on((_function(each), each) for _, each in group.groups()),
     )
 
 
 def _action(settings: Settings) -> Settings:
     """The only action, joint positions."""
     actions = dict(settings.inside("actions").groups())
-    kinds = {str(action.get("class_type")).rpartition(":")[2] for action in actions.values()}
+    kinds = {action.text("class_type").rpartition(":")[2] for action in actions.values()}
     if len(actions) != 1 or kinds != {"JointPositionAction"}:
-        given = ", ".join(f"{name} ({action.find('class_type')})" for name, action in actions.items())
+        given = ", ".join(f"{name} ({action.text('class_type')})" for name, action in actions.items())
         raise PolicyError(f"the actions are {given or 'none'}: one JointPositionAction is read", BY_HAND)
     return next(iter(actions.values()))
 
 
 def _asset(robot: Settings) -> Joints | None:
     """The joints of a known robot: its family's names match all expressions, and its model's path names it; or None."""
-    path = str(robot.inside("spawn").values).lower()
+    spawn = robot.inside("spawn").values
+    path = " ".join(f"{key} {value}" for key, value in spawn.items() if isinstance(value, str)).lower()
     patterns = [str(key) for key in robot.inside("init_state", "joint_pos").values]
     patterns += [each for _, actuator in robot.inside("actuators").groups() for each in actuator.texts(_NAMES)]
     orders = {words: by_kind(*family) for words, family in FAMILIES.items()}
@@ -73,26 +78,31 @@ def _chosen(settings: Settings, asset: Joints | None) -> Joints:
         return patterns
     if asset is None:
         known = ", ".join(word for words in FAMILIES for word in words.split())
-        raise PolicyError(f"the order of the joints is not known: it is that of {known} in PhysX alone", BY_HAND)
+        fault = f"the order of the joints is not known: it is that of {known} in PhysX alone"
+        raise PolicyError(fault, f"add the run's IO descriptor (io_descriptors/*.yaml), or {BY_HAND}")
     if kept:
         return tuple(dict.fromkeys(name for each in patterns for name in asset if matches(each, name)))
     return tuple(name for name in asset if any(matches(each, name) for each in patterns))
 
 
 def _term(settings: Settings, group: Settings, each: Settings) -> Term:
-    function = str(each.get("func")).rpartition(":")[2]
+    function = _function(each)
     if function == "generated_commands":
-        name = str(each.inside("params").get("command_name"))
-        kind = str(settings.inside("commands", name).get("class_type")).rpartition(":")[2]
+        name = each.inside("params").text("command_name")
+        kind = settings.inside("commands", name).text("class_type").rpartition(":")[2]
         if "VelocityCommand" not in kind:
             raise PolicyError(f"the command {name} is a {kind}: commands of velocity are read", BY_HAND)
     found = term(function, each, _grid(settings, each.inside("params")) if function == "height_scan" else None)
     return found if group.find("history_length") is None else replace(found, history=history_of(group))
 
 
+def _function(term: Settings) -> str:
+    return term.text("func").rpartition(":")[2]
+
+
 def _grid(settings: Settings, params: Settings) -> HeightGrid:
     """Points of a height scan: a grid about the sensor, yawed with the trunk."""
-    sensor = settings.inside("scene", str(params.inside("sensor_cfg").get("name")))
+    sensor = settings.inside("scene", params.inside("sensor_cfg").text("name"))
     if sensor.find("ray_alignment") != "yaw" and sensor.find("attach_yaw_only") is not True:
         raise sensor.wrong("ray_alignment", "yaw")
     grid = sensor.inside("pattern_cfg")

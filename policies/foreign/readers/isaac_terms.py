@@ -1,11 +1,13 @@
 """Observation terms by Isaac Lab's function names, which mjlab and Unitree share: clipped, then scaled.
 
 Sources: `isaaclab/managers/observation_manager.py`, `isaaclab/envs/mdp/observations.py`; unitree_rl_lab's
-`mdp/observations.py` (gait_phase); robot_lab's `mdp/observations.py` (phase). Histories lie by term, oldest first, and
-begin with the first observation (`CircularBuffer`).
+`mdp/observations.py` (gait_phase, a clock that always runs); newer unitree_rl_mjlab, `phase` of its training and
+`gait_phase` of its `deploy/robots/*/src/State_RLBase.cpp` (the same clock, but (0, 0) where the norm of the command is
+below 0.1); robot_lab's `mdp/observations.py` (phase). Histories lie by term, oldest first, and begin with the first
+observation (`CircularBuffer`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from policies.base import PolicyError
@@ -28,10 +30,15 @@ FUNCTIONS = {
     "last_action": "previous_action",
     "height_scan": "height_scan",
     "gait_phase": "gait_clock",
+    "gait_phase_my": "gait_clock",
     "phase": "gait_clock",
 }
 _OF_JOINTS = {"absolute_joint_position", "joint_position", "joint_velocity", "joint_torque"}
-_PERIODS = {"gait_phase": "period", "phase": "cycle_time"}
+_PERIODS = {"gait_phase": "period", "gait_phase_my": "period", "phase": "cycle_time"}
+ZERO_BELOW = 0.1
+"""Norm of a command below which newer unitree_rl_mjlab shows its clock as (0, 0)."""
+_THRESHOLDS = "command_threshold", "zero_below"
+"""Parameters that give another one."""
 
 
 def term(function: str, settings: Settings, grid: HeightGrid | None = None) -> Term:
@@ -42,8 +49,31 @@ def term(function: str, settings: Settings, grid: HeightGrid | None = None) -> T
     if settings.find("modifiers"):
         raise unknown(f"{function} with modifiers")
     clip = None if settings.find("clip") is None else settings.range("clip")
-    clock = 1 / settings.inside("params").number(_PERIODS[function]) if name == "gait_clock" else 0.0
-    return scaled(Term(name, clip=clip, history=history_of(settings), clock=clock, grid=grid), settings)
+    clock, zero_below = _clock(function, settings)
+    found = Term(name, clip=clip, history=history_of(settings), clock=clock, grid=grid, zero_below=zero_below)
+    return scaled(found, settings)
+
+
+def _clock(function: str, settings: Settings) -> tuple[float, float]:
+    """Return a clock's cycles a second, Hz, and the norm of a command below which it is zero; 0 for other functions."""
+    if function not in _PERIODS:
+        return 0.0, 0.0
+    params = settings.inside("params")
+    key = _PERIODS[function] if params.find(_PERIODS[function]) is not None else "period"
+    given = [each for each in _THRESHOLDS if params.find(each) is not None]
+    is_gated = function == "gait_phase_my" or params.find("command_name") is not None
+    threshold = params.number(given[0]) if given else ZERO_BELOW * is_gated
+    return 1 / params.number(key), threshold
+
+
+def remarks_on(terms: Iterable[tuple[str, Settings]]) -> tuple[str, ...]:
+    """Return a line for each term, by function, of which a file leaves something open."""
+    return tuple(
+        f"{function} in {settings.file.name} does not say whether it is (0, 0) at commands below {ZERO_BELOW:g}, as in "
+        f"newer unitree_rl_mjlab; read as a clock that always runs: if not so, `zero_below = {ZERO_BELOW:g}` in a TOML"
+        for function, settings in terms
+        if function in ("gait_phase", "phase") and not _clock(function, settings)[1]
+    )
 
 
 def scaled(term: Term, settings: Settings, key: str = "scale") -> Term:

@@ -1,7 +1,9 @@
 """legged_gym's settings, its config class as a dictionary in YAML or JSON, and those of HIMLoco.
 
-Sources: leggedrobotics/legged_gym `envs/base/legged_robot.py` (`compute_observations`, `_compute_torques`, `step`);
-OpenRobotLab/HIMLoco, the same file: `env.num_one_step_observations`, newest step first, zeros at the start.
+Sources: leggedrobotics/legged_gym `envs/base/legged_robot.py` (`compute_observations`, `_compute_torques`, `step`;
+`_init_buffers`: of the keys of `stiffness` that are part of a joint's name the last one gives both gains),
+`envs/anymal_c/anymal.py` (`use_actuator_network`: torques of a network, without stiffness and damping);
+OpenRobotLab/HIMLoco, the first of these files: `env.num_one_step_observations`, newest step first, zeros at the start.
 """
 
 from dataclasses import replace
@@ -17,11 +19,18 @@ def describe(settings: Settings) -> PolicyDescription:
     control, normalization = settings.inside("control"), settings.inside("normalization")
     if control.find("control_type") not in (None, "P"):
         raise control.wrong("control_type", "P, of joint positions")
+    if control.find("use_actuator_network") not in (None, False):
+        raise PolicyError(
+            f"`control.use_actuator_network` in {settings.file.name}: the joints were trained with a network of their "
+            "actuators, of which no stiffness and damping are known",
+            f"{BY_HAND} with the gains of the robot's own controller",
+        )
     angles = settings.inside("init_state", "default_joint_angles")
     if (joints := isaac_gym(str(key) for key in angles.values)) is None:
         raise PolicyError(f"the order of the joints {', '.join(map(str, angles.values))} cannot be known", BY_HAND)
     scale, clip = control.number("action_scale"), normalization.number("clip_actions")
     hip = scale * control.number("hip_reduction", 1.0) * control.number("hip_scale_reduction", 1.0)
+    gains_of = [_gains(control, joint) for joint in joints]
     return PolicyDescription(
         network=settings.network(),
         control_rate=1 / (control.number("decimation") * settings.inside("sim").number("dt")),
@@ -29,8 +38,8 @@ def describe(settings: Settings) -> PolicyDescription:
         default_position=tuple(angles.number(joint) for joint in joints),
         action_scale=(hip, scale, scale) * 4,
         action_clip=(-clip, clip),
-        stiffness=tuple(_gain(control.inside("stiffness"), joint) for joint in joints),
-        damping=tuple(_gain(control.inside("damping"), joint) for joint in joints),
+        stiffness=tuple(gains[0] for gains in gains_of),
+        damping=tuple(gains[1] for gains in gains_of),
         terms=_terms(settings, normalization.inside("obs_scales")),
         observation_clip=normalization.number("clip_observations"),
         history_layout="time",
@@ -39,12 +48,18 @@ def describe(settings: Settings) -> PolicyDescription:
     )
 
 
-def _gain(gains: Settings, joint: str) -> float:
-    """Of the first key that is part of the joint's name."""
-    for part in gains.values:
-        if str(part) in joint:
-            return gains.number(part)
-    raise PolicyError(f"`{gains.above[:-1]}` in {gains.file.name} has nothing for {joint}")
+def _gains(control: Settings, joint: str) -> tuple[float, float]:
+    """Return stiffness and damping of a joint, by the last key of the stiffness that is part of the joint's name.
+
+    Where the damping has not that key, the one of its own that is part of the name; legged_gym itself then fails.
+    """
+    stiffness, damping = control.inside("stiffness"), control.inside("damping")
+    if not (keys := [key for key in stiffness.values if str(key) in joint]):
+        raise PolicyError(f"`control.stiffness` in {control.file.name} has nothing for {joint}")
+    key = keys[-1]
+    if damping.find(key) is None and len(others := [each for each in damping.values if str(each) in joint]) == 1:
+        return stiffness.number(key), damping.number(others[0])
+    return stiffness.number(key), damping.number(key)
 
 
 def _terms(settings: Settings, scales: Settings) -> tuple[Term, ...]:

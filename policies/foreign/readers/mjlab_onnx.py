@@ -6,6 +6,7 @@ velocity tasks it is 50 Hz (`velocity_env_cfg.py`, decimation 4 at 0.005 s).
 """
 
 import json
+from collections.abc import Iterator
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,8 @@ from policies.foreign.description import PolicyDescription, Term
 from policies.foreign.packages import package
 from policies.foreign.readers.isaac_terms import term
 from policies.foreign.readers.settings import BY_HAND, Settings, named
-from quad_env.files.reading import LARGEST, read_bytes
-from quad_env.files.text import described
+from quad_env.files.reading import largest_network, read_bytes
+from quad_env.files.text import brief, described
 
 CONTROL_RATE = 50.0
 _FUNCTIONS = {
@@ -27,6 +28,12 @@ _FUNCTIONS = {
 }
 """Terms whose function has another name."""
 _LISTS = "scale", "clip", "history_length"
+_RANDOM = frozenset(
+    ("RandomNormal", "RandomNormalLike", "RandomUniform", "RandomUniformLike", "Multinomial", "Bernoulli")
+)
+"""Operators that give other numbers at each call."""
+MAX_LISTED = 20_000
+"""Characters of an entry of the metadata."""
 
 
 def describe(file: Path) -> PolicyDescription | None:
@@ -48,6 +55,7 @@ def describe(file: Path) -> PolicyDescription | None:
         stiffness=found.numbers("joint_stiffness"),
         damping=found.numbers("joint_damping"),
         terms=_terms(found),
+        remarks=(f"{file.name} does not say the control rate; read as {CONTROL_RATE:g} Hz, that of mjlab's tasks",),
     )
 
 
@@ -75,16 +83,42 @@ def _values(text: str) -> Any:
 
 
 def metadata_of(file: Path) -> dict[str, str]:
-    """Metadata of a file that holds all of its network. Raises PolicyError where weights lie in another file."""
+    """Metadata of a file that holds all of its network.
+
+    Raises PolicyError where weights lie in another file, and where the network draws random numbers.
+    """
     onnx = package("onnx")
     try:
-        model = onnx.load_model_from_string(read_bytes(file, LARGEST))
+        model = onnx.load_model_from_string(read_bytes(file, largest_network()))
+        metadata = {entry.key: entry.value for entry in model.metadata_props}
+    except OSError as error:
+        raise PolicyError(f"cannot read {file.name} ({error.strerror})") from None
     except Exception as error:
         raise PolicyError(f"{file.name} cannot be read as ONNX: {described(error)}") from None
+    if random := next((node.op_type for node in _nodes(model) if node.op_type in _RANDOM), None):
+        raise PolicyError(
+            f"{file.name} draws random numbers, by the operator {random}", "export the mean of the actions"
+        )
+    for key, value in metadata.items():
+        if not isinstance(key, str) or not isinstance(value, str):  # the parser gives what is no UTF-8 as bytes
+            raise PolicyError(f"{file.name} has metadata at {brief(key)} that is no UTF-8")
+        if len(value) > MAX_LISTED and key != "simple_quad_policy":
+            raise PolicyError(f"{file.name}: metadata of {len(value)} characters at {brief(key)}, at most {MAX_LISTED}")
     if _outside(model):
         remedy = "write them into it: onnx.save(onnx.load(file), file)"
         raise PolicyError(f"the weights of {file.name} lie in another file", remedy)
-    return {entry.key: entry.value for entry in model.metadata_props}
+    return metadata
+
+
+def _nodes(model: Any) -> Iterator[Any]:
+    """All nodes of a model, those of loops, branches and functions too."""
+    waiting = [model.graph, *model.functions]
+    while waiting:
+        for node in waiting.pop().node:
+            yield node
+            for attribute in node.attribute:
+                waiting += [attribute.g] if attribute.HasField("g") else []
+                waiting += attribute.graphs
 
 
 def _outside(message: Any) -> bool:

@@ -2,12 +2,17 @@
 
 Sources: fan-ziqi/rl_sar `library/core/rl_sdk/rl_sdk.cpp` and `observation_buffer.cpp`: joint i of the policy is motor
 `joint_mapping[i]`, observations are scaled, then clipped as a whole; a history starts with zeros, 0 is its newest step.
+From v2.3 on, a history is in the order of `observations_history`. Up to v2.2, `get_obs_vec` walks through that list
+from its end; `hip_scale_reduction` multiplies the actions of `hip_scale_reduction_indices`, also those that are
+observed; vectors of joints are by leg, and with `framework: isaacsim` those of the policy are their `rows` x `cols`,
+transposed (`ReadVectorFromYaml`). Files of v2.1 and older do not name the observation.
 """
 
+from dataclasses import replace
 from typing import Any, Literal
 
 from policies.base import PolicyError
-from policies.foreign.description import PolicyDescription, Range, Term
+from policies.foreign.description import OF_JOINTS, PolicyDescription, Range, Term
 from policies.foreign.readers.isaac_terms import scaled, unknown
 from policies.foreign.readers.joint_orders import Joints
 from policies.foreign.readers.settings import BY_HAND, Settings, load, named
@@ -15,12 +20,20 @@ from policies.foreign.readers.settings import BY_HAND, Settings, load, named
 _TERMS = {
     "lin_vel": ("linear_velocity", "lin_vel_scale"),
     "ang_vel": ("angular_velocity", "ang_vel_scale"),
+    "ang_vel_body": ("angular_velocity", "ang_vel_scale"),
+    "ang_vel_world": ("angular_velocity", "ang_vel_scale"),
     "gravity_vec": ("projected_gravity", ""),
     "commands": ("command", "commands_scale"),
     "dof_pos": ("joint_position", "dof_pos_scale"),
     "dof_vel": ("joint_velocity", "dof_vel_scale"),
     "actions": ("previous_action", ""),
 }
+"""Names and scales of the terms. `ang_vel_world` is read in the world's frame and turned into the body's, as
+`ang_vel_body` is at once: both show the body's."""
+_OLD = "hip_scale_reduction", "hip_scale_reduction_indices", "rows", "cols"
+"""Keys of files up to v2.2."""
+_NEW = "command_mapping", "state_mapping", "joint_mapping", "observations_history_priority"
+"""Keys of files from v2.3 on."""
 
 
 def describe(settings: Settings) -> PolicyDescription:
@@ -32,15 +45,15 @@ def describe(settings: Settings) -> PolicyDescription:
     for key in ("dt", "decimation", "num_of_dofs"):
         if base and base.find(key) not in (None, found.find(key)):
             raise _disagreement(settings, key)
-    if found.find("hip_scale_reduction") is not None:
-        raise found.wrong("hip_scale_reduction", "in `action_scale`, joint by joint")
-    steps, newest = _history(found)
-    return PolicyDescription(
-        network=named(settings.file.parent, str(found.get("model_name"))),
+    is_old = _is_before_v2_3(found)
+    steps, newest = _history(found, is_old)
+    scale = found.numbers("action_scale")
+    described = PolicyDescription(
+        network=named(settings.file.parent, found.text("model_name")),
         control_rate=1 / (found.number("dt") * found.number("decimation")),
         joints=_joints(own, base, found),
         default_position=found.numbers("default_dof_pos"),
-        action_scale=found.numbers("action_scale"),
+        action_scale=scale,
         action_clip=_action_clip(found),
         stiffness=found.numbers("rl_kp"),
         damping=found.numbers("rl_kd"),
@@ -50,6 +63,48 @@ def describe(settings: Settings) -> PolicyDescription:
         history_newest=newest,
         history_start="zero",
     )
+    return _as_before_v2_3(described, found) if is_old else described
+
+
+def _is_before_v2_3(found: Settings) -> bool:
+    """Return whether a file is of v2.2 or older. Raises PolicyError where it has keys of both that contradict."""
+    newer = [key for key in _NEW if found.find(key) is not None]
+    newer += ["action_scale"] * isinstance(found.find("action_scale"), list)
+    if not newer:
+        return any(found.find(key) is not None for key in _OLD)
+    if found.number("hip_scale_reduction", 1.0) != 1.0:
+        raise found.wrong("hip_scale_reduction", f"in `action_scale`, joint by joint, in a file with `{newer[0]}`")
+    return False
+
+
+def _as_before_v2_3(described: PolicyDescription, found: Settings) -> PolicyDescription:
+    """Return the description with what only files up to v2.2 say: the framework's order and the reduction of hips."""
+    framework = found.find("framework")
+    if framework not in (None, "isaacgym", "isaacsim"):
+        raise found.wrong("framework", "isaacgym or isaacsim")
+    if framework == "isaacsim":
+        rows, columns = int(found.number("rows", 4.0)), int(found.number("cols", 3.0))
+        if rows * columns != 12:
+            raise found.wrong("rows", "so many that rows x cols are 12")
+        order = [row * columns + column for column in range(columns) for row in range(rows)]
+        moved: dict[str, Any] = {
+            name: tuple(values[place] for place in order)
+            for name in ("joints", *OF_JOINTS)
+            if (values := getattr(described, name)) is not None
+        }
+        described = replace(described, **moved)
+    reduction = found.number("hip_scale_reduction", 1.0)
+    if reduction == 1.0:
+        return described
+    places = [int(each) for each in found.numbers("hip_scale_reduction_indices", None)]
+    if not set(places) <= set(range(12)):
+        raise found.wrong("hip_scale_reduction_indices", "places of joints, from 0 to 11")
+    if any(term.name == "previous_action" for term in described.terms):
+        shown = tuple(reduction if place in places else 1.0 for place in range(12))
+        terms = [replace(term, scale=shown) if term.name == "previous_action" else term for term in described.terms]
+        described = replace(described, terms=tuple(terms))
+    scale = tuple(each * (reduction if place in places else 1.0) for place, each in enumerate(described.action_scale))
+    return replace(described, action_scale=scale)
 
 
 def _disagreement(settings: Settings, key: str) -> PolicyError:
@@ -89,13 +144,13 @@ def _terms(found: Settings, steps: int) -> tuple[Term, ...]:
     return tuple(terms)
 
 
-def _history(found: Settings) -> tuple[int, Literal["first", "last"]]:
-    """How many steps, and where the newest is."""
+def _history(found: Settings, is_old: bool) -> tuple[int, Literal["first", "last"]]:
+    """Return how many steps are shown, and where the newest is."""
     given: Any = found.find("observations_history") or [0]
     steps = list(range(len(given))) if isinstance(given, list) else []
     if not steps or given not in (steps, steps[::-1]):
         raise found.wrong("observations_history", "the steps from 0, or down to 0")
-    return len(steps), "first" if given == steps else "last"
+    return len(steps), "first" if (given == steps) is not is_old else "last"
 
 
 def _action_clip(found: Settings) -> Range | None:

@@ -2,27 +2,35 @@
 
 import os
 import re
-import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from reprlib import repr as shortened
 from typing import Any
 
 from policies.base import PolicyError
 from policies.foreign.description import Numbers, Range
 from policies.foreign.packages import package
-from quad_env.files.reading import parse_json, read_bytes
-from quad_env.files.text import described
+from policies.foreign.readers import name_patterns
+from quad_env.files.reading import LARGEST_TOML, parse_json, parse_toml, read_bytes
+from quad_env.files.text import brief, described
 
-LARGEST, LINES = 2**20, 20_000
+LARGEST, LINES = 2**19, 20_000
 """Most bytes and lines of a file; deployment files have a few thousand lines at most."""
+MAX_KEY = 200
+"""Characters of a key."""
+MAX_PAIRS = 20_000
+"""Keys of all mappings of a YAML file, with those that merge keys (`<<`) bring."""
 BY_HAND = "write a TOML (docs/deployment-files.md)"
 """What to do about what a file does not say."""
-_PARSERS: dict[str, Callable[[str], Any]] = {".json": parse_json, ".toml": tomllib.loads}
-"""Of files of other kinds than YAML, by the end of their names."""
 _TAG = "tag:yaml.org,2002:python/"
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_WHOLE = re.compile(r"[-+]?(?:0b[01]+|0[0-7]+|0x[0-9a-fA-F]+|0|[1-9][0-9]*)$")
+_DECIMAL = re.compile(
+    r"[-+]?(?:[0-9]+\.[0-9]*(?:[eE][-+][0-9]+)?|\.[0-9]+(?:[eE][-+][0-9]+)?|\.(?:inf|Inf|INF))$|\.(?:nan|NaN|NAN)$"
+)
+"""Numbers of YAML 1.1 without its groups of digits (`1_000`) and its base of sixty (`1:30`), which stay texts."""
+_MAX_DIGITS = 100
 NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/policy_lstm_1.pt", "policy_1.pt")
 """Of Isaac Lab, mjlab and Unitree (`exported/policy.*`) and of legged_gym (`exported/policies/policy_1.pt`)."""
 PAIR = "_env", "_policy.pt"
@@ -69,6 +77,12 @@ class Settings:
     def groups(self) -> Iterator[tuple[str, "Settings"]]:
         """Keys that hold settings, with these, in order."""
         return ((str(key), self.inside(key)) for key, value in self.values.items() if isinstance(value, dict))
+
+    def text(self, key: str) -> str:
+        """A text. PolicyError for anything else, a collection above all."""
+        if not isinstance(value := self.get(key), str):
+            raise self.wrong(key, "a text")
+        return value
 
     def number(self, key: str, otherwise: float | None = None) -> float:
         """A finite number."""
@@ -130,7 +144,7 @@ class Settings:
         Raises PolicyError where there is none, or several.
         """
         settings = self.file
-        run = settings.parent.parent if settings.parent.name == "params" else settings.parent
+        run = settings.parent.parent if settings.parent.name in ("params", "io_descriptors") else settings.parent
         folders = [run / "exported", run, settings.parent]
         names = [*NAMES, settings.stem.removesuffix(PAIR[0]) + PAIR[1]]
         named = [folder / name for folder in folders for name in names if (folder / name).is_file()]
@@ -145,16 +159,15 @@ class Settings:
 
     def wrong(self, key: str, expected: str) -> PolicyError:
         """The error for a value of another kind."""
-        value = shortened(self.find(key))
-        return PolicyError(f"`{self.above}{key}` in {self.file.name} must be {expected}, not {value}")
+        return PolicyError(f"`{self.above}{key}` in {self.file.name} must be {expected}, not {brief(self.find(key))}")
 
 
 def matches(pattern: str, name: str) -> bool:
-    """Whether a regular expression matches a whole name. Raises PolicyError for what is none."""
+    """Whether a regular expression matches a whole name, in bounded time. Raises PolicyError for what is none."""
     try:
-        return re.fullmatch(pattern, name) is not None
-    except re.error:
-        raise PolicyError(f"{shortened(pattern)} is no regular expression") from None
+        return name_patterns.matches(pattern, name)
+    except name_patterns.PatternError as error:
+        raise PolicyError(f"{brief(pattern)} is no regular expression that is read: {error}") from None
 
 
 def named(folder: Path, name: str) -> Path:
@@ -164,13 +177,13 @@ def named(folder: Path, name: str) -> Path:
             return Path(os.path.abspath(file))
     except (OSError, ValueError):
         pass
-    raise PolicyError(f"there is no network {shortened(name)} in {folder}")
+    raise PolicyError(f"there is no network {brief(name)} in {folder}")
 
 
 def load(file: Path) -> Settings:
     """What a file holds. Raises PolicyError, one line."""
     try:
-        content = read_bytes(file, LARGEST)
+        content = read_bytes(file, LARGEST_TOML if file.suffix.lower() == ".toml" else LARGEST)
         if (lines := content.count(b"\n")) > LINES:
             raise PolicyError(f"{file.name} has {lines} lines: no deployment file has over {LINES}")
         found = _PARSERS.get(file.suffix.lower(), _yaml)(content.decode())
@@ -180,17 +193,108 @@ def load(file: Path) -> Settings:
         raise error if isinstance(error, PolicyError) else PolicyError(f"no settings: {described(error)}") from None
     if not isinstance(found, dict):
         raise PolicyError(f"{file.name} holds no settings by key")
+    _check_keys(found, file)
     return Settings(found, file)
+
+
+_PARSERS: dict[str, Callable[[str], Any]] = {".json": parse_json, ".toml": parse_toml}
+"""Of files of other kinds than YAML, by the end of their names."""
+
+
+def _check_keys(settings: Any, file: Path) -> None:
+    """Raise PolicyError for a key that is no short text or number, however deep; each collection is seen once."""
+    seen, waiting = set[int](), [settings]
+    while waiting:
+        now = waiting.pop()
+        if not isinstance(now, dict | list) or id(now) in seen:
+            continue
+        seen.add(id(now))
+        waiting.extend(now.values() if isinstance(now, dict) else now)
+        for key in now if isinstance(now, dict) else ():
+            plain = key is None or isinstance(key, str | bool | int | float)
+            if not plain or len(brief(key)) > MAX_KEY or (isinstance(key, str) and len(key) > MAX_KEY):
+                raise PolicyError(
+                    f"{file.name} has the key {brief(key)}: a key is a text of at most {MAX_KEY} characters"
+                )
 
 
 def _yaml(text: str) -> Any:
     yaml = package("yaml")
-    loader: Any = type("Loader", (getattr(yaml, "CSafeLoader", yaml.SafeLoader),), {})
+    base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    own = {
+        "yaml_implicit_resolvers": _resolvers(base),
+        "construct_mapping": _construct_mapping,
+        "flatten_mapping": lambda loader, node: _flatten_mapping(loader, base, node),
+        "own_keys": dict[int, set[int]](),
+    }
+    loader: Any = type("Loader", (base,), own)
     loader.add_multi_constructor(_TAG, _python)
+    scalars: dict[str, Callable[[str], Any]] = {"timestamp": str, "int": _whole, "float": _decimal}
+    for kind, constructed in scalars.items():
+        loader.add_constructor(f"tag:yaml.org,2002:{kind}", _of_text(constructed))
     try:
         return yaml.load(text, loader)
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from None
+
+
+def _resolvers(base: Any) -> dict[Any, list[tuple[str, Any]]]:
+    """YAML's implicit kinds of scalars, with the numbers of `_WHOLE` and `_DECIMAL` alone, and no dates."""
+    kinds = {"tag:yaml.org,2002:int": _WHOLE, "tag:yaml.org,2002:float": _DECIMAL}
+    return {
+        first: [(tag, kinds.get(tag, pattern)) for tag, pattern in rules if tag != "tag:yaml.org,2002:timestamp"]
+        for first, rules in base.yaml_implicit_resolvers.items()
+    }
+
+
+def _of_text(constructed: Callable[[str], Any]) -> Callable[[Any, Any], Any]:
+    return lambda loader, node: constructed(loader.construct_scalar(node))
+
+
+def _whole(text: str) -> int:
+    """A whole number of YAML. Raises ValueError."""
+    if len(text) > _MAX_DIGITS or not _WHOLE.match(text):
+        raise ValueError(f"{brief(text)} is no whole number")
+    sign, digits = (-1, text[1:]) if text[0] == "-" else (1, text.lstrip("+"))
+    if digits[:2] in ("0b", "0x"):
+        return sign * int(digits, 0)
+    return sign * int(digits, 8 if digits[0] == "0" else 10)
+
+
+def _decimal(text: str) -> float:
+    """A number of YAML. Raises ValueError."""
+    plain = text.lower().replace(".inf", "inf").replace(".nan", "nan")
+    if plain.lstrip("+-") in ("inf", "nan") or _NUMBER.fullmatch(plain):
+        return float(plain)
+    raise ValueError(f"{brief(text)} is no number")
+
+
+def _flatten_mapping(loader: Any, base: Any, node: Any) -> None:
+    """Put the keys that a mapping merges (`<<`) before its own, which are noted. Raises ValueError for too many."""
+    loader.own_keys.setdefault(id(node), {id(key) for key, _ in node.value})
+    base.flatten_mapping(loader, node)
+    if len(node.value) > MAX_PAIRS:
+        raise ValueError(f"line {node.start_mark.line + 1} merges more than {MAX_PAIRS} keys")
+
+
+def _construct_mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, Any]:
+    """The mapping of a node. Raises ValueError for a key of its own that is given twice."""
+    if not isinstance(node, package("yaml").MappingNode):
+        raise ValueError(f"line {node.start_mark.line + 1} holds no settings by key")
+    loader.flatten_mapping(node)
+    found: dict[Any, Any] = {}
+    own = set[Any]()
+    for key_node, value_node in node.value:
+        key = loader.construct_object(key_node, deep=True)
+        line = key_node.start_mark.line + 1
+        if not isinstance(key, Hashable):
+            raise ValueError(f"line {line} has a collection as a key")
+        if id(key_node) in loader.own_keys[id(node)]:
+            if key in own:
+                raise ValueError(f"line {line}: {brief(key)} is given twice")
+            own.add(key)
+        found[key] = loader.construct_object(value_node, deep=deep)
+    return found
 
 
 def _python(loader: Any, kind: str, node: Any) -> Any:
@@ -207,6 +311,8 @@ def _number(value: object) -> float | None:
     """A finite number, also as a text such as 1e-3, which YAML takes for one; None for what is none."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
+    if isinstance(value, str) and (len(value) > _MAX_DIGITS or not _NUMBER.fullmatch(value)):
+        return None  # such as 1_0 and the digits of other scripts, which `float` takes
     try:
         found = float(value)
     except (ValueError, OverflowError):

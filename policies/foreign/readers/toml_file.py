@@ -19,10 +19,10 @@ def describe(settings: Settings) -> PolicyDescription:
     """The policy of a TOML. Raises PolicyError."""
     found = settings.values
     if "network" in found:
-        found["network"] = named(settings.file.parent, str(found["network"]))
+        found["network"] = named(settings.file.parent, settings.text("network"))
     for name in ("joints", "observed_joints"):
         if isinstance(legs := found.get(name), list) and len(legs) == 4:
-            found[name] = by_leg(" ".join(map(str, legs)))
+            found[name] = by_leg(" ".join(settings.texts(name)))
     found |= {name: _of_joints(name, found[name], found.get("joints")) for name in OF_JOINTS if name in found}
     if isinstance(terms := found.get("terms"), list):
         found["terms"] = tuple(_term(each) for each in terms)
@@ -32,8 +32,14 @@ def describe(settings: Settings) -> PolicyDescription:
 def write_toml(description: PolicyDescription, file: Path) -> None:
     """Write a TOML of which `describe` gives the same value, the network relative to its folder."""
     lines = [f"{name} = {value}\n" for name, value in _fields(description, file.absolute().parent)]
-    text = "".join(["# What a policy reads and commands: docs/deployment-files.md\n", *lines])
+    remarks = [f"# {remark}\n" for remark in description.remarks]
+    text = "".join(["# What a policy reads and commands: docs/deployment-files.md\n", *remarks, *lines])
     file.write_text(text, encoding="utf-8")
+
+
+def as_toml(name: str, value: Any) -> str:
+    """Return the value of a description's field as TOML."""
+    return _text(_brief(name, value, Path()))
 
 
 def _of_joints(name: str, value: Any, joints: Any) -> Any:
@@ -61,7 +67,7 @@ def _term(given: Any) -> Term:
 
 def _made(kind: type[Made], given: dict[str, Any]) -> Made:
     """A dataclass of given fields. Raises PolicyError for unknown and missing ones, and for what they cannot be."""
-    needed = {each.name: each.default is MISSING for each in fields(kind)}
+    needed = {each.name: each.default is MISSING for each in fields(kind) if each.compare}
     if unknown := [name for name in given if name not in needed]:
         raise PolicyError(f"`{unknown[0]}` is not known", f"the names are {', '.join(needed)}")
     if missing := [name for name, is_needed in needed.items() if is_needed and name not in given]:
@@ -75,7 +81,7 @@ def _tuples(value: Any) -> Any:
 
 def _fields(value: Any, folder: Path = Path()) -> list[tuple[str, str]]:
     """Fields other than their defaults, as TOML."""
-    given = [(each.name, getattr(value, each.name), each.default) for each in fields(value)]
+    given = [(each.name, getattr(value, each.name), each.default) for each in fields(value) if each.compare]
     return [(name, _text(_brief(name, each, folder))) for name, each, default in given if each != default]
 
 

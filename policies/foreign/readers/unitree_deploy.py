@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from policies.base import PolicyError
 from policies.foreign.description import PolicyDescription, Range, Term
-from policies.foreign.readers.isaac_terms import observed_joints, term
+from policies.foreign.readers.isaac_terms import observed_joints, remarks_on, term
 from policies.foreign.readers.joint_orders import UNITREE_MOTORS, Joints
 from policies.foreign.readers.settings import Settings
 
@@ -42,6 +42,7 @@ def describe(settings: Settings) -> PolicyDescription:
         terms=tuple(terms.values()),
         observed_joints=observed if observed != joints else None,
         history_layout="time" if group.find("use_gym_history") else "term",
+        remarks=remarks_on(group.groups()),
     )
 
 

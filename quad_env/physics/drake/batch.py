@@ -28,7 +28,7 @@ class DrakeBatch(ArrayBatch):
     """
 
     def __init__(self, model: mujoco.MjModel, num_envs: int) -> None:
-        super().__init__(model, num_envs, (*_STEPPED, "xpos", "site_xpos"))
+        super().__init__(model, num_envs, (*_STEPPED, "xanchor", "site_xpos"))
         self._drake = plant_of(model)
         self._contexts = [self._drake.diagram.CreateDefaultContext() for _ in range(num_envs)]
         self._plants = list(map(self._drake.plant.GetMyMutableContextFromRoot, self._contexts))
@@ -44,7 +44,8 @@ class DrakeBatch(ArrayBatch):
         model, number = self._model, self._model.sensor(name).id
         watched = int(model.sensor_objid[number])
         if model.sensor_type[number] == mujoco.mjtSensor.mjSENS_TOUCH:
-            source, geoms = self._forces, foot_geoms(model, name.removesuffix("_foot_touch"))
+            leg, body = name.partition("_foot_touch")[0], model.site_bodyid[watched]
+            source, geoms = self._forces, [geom for geom in foot_geoms(model, leg) if model.geom_bodyid[geom] == body]
         elif model.sensor_objtype[number] == mujoco.mjtObj.mjOBJ_GEOM:
             source, geoms = self._touches, [watched]
         else:

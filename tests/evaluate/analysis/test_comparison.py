@@ -46,7 +46,8 @@ def test_more_success_is_a_gain_and_more_falls_are_none(made_up_cell) -> None:
 
 
 def test_no_fall_of_either_is_no_certainty(made_up_cell) -> None:
-    falls = next(c for c in compare([made_up_cell("trot", NEVER), made_up_cell("a", NEVER)]) if c.metric == "fall_rate")
+    cells = [made_up_cell("trot", NEVER), made_up_cell("a", NEVER, np.full(len(NEVER), 0.1))]
+    falls = next(c for c in compare(cells) if c.metric == "fall_rate")
     low, high = falls.ci
     assert low == pytest.approx(-high)
     assert 0.03 < high < 0.08

@@ -1,10 +1,13 @@
 """The ranking of one run: neighbours paired by episode, one correction, and how many episodes would be needed."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.stats import norm
 
 from evaluate.analysis.results import Results, analyse, as_json
+from evaluate.report.page import render
 from evaluate.report.verdict import lines, verdict
 from evaluate.rollouts.battery import resolve
 from evaluate.statistics.intervals import difference_interval, share_difference_interval
@@ -18,9 +21,10 @@ AXES = "flat", "push", "rough", "stairs"
 def run(made_up_cell):
     """Results of policies: of each on each scenario which episodes succeed, (n,)."""
 
-    def make(baseline="trot", **policies) -> Results:
+    def make(baseline="trot", errors=None, **policies) -> Results:
+        error = {policy: np.full(COUNT, each) for policy, each in (errors or {}).items()}
         cells = [
-            made_up_cell(policy, ~np.asarray(good), None, resolve((name.replace("_", ":"),))[0])
+            made_up_cell(policy, ~np.asarray(good), error.get(policy), resolve((name.replace("_", ":"),))[0])
             for policy, of in policies.items()
             for name, good in of.items()
         ]
@@ -135,11 +139,57 @@ def test_the_episodes_that_would_be_needed_are_those_of_the_formula_and_find_the
 
 
 def test_policies_that_are_alike_in_every_episode(run) -> None:
+    """Alike in success and not in all else: another episode may differ."""
     of = dict.fromkeys(AXES, np.arange(COUNT) < 10)
-    ranked = run(trot=of, other=of).ranking
+    ranked = run(errors={"other": 0.1}, trot=of, other=of).ranking
+    assert ranked.neighbours[0].ci[0] < 0.0 < ranked.neighbours[0].ci[1]
     assert (ranked.neighbours[0].needed, ranked.neighbours[0].p_value_holm) == (np.inf, 1.0)
     assert "more than 10000 would be needed" in next(lines(ranked))
     assert verdict(ranked).endswith("but is not distinguished from other")
+
+
+def test_policies_that_are_the_same_to_the_bit_have_a_difference_of_zero_without_an_interval(run) -> None:
+    of = dict.fromkeys(AXES, np.arange(COUNT) < 10)
+    results = run(trot=of, other=of, third=dict.fromkeys(AXES, np.arange(COUNT) < 9))
+    found = results.ranking.neighbours[0]
+    assert (found.identical, found.difference, found.p_value_holm) == (True, 0.0, 1.0)
+    assert np.isnan(found.ci).all()
+    said = [next(lines(results.ranking)), verdict(results.ranking)]
+    assert said[0] == "trot and other are the same to the bit in 40 episodes of each scenario"
+    assert said[1].endswith("; other is the same to the bit")
+    between = {each.a: each for each in results.comparisons if each.scenario == "flat" and each.metric == "fall_rate"}
+    assert [between[name].identical for name in ("other", "third")] == [True, False]
+    assert np.isnan(between["other"].ci).all()
+    assert not np.isnan(between["third"].ci).any()
+    score = {each.policy: each for each in results.scores}
+    assert score["other"].difference == 0.0
+    assert np.isnan(score["other"].difference_ci).all()
+    assert not np.isnan(score["third"].difference_ci).any()
+    page = render(results).replace("\u00a0", " ")
+    rows = re.findall(r"<tr><td>other − trot<small>.*?</tr>", page)
+    assert len(rows) == len(AXES)
+    assert all("<td>0.0</td><td>the same to the bit</td>" in row for row in rows)
+
+
+def test_an_interval_that_excludes_zero_is_called_what_the_corrected_test_shows(run) -> None:
+    good = np.ones(COUNT, bool)
+    worse = {name: good if name != "push" else np.arange(COUNT) >= 5 for name in AXES}
+    results = run(errors={"other": 0.1}, trot=dict.fromkeys(AXES, good), other=worse)
+    (push,) = (each for each in results.comparisons if (each.scenario, each.metric) == ("push", "success_rate"))
+    (found,) = results.ranking.neighbours
+    assert push.ci[1] < 0.0
+    assert found.ci[0] > 0.0
+    assert min(push.p_value_holm, found.p_value_holm) >= 0.05
+    words = "cannot be distinguished"
+    by_itself = "though its interval by itself excludes 0"
+    assert words in next(lines(results.ranking))
+    assert by_itself in next(lines(results.ranking))
+    page = render(results).replace("\u00a0", " ")
+    (row,) = re.findall(r"<tr><td>other − trot<small>push</small>.*?</tr>", page)
+    assert f"{words}, p = " in row
+    assert by_itself in row
+    (even,) = re.findall(r"<tr><td>other − trot<small>flat</small>.*?</tr>", page)
+    assert f"{words}, p = 1.00</td>" in even
 
 
 def test_the_verdict(run) -> None:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pyarrow as pa
@@ -55,7 +56,10 @@ def test_a_difference_is_b_minus_a_paired_by_episode(run, tmp_path, capsys) -> N
         # All five agree: others have at most 3.8415 / 8.8415 of the episodes (Wilson), and are within -2 … 2 m/s.
         others = 0.43448
         ends = [expected - others * (expected + 2.0), expected + others * (2.0 - expected)]
-        assert velocity["ci"] == pytest.approx(ends, abs=1e-4)
+        if match["identical"]:
+            assert all((each["difference"], each["ci"]) == (0.0, [None, None]) for each in match["contrasts"])
+        else:
+            assert velocity["ci"] == pytest.approx(ends, abs=1e-4)
         # Five differences of one sign: 2 of 2^5 sign flips are as large.
         assert velocity["p_value"] == (pytest.approx(2 / 32) if expected else 1.0)
 
@@ -194,6 +198,22 @@ def test_success_that_differs_after_correction_is_named(run, tmp_path, capsys, m
     said = compare(capsys, run.folder, other(run, tmp_path / "b", changed))[1]
     assert "success differs: document on flat, 100.0 points, p\u00a0=\u00a00." in said
     assert "success differs: stand" not in said
+
+
+def test_a_success_that_only_its_own_interval_shows_is_called_undistinguished(run, tmp_path, capsys) -> None:
+    """Five of five in B alone: Tango's interval excludes 0, and p is 2 / 2^5 before any correction."""
+
+    def changed(rows: pa.Table) -> pa.Table:
+        outcomes = np.array(rows.column("outcome").to_pylist(), dtype=object)
+        outcomes[np.array(rows.column("policy").to_pylist()) == "document"] = "succeeded"
+        return column(rows, "outcome", outcomes.tolist())
+
+    said = compare(capsys, run.folder, other(run, tmp_path / "b", changed))[1].replace("\u00a0", " ")
+    (line,) = re.findall(
+        "^success cannot be distinguished, though its interval by itself excludes 0: (.*)$", said, re.M
+    )
+    assert re.fullmatch(r"document on flat \(p = [\d.]+\), document on push \(p = [\d.]+\)", line)
+    assert "success differs" not in said
 
 
 def test_runs_with_and_without_the_hardware_profile_are_matched(run, tmp_path, capsys) -> None:

@@ -21,7 +21,7 @@ from evaluate.commands import options as default
 from evaluate.rollouts.experiment import evaluation_seeds
 from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
-from tests.evaluate.commands import test_axes, test_command, test_pages
+from tests.evaluate.commands import test_axes, test_command, test_pages, test_replay
 from tests.evaluate.records import test_resume, test_settled
 from tests.quad_env.robots.made import Made
 
@@ -156,6 +156,7 @@ ELSEWHERE = {
     "replay": {
         "page": test_pages.test_a_page_shows_the_episode_and_another_policy_on_the_same_seed,
         "against": test_pages.test_a_page_shows_the_episode_and_another_policy_on_the_same_seed,
+        "failed": test_replay.test_failed_episodes_are_listed_with_the_row_that_replays_them,
     },
     "axes": {
         "resume": test_axes.test_it_goes_on_with_what_was_done,

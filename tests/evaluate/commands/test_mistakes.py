@@ -24,6 +24,14 @@ from policies.shipped import MODELS
         ("trot --seed -1", ("--seed",)),
         ("trot --actuator moter", ("actuator", "moter", "ideal, torque_speed, motor")),
         ("trot --nonsense", ("--nonsense", "--help")),
+        ("trot --workers 4", ("--workers", "did you mean --threads?")),
+        ("trot --num-workers=4", ("--num-workers", "did you mean --threads?")),
+        ("trot --episode 4", ("--episode", "did you mean --episodes?")),
+        ("axes push --jobs 4", ("--jobs", "did you mean --threads?")),
+        ("models/nix trot", ("--policies: there is no file or folder models/nix",)),
+        ("nix/net.onnx trot", ("--policies: there is no file nix/net.onnx",)),
+        ("trot --robot nix/dog", ("there is no file or folder nix/dog",)),
+        ("trot --scenarios nix/hill", ("--scenarios: there is no file or folder nix/hill",)),
         ("trot stand --scenarios flat --baseline gallop", ("--baseline: gallop is not among the policies",)),
         ("repaly", ("did you mean the command replay?",)),
         ("trot --resume", ("leave --resume out",)),
@@ -32,6 +40,8 @@ from policies.shipped import MODELS
         ("axes ice", ("slippery",)),
         ("report RUN --baseline gallop", ("--baseline: gallop is not among the policies",)),
         ("replay RUN 30", ("rows 0 to 29", "30")),
+        ("replay RUN one", ("error: Error parsing EPISODE: 'one' is no whole number",)),
+        ("trot --episodes 1.5", ("error: Error parsing --episodes: '1.5' is no whole number",)),
         ("replay RUN 1 --policy trott", ("trott", "document, stand, trot")),
         ("replay RUN 1 --scenario ice", ("ice", "flat, push")),
         ("replay RUN 1 --policy trot", ("--scenario",)),
@@ -41,6 +51,7 @@ from policies.shipped import MODELS
         ("replay RUN 1 --page page.txt", ("--page must end in .html", "page.txt")),
         ("replay RUN 1 --page own.zip/page.html", ("--page: cannot write to the folder own.zip",)),
         ("replay RUN 1 --page page.html --against trott", ("--against: no policy 'trott'", "residual")),
+        ("replay RUN 1 --page page.html --against nix/trot", ("--against: there is no file or folder nix/trot",)),
         ("replay RUN 1 --against trot", ("--against", "--page FILE.html or --video FILE")),
         ("compare RUN RUN --policies trott trot", ("trott", "document, stand, trot")),
         ("compare RUN RUN --policies trot", ("--policies",)),
@@ -55,3 +66,16 @@ def test_a_mistake_is_one_line_that_names_the_remedy(words, said, run, tmp_path:
     line = refused(main, *shlex.split(words.replace("RUN", str(run.folder))))
     assert all(part in line for part in said), line
     assert [path.name for path in tmp_path.iterdir()] == ["own.zip"]
+
+
+@pytest.mark.usefixtures("no_simulation")
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--policies document stand trot residual", "--policies residual --episodes 5 --seed 3 --out ANOTHER, then `"),
+        ("--episodes 9", "A run is not extended: leave --resume out and name another --out"),
+        ("--scenarios flat push rough", "A run is not extended: leave --resume out and name another --out"),
+    ],
+)
+def test_who_would_extend_a_run_is_told_what_to_do(words, said, run, refused) -> None:
+    assert said in refused(main, "--resume", "--out", str(run.folder), *words.split())

@@ -1,5 +1,7 @@
 """Any row of a results folder can be run again; what differs is named, and why."""
 
+import re
+
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -77,3 +79,45 @@ def test_an_episode_is_run_again_with_its_hardware(tmp_path, capsys, monkeypatch
 def test_a_policy_that_is_gone_is_a_mistake(run, refused, monkeypatch) -> None:
     monkeypatch.setattr(policies, "_MAKERS", {"trot": policies.Trot})
     assert "'document'" in refused(main, "replay", run.folder, 0)
+
+
+def test_failed_episodes_are_listed_with_the_row_that_replays_them(run, capsys) -> None:
+    rows = pq.read_table(run.folder / "episodes.parquet").to_pylist()
+    failed = [row for row, each in enumerate(rows) if each["outcome"] != "succeeded"]
+    assert main(["replay", str(run.folder), "--failed"]) == 0
+    heads, *lines, last = capsys.readouterr().out.splitlines()
+    assert heads.split()[:4] == ["row", "policy", "scenario", "episode"]
+    assert [int(line.split()[0]) for line in lines] == failed
+    for line, each in zip(lines, (rows[row] for row in failed), strict=True):
+        assert line.split()[1:4] == [each["policy"], each["scenario"], str(each["episode"])]
+        assert each["outcome"].replace("_", " ") in line
+        assert (each["cause"] or "–").replace("_", " ") in line
+    assert last.startswith(f"{len(failed)} failed episodes; see one: python -m evaluate replay ")
+    assert f" {failed[0]} --page {failed[0]}.html" in last
+    assert main(["replay", str(run.folder), "--failed", "--policy", "document", "--scenario", "push"]) == 0
+    _, *lines, last = capsys.readouterr().out.splitlines()
+    own = [row for row in failed if (rows[row]["policy"], rows[row]["scenario"]) == ("document", "push")]
+    assert [int(line.split()[0]) for line in lines] == own
+    assert main(["replay", str(run.folder), "--failed", "--policy", "trot", "--scenario", "flat"]) == 0
+    assert "0 failed episodes" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "EPISODE: no row given; `python -m evaluate replay "),
+        (["3", "--failed"], "--failed lists episodes: leave out EPISODE"),
+        (["--failed", "--page", "x.html"], "--failed lists episodes: leave out EPISODE"),
+        (["--failed", "--policy", "trott"], "--policy: no trott among"),
+    ],
+)
+def test_what_is_to_be_listed_or_replayed_is_asked_for_in_one_line(run, refused, words, said) -> None:
+    assert said in refused(main, "replay", str(run.folder), *words)
+
+
+def test_the_end_of_a_run_names_a_row_that_failed(run, capsys, no_page) -> None:
+    assert main(["report", str(run.folder)]) == 0
+    said = capsys.readouterr().out
+    (row,) = re.findall(r"fails in row (\d+): python -m evaluate replay \S+ \1 --page \1\.html; all failures: ", said)
+    rows = pq.read_table(run.folder / "episodes.parquet").to_pylist()
+    assert rows[int(row)]["outcome"] != "succeeded"

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE
 from evaluate.analysis.pareto import ParetoPoint, front_of
+from evaluate.analysis.results import Results, analyse
 from evaluate.analysis.score import Score
-from evaluate.report.plots import drawing, pareto, success
+from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
+from evaluate.report.plots import curves, drawing, pareto, success
+from evaluate.rollouts.battery import resolve
 from tests.evaluate.report.conftest import watch_clipping
 
 LONG = "models/residual-with-a-long-name/seed-12"
@@ -83,3 +87,52 @@ def test_a_policys_colour_is_its_own_and_many_are_all_told_apart() -> None:
     assert drawing.styles((*drawing.OWN[::-1], "mine")).items() > alone.items()
     found = drawing.styles(("trot", *(f"run-{number}" for number in range(40))))
     assert len(set(found.values())) == 41
+
+
+def against_push(made_up_cell, *names: str) -> tuple[Results, SeverityAxis]:
+    """Policies that succeed in the same episodes, up to half of the axis."""
+    cells = [
+        made_up_cell(name, np.arange(16) < falls, None, scenario)
+        for scenario, falls in zip(resolve(("push:1", "push:2", "push:3", "push:4")), (0, 0, 16, 16), strict=True)
+        for name in names
+    ]
+    results = analyse(cells, seed=0, episodes=16, complete=True)
+    (axis,) = severity_axes(results.cells)
+    return results, axis
+
+
+@pytest.mark.parametrize("names", [("trot", "residual"), (*drawing.OWN, LONG, "b")])
+def test_curves_that_agree_do_not_hide_each_other(made_up_cell, names) -> None:
+    """Pixels of each policy's own colour, by itself and with all others on it."""
+    results, axis = against_push(made_up_cell, *names)
+    with drawing.settings():
+        whole = curves.draw(results, axis, FALL_RATE, "falls")
+        for legend in whole.legends:
+            legend.remove()
+        canvas = FigureCanvasAgg(whole)
+        canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3].astype(int)
+    for policy in names:
+        colour = np.array([int(drawing.style(results, policy)[0][k : k + 2], 16) for k in (1, 3, 5)])
+        own = (np.abs(pixels - colour).max(axis=-1) < 12).sum()
+        assert own > 40, policy
+
+
+def test_a_plot_of_an_axis_names_every_policy_that_ran_on_it(made_up_cell, clipped) -> None:
+    names = (*drawing.OWN, LONG, WIDE)
+    results, axis = against_push(made_up_cell, *names)
+    with drawing.settings():
+        drawn = curves.draw(results, axis, SUCCESS_RATE, "success")
+        drawing.svg(drawn)
+        FigureCanvasAgg(drawn)
+        drawn.draw_without_rendering()
+        (legend,) = drawn.legends
+        boxes = [each.get_window_extent() for each in (*legend.get_texts(), drawn.axes[0].xaxis.label)]
+    assert [each.get_text() for each in legend.get_texts()] == [drawing.short_name(name) for name in names]
+    assert clipped == ["1"]
+    assert not [(a, b) for a, b in itertools.combinations(boxes, 2) if a.overlaps(b)]
+
+
+def test_a_long_name_is_cut_at_the_start_of_a_word() -> None:
+    assert drawing.short_name("/home/someone/policies/own.py:MyPolicy") == "…own.py:MyPolicy"
+    assert drawing.short_name(WIDE).startswith("…W")

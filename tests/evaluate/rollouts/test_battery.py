@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from evaluate.__main__ import main
@@ -93,3 +94,21 @@ def test_what_is_no_scenario_in_a_file_is_one_line(tmp_path, refused, content, w
     file = written(tmp_path, content)
     assert words in refused(main, "trot", "--scenarios", f"{file}:GUST", "--out", tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_two_terrains_of_one_name_are_told_apart_in_a_line(tmp_path) -> None:
+    """Files of one name in two folders: the line names both, and what to do; the remedy works."""
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        np.save(tmp_path / folder / "hill.npy", np.zeros((4, 4)))
+        (tmp_path / folder / "hill.toml").write_text('file = "hill.npy"\nsize = [8.0, 8.0]\n', encoding="utf-8")
+    one, other = (str(tmp_path / folder / "hill.toml") for folder in ("a", "b"))
+    with pytest.raises(ValueError, match="give one of them another name") as caught:
+        battery.resolve((one, other))
+    assert one in str(caught.value)
+    assert other in str(caught.value)
+    with pytest.raises(ValueError, match="given twice"):
+        battery.resolve((one, one))
+    (tmp_path / "b" / "hill.toml").rename(tmp_path / "b" / "mount.toml")
+    names = [each.name for each in battery.resolve((one, str(tmp_path / "b" / "mount.toml")))]
+    assert names == ["hill", "mount"]

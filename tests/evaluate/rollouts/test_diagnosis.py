@@ -1,4 +1,8 @@
-"""A policy that walks as described raises no complaint; each of the six usual mistakes in its description is named."""
+"""A policy that walks as described raises no complaint; each usual mistake in its description is named with its remedy.
+
+The mistakes are made by `planted_mistakes`, on three networks that differ in robot, orders, scales, signs, rate and
+history.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,60 +10,113 @@ from pathlib import Path
 import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
-from policies.foreign import Foreign, mistakes
+from policies.foreign import Foreign
 from policies.foreign.described import DescribedPolicy
 from policies.foreign.description import PolicyDescription
-from policies.foreign.mistakes import ENDS, FRAMES, GAINS, GRAVITY, GROUPING, SIDES, corrections
 from policies.foreign.readers import write_toml
-from quad_env import SIMPLE_QUAD
-from tests.policies.foreign import walking_network
+from tests.policies.foreign import planted_mistakes, walking_network
+from tests.policies.foreign.walking_network import STYLES
+from tests.robot_models import NEEDS_MODELS
+
+NETWORKS = [pytest.param(name, marks=[NEEDS_MODELS] * (STYLES[name].robot != "simple_quad")) for name in STYLES]
+REMEDIES = {
+    "sides": "check `joints`",
+    "grouping": "check `joints`",
+    "frames": "check `frame` of linear_velocity",
+    "gravity": "check the sign of `scale` of projected_gravity",
+    "turn_scale": "check `scale` of angular_velocity",
+    "speed_scale": "check `scale` of joint_velocity",
+    "action_scale": "check `action_scale`",
+    "signs": "check `signs` of thigh and calf",
+    "damping": "check `stiffness` and `damping`",
+}
+"""By mistake; each keeps all three networks from walking."""
 
 
 @pytest.fixture(scope="module")
-def described(tmp_path_factory: pytest.TempPathFactory) -> PolicyDescription:
-    return walking_network.write(tmp_path_factory.mktemp("network") / "trot.onnx")
+def described(tmp_path_factory: pytest.TempPathFactory) -> dict[str, PolicyDescription]:
+    folder = tmp_path_factory.mktemp("networks")
+    names = [each.values[0] for each in NETWORKS if not any(mark.args[0] for mark in each.marks)]
+    return {name: walking_network.write(folder / f"{name}.onnx", STYLES[name]) for name in names}
 
 
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(diagnosis, "SEEDS", diagnosis.SEEDS[:1])
+    monkeypatch.setattr(diagnosis, "MOST_WALKS", 6)
     monkeypatch.setattr(walking_test, "SECONDS", 2.4)
     monkeypatch.setattr(walking_test, "SETTLING", 1.2)
-    monkeypatch.setattr(mistakes, "FACTORS", (5.0,))
 
 
-def made(described: PolicyDescription) -> DescribedPolicy:
+def made(described: PolicyDescription, robot: str) -> DescribedPolicy:
     """The policy as it is served, in this process, with what is asked of one that is."""
-    policy = DescribedPolicy(described)
+    policy = DescribedPolicy(described, robot=robot)
     policy.description, policy.close = described, lambda: None
     return policy
 
 
-def with_mistake(described: PolicyDescription, mistake: str) -> PolicyDescription:
-    """The description with that mistake: undoing what is none makes one."""
-    if mistake == GAINS:
-        return replace(described, stiffness=(30.0,) * 12, damping=(1.0,) * 12)
-    return next(each.description for each in corrections(described, SIMPLE_QUAD) if each.mistake == mistake)
+@pytest.mark.parametrize("name", NETWORKS)
+def test_a_policy_that_is_described_as_it_is_raises_no_complaint(
+    name: str, described: dict[str, PolicyDescription], tmp_path: Path
+) -> None:
+    write_toml(described[name], tmp_path / "policy.toml")
+    robot = STYLES[name].robot
+    assert diagnosis.warning(Foreign(tmp_path / "policy.toml", robot=robot), robot) is None
 
 
-def test_a_policy_that_is_described_as_it_is_raises_no_complaint(described: PolicyDescription, tmp_path: Path) -> None:
-    write_toml(described, tmp_path / "policy.toml")
-    assert diagnosis.warning(Foreign(tmp_path / "policy.toml"), "simple_quad") is None
+@pytest.mark.parametrize("mistake", REMEDIES)
+@pytest.mark.parametrize("name", NETWORKS)
+def test_each_planted_mistake_is_named(name: str, mistake: str, described: dict[str, PolicyDescription]) -> None:
+    robot = STYLES[name].robot
+    wrong = planted_mistakes.MISTAKES[mistake](described[name])
+    assert wrong != described[name]
+    line = diagnosis.warning(made(wrong, robot), robot)
+    assert line is not None
+    assert "; it walks with " in line
+    assert REMEDIES[mistake] in line
+    assert "\n" not in line
 
 
-@pytest.mark.parametrize(
-    ("mistake", "words"),
-    [
-        (SIDES, "the joint order FR FL RR RL by kind: check `joints`"),
-        (ENDS, "the joint order FR FL RR RL by kind: check `joints`"),
-        (GROUPING, "the joint order FR FL RR RL by kind: check `joints`"),
-        (FRAMES, "linear_velocity and angular_velocity in the body frame: check `frame` of"),
-        (GRAVITY, "projected_gravity the other way: check the sign of `scale` of projected_gravity"),
-        (GAINS, "servo gains of 300 N·m/rad and 10 N·m·s/rad: check `stiffness` and `damping`"),
-    ],
-    ids=(SIDES, ENDS, GROUPING, FRAMES, GRAVITY, GAINS),
-)
-def test_each_planted_mistake_is_named(described: PolicyDescription, mistake: str, words: str) -> None:
-    warning = diagnosis.warning(made(with_mistake(described, mistake)), "simple_quad")
-    assert warning is not None
-    assert warning.partition("; it walks with ")[2].startswith(words)
+@pytest.mark.parametrize("name", NETWORKS[:1])
+def test_the_policys_damping_is_proposed(name: str, described: dict[str, PolicyDescription]) -> None:
+    wrong = planted_mistakes.damping(described[name])
+    line = diagnosis.warning(made(wrong, STYLES[name].robot), STYLES[name].robot)
+    assert line is not None
+    stiffness, damping = described[name].stiffness[0], described[name].damping[0]
+    assert f"it walks with servo gains of {stiffness:g} N·m/rad and {damping:g} N·m·s/rad: check" in line
+
+
+@pytest.mark.parametrize(("mistake", "remedy"), [("ends", "check `joints`"), ("order_of_terms", "check `terms`")])
+def test_other_mistakes_on_one_network(mistake: str, remedy: str, described: dict[str, PolicyDescription]) -> None:
+    line = diagnosis.warning(
+        made(planted_mistakes.MISTAKES[mistake](described["levelled"]), "simple_quad"), "simple_quad"
+    )
+    assert line is not None
+    assert remedy in line
+
+
+@pytest.mark.parametrize("name", NETWORKS[1:2])
+def test_a_history_backwards_is_named(name: str, described: dict[str, PolicyDescription]) -> None:
+    robot = STYLES[name].robot
+    line = diagnosis.warning(made(planted_mistakes.history(described[name]), robot), robot)
+    assert line is not None
+    assert "check `history_newest`" in line
+
+
+@pytest.mark.parametrize("name", NETWORKS[:1])
+def test_two_mistakes_at_once_are_named(name: str, described: dict[str, PolicyDescription]) -> None:
+    wrong = planted_mistakes.sides(planted_mistakes.turn_scale(described[name]))
+    line = diagnosis.warning(made(wrong, STYLES[name].robot), STYLES[name].robot)
+    assert line is not None
+    assert "`joints`" in line
+    assert "`scale` of angular_velocity" in line
+
+
+def test_what_nothing_explains_is_said_so(
+    described: dict[str, PolicyDescription], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(diagnosis, "NEAREST", 0)
+    wrong = replace(described["levelled"], action_scale=(0.0,) * 12, default_position=(0.0,) * 12)
+    line = diagnosis.warning(made(wrong, "simple_quad"), "simple_quad")
+    assert line is not None
+    assert "no usual mistake alone explains it; tried: left and right, fore and hind" in line

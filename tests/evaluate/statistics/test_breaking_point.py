@@ -85,12 +85,28 @@ def test_the_line_between_two_levels_is_straight_over_the_logarithm() -> None:
     assert point.ci == (50.0, 72.0)
 
 
+def test_a_breaking_point_lies_within_its_interval() -> None:
+    """6 of 24 at 1 and 5 at 10 become one level at √10, from which the line to 24 at 11 would cross one half at 4.9."""
+    fell = np.array([np.arange(24) < count for count in (6, 5, 24)])
+    point = breaking_point(np.array([1.0, 10.0, 11.0]), fell)
+    assert point.ci == (10.0, 11.0)
+    assert point.severity50 == 10.0
+
+
 def test_a_bracket_is_of_exact_tests_in_their_order() -> None:
     """Of 20 episodes 5 are shown to be fewer than half (P = 0.021), 6 are not (0.058), and 15 are shown to be more."""
     fails = (0, 5, 6, 5, 14, 15, 20)
     failed = np.array([np.arange(20) < count for count in fails])
     assert bracket(failed) == (1, 5)
     assert bracket(failed[2:5]) == (-1, 3)
+
+
+def test_each_side_of_a_bracket_errs_with_a_chance_of_one_in_forty() -> None:
+    """Of 24 episodes P(7 or fewer) = 0.032 shows nothing, P(6 or fewer) = 0.011 does; 17 and 18 mirror them."""
+    failed = np.array([np.arange(24) < count for count in (0, 7, 17, 24)])
+    assert bracket(failed) == (0, 3)
+    failed = np.array([np.arange(24) < count for count in (0, 6, 18, 24)])
+    assert bracket(failed) == (1, 2)
 
 
 @pytest.mark.parametrize("severities", [[1.0, 2.0], [1.0, 3.0, 2.0], [1.0, 1.0, 2.0], [-1.0, 0.0, 1.0]])

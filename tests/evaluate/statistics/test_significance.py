@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+from evaluate.statistics import significance
 from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 
 
@@ -49,9 +50,34 @@ def test_random_sign_flips_have_the_chances_of_all_of_them() -> None:
     assert found == pytest.approx(exact, abs=0.0015)
 
 
+def test_the_observed_flip_is_counted_with_the_random_ones(monkeypatch) -> None:
+    """499 of 9999 and itself are 500 of 10 000; of 5 more are drawn: 5 + 12 of 99 999, and itself."""
+    drawn = iter([499, 10, 9, 8])
+    monkeypatch.setattr(significance, "_flips_as_large", lambda *_: next(drawn))
+    many = np.linspace(1.0, 2.0, 20)
+    assert sign_flip_test(many) == 500 / 10_000
+    assert sign_flip_test(many) == 11 / 10_000
+    assert sign_flip_test(many) == 18 / 100_000
+
+
+def test_sums_that_are_equal_on_paper_count_as_equal() -> None:
+    """Of tenths, whose sums differ in their last bits by the order of summation; by whole numbers they do not."""
+    signs = np.array(list(itertools.product((1, -1), repeat=9)))
+    for seed in range(60):
+        tenths = np.random.default_rng(seed).integers(-4, 10, 9)
+        exact = (np.abs(signs @ tenths) >= abs(tenths.sum())).mean()
+        assert sign_flip_test(tenths / 10.0) == exact
+
+
 def test_a_small_p_value_is_resolved_further() -> None:
     # Of the 2¹⁶ flips only the observed one and its opposite reach the sum; 9999 flips could not tell this from 1e-4.
     assert 1e-5 <= sign_flip_test(np.linspace(1.0, 2.0, 16)) < 9e-5
+
+
+def test_weighted_holm_by_hand() -> None:
+    """0.01 of weight 0.2 is 0.05 of 1, before 0.06 of weight 0.5, which is 0.12 of 0.8, and 0.3 of weight 0.3."""
+    assert holm([0.06, 0.01, 0.3], [0.5, 0.2, 0.3]) == pytest.approx([0.096, 0.05, 0.3])
+    assert holm([0.02, 0.02], [0.9, 0.1]) == pytest.approx([0.02 / 0.9] * 2)  # 0.2 of the 0.1 left are less
 
 
 def test_holm_by_hand() -> None:

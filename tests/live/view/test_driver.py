@@ -157,6 +157,62 @@ def test_scenarios_and_robots_change_with_the_command_kept_until_it_is_given_bac
     assert state["command"] != [0.4, 0.1, 0.0]
 
 
+def test_a_push_is_given_to_every_robot_and_told_once(driver: Driver) -> None:
+    """Ahead of the first: each has the same force, in the world."""
+    driver.do(Request("policy", {"robot": 1, "name": "stand"}))
+    walk(driver, 2)
+    driver.do(Request("push", {"direction": 0.0, "impulse": 6.0}))
+    state = walk(driver, 1)
+    first, second = (session.latest.infos["push"][0] for session in driver.sessions)
+    assert np.hypot(*first) == pytest.approx(60.0, rel=1e-3)
+    np.testing.assert_array_equal(first, second)
+    assert state["events"].count("pushed by hand, 6 N·s") == 1
+    assert driver.state()["events"] == []
+
+
+def test_another_policy_for_one_robot_leaves_the_others_theirs(driver: Driver) -> None:
+    for robot, name in ((1, "stand"), (2, "document"), (0, "trot_integral")):
+        driver.do(Request("policy", {"robot": robot, "name": name}))
+    assert [robot["policy"] for robot in driver.state()["robots"]] == ["trot_integral", "stand", "document"]
+    driver.do(Request("policy", {"robot": 1, "name": "trot"}))
+    assert [robot["policy"] for robot in driver.state()["robots"]] == ["trot_integral", "trot", "document"]
+
+
+def test_a_single_step_pauses_robots_that_were_walking(driver: Driver) -> None:
+    walk(driver, 2)
+    driver.do(Request("step", {}))
+    assert driver.state()["paused"]
+    assert driver.move()
+    assert not driver.move()
+    driver.do(Request("pause", {"on": False}))
+    assert driver.move()
+
+
+def test_letting_go_gives_every_robot_its_episode_again_with_the_commands_of_its_seed(driver: Driver) -> None:
+    driver.do(Request("policy", {"robot": 1, "name": "stand"}))
+    driver.do(Request("reset", {"seed": 7}))
+    driver.do(Request("steer", {"forward": 0.4, "left": 0.1, "turn": 0.0}))
+    walk(driver, 3)
+    driver.do(Request("let_go", {}))
+    assert [session.seed for session in driver.sessions] == [7, 7]
+    state = walk(driver, 2)
+    assert (state["seed"], state["time"], state["by_hand"]) == (7, 0.02, False)
+    with closing(Driver(["trot"], seed=7)) as drawn:
+        assert walk(drawn, 2)["command"] == state["command"]
+
+
+def test_next_is_the_episode_of_the_next_seed_and_a_change_of_robots_keeps_it(driver: Driver) -> None:
+    driver.do(Request("next", {}))
+    assert [session.seed for session in driver.sessions] == [1]
+    for change in (Request("policy", {"robot": 1, "name": "stand"}), Request("scenario", {"name": "slope=10"})):
+        driver.do(change)
+        assert [session.seed for session in driver.sessions] == [1, 1]
+    driver.do(Request("next", {}))
+    assert [session.seed for session in driver.sessions] == [2, 2]
+    driver.do(Request("alone", {}))
+    assert [session.seed for session in driver.sessions] == [2]
+
+
 @pytest.mark.parametrize(
     ("what", "values", "error"),
     [

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from live.view.loop import newest
 from live.view.requests import LARGEST_IMPULSE, REQUESTS, Request, RequestError, parse
 
 
@@ -54,3 +55,12 @@ ANYTHING = st.recursive(
 def test_nothing_else_than_a_request_or_a_refusal_comes_of_anything(told: object) -> None:
     with contextlib.suppress(RequestError):
         assert parse(json.dumps(told)).do in REQUESTS
+
+
+def test_of_many_scenarios_at_once_the_newest_is_done_and_all_else_stays_in_order() -> None:
+    asked = [Request("scenario", {"name": f"push:{number}"}) for number in range(150)]
+    steer, push = Request("steer", {"forward": 1.0}), Request("push", {"direction": 0.0, "impulse": 1.0})
+    first, second = (Request("policy", {"robot": robot, "name": "trot"}) for robot in (0, 1))
+    given = [*asked[:70], steer, first, push, second, *asked[70:], first, push]
+    assert newest(given) == [steer, push, second, asked[-1], first, push]
+    assert newest([]) == []

@@ -76,6 +76,24 @@ def test_what_is_no_request_opens_nothing_and_prints_nothing(
     assert status(server) == 200
 
 
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "TRACE", "PATCH", "get"])
+def test_only_get_and_head_are_answered(server: Server, method: str) -> None:
+    for path in ("/", "/socket", "/none"):
+        with closing(http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)) as connection:
+            connection.request(method, path, headers={"Host": f"localhost:{server.port}"})
+            answer = connection.getresponse()
+            assert answer.status in (405, 400)
+            assert "only GET and HEAD" in answer.read().decode() or answer.status == 400
+
+
+def test_a_head_has_the_headers_of_its_page_alone(server: Server) -> None:
+    with closing(http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)) as connection:
+        connection.request("HEAD", "/", headers={"Host": f"localhost:{server.port}"})
+        answer = connection.getresponse()
+        assert (answer.status, answer.read()) == (200, b"")
+        assert int(answer.headers["Content-Length"]) > 1000
+
+
 def test_pages_from_elsewhere_and_other_names_are_refused(server: Server) -> None:
     for host in ("rebound.example", "", "user@localhost", "localhost@rebound.example", "localhost/rebound.example"):
         assert status(server, Host=host) == 403, host

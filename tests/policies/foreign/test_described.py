@@ -10,7 +10,7 @@ import pytest
 
 from policies.base import PolicyError
 from policies.foreign.described import DescribedPolicy
-from policies.foreign.description import PolicyDescription
+from policies.foreign.description import PolicyDescription, Term
 from quad_env import OBSERVATION, SIMPLE_QUAD
 from tests.policies.foreign.made import JOINTS, MIXED, OBSERVED, Numbers, described
 
@@ -136,12 +136,70 @@ def test_it_acts_as_a_direct_computation_and_alone_as_in_a_batch(
     np.testing.assert_array_equal(acted(policy, np.repeat(rows, 5, axis=1))[:, ::5][:, :1], alone)
 
 
+@pytest.mark.parametrize("period", [0.01, 0.012, 0.015, 0.02, 0.0333])
+def test_each_target_is_held_until_the_next_at_any_period(period: float, tmp_path: Path) -> None:
+    file = Numbers(3).onnx(tmp_path / "policy.onnx")
+    policy = DescribedPolicy(described(file, (Term("command"),), control_rate=1.0 / period))
+    rows = np.zeros((STEPS, 1, OBSERVATION["command"].stop), np.float32)
+    rows[:, :, OBSERVATION["command"]] = np.linspace(-1.0, 1.0, STEPS)[:, None, None]
+    actions = acted(policy, rows)[:, 0]
+    changed = [step for step in range(STEPS) if step == 0 or (actions[step] != actions[step - 1]).any()]
+    expected, instant = [], 0.0
+    while (step := int(np.ceil(instant / 0.01 - 1e-9))) < STEPS:
+        expected.append(step)
+        instant += period
+    assert changed == expected
+
+
+def test_joints_that_turn_the_other_way_or_are_zero_elsewhere(tmp_path: Path) -> None:
+    signs = tuple(-1.0 if "hip" not in name else 1.0 for name in JOINTS)
+    zeros = tuple((0.1 + np.arange(12) / 50).tolist())
+    terms = (Term("joint_position"), Term("joint_velocity"))
+    plain = described(Numbers(24).onnx(tmp_path / "policy.onnx"), terms, control_rate=100.0)
+    turned = replace(plain, signs=signs, zeros=zeros)
+    row = np.zeros((1, 1, OBSERVATION["command"].stop), np.float32)
+    row[..., OBSERVATION["joint_position"]] = np.linspace(-0.02, 0.02, 12)
+    row[..., OBSERVATION["joint_velocity"]] = np.linspace(-0.5, 0.5, 12)
+    sign, zero, default = (dict(zip(JOINTS, each, strict=True)) for each in (signs, zeros, plain.default_position))
+    angles = row[0, 0, OBSERVATION["joint_position"]] + SIMPLE_QUAD.home_pose
+    rates = row[0, 0, OBSERVATION["joint_velocity"]]
+    seen = [sign[name] * (angles[place(name)] - zero[name]) - default[name] for name in OBSERVED]
+    seen += [sign[name] * rates[place(name)] for name in OBSERVED]
+    action = Numbers(24).fresh()(np.array(seen, np.float32))
+    expected = np.zeros(12)
+    for name, scale, value in zip(JOINTS, plain.action_scale, action, strict=True):
+        expected[place(name)] = zero[name] + sign[name] * (default[name] + scale * value)
+    expected = np.clip(expected, SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
+    np.testing.assert_allclose(acted(DescribedPolicy(turned), row)[0, 0], expected, atol=1e-5)
+    with pytest.raises(PolicyError, match="`signs` must be 1 or -1"):
+        replace(plain, signs=(0.5,) * 12)
+
+
 def test_its_robot_has_the_gains_of_the_description_joint_by_joint(tmp_path: Path) -> None:
     description = described(Numbers(WIDTH).onnx(tmp_path / "policy.onnx"))
     robot = DescribedPolicy(description).robot
     for joint, stiffness, damping in zip(JOINTS, description.stiffness, description.damping, strict=True):
         assert robot.servo_stiffness[place(joint)] == stiffness
         assert robot.servo_damping[place(joint)] == damping
+
+
+@pytest.mark.parametrize("previous", ["raw", "scaled"])
+def test_targets_are_about_the_offset_of_the_actions_where_that_is_not_the_default_position(
+    previous: Any, tmp_path: Path
+) -> None:
+    """By as much as the offset is off it at the first step, when nothing has been acted before, joint by joint."""
+    file = Numbers(WIDTH).onnx(tmp_path / "policy.onnx")
+    offset = tuple(0.01 * (number + 1) + each for number, each in enumerate(described(file).default_position))
+    plain, shifted = (
+        DescribedPolicy(described(file, action_offset=each, previous_action=previous)) for each in (None, offset)
+    )
+    rows = walk(2)
+    first, other = plain.act(rows[0][:1])[0], shifted.act(rows[0][:1])[0]
+    by_hand = np.zeros(12)
+    for number, joint in enumerate(JOINTS):
+        by_hand[place(joint)] = 0.01 * (number + 1)
+    np.testing.assert_allclose(other - first, by_hand, atol=1e-6)
+    np.testing.assert_allclose(shifted._terms.action, plain._terms.action, atol=1e-6)
 
 
 def test_targets_are_limited_in_the_policys_terms(tmp_path: Path) -> None:
@@ -157,8 +215,7 @@ def test_targets_are_limited_in_the_policys_terms(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
-        ({"control_rate": 30.0}, "acts at 30 Hz, of which the environment's 100 Hz is no multiple"),
-        ({"control_rate": 200.0}, "acts at 200 Hz"),
+        ({"control_rate": 200.0}, "acts at 200 Hz, more often than the environment's 100 Hz"),
         (
             {"terms": (*MIXED[:-1], replace(MIXED[-1], history=2))},
             r"reads 135 numbers and .* gives 123: .*action 12 x 2",

@@ -14,7 +14,7 @@ from policies.foreign import Foreign, is_reference
 from policies.foreign.described import DescribedPolicy
 from policies.foreign.description import HeightGrid, PolicyDescription, Term
 from policies.foreign.readers import write_toml
-from policies.foreign.reference import checked
+from policies.foreign.reference import Reference, checked
 from policies.foreign.served import serve
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD, HeightScan
 from tests.policies.foreign.made import Numbers, described
@@ -34,8 +34,17 @@ def description(tmp_path: Path) -> PolicyDescription:
     return made
 
 
+def first_actions(reference: Reference, row: np.ndarray) -> np.ndarray:
+    """What the policy gives in its first control step."""
+    of = serve(reference, SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
+    of.reset(1, 0)
+    return of.step(row).actions
+
+
 def test_endings_of_files_that_describe_policies_are_references() -> None:
-    assert all(is_reference(f"folder/policy{end}") for end in (".toml", ".yaml", ".yml", ".json", ".pt", ".onnx"))
+    assert all(
+        is_reference(f"folder/policy{end}") for end in (".toml", ".yaml", ".yml", ".json", ".pt", ".jit", ".onnx")
+    )
     assert not is_reference("policy.pth")
 
 
@@ -86,10 +95,70 @@ def test_another_description_or_network_is_another_policy(description: PolicyDes
     file, contents = tmp_path / "policy.toml", set()
     for each in (description, replace(description, action_scale=(0.1,) * 12)):
         write_toml(each, file)
-        contents.add(checked(file, trust=False).content)
+        contents.add(checked(file, trust=False).sha256)
     Numbers(WIDTH, lstm=True).onnx(tmp_path / "policy.onnx")
-    contents.add(checked(file, trust=False).content)
+    contents.add(checked(file, trust=False).sha256)
     assert len(contents) == 3
+
+
+@pytest.mark.parametrize("name", ["policy.ONNX", "policy.bin", "policy", "policy.pt"])
+def test_content_and_no_ending_tells_an_onnx_file(description: PolicyDescription, tmp_path: Path, name: str) -> None:
+    row = np.random.default_rng(0).normal(0.0, 0.3, (1, OBSERVATION_SIZE)).astype(np.float32)
+    expected = DescribedPolicy(description).act(row)
+    file = description.network.rename(tmp_path / name)
+    write_toml(replace(description, network=file), tmp_path / "policy.toml")
+    found = checked(tmp_path / "policy.toml", trust=False)
+    np.testing.assert_array_equal(first_actions(found, row), expected)
+
+
+@pytest.mark.parametrize("name", ["policy.ONNX", "policy.bin", "policy", "policy.pt"])
+def test_weights_in_another_file_are_refused_whatever_the_ending(
+    description: PolicyDescription, tmp_path: Path, name: str
+) -> None:
+    onnx = pytest.importorskip("onnx")
+    model = onnx.load(description.network)
+    file = tmp_path / name
+    description.network.unlink()
+    onnx.save(model, file, save_as_external_data=True, location="weights.data", size_threshold=0)
+    write_toml(replace(description, network=file), tmp_path / "policy.toml")
+    with pytest.raises(PolicyError, match=r"the weights of policy.* lie in another file"):
+        checked(tmp_path / "policy.toml", trust=True)
+    if file.suffix == ".pt":
+        with pytest.raises(PolicyError, match=r"the weights of policy.* lie in another file"):
+            checked(file, trust=True)
+
+
+@pytest.mark.parametrize("name", ["policy.pt", "policy.jit", "policy.onnx", "policy.bin"])
+def test_torchscript_of_any_ending_wants_trust_and_runs(
+    description: PolicyDescription, tmp_path: Path, name: str
+) -> None:
+    pytest.importorskip("torch")
+    row = np.random.default_rng(0).normal(0.0, 0.3, (1, OBSERVATION_SIZE)).astype(np.float32)
+    expected = DescribedPolicy(description).act(row)
+    description.network.unlink()
+    file = Numbers(WIDTH).torchscript(tmp_path / name)
+    write_toml(replace(description, network=file), tmp_path / "policy.toml")
+    with pytest.raises(PolicyError, match=r"can run code .* --trust"):
+        checked(tmp_path / "policy.toml", trust=False)
+    named = file if file.suffix in (".pt", ".jit") else tmp_path / "policy.toml"
+    found = checked(named, trust=True)
+    np.testing.assert_allclose(first_actions(found, row), expected, atol=1e-6)
+
+
+def test_a_checkpoint_is_called_what_it_is(description: PolicyDescription, tmp_path: Path) -> None:
+    torch = pytest.importorskip("torch")
+    content = {"model_state_dict": {"actor.0.weight": torch.zeros(3)}, "optimizer_state_dict": {}, "iter": 5}
+    torch.save(content, tmp_path / "model_1500.pt")
+    torch.save(content, tmp_path / "old.pt", _use_new_zipfile_serialization=False)
+    torch.save({"weights": 1}, tmp_path / "mine.pt")
+    for name, learner in (("model_1500.pt", " of rsl_rl"), ("old.pt", " of rsl_rl"), ("mine.pt", "")):
+        with pytest.raises(
+            PolicyError, match=rf"{name} is no TorchScript but a checkpoint{learner}; .*exported/policy"
+        ):
+            checked(tmp_path / name, trust=True)
+        write_toml(replace(description, network=tmp_path / name), tmp_path / "policy.toml")
+        with pytest.raises(PolicyError, match=rf"{name} is no TorchScript but a checkpoint{learner}; "):
+            checked(tmp_path / "policy.toml", trust=True)
 
 
 def test_what_is_no_description_of_a_policy_is_refused_in_words(tmp_path: Path) -> None:

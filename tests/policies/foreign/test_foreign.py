@@ -1,7 +1,9 @@
 """Policies from outside: each loader, how a policy is asked, and that what it does wrong costs its own robots alone."""
 
+import os
 import pickle
 import shutil
+import subprocess
 import sys
 import time
 from contextlib import closing
@@ -71,6 +73,16 @@ class Slow(Counts):
     def __call__(self, observation):
         time.sleep(0.02)
         return super().__call__(observation)
+
+class Sleeps(Counts):
+    def __call__(self, observation):
+        time.sleep(0.5)
+        return super().__call__(observation)
+
+class LoadsSlowly(Counts):
+    def __init__(self):
+        super().__init__()
+        time.sleep(0.5)
 
 class NeedsMore:
     def __init__(self, weights):
@@ -159,6 +171,71 @@ def test_a_failure_is_that_of_one_robot(file: Path, name: str) -> None:
     again = of.step(OBSERVATIONS)
     assert again.failures == {}
     np.testing.assert_allclose(again.actions[OTHERS], 0.04)
+
+
+PASSING = (
+    """
+import numpy as np
+import policies
+
+class Passing:
+    """
+    + '"""Fails in its third call where it is commanded forward, and never again."""'
+    + """
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, observation):
+        self.calls += 1
+        if observation[-3] > 0.0 and self.calls == 3:
+            raise ValueError("for once")
+        return np.full(12, 0.01 * self.calls)
+
+class Whole(policies.Trot):
+    """
+    + '"""The same of all robots at once."""'
+    + """
+    fails = 3
+
+    def _act(self, observation):
+        self.fails -= 1
+        if self.fails == 0:
+            raise ValueError("for once")
+        return super()._act(observation)
+"""
+)
+
+
+def test_a_robot_that_its_policy_failed_is_moved_again_in_its_next_episode(tmp_path: Path) -> None:
+    """And fails again then, and is told of again; a robot that is not reset stays without actions."""
+    path = tmp_path / "passing.py"
+    path.write_text(PASSING, encoding="utf-8")
+    of = served(path, "Passing")
+    told = {1: "raised ValueError: for once"}
+    assert third_step(of)[1] == told
+    assert of.step(OBSERVATIONS).failures == {}  # told once
+    assert of.reset_where(np.array([True, False, False])) == {}
+    assert not of.step(OBSERVATIONS).actions[1].any()
+    assert of.reset_where(np.array([False, True, False])) == {}
+    np.testing.assert_allclose(of.step(OBSERVATIONS).actions[:, 0], [0.02, 0.01, 0.06])
+    assert of.step(OBSERVATIONS).failures == {}
+    assert of.step(OBSERVATIONS).failures == told
+    assert of.reset(3, 0) == {}
+    np.testing.assert_allclose(of.step(OBSERVATIONS).actions[:, 0], 0.01)
+
+
+def test_a_policy_of_all_robots_that_failed_moves_those_that_begin_again(tmp_path: Path) -> None:
+    path = tmp_path / "passing.py"
+    path.write_text(PASSING, encoding="utf-8")
+    of = served(path, "Whole")
+    of.reset(3, 0)
+    assert of.step(OBSERVATIONS).failures == {}
+    assert of.step(OBSERVATIONS).failures == dict.fromkeys(range(3), "raised ValueError: for once")
+    assert not of.step(OBSERVATIONS).actions.any()
+    assert of.reset_where(np.array([False, True, False])) == {}
+    answer = of.step(OBSERVATIONS)
+    assert answer.failures == {}
+    assert answer.actions[1].any()
 
 
 def test_a_process_that_gives_no_answer_is_ended_within_a_deadline_whatever_the_number_of_robots(
@@ -301,13 +378,19 @@ def normalised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
         ("model.zip", "vec_normalize.pkl"),
         ("model.zip", "model/vecnormalize.pkl"),
         ("walk_v2_128_steps.zip", "walk_v2_vecnormalize_128_steps.pkl"),
+        ("best_model/best_model.zip", "vecnormalize.pkl"),
+        ("best_model/best_model.zip", "vec_normalize.pkl"),
+        ("best_model/best_model.zip", "walk_vecnormalize.pkl"),
+        ("Walk-v0_1/best_model.zip", "Walk-v0_1/Walk-v0/vecnormalize.pkl"),
+        ("Walk-v0_1/rl_model_128_steps.zip", "Walk-v0_1/Walk-v0/vecnormalize.pkl"),
     ],
 )
 def test_a_model_of_normalised_observations_is_given_such(
     model: str, statistics: str, normalised: tuple[Path, Any], tmp_path: Path
 ) -> None:
     folder, targets = normalised
-    (tmp_path / statistics).parent.mkdir(exist_ok=True)
+    (tmp_path / model).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / statistics).parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(folder / "model.zip", tmp_path / model)
     shutil.copy(folder / "vecnormalize.pkl", tmp_path / statistics)
     of = serve(checked(tmp_path / model, trust=True), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
@@ -315,19 +398,36 @@ def test_a_model_of_normalised_observations_is_given_such(
     np.testing.assert_allclose(of.step(OBSERVATIONS).actions, targets(OBSERVATIONS), atol=1e-6)
 
 
+def test_several_statistics_of_a_run_are_asked_about(normalised: tuple[Path, Any], tmp_path: Path) -> None:
+    folder, _ = normalised
+    model = tmp_path / "best_model/best_model.zip"
+    model.parent.mkdir()
+    shutil.copy(folder / "model.zip", model)
+    assert checked(model, trust=True).remarks == ()
+    for steps in (128, 256):
+        shutil.copy(folder / "vecnormalize.pkl", tmp_path / f"walk_vecnormalize_{steps}_steps.pkl")
+    with pytest.raises(PolicyError, match=r"walk_vecnormalize_128_steps\.pkl, .*_256_steps\.pkl; rename the one"):
+        checked(model, trust=True)
+    (tmp_path / "walk_vecnormalize_128_steps.pkl").unlink()
+    found = checked(model, trust=True)
+    assert found.remarks == (f"its observations are normalised by {found.normaliser}, the only statistics of its run",)
+    with pytest.raises(PolicyError, match=r"best_model\.zip and .*_256_steps\.pkl can run code .* in them: .*--trust"):
+        checked(model, trust=False)
+
+
 def test_statistics_that_may_belong_to_a_model_are_never_left_out_silently(
     normalised: tuple[Path, Any], tmp_path: Path
 ) -> None:
     folder, _ = normalised
     shutil.copy(folder / "model.zip", tmp_path)
-    before = checked(tmp_path / "model.zip", trust=True).content
+    before = checked(tmp_path / "model.zip", trust=True).sha256
     shutil.copy(folder / "vecnormalize.pkl", tmp_path / "final_VecNormalize.pkl")
     with pytest.raises(PolicyError, match=r"final_VecNormalize\.pkl; rename .* to model_vecnormalize\.pkl"):
         checked(tmp_path / "model.zip", trust=True)
     with pytest.raises(PolicyError, match="--trust"):
         checked(tmp_path / "model.zip", trust=False)
     (tmp_path / "final_VecNormalize.pkl").rename(tmp_path / "vecnormalize.pkl")
-    assert checked(tmp_path / "model.zip", trust=True).content != before
+    assert checked(tmp_path / "model.zip", trust=True).sha256 != before
     (tmp_path / "vecnormalize.pkl").write_bytes(b"nothing")
     with pytest.raises(PolicyError, match=r"vecnormalize\.pkl is no VecNormalize of model\.zip"):
         serve(checked(tmp_path / "model.zip", trust=True), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
@@ -366,3 +466,51 @@ def test_a_model_of_rescaled_actions_is_refused_since_nothing_tells_what_they_st
     PPO("MlpPolicy", env, **small()).save(tmp_path / "model.zip")
     with pytest.raises(PolicyError, match=r"from -1 to 1.*quad_env\.HomePoseActions"):
         served(tmp_path / "model.zip")
+
+
+def test_a_script_without_a_guard_has_its_policy(file: Path, tmp_path: Path) -> None:
+    """The policy's process does not run the script again, which would begin another one, and so on."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import numpy as np, policies\n"
+        f"policy = policies.resolve({str(file) + ':Counts'!r})\n"
+        "policy.reset(1)\n"
+        "print('done', policy.act(np.zeros((1, 48), np.float32)).shape)\n"
+        "policy.close()\n"
+    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    run = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=120, env=environment, check=False
+    )
+    assert (run.stdout, run.stderr) == ("done (1, 12)\n", "")
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux says how long a process waited")
+def test_a_policy_that_gets_little_of_the_processor_is_not_taken_for_one_that_hangs(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The clock of the limits stands still while the process waits: here it says so all the time."""
+    monkeypatch.setattr("policies.foreign.policy.DEADLINE", 0.02)
+    monkeypatch.setattr("policies.foreign.policy.GRACE", 0.0)
+    with closing(Foreign(f"{file}:Sleeps", robot="simple_quad")) as policy:
+        policy.reset(1)
+        policy.act(OBSERVATIONS[:1])
+        assert policy.failure[0] is not None
+    monkeypatch.setattr("quad_env.cli.child_process.RunClock.elapsed", lambda clock: 0.0)
+    with closing(Foreign(f"{file}:Sleeps", robot="simple_quad")) as policy:
+        policy.reset(1)
+        policy.act(OBSERVATIONS[:1])
+        assert policy.failure.tolist() == [None]
+
+
+def test_limits_of_time_can_be_raised(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("policies.foreign.policy.GRACE", 0.0)
+    monkeypatch.setenv("QUAD_ENV_LOAD_TIMEOUT", "0.05")
+    with pytest.raises(PolicyError, match="no answer within 50 ms"):
+        Foreign(f"{file}:LoadsSlowly", robot="simple_quad")
+    monkeypatch.setenv("QUAD_ENV_LOAD_TIMEOUT", "100")
+    monkeypatch.setenv("QUAD_ENV_ACT_TIMEOUT", "0.01")
+    with closing(Foreign(f"{file}:LoadsSlowly", robot="simple_quad")) as policy:
+        policy.reset(1)
+        policy.act(OBSERVATIONS[:1])
+        assert policy.failure.tolist() == ["gave no answer within 0.06 s"]

@@ -101,6 +101,66 @@ def test_a_clock_is_at_zero_at_the_first_step() -> None:
     np.testing.assert_allclose(shown, (np.sin(0.48 * np.pi), np.cos(0.48 * np.pi)), atol=1e-6)
 
 
+@pytest.mark.parametrize(("command", "is_shown"), [((0.06, 0.06, 0.06), True), ((0.05, 0.05, 0.05), False)])
+def test_a_clock_that_is_zero_at_small_commands_goes_on_meanwhile(
+    command: tuple[float, float, float], is_shown: bool
+) -> None:
+    of = terms(Term("gait_clock", clock=2.0, zero_below=0.1))
+    shown = seen(of, *[standing(command=command)] * 7)
+    np.testing.assert_allclose(shown, (np.sin(0.48 * np.pi), np.cos(0.48 * np.pi)) if is_shown else 0.0, atol=1e-6)
+    after = seen(of, standing(command=(0.5, 0.0, 0.0)))
+    np.testing.assert_allclose(after, (np.sin(0.56 * np.pi), np.cos(0.56 * np.pi)), atol=1e-6)
+    with pytest.raises(PolicyError, match="`zero_below` belongs to the term gait_clock"):
+        Term("command", zero_below=0.1)
+
+
+def test_robots_that_act_at_different_steps_have_clocks_histories_and_actions_of_their_own() -> None:
+    """The second of three acts twice, and then all: clocks at 1, 3 and 1 of 50 Hz, 0.04 of a cycle each."""
+    of = terms(Term("gait_clock", clock=2.0, history=2), Term("previous_action", history=2))
+    of.reset(3)
+    of.action[:] = np.array([1.0, 2.0, 3.0])[:, None]
+    rows = np.repeat(standing(), 3, axis=0)
+    for who in ([1], [1]):
+        of.observe(rows[who], np.array(who))
+    of.action[1] = 9.0
+    all_three = np.arange(3)
+    of.observe(rows, all_three)
+    shown = of.observe(rows, all_three)
+    now, before = np.sin(0.08 * np.pi * np.array([1, 3, 1])), np.sin(0.08 * np.pi * np.array([0, 2, 0]))
+    np.testing.assert_allclose(shown[:, 0], before, atol=1e-6)
+    np.testing.assert_allclose(shown[:, 2], now, atol=1e-6)
+    np.testing.assert_allclose(shown[:, 4], [1.0, 9.0, 3.0])
+    of.reset_where(np.array([False, True, False]))
+    again = of.observe(rows[1:], all_three[1:])
+    np.testing.assert_allclose(again[:, 2], np.sin(0.08 * np.pi * np.array([0, 2])), atol=1e-6)
+    np.testing.assert_allclose(again[:, 4], [0.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("newest", "expected"),
+    [("last", [5.0, 6.0, 7.0, 0.7]), ("first", [7.0, 6.0, 5.0, 0.7])],
+)
+def test_terms_may_have_histories_of_different_lengths(newest: Any, expected: list[float]) -> None:
+    """The last three of one and the present one of another: the forward command, and a part of the velocity."""
+    of = terms(Term("command", history=3), Term("angular_velocity"), history_newest=newest)
+    rows = [standing(command=(step, 0.0, 0.0), angular_velocity=(0.1 * step, 0.0, 0.0)) for step in range(8)]
+    np.testing.assert_allclose(seen(of, *rows)[::3], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_scan_reaches_as_far_as_its_points_whichever_side_they_are_on(side: float) -> None:
+    """Points 0.1 and 0.2 m aside, ahead and behind."""
+    of = terms(Term("height_scan", grid=HeightGrid((-0.1, 0.3), (0.1 * side, 0.2 * side))))
+    scan = of.height_scan
+    assert scan is not None
+    assert (scan.ahead, scan.behind, scan.aside) == (3, 1, 2)
+    assert scan.spacing == pytest.approx(0.1)
+    row = standing(48 + len(scan.points))
+    row[0, 48:] = 10.0 * scan.points[:, 0] + scan.points[:, 1]
+    expected = [-(10.0 * x + y) for y in (0.1 * side, 0.2 * side) for x in (-0.1, 0.3)]
+    np.testing.assert_allclose(seen(of, row), expected, atol=1e-6)
+
+
 @pytest.mark.parametrize("x_first", [True, False])
 def test_points_of_a_height_scan_are_found_in_the_environments(x_first: bool) -> None:
     grid = HeightGrid((-0.2, 0.0, 0.4), (-0.1, 0.1), x_first, offset=0.5)

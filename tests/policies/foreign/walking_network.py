@@ -1,10 +1,13 @@
-"""A network that trots on SimpleQuad, as ONNX, and its true description: fitted to `trot`, with feedback of its own.
+"""Networks that trot, as ONNX, and their true descriptions: fitted to `trot`, with feedback of their own.
 
-At any phase the trot's targets are linear in the velocity that it is to have, and so are the network's, whose features
-of the clock are fitted by least squares. It steers by the velocity that it observes, and levels the trunk by gravity:
-so wrong frames and signs cost it its way or its balance.
+At any phase the trot's targets are linear in the velocity that it is to have, and so are the networks', whose features
+of the clock are fitted by least squares. They steer by the velocity that they observe, if they do, level the trunk by
+gravity and the gyro, damp the joints, and smooth their actions by the previous ones: so wrong frames, signs, scales and
+orders cost them their way or their balance. Each has its own robot, order of joints and terms, scales, signs, rate and
+history.
 """
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,70 +16,179 @@ import pytest
 import policies
 from policies.foreign.description import PolicyDescription, Term
 from policies.legs.kinematics import joint_angles
-from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD
+from quad_env import OBSERVATION, OBSERVATION_SIZE, Robot
+from quad_env.robots.named import robot_of
 
 onnx = pytest.importorskip("onnx")
 
 FEATURES, STEEP, STEPS, ROBOTS, SETTLED = 50, 4.0, 50, 40, 40
-ACTION_SCALE = 0.25
-FEEDBACK = np.array([1.5, 1.5, 0.0])
-"""Of the velocity's error, added to the command."""
-LEVELLING, HEIGHT = 0.5, 0.18
-"""Share of what would level the trunk by which the legs on its lower side reach further; and m for gravity's size."""
-ORDER = [3 * leg + link for link in range(3) for leg in (1, 0, 3, 2)]
-"""The robot's joints in the order of the policy: by kind, and FR FL HR HL."""
-TERMS = {
-    "linear_velocity": 2.0,
-    "angular_velocity": 0.25,
-    "projected_gravity": 1.0,
-    "command": 1.0,
-    "joint_position": 1.0,
-    "joint_velocity": 0.05,
-    "previous_action": 1.0,
-}
-"""Name and scale."""
-DEFAULT = SIMPLE_QUAD.home_pose + 0.1
-"""rad, in the robot's order."""
 
 
-def write(file: Path) -> PolicyDescription:
+@dataclass(frozen=True)
+class Style:
+    """What a network reads and gives; joints in the robot's order unless said otherwise."""
+
+    robot: str = "simple_quad"
+    legs: tuple[int, ...] = (1, 0, 3, 2)
+    """Order of the legs in that of the joints."""
+    is_by_kind: bool = True
+    terms: dict[str, tuple[float, ...]] = field(
+        default_factory=lambda: {
+            "linear_velocity": (2.0,),
+            "angular_velocity": (0.25,),
+            "projected_gravity": (1.0,),
+            "command": (1.0,),
+            "joint_position": (1.0,),
+            "joint_velocity": (0.05,),
+            "previous_action": (1.0,),
+        }
+    )
+    """Name and scale."""
+    action_scale: float = 0.25
+    rate: float = 50.0
+    """Hz"""
+    history: int = 1
+    """Steps, by time, the newest first."""
+    turned: tuple[int, ...] = ()
+    """Links, 0 to 2, whose joints turn the other way than the robot's."""
+    is_scaled: bool = False
+    """Whether the previous action is in rad."""
+    default: float = 0.1
+    """Added to the home pose, rad."""
+    steering: float = 1.5
+    """Of the velocity's error, added to the command."""
+    levelling: float = 0.5
+    """Share of what would level the trunk by which the legs on its lower side reach further."""
+    rate_levelling: float = 0.04
+    """The same of the trunk's angular velocity, s."""
+    joint_damping: float = 0.003
+    """Of the joints' speeds, s."""
+    smoothing: float = 0.2
+    """Share of the previous action in an action."""
+
+    @property
+    def order(self) -> list[int]:
+        """The robot's joints in the order of the policy."""
+        if self.is_by_kind:
+            return [3 * leg + link for link in range(3) for leg in self.legs]
+        return [3 * leg + link for leg in self.legs for link in range(3)]
+
+
+LEVELLED = Style()
+REMEMBERING = Style(
+    robot="go2",
+    is_by_kind=False,
+    terms={
+        "command": (2.0, 2.0, 0.25),
+        "linear_velocity": (2.0,),
+        "angular_velocity": (0.25,),
+        "projected_gravity": (1.0,),
+        "joint_position": (1.0,),
+        "joint_velocity": (0.05,),
+        "previous_action": (1.0,),
+    },
+    history=8,
+    default=0.0,
+    rate_levelling=0.08,
+    joint_damping=0.004,
+)
+MIRRORED = Style(
+    legs=(0, 1, 2, 3),
+    is_by_kind=False,
+    terms={
+        "linear_velocity": (1.0,),
+        "angular_velocity": (0.25,),
+        "projected_gravity": (1.0,),
+        "joint_position": (1.0,),
+        "joint_velocity": (0.05,),
+        "previous_action": (1.0,),
+        "command": (1.0,),
+    },
+    action_scale=0.5,
+    rate=100 / 3,
+    turned=(1, 2),
+    is_scaled=True,
+    steering=2.5,
+)
+STYLES = {"levelled": LEVELLED, "remembering": REMEMBERING, "mirrored": MIRRORED}
+HEIGHT = 0.18
+"""m for gravity's size, by which the legs reach further."""
+
+
+def write(file: Path, style: Style = LEVELLED) -> PolicyDescription:
     """Write the network; its description."""
-    trot = policies.make("trot")
-    terms = [Term(name, (scale,)) for name, scale in TERMS.items()] + [Term("gait_clock", clock=trot.frequency)]
+    robot = robot_of(style.robot)
+    trot = policies.make("trot", robot=robot)
+    terms = [Term(name, scale, history=style.history) for name, scale in style.terms.items()]
+    terms.append(Term("gait_clock", clock=trot.frequency, history=style.history))
+    signs = _signs(style)
+    default = (signs * (robot.home_pose + style.default))[style.order]
     found = PolicyDescription(
         network=file,
-        control_rate=50.0,
-        joints=tuple(SIMPLE_QUAD.joint_names[joint] for joint in ORDER),
-        default_position=tuple(DEFAULT[ORDER].tolist()),
-        action_scale=(ACTION_SCALE,) * 12,
-        stiffness=(float(np.mean(SIMPLE_QUAD.servo_stiffness)),) * 12,
-        damping=(float(np.mean(SIMPLE_QUAD.servo_damping)),) * 12,
+        control_rate=style.rate,
+        joints=tuple(robot.joint_names[joint] for joint in style.order),
+        default_position=tuple(default.tolist()),
+        action_scale=(style.action_scale,) * 12,
+        stiffness=(float(np.mean(trot.robot.servo_stiffness)),) * 12,
+        damping=(float(np.mean(trot.robot.servo_damping)),) * 12,
         terms=tuple(terms),
+        history_layout="time" if style.history > 1 else "term",
+        history_newest="first" if style.history > 1 else "last",
+        previous_action="scaled" if style.is_scaled else "raw",
+        signs=tuple(signs[style.order].tolist()) if style.turned else None,
     )
     ends = np.cumsum([term.width for term in terms])
     places = {term.name: np.arange(end - term.width, end) for term, end in zip(terms, ends, strict=True)}
-    file.write_bytes(_model(*_weights(trot, places, found.width)).SerializeToString())
+    file.write_bytes(_model(*_weights(trot, style, places, int(ends[-1]))).SerializeToString())
     return found
 
 
-def _weights(trot: policies.Trot, places: dict[str, np.ndarray], width: int) -> tuple[np.ndarray, ...]:
-    """Of the clock's features, of the velocity to have, of their products and of the observation itself."""
-    rng = np.random.default_rng(0)
+def _signs(style: Style) -> np.ndarray:
+    """Of the policy's joints against the robot's, (12,), in the robot's order."""
+    return np.where(np.isin(np.arange(12) % 3, style.turned), -1.0, 1.0)
+
+
+def _scale(style: Style, name: str) -> np.ndarray:
+    """Of a term's numbers."""
+    width = 12 if name.startswith(("joint", "previous")) else 3
+    return np.broadcast_to(style.terms[name], width)
+
+
+def _weights(trot: policies.Trot, style: Style, places: dict[str, np.ndarray], step: int) -> tuple[np.ndarray, ...]:
+    """Of the clock's features, of the velocity to have, of their products and of the observation itself, whose newest
+    step are its first numbers.
+    """
+    rng, robot = np.random.default_rng(0), trot.robot
+    signs, width = _signs(style), step * style.history
     turning = STEEP * rng.standard_normal((2, FEATURES)), STEEP * rng.standard_normal(FEATURES)
     clocks, velocities = np.zeros((width, FEATURES)), np.zeros((width, 4))
     clocks[places["gait_clock"]] = turning[0]
+    steering = style.steering * np.array([1.0, 1.0, 0.0]) * ("linear_velocity" in places)
     for axis in range(3):
-        velocities[places["command"][axis], axis] = 1.0 + FEEDBACK[axis]
-        velocities[places["linear_velocity"][axis], axis] = -FEEDBACK[axis] / TERMS["linear_velocity"]
+        velocities[places["command"][axis], axis] = (1.0 + steering[axis]) / _scale(style, "command")[axis]
+        if "linear_velocity" in places:
+            seen = places["linear_velocity"][axis]
+            velocities[seen, axis] = -steering[axis] / _scale(style, "linear_velocity")[axis]
     phases, commands, targets = _walked(trot, rng)
     shown = np.stack((np.sin(phases), np.cos(phases)), axis=1)
     products = _products(np.tanh(shown @ turning[0] + turning[1]), commands)
-    actions = (targets - DEFAULT)[:, ORDER] / ACTION_SCALE
+    in_rad = style.action_scale if not style.is_scaled else 1.0
+    actions = (signs * (targets - robot.home_pose - style.default))[:, style.order] / style.action_scale
+    actions *= 1.0 - style.smoothing
     fitted = np.linalg.lstsq(products, actions, rcond=None)[0]
     direct, reach, gravity = np.zeros((width, 12)), _reach(trot), places["projected_gravity"]
-    along, across, _ = LEVELLING * SIMPLE_QUAD.hip_positions.T
+    along, across, _ = style.levelling * robot.hip_positions.T
     for place, way in zip(gravity, (along, across, np.full(4, HEIGHT)), strict=True):
-        direct[place] = (way[:, None] * reach).ravel()[ORDER] / ACTION_SCALE
+        direct[place] = (signs * (way[:, None] * reach).ravel())[style.order] / style.action_scale
+    along, across, _ = style.rate_levelling * robot.hip_positions.T
+    for place, way, scale in zip(
+        places["angular_velocity"], (-across, along), _scale(style, "angular_velocity"), strict=False
+    ):
+        direct[place] = (signs * (way[:, None] * reach).ravel())[style.order] / style.action_scale / scale
+    speeds = places["joint_velocity"], _scale(style, "joint_velocity")
+    direct[speeds[0], np.arange(12)] = -style.joint_damping / style.action_scale / speeds[1]
+    previous = style.smoothing * in_rad / style.action_scale
+    direct[places["previous_action"], np.arange(12)] = previous / _scale(style, "previous_action")
     return clocks, turning[1], velocities, fitted, direct, direct[gravity[2]]
 
 
@@ -93,10 +205,14 @@ def _walked(trot: policies.Trot, rng: np.random.Generator) -> tuple[np.ndarray, 
 
 def _reach(trot: policies.Trot) -> np.ndarray:
     """How the joints of a standing leg move as its foot reaches 1 m further down, (4, 3), rad/m."""
-    parameters, up = trot.parameters, np.array((0.0, 0.0, 0.005))
+    parameters, up, robot = trot.parameters, np.array((0.0, 0.0, 0.005)), trot.robot
     feet = np.full((4, 3), (parameters.stance_shift, 0.0, -parameters.body_height))
-    feet[:, 1] = SIMPLE_QUAD.side * SIMPLE_QUAD.hip_offset
-    return (joint_angles(SIMPLE_QUAD, feet - up) - joint_angles(SIMPLE_QUAD, feet + up)) / 0.01
+    feet[:, 1] = _side(robot) * robot.hip_offset
+    return (joint_angles(robot, feet - up) - joint_angles(robot, feet + up)) / 0.01
+
+
+def _side(robot: Robot) -> np.ndarray:
+    return np.asarray(robot.side, float)
 
 
 def _products(features: np.ndarray, velocities: np.ndarray) -> np.ndarray:

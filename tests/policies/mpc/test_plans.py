@@ -57,6 +57,32 @@ def test_other_feet_share_the_wrench_that_was_planned() -> None:
     assert (found[:, 2] > 10.0).all()
 
 
+def test_a_wrench_is_that_of_the_feet_where_they_were_planned_to_be_and_each_robot_s_own() -> None:
+    """Of two robots the first stands as planned; the second on all feet, which have moved since."""
+    plans = Plans(STEPS, PERIOD, WEIGHT)
+    plans.reset(2)
+    stands = np.array([[FIRST] * STEPS] * 2)
+    forces = np.zeros((2, STEPS, 4, 3))
+    forces[:, :, FIRST] = (5.0, -3.0, 70.0), (-2.0, 1.0, 60.0)
+    plans.renew(np.arange(2), forces, stands, np.tile(FEET, (2, STEPS, 1, 1)))
+    moved, standing = FEET + np.array([0.06, -0.04, 0.0]), np.array([FIRST, np.ones(4, np.bool_)])
+    friction = Friction(np.full(2, 0.6), np.full(2, 170.0))
+    found = plans.now(standing, np.stack((moved, moved)), friction)
+    np.testing.assert_array_equal(found[0], forces[0, 0])
+    np.testing.assert_allclose(found[1].sum(axis=0), forces[1, 0].sum(axis=0), atol=0.05)
+    moment, planned_one = np.cross(moved, found[1]).sum(axis=0), np.cross(FEET, forces[1, 0]).sum(axis=0)
+    np.testing.assert_allclose(moment, planned_one, atol=0.05)
+
+
+def test_at_first_every_foot_bears_a_quarter_of_the_weight() -> None:
+    plans = Plans(STEPS, PERIOD, WEIGHT)
+    plans.reset(2)
+    all_four = np.ones((2, 4), np.bool_)
+    assert plans.due(all_four, 0.1).all()
+    found = plans.now(all_four, np.stack((FEET, FEET)), Friction(np.full(2, 0.6), np.full(2, 170.0)))
+    np.testing.assert_allclose(found, np.tile([0.0, 0.0, 35.0], (2, 4, 1)))
+
+
 def test_shared_forces_stay_within_friction() -> None:
     wrench = np.array([[300.0, 0.0, 100.0, 200.0, 0.0, 0.0]])
     found = shared(wrench, FIRST[None], FEET[None], FRICTION)[0]

@@ -61,3 +61,15 @@ def test_of_two_answers_only_the_one_beyond_its_bounds_is_rejected(monkeypatch: 
     parts = [np.repeat(part, 3, axis=0) for part in small([[1.0, 0.0]], [-np.inf], [1000.0])[:5]]
     parts[4][:, 0] = 1000.0, 2000.0, 999.0
     assert solve(Programs(*parts)).solved.tolist() == [True, True, False]
+
+
+def test_each_program_has_its_own_bounds_and_an_answer_below_one_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """½ |x|² with x₁ of at least 1, 2 and -5, then at most -3: 1, 2, 0 and -3."""
+    parts = [np.repeat(part, 4, axis=0) for part in small([[1.0, 0.0]], [1.0], [9.0])[:5]]
+    parts[3][:, 0], parts[4][:, 0] = (1.0, 2.0, -5.0, -9.0), (9.0, 9.0, 9.0, -3.0)
+    found = solve(Programs(*parts))
+    assert found.solved.all()
+    np.testing.assert_allclose(found.value, [[1.0, 0.0], [2.0, 0.0], [0.0, 0.0], [-3.0, 0.0]], atol=1e-9)
+    answer = np.array([1.5, 0.0]), 0.0, SOLVED, {}
+    monkeypatch.setattr(quadratic_program.daqp, "solve", lambda *_, **__: answer)
+    assert solve(Programs(*parts)).solved.tolist() == [True, False, True, False]

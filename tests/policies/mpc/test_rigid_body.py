@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from policies.mpc.quadratic_program import Programs
+from policies.mpc.quadratic_program import Programs, solve
 from policies.mpc.rigid_body import TOGETHER, Body, Friction, Horizon, Reference, Weights, alike, friction_rows
 from quad_env.config import GRAVITY
 
@@ -99,6 +99,22 @@ def test_friction_holds_a_force_within_its_pyramid() -> None:
     assert not allowed(held, [0.0, -6.1, 10.0])
     assert not allowed([0.0, 0.0, -0.1], held)
     assert not allowed(held, [0.0, 0.0, 170.1])
+
+
+def test_no_foot_pulls_where_pulling_would_be_best() -> None:
+    """A body that is to go down at 30 m/s at once, on ground with friction and without, whose pyramid has no bound."""
+    rows, lower, upper = (part[0] for part in friction_rows(1, Friction(np.zeros(1), np.array([170.0]))))
+    assert (rows @ [0.0, 0.0, -0.1] < lower - 0.05).any()
+    assert ((rows @ [0.0, 0.0, 0.1] >= lower) & (rows @ [0.0, 0.0, 0.1] <= upper)).all()
+    down = Reference(wanted().pose, np.tile([0.0, 0.0, 0.0, 0.0, 0.0, -30.0], (1, STEPS, 1)))
+    for share in (0.0, 0.6):
+        bounds = Friction(np.array([share]), np.array([170.0]))
+        ((_, programs),) = HORIZON.programs(body(), arms(), standing(), down, bounds)
+        solutions = solve(programs)
+        assert solutions.solved.all()
+        forces = HORIZON.spread(solutions.value, standing())
+        np.testing.assert_allclose(forces[..., 2].min(), 0.0, atol=1e-6)
+        assert (forces[..., 2].max(axis=(1, 2)) < 1.0).all()
 
 
 def test_programs_of_many_robots_are_those_of_each() -> None:

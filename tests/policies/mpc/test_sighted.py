@@ -8,6 +8,7 @@ from evaluate.measures.metrics import measure
 from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import rollout
 from policies.mpc.footing import Ground
+from policies.mpc.motion import motion
 from policies.mpc.policy import MpcWbc
 from policies.mpc.sighted import (
     SCAN,
@@ -21,8 +22,11 @@ from policies.mpc.sighted import (
 )
 from quad_env import OBSERVATION_SIZE, HeightScan
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics.dynamics import Dynamics
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.height_scan import UNSEEN
+from tests.policies.readings import reading
 from train.curriculum import practice
 
 TWO = Ground(np.array([-0.3, -0.4]), np.array([0.1, 0.0]), np.array([0.0, -0.2]))
@@ -129,6 +133,90 @@ def test_a_policy_without_sight_is_told_so_in_an_environment_with_a_scan_and_the
     sighted.reset(num_envs=2)
     with pytest.raises(ValueError, match=r"knows the height scan HeightScan\(.*spacing=0.05"):
         sighted.act(observation)
+
+
+STANDS = np.ones((2, 4), np.bool_)
+
+
+def looking(heights: np.ndarray) -> SightedMpcWbc:
+    """Two new robots that are shown these heights, (2, p), m."""
+    policy = SightedMpcWbc(height_scan=SMALL)
+    policy.reset(num_envs=2)
+    policy._heights = heights
+    return policy
+
+
+def shown(height: float, forward: float, lateral: float) -> np.ndarray:
+    """A plane under both, as a scan shows it: as low as the soles of feet that stand on it."""
+    x, y = SMALL.points.T
+    return np.tile(height + forward * x + lateral * y - SIMPLE_QUAD.foot_radius, (2, 1))
+
+
+def test_a_new_robot_believes_the_ground_that_it_sees_at_once_and_another_one_by_and_by() -> None:
+    """After 10 ms 1 / 11 of the change, of a time constant of 0.1 s; slopes up to 0.6."""
+    policy = looking(shown(-0.35, 0.2, -0.1))
+    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
+    np.testing.assert_allclose(np.array(policy._ground(now, STANDS))[:, 0], [-0.35, 0.2, -0.1], atol=1e-9)
+    policy._new[:] = False, True
+    policy._heights = shown(-0.46, 0.75, -0.65)
+    found = np.array(policy._ground(now, STANDS))
+    np.testing.assert_allclose(found[:, 1], [-0.46, 0.6, -0.6], atol=1e-9)
+    np.testing.assert_allclose(found[:, 0], [-0.36, 0.2 + 0.4 / 11.0, -0.1 - 0.5 / 11.0], atol=1e-9)
+
+
+def test_one_point_too_deep_to_see_makes_no_robot_blind_and_none_that_is_seen_does() -> None:
+    heights = shown(-0.35, 0.2, -0.1)
+    heights[0, 3], heights[1] = UNSEEN, UNSEEN
+    policy = looking(heights)
+    policy._new[1] = False
+    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
+    ground = policy._ground(now, STANDS)
+    assert policy._trust[:, 0].tolist() == [1.0, 0.0]
+    np.testing.assert_allclose(np.array(ground)[:, 1], [now.bodies.feet[1, :, 2].mean(), 0.0, 0.0], atol=1e-9)
+    assert ground.height[0] == pytest.approx(-0.35, abs=0.02)
+
+
+def test_forces_are_planned_for_feet_that_stand_at_their_heights_and_for_those_that_land_at_the_ground_s() -> None:
+    """The first foot stands all along, the second until it is lifted, then on the ground at its foothold; a step of
+    0.1 m is 0.25 m ahead."""
+    policy = looking(shown(-0.35, 0.2, -0.1) + 0.1 * (SMALL.points[:, 0] > 0.25))
+    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
+    ground = policy._ground(now, STANDS)
+    stands = np.array([[[1, 1, 0, 1], [1, 0, 0, 1], [1, 1, 1, 1]]] * 2, np.bool_)
+    aim = np.tile([[0.3, 0.2], [0.3, -0.2], [-0.1, 0.2], [-0.1, -0.2]], (2, 1, 1))
+    feet, seen = now.bodies.feet[0, :, 2], np.array([-0.21, -0.17, -0.39, -0.35])
+    landed = np.array([[0, 0, 1, 0], [0, 1, 1, 0], [0, 1, 1, 0]], np.bool_)
+    np.testing.assert_allclose(policy._footing(now, aim, ground, stands)[0], np.where(landed, seen, feet), atol=1e-9)
+    policy._trust[1] = 0.0
+    np.testing.assert_allclose(policy._footing(now, aim, ground, stands)[1], ground.height[1])
+
+
+def test_the_ground_is_that_of_the_scan_s_own_entries() -> None:
+    policy = SightedMpcWbc(height_scan=SMALL)
+    policy.reset(num_envs=2)
+    scan = np.random.default_rng(0).uniform(-0.5, -0.3, (2, len(SMALL.points))).astype(np.float32)
+    policy.act(np.concatenate((reading(2), scan), axis=1))
+    np.testing.assert_array_equal(policy._heights, scan)
+
+
+def test_a_foot_clears_what_lies_between_its_last_footprint_and_its_next_foothold() -> None:
+    """A bump of 0.1 m at 0.2 m ahead, half of the way from 0 to 0.4 m, of the first robot; the second sees none."""
+    policy = looking(shown(-0.35, 0.0, 0.0))
+    heights = np.zeros((2, 7, 7))
+    heights[0, 4] = 0.1  # rows are from 0.2 m behind on
+    policy._seen_ground, policy._trust = SeenGround(SMALL, heights), np.ones((2, 1))
+    aside = np.array([0.1, -0.1, 0.1, -0.1])
+    policy.prints.places = np.zeros((3, 4, 2))
+    policy.prints.places[1] = aside[:, None]
+    aim = np.tile(np.column_stack((np.full(4, 0.4), aside)), (2, 1, 1))
+    over, place = policy._over(aim, Ground(*np.zeros((3, 2)))), np.zeros((2, 4))
+    for progress, expected in ((0.0, 0.0), (0.5, 0.1), (1.0, 0.0)):
+        np.testing.assert_allclose(over(place, place, place + progress), [[expected] * 4, [0.0] * 4], atol=1e-9)
+    onto = policy._over(aim - [0.2, 0.0], Ground(*np.zeros((3, 2))))
+    for progress, expected in ((0.0, 0.0), (0.5, 0.1), (1.0, 0.1)):  # at the highest ground halfway
+        np.testing.assert_allclose(onto(place, place, place + progress)[0], expected, atol=1e-9)
+    away = aim + np.array([-0.6, 0.0])
+    np.testing.assert_allclose(policy._over(away, Ground(*np.zeros((3, 2))))(place, place, place + 0.5), 0.0, atol=1e-9)
 
 
 @pytest.fixture(scope="module")

@@ -59,6 +59,44 @@ def test_the_torques_are_those_of_the_equations_of_motion() -> None:
             assert (np.abs(forces[:, :2]) <= 0.6 * forces[:, 2:] + 1e-6).all()
 
 
+def test_the_program_s_cost_is_what_is_missed_of_the_wish_by_its_priorities() -> None:
+    """½ Σ priority · |J q̈ + J̇ q̇ - wish|² of feet, of the trunk's turning and of the forces, up to a constant: of each
+    robot its own, with the two terms that make it definite."""
+    of, random = bodies(), np.random.default_rng(11)
+    wished, p = wish(of), PRIORITIES
+    wished = wished._replace(forces=wished.forces + random.normal(0.0, 5.0, (COUNT, 4, 3)))
+    seen = []
+    for robots, each in programs(of, wished, NOTHING, FRICTION, LIMITS, p):
+        for number, robot in enumerate(robots):
+            stands = wished.standing[robot]
+
+            def cost(x: np.ndarray, robot: int = robot, stands: np.ndarray = stands) -> float:
+                feet = of.jacobians[robot] @ x[:18] + of.drift[robot] - wished.feet[robot]
+                priority = np.where(stands, p.standing_priority, p.swinging_priority)
+                turning = x[3:6] - wished.turning[robot]
+                forces = x[18:].reshape(-1, 3) - wished.forces[robot, stands]
+                missed = (priority * (feet**2).sum(axis=1)).sum() + p.turning_priority * turning @ turning
+                definite = 1e-6 * x[:6] @ x[:6] + 1e-5 * x[6:18] @ x[6:18]
+                return 0.5 * float(missed + definite + p.force_priority * (forces**2).sum())
+
+            rest = cost(np.zeros(18 + 3 * stands.sum()))
+            for _ in range(3):
+                x = random.normal(0.0, 10.0, 18 + 3 * stands.sum())
+                value = 0.5 * x @ each.hessian[number] @ x + each.gradient[number] @ x
+                np.testing.assert_allclose(value, cost(x) - rest, rtol=1e-9)
+            seen.append(int(robot))
+    assert sorted(seen) == list(range(COUNT))
+
+
+def test_each_robot_s_forces_are_held_within_its_own_friction() -> None:
+    of = bodies()
+    bounds = Friction(0.2 + 0.1 * np.arange(COUNT), WEIGHT * (1.0 + np.arange(COUNT)))
+    for robots, each in programs(of, wish(of), NOTHING, bounds, LIMITS, PRIORITIES):
+        for number, robot in enumerate(robots):
+            assert set(each.upper[number, 18 + 4 :: 5]) == {WEIGHT * (1.0 + robot)}
+            assert set(-each.rows[number, 18, 18:][[2]]) == {0.2 + 0.1 * robot}
+
+
 def test_torques_stay_within_the_limits_of_each_joint() -> None:
     """As of motors that turn, which have less left ahead than back."""
     of = bodies()
@@ -78,6 +116,7 @@ def test_a_robot_without_torques_gets_none_and_the_others_theirs() -> None:
     found = whole(of, wished, friction=FRICTION._replace(most=most))
     assert found.found.tolist() == [True, True, False, True, True, True]
     assert (found.torque[2] == 0.0).all()
+    assert (found.acceleration[2] == 0.0).all()
     np.testing.assert_array_equal(found.torque[3], whole(of, wished).torque[3])
 
 
@@ -92,6 +131,19 @@ def test_legs_move_the_feet_as_wished() -> None:
     np.testing.assert_allclose(feet, wished.feet, atol=0.3)  # legs that are nearly straight miss a little
 
 
+def test_a_swinging_leg_bears_no_force_and_a_leg_without_a_finite_wish_leaves_its_robot_without_torques() -> None:
+    of = bodies()
+    wished = wish(of)
+    found = leg_torques(of, wished, NOTHING, LIMITS)
+    pressed = wished._replace(forces=np.where(wished.standing[..., None], wished.forces, 30.0))
+    np.testing.assert_array_equal(leg_torques(of, pressed, NOTHING, LIMITS).torque, found.torque)
+    feet = wished.feet.copy()
+    feet[3, 2, 0] = np.nan
+    broken = leg_torques(of, wished._replace(feet=feet), NOTHING, LIMITS)
+    assert broken.found.tolist() == [True, True, True, False, True, True]
+    np.testing.assert_array_equal(broken.torque[broken.found], found.torque[broken.found])
+
+
 def test_legs_hold_a_robot_that_stands() -> None:
     """Their forces and gravity: -Jᵀf and h, and nothing else."""
     of = bodies(0.0)
@@ -103,3 +155,18 @@ def test_legs_hold_a_robot_that_stands() -> None:
     held = of.bias[:, 6:] - np.einsum("nlxk,nlx->nk", of.jacobians, forces)[:, 6:]
     np.testing.assert_allclose(found.torque, held, atol=1e-9)
     np.testing.assert_allclose(found.acceleration, 0.0, atol=1e-9)
+
+
+def test_legs_ask_for_no_more_than_the_motors_give() -> None:
+    """Each joint's own limits, below and above, for feet that are to be accelerated by 500 m/s²."""
+    of, random = bodies(), np.random.default_rng(10)
+    limits = -random.uniform(20.0, 40.0, (COUNT, 12)), random.uniform(41.0, 60.0, (COUNT, 12))
+    hasty = wish(of)._replace(feet=500.0 * random.choice((-1.0, 1.0), (COUNT, 4, 3)))
+    found = leg_torques(of, hasty, NOTHING, limits)
+    free = leg_torques(of, hasty, NOTHING, (np.full((COUNT, 12), -np.inf), np.full((COUNT, 12), np.inf))).torque
+    below, above = free < limits[0], free > limits[1]
+    assert min(below.sum(), above.sum()) > COUNT
+    np.testing.assert_array_equal(found.torque[below], limits[0][below])
+    np.testing.assert_array_equal(found.torque[above], limits[1][above])
+    np.testing.assert_array_equal(found.torque[~below & ~above], free[~below & ~above])
+    assert found.found.all()

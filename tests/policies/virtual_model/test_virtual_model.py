@@ -72,6 +72,44 @@ def test_a_command_pulls_along_and_on_a_slope_up_with_the_trunk_parallel_to_it()
     assert uphill[4] == pytest.approx(-np.arctan(0.1) * P.tilt_stiffness, abs=1e-6)
 
 
+def test_a_command_pulls_up_a_side_slope_with_the_trunk_parallel_to_it() -> None:
+    """Ground that rises by 0.1 to the left: up at 0.04 m/s with 0.4 m/s to the left, and left side up: roll above 0."""
+    now = standing(command=(0.0, 0.4, 0.0))
+    uphill, downhill = pull(now, lateral=0.1), pull(now, lateral=-0.1)
+    assert uphill[2] == pytest.approx(0.04 * P.height_damping, abs=1e-6)
+    assert downhill[2] == pytest.approx(-0.04 * P.height_damping, abs=1e-6)
+    assert uphill[3] == pytest.approx(0.0996687 * P.tilt_stiffness, abs=1e-5)  # arctan 0.1
+    assert downhill[3] == pytest.approx(-0.0996687 * P.tilt_stiffness, abs=1e-5)
+    assert uphill[1] == pytest.approx(0.4 * P.lateral_damping, abs=1e-6)
+    assert uphill[[0, 4, 5]] == pytest.approx(np.zeros(3), abs=1e-6)
+
+
+def test_springs_and_dampers_ask_for_no_more_than_a_robot_can_do() -> None:
+    """After a blow: 1.2 rad of tilt, 1 m too low or too high, and far too fast."""
+    assert pull(standing(projected_gravity=(0.0, -np.sin(1.2), -np.cos(1.2))))[3] == -60.0
+    assert pull(standing(projected_gravity=(np.sin(1.2), 0.0, -np.cos(1.2))))[4] == -60.0
+    assert pull(standing(), height=-0.55)[2] == 9.0
+    assert pull(standing(), height=1.45)[2] == -4.0
+    fast = pull(standing(linear_velocity=(4.0, -4.0, 0.0), angular_velocity=(0.0, 0.0, 9.0)))
+    assert fast[[0, 1, 5]].tolist() == [-5.0, 5.0, -60.0]
+
+
+def test_feet_bear_against_a_lasting_push() -> None:
+    """One of 0.8 m/s² ahead, 0.5 to the right and 1 down: forces of mass · (-0.8, 0.5, 9.81 + 1) N in all."""
+    policy, now = TrotFeedback(P), standing()
+    policy.reset(1)
+    ground = Ground(*(np.array([value]) for value in (-P.height, 0.0, 0.0)))
+    friction, aim = Friction(np.array([0.6]), np.array([2.0 * WEIGHT])), now.bodies.feet[..., :2]
+    pushed = np.array([[0.8, -0.5, -1.0, 0.0, 0.0, 0.0]])
+    borne = policy._borne(now, ALL, aim, ground, pushed, friction)
+    assert borne.forces[0].sum(axis=0) == pytest.approx(SIMPLE_QUAD.mass * np.array([-0.8, 0.5, 10.81]), rel=2e-3)
+    np.testing.assert_allclose(borne.arms, now.bodies.feet - now.bodies.centre[:, None])
+    turned = policy._borne(now, ALL, aim, ground, np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 2.0]]), friction)
+    moment = np.cross(turned.arms[0], turned.forces[0]).sum(axis=0)
+    acceleration = np.linalg.solve(now.bodies.rotational_inertia[0], moment)
+    assert acceleration == pytest.approx([0.0, 0.0, -2.0], abs=0.02)
+
+
 @pytest.mark.parametrize(("priority", "upright"), [(100.0, True), (0.01, False)])
 def test_two_feet_keep_the_trunk_level_or_brake_it_by_priority(priority: float, upright: bool) -> None:
     now, diagonal = standing(), np.array([[True, False, False, True]])
@@ -87,6 +125,46 @@ def test_forces_stay_within_the_cone_and_never_pull() -> None:
     found = forces(standing(), [5.0, 5.0, -20.0, 60.0, 0.0, 0.0])
     assert found[:, 2].min() >= 0.0
     assert (np.hypot(found[:, 0], found[:, 1]) <= 0.6 * found[:, 2] + 1e-9).all()
+
+
+def test_forces_are_the_smallest_that_come_nearest_to_the_weighted_accelerations() -> None:
+    """Of two feet, by weights that all differ: the least-squares solution of least norm."""
+    now, diagonal = standing(), np.array([[True, False, False, True]])
+    p = replace(P, planar_priority=0.7, tilt_priority=0.4, yaw_priority=0.15)
+    wanted = np.array([-0.5, 0.4, 0.3, 1.5, -1.0, 2.0])
+    weights = np.array([0.7, 0.7, 1.0, 0.4, 0.4, 0.15])
+    effects = np.zeros((6, 6))
+    for column, foot in enumerate((0, 3)):
+        arm = now.bodies.feet[0, foot] - now.bodies.centre[0]
+        for axis in range(3):
+            moment = np.cross(arm, np.eye(3)[axis])
+            effects[:3, 3 * column + axis] = np.eye(3)[axis] / now.bodies.mass[0]
+            effects[3:, 3 * column + axis] = np.linalg.solve(now.bodies.rotational_inertia[0], moment)
+    asked = weights * (wanted + 9.81 * np.eye(6)[2])
+    square = (weights[:, None] * effects) @ (weights[:, None] * effects).T + 1e-5 * np.eye(6)
+    by_hand = ((weights[:, None] * effects).T @ np.linalg.solve(square, asked)).reshape(2, 3)
+    found = forces(now, wanted, diagonal, p)
+    np.testing.assert_allclose(found[[0, 3]], by_hand, rtol=1e-6, atol=1e-6)
+    assert not found[[1, 2]].any()
+
+
+def test_each_robot_s_feet_are_held_to_its_own_friction_and_its_largest_force() -> None:
+    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
+    friction = Friction(np.array([0.6, 0.1]), np.array([30.0, 500.0]))
+    wanted = np.tile([4.0, 0.0, 5.0, 0.0, 0.0, 0.0], (2, 1))
+    found = shared(P, now, wanted, np.ones((2, 4), np.bool_), friction)
+    assert found[0, :, 2].max() == 30.0
+    assert 30.0 < found[1, :, 2].max() < 500.0
+    slope = np.hypot(found[..., 0], found[..., 1]) / found[..., 2]
+    assert slope[1].max() == pytest.approx(0.1)
+    assert 0.1 < slope[0].max() <= 0.6 + 1e-9
+
+
+def test_the_velocity_that_is_damped_is_that_of_the_centre_of_mass() -> None:
+    """It is 0.0365 m behind the trunk's centre and swings to the right of one that turns to the left at 2 rad/s."""
+    now = standing(angular_velocity=(0.0, 0.0, 2.0))
+    assert now.bodies.centre[0, :2] == pytest.approx([-0.0364633, 0.0], abs=1e-6)
+    assert pull(now)[:2] == pytest.approx([0.0, P.lateral_damping * 2.0 * 0.0364633], abs=1e-6)
 
 
 def acted(policy: TrotFeedback, **readings: float) -> TrotFeedback:

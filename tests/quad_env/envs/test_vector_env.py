@@ -1,5 +1,9 @@
 """The batch keeps the contract: autoreset modes, seeds, commands, falls, divergence, errors."""
 
+import os
+import re
+import subprocess
+import sys
 from dataclasses import replace
 from typing import Any
 
@@ -135,6 +139,29 @@ def test_next_step_mode_resets_on_the_step_after_the_last_and_ignores_its_action
     twin = make(2)
     twin.reset(seed=0)
     assert (observation[1] == twin.reset()[0][1]).all()
+
+
+def test_same_step_mode_tells_the_end_of_the_robot_that_ended_and_the_start_of_its_next_episode() -> None:
+    """Of two: masks say whose end it is, what was earned stands with the end, and the other's step is as it was."""
+    env, twin = make(2, autoreset_mode="SameStep", readings=True), make(2, autoreset_mode="Disabled", readings=True)
+    for each in (env, twin):
+        each.reset(seed=0)
+        drop_robot(each, 0)
+    action = np.tile(HOME, (2, 1)) + np.float32(0.05)
+    *_, infos = env.step(action)
+    *_, plain = twin.step(action)
+    _, begun = twin.reset(options={"reset_mask": np.array([True, False])})
+    assert infos["_final_info"].tolist() == infos["_final_obs"].tolist() == [True, False]
+    end = infos["final_info"]
+    for key, value in plain.items():
+        if key.startswith("_"):
+            assert end[key].tolist() == [True, False], key
+            assert infos[key].all(), key
+            continue
+        np.testing.assert_array_equal(end[key][0], value[0], err_msg=key)
+        np.testing.assert_array_equal(infos[key][1], value[1], err_msg=key)
+        np.testing.assert_array_equal(infos[key][0], begun[key][0], err_msg=key)
+    assert plain["reward_fall"][0] < 0.0 == infos["reward_fall"][0]
 
 
 def test_same_step_mode_gives_the_last_observation_apart_and_the_first_of_the_next_episode() -> None:
@@ -278,3 +305,69 @@ def test_what_cannot_be_steered_or_pushed_by_is_refused_and_changes_nothing(call
     with pytest.raises(ValueError, match=words):
         call(env)
     assert (env.step(HOME[None])[0] == other.step(HOME[None])[0]).all()
+
+
+_FORKED = """
+import os
+import numpy as np
+import gymnasium as gym
+import quad_env
+env = gym.make_vec("SimpleQuad-v0", num_envs=4, nthread=2)
+env.reset(seed=0)
+env.step(np.zeros((4, 12)))
+child = os.fork()
+if not child:
+    for call in (lambda: env.step(np.zeros((4, 12))), lambda: env.reset(seed=0)):
+        try:
+            call()
+        except RuntimeError as error:
+            print(os.getppid(), error, flush=True)
+    os._exit(0)
+os.waitpid(child, 0)
+env.step(np.zeros((4, 12)))
+print("stepped", flush=True)
+os._exit(0)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system forks no processes")
+def test_a_fork_of_a_process_with_threads_is_told_so_instead_of_waiting_for_ever() -> None:
+    command = [sys.executable, "-W", "ignore", "-c", _FORKED]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    step, reset, after = run.stdout.splitlines()
+    parent, _, line = step.partition(" ")
+    assert line.startswith(f"this batch has threads of process {parent}, which a fork, ")
+    assert (reset, after) == (step, "stepped")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ({"nthread": 1.5}, "nthread is a whole number of at least 1, got 1.5"),
+        ({"nthread": True}, "nthread is a whole number of at least 1, got True"),
+        ({"nthread": 10**6}, "nthread is at most 1024, got 1000000"),
+        ({"num_envs": "2"}, "num_envs is a whole number of at least 1, got '2'"),
+        ({"num_envs": 0}, "num_envs must be at least 1, got 0"),
+        ({"max_episode_steps": 1.5}, "max_episode_steps, None and -1 for no limit, is a whole number of at least 1"),
+    ],
+)
+def test_counts_are_whole_numbers(arguments: dict[str, Any], line: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(line)):
+        gym.make_vec("SimpleQuad-v0", **({"num_envs": 2} | arguments))
+
+
+@pytest.mark.parametrize("command", [[10**400, 0, 0], [10**400], [float("inf"), 0, 0], ["1", "x", "2"]])
+def test_a_command_beyond_all_numbers_is_refused_in_a_line(command: list[Any]) -> None:
+    with gym.make("SimpleQuad-v0") as env, pytest.raises(ValueError, match="command") as error:
+        env.reset(options={"command": command})
+    assert len(str(error.value)) < 200
+
+
+def test_seeds_of_numpy_are_taken_by_the_single_environment_too() -> None:
+    with gym.make("SimpleQuad-v0") as env:
+        expected, _ = env.reset(seed=5)
+        for kind in (np.int64, np.uint8, np.int32):
+            observation, _ = env.reset(seed=kind(5))  # type: ignore[arg-type]
+            assert (observation == expected).all()
+        with pytest.raises(ValueError, match="a seed must be a whole number of at least 0, got -1"):
+            env.reset(seed=-1)

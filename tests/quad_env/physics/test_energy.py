@@ -76,6 +76,18 @@ def test_a_control_step_by_hand() -> None:
     assert meter.readings["foot_impulse"][0, 0] == 0.0
 
 
+def test_the_change_of_a_robot_s_torque_is_from_its_own_before_where_it_moves_alone() -> None:
+    """Robot 1 from 0 to 7 and then to 4 N·m, while robot 0 has stayed at 5."""
+    batch, meter = metered(Actuator())
+    both = np.arange(2)
+    for ids, torques, changes in (([0, 1], [5.0, 7.0], [5.0, 7.0]), ([1], [0.0, 4.0], [5.0, 3.0])):
+        batch.fields["actuator_force"][:, 2] = torques
+        meter.advance(np.array(ids), 1, lambda *_: None)
+        meter.finish(np.array(ids))
+        assert meter.readings["torque_change"][both, 2].tolist() == changes
+    assert meter.readings["peak_torque"][both, 2].tolist() == [5.0, 4.0]
+
+
 def test_motors_without_a_curve_have_no_heat_and_the_rated_speed() -> None:
     _, meter = metered(Actuator())
     meter.advance(slice(None), 1, lambda *_: None)
@@ -124,3 +136,24 @@ def test_a_robot_that_does_not_move_keeps_its_readings_and_a_new_episode_begins_
         assert later[name][0].any(), name
     _, begun = env.reset(options={"reset_mask": np.array([True, False])})
     assert not any(begun[name].any() for name in MEASURED)
+
+
+def test_the_first_step_after_a_reset_is_measured_as_that_of_a_robot_that_has_done_nothing_before() -> None:
+    """Of the robot that begins again; the change of the other one's torque is from its step before."""
+    used, fresh = (SimpleQuadVectorEnv(2, readings=True, autoreset_mode="DISABLED") for _ in range(2))
+    twin = SimpleQuadVectorEnv(2, readings=True, autoreset_mode="DISABLED")
+    rng = np.random.default_rng(2)
+    for env in (used, twin):
+        env.reset(seed=[4, 5])
+    for _ in range(15):
+        action = HOME + rng.uniform(-0.3, 0.3, (2, 12)).astype(np.float32)
+        for env in (used, twin):
+            env.step(action)
+    used.reset(seed=[4, 5], options={"reset_mask": np.array([True, False])})
+    fresh.reset(seed=[4, 5])
+    action = HOME + rng.uniform(-0.3, 0.3, (2, 12)).astype(np.float32)
+    found, first, later = (env.step(action)[-1] for env in (used, fresh, twin))
+    for name in MEASURED:
+        np.testing.assert_array_equal(found[name][0], first[name][0], err_msg=name)
+        np.testing.assert_array_equal(found[name][1], later[name][1], err_msg=name)
+    assert (found["torque_change"][1] != first["torque_change"][1]).any()

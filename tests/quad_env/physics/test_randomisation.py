@@ -18,6 +18,7 @@ from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics import batch
 from quad_env.physics.batch import check_simulator
+from quad_env.physics.model import compile_model
 from quad_env.scenarios.episode import Episode
 from quad_env.seeding import EpisodeStreams
 
@@ -181,3 +182,28 @@ def test_drake_refuses_it_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_is_no_range_is_refused(settings: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         DomainRandomisation(**settings)
+
+
+def test_every_figure_of_a_robot_is_the_usual_one_times_its_own_factor() -> None:
+    """Motors are limited alike both ways; the second of two robots begins anew, and the first keeps its figures."""
+    scenario = replace(quad_env.SCENARIOS["flat"], randomisation=DomainRandomisation())
+    env = SimpleQuadVectorEnv(2, scenario, autoreset_mode="DISABLED")
+    usual = compile_model(SIMPLE_QUAD, replace(scenario, randomisation=None))
+    trunk = usual.body("base_link").id
+    for seeds, mask in (([3, 4], [True, True]), ([8, 9], [False, True])):
+        env.reset(seed=seeds, options={"reset_mask": np.array(mask)})
+        for robot, seed in enumerate((3, seeds[1])):
+            drawn = Episode(SIMPLE_QUAD, scenario, seed, 0, env.dt).randomised
+            assert drawn is not None
+            env.simulation.show_load(robot)
+            model = env.simulation.model
+            strength = usual.actuator_forcerange * drawn.motor_strength[:, None]
+            np.testing.assert_allclose(model.actuator_forcerange, strength)
+            np.testing.assert_allclose(model.actuator_gainprm[:, 0], usual.actuator_gainprm[:, 0] * drawn.stiffness)
+            np.testing.assert_allclose(model.actuator_biasprm[:, 1], usual.actuator_biasprm[:, 1] * drawn.stiffness)
+            np.testing.assert_allclose(model.actuator_biasprm[:, 2], usual.actuator_biasprm[:, 2] * drawn.damping)
+            np.testing.assert_allclose(model.body_mass[trunk], usual.body_mass[trunk] * drawn.trunk_mass)
+            np.testing.assert_allclose(model.body_inertia[trunk], usual.body_inertia[trunk] * drawn.trunk_mass)
+            np.testing.assert_allclose(model.body_ipos[trunk], usual.body_ipos[trunk] + drawn.centre_of_mass)
+            ground = slice(usual.body_geomnum[0])
+            np.testing.assert_allclose(model.geom_friction[ground, 0], usual.geom_friction[ground, 0] * drawn.friction)

@@ -3,7 +3,10 @@
 import copy
 import os
 import re
+import sys
+import time
 import warnings
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +20,19 @@ from quad_env import Robot
 from quad_env.describe import text
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.model import compile_model
+from quad_env.robots import model_file
+from quad_env.robots.anatomy import ModelError
 from quad_env.robots.collisions import foot_geoms
 from quad_env.robots.model_file import read
-from quad_env.robots.named import ROBOTS
+from quad_env.robots.named import ROBOTS, WHEEL
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.shapes import welded
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import SCENARIOS
 from tests.quad_env.robots.made import Made
 from tests.quad_env.robots.test_imported import NAMED, changed
 
+resource: Any = pytest.importorskip("resource") if os.name != "nt" else None
 PLAIN = Made().xml()
 TRUNK = '<geom type="box" size="0.22 0.1 0.05"/>'
 UNSEEN = 'contype="0" conaffinity="0"'
@@ -396,3 +403,71 @@ def test_a_specification_is_of_its_robot_alone(tmp_path: Path) -> None:
     robot_of_text(tmp_path, PLAIN.replace('friction="0.9"', 'friction="0.4"'))
     os.utime(robot.mjcf, ns=(before, before + 1_000_000))
     assert (compile_model(robot, SCENARIOS["flat"]).geom_friction != flat.geom_friction).any()
+
+
+def asset(text: str) -> str:
+    return PLAIN.replace("<worldbody>", f"<asset>{text}</asset><worldbody>", 1)
+
+
+HOSTILE = {
+    "itself.xml": (asset('<model name="m" file="itself.xml"/>'), "MuJoCo crashes as it reads it: "),
+    "hfield.xml": (asset('<hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/>'), "memory"),
+    "replicate.xml": (
+        PLAIN.replace("<worldbody>", '<worldbody><replicate count="100000000"><geom size=".1"/></replicate>', 1),
+        "of processor time|of memory",
+    ),
+    "keys.xml": (PLAIN.replace("<worldbody>", '<size nkey="100000000"/><worldbody>', 1), "processor time|memory"),
+    "numbers.xml": (PLAIN.replace("<worldbody>", '<size nuserdata="1000000000"/><worldbody>', 1), "memory"),
+    "deep.xml": (f"<mujoco><worldbody>{'<body>' * 100_000}{'</body>' * 100_000}</worldbody></mujoco>", "too deep"),
+    "deep.urdf": ("<robot>" * 100_000 + "</robot>" * 100_000, "cannot read it|no URDF"),
+    "laughs.urdf": (
+        '<!DOCTYPE l [<!ENTITY a0 "aaaaaaaaaa">'
+        + "".join(f'<!ENTITY a{n} "{f"&a{n - 1};" * 10}">' for n in range(1, 10))
+        + ']><robot name="&a9;"/>',
+        "no URDF",
+    ),
+    "large.xml": (asset('<mesh name="m" file="large.stl"/>'), "large.stl that it names cannot be read: it is larger"),
+    "pipe.xml": (asset('<mesh name="m" file="pipe.stl"/>'), "pipe.stl that it names cannot be read: it is no regular"),
+    "large.urdf": (
+        '<robot name="r"><link name="a"><visual><geometry><mesh filename="large.stl"/></geometry></visual></link>'
+        "</robot>",
+        "large.stl that it names cannot be read: it is larger",
+    ),
+}
+"""File -> its text, and what the line says of it."""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux limits memory")
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_model_that_crashes_or_fills_or_never_ends_is_one_line(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("QUAD_ENV_READ_TIME", "2")
+    with (tmp_path / "large.stl").open("wb") as sparse:
+        sparse.truncate(3 * 2**30)
+    os.mkfifo(tmp_path / "pipe.stl")
+    text, words = HOSTILE[name]
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    began = time.process_time()
+    with pytest.raises(ModelError, match=words) as error:
+        robot_of_text(tmp_path, text, name)
+    assert str(error.value).startswith(f"{tmp_path / name}: ")
+    assert "\n" not in str(error.value)
+    assert time.process_time() - began < 5
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100 * 1024  # KiB
+
+
+def test_a_model_is_read_apart_once_and_no_installed_one_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def noted(function: Any, file: Path, **options: Any) -> None:
+        asked.append(file)
+
+    monkeypatch.setattr("quad_env.cli.limited_process.read_limited", noted)
+    robot_of_text(tmp_path, PLAIN)
+    assert set(asked) == {tmp_path / "made.xml"}
+    asked.clear()
+    model_file.read(SIMPLE_QUAD.mjcf)
+    if find_spec(WHEEL) is not None:
+        model_file.read(ROBOTS["go1"].mjcf)
+    assert not asked

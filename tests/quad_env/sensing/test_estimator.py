@@ -59,6 +59,14 @@ def test_on_one_still_leg_the_trunk_circles_about_the_foot() -> None:
     np.testing.assert_allclose(velocity, (2 * 0.25, -2 * 0.25, 0), atol=1e-12)
 
 
+def test_a_leg_that_moves_under_a_turning_trunk_counts_from_the_middle_of_its_way() -> None:
+    """Its thigh's circle and the trunk's about the foot where that is halfway, 0.25 m ahead and to the left."""
+    one = np.array([[True, False, False, False]])
+    along = by_legs(*moving(2.0, -2.0), standing=one)
+    velocity = by_legs(*moving(2.0, -2.0), [[0.0, 0.0, 2.0]], one)
+    np.testing.assert_allclose(velocity - along, (2 * 0.25, -2 * 0.25, 0), atol=1e-4)
+
+
 def test_a_hip_that_turns_moves_the_trunk_sideways_over_the_foot() -> None:
     legs = np.zeros(12)
     change = np.tile((1.0, 0.0, 0.0), 4) * DT / 2
@@ -115,3 +123,41 @@ def test_a_circle_walked_at_constant_speed_is_no_tilt() -> None:
         circling.move_on(read(gyro=[[0.0, 0.0, 1.0]], force=[[0.0, 1.0, 9.81]], standing=NONE), ROW)
     np.testing.assert_allclose(circling.gravity, DOWN, atol=0.01)
     np.testing.assert_allclose(circling.velocity, [[1.0, 0.0, 0.0]], atol=0.03)
+
+
+def test_a_turn_is_the_mean_of_two_samples_of_the_gyroscope() -> None:
+    """From rest at 1 rad/s: by 5 mrad in the first 10 ms, and by 10 in each further one."""
+    turning = estimator()
+    for angle in (0.005, 0.015, 0.025):
+        turning.move_on(read(gyro=[[1.0, 0.0, 0.0]], force=-9.81 * turning.gravity, standing=NONE), ROW)
+        turning.velocity[:] = 0.0
+        np.testing.assert_allclose(turning.gravity[0], [0.0, -np.sin(angle), -np.cos(angle)], atol=2e-4)
+
+
+def both(one: Read, other: Read) -> Read:
+    """Readings of two robots."""
+    return Read._make(np.concatenate(pair) for pair in zip(one, other, strict=True))
+
+
+def test_each_robot_is_estimated_by_its_own_readings_and_begins_by_itself() -> None:
+    """The first stands and the second flies and accelerates; then the second begins again, tilted."""
+    rows, two = np.arange(2), ComplementaryFilter(SIMPLE_QUAD, 2, DT, DT)
+    flying = read(gyro=[[0.0, 0.0, 1.0]], force=[[1.0, 0.0, 9.81]], standing=NONE)
+    two.begin(rows, np.concatenate((REST, REST)), both(read(), flying))
+    two.velocity[0] = 0.4, 0.0, 0.0
+    alone = estimator()
+    alone.velocity[0] = 0.4, 0.0, 0.0
+    for _ in range(10):
+        two.move_on(both(read(), flying), rows)
+        alone.move_on(read(), ROW)
+    np.testing.assert_array_equal(two.velocity[0], alone.velocity[0])
+    np.testing.assert_array_equal(two.gravity[0], alone.gravity[0])
+    assert np.hypot(*two.velocity[1, :2]) == pytest.approx(0.1, abs=0.01)
+    kept = two.velocity[0].copy()
+    two.begin(rows[1:], np.array([[0.0, 3.0, 9.0]]), read())
+    np.testing.assert_array_equal(two.velocity, [kept, np.zeros(3)])
+    np.testing.assert_allclose(two.gravity[1], -np.array([0.0, 3.0, 9.0]) / np.hypot(3.0, 9.0))
+    turned = read(gyro=[[1.0, 0.0, 0.0]], force=-9.81 * two.gravity[1:], standing=NONE)
+    before = two.gravity[1].copy()
+    two.move_on(turned, rows[1:])
+    assert np.arccos(before @ two.gravity[1]) == pytest.approx(0.005, abs=2e-4)  # from rest: not from its turn before

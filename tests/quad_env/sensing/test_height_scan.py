@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 import quad_env
-from quad_env import OBSERVATION_SIZE, SCENARIOS, CommandRanges, HeightScan, Scenario, SensorNoise
+from quad_env import OBSERVATION_SIZE, SCENARIOS, CommandRanges, HeightScan, Scenario, SensorNoise, StartNoise
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.disturbances import Latency
+from quad_env.scenarios.terrain import Stairs
 
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
 SMALL = HeightScan(ahead=6, behind=2, aside=3, spacing=0.13)
@@ -90,6 +92,68 @@ def test_it_changes_nothing_else_and_a_scenario_s_noise_comes_on_top() -> None:
     assert added.std() == pytest.approx(0.05, rel=0.03)
     flat = added.transpose(1, 0, 2).reshape(6, -1)
     assert np.abs(np.corrcoef(flat) - np.eye(6)).max() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("delay", "latency", "late"), [(0.0, 0.05, 5), (0.02, 0.0, 2), (0.02, 0.05, 7), (0.015, 0.05, 7), (0.0, 0.0, 0)]
+)
+def test_it_is_as_late_as_the_scan_and_the_scenario_s_readings_together(
+    delay: float, latency: float, late: int
+) -> None:
+    """In control steps of 10 ms; what arrives between two is seen at the next. Until then it shows the first."""
+    behind = replace(ROUGH, latency=Latency(action=0.0, observation=latency))
+    found, exact = scans(replace(SMALL, delay=delay), scenario=behind), scans(SMALL)
+    np.testing.assert_array_equal(found[late:], exact[: len(exact) - late])
+    np.testing.assert_array_equal(found[:late], np.repeat(exact[:1], late, axis=0))
+
+
+def test_a_sample_is_shown_until_the_next_one() -> None:
+    found, exact = scans(replace(SMALL, rate=25.0)), scans(SMALL)
+    np.testing.assert_array_equal(found, exact[np.arange(len(exact)) // 4 * 4])
+
+
+def test_each_sample_has_the_noise_of_its_number_however_often_samples_are_taken() -> None:
+    noisy, exact = replace(SMALL, noise=0.05), scans(SMALL)
+    often, seldom = scans(noisy) - exact, scans(replace(noisy, rate=25.0)) - exact[np.arange(len(exact)) // 4 * 4]
+    np.testing.assert_allclose(seldom[::4], often[: len(seldom[::4])], atol=1e-6)
+    assert np.abs(seldom).max() > 0.1
+
+
+def test_each_robot_has_the_noise_of_its_own_episode_whatever_the_others_do() -> None:
+    noisy, seeds = replace(SMALL, noise=0.05), [5, 6, 7]
+    together = SimpleQuadVectorEnv(3, "rough", height_scan=noisy)
+    rows = [together.reset(seed=seeds)[0], *(together.step(action)[0] for action in waved(3, 3))]
+    for robot, seed in enumerate(seeds):
+        alone = SimpleQuadVectorEnv(1, "rough", height_scan=noisy)
+        own = [alone.reset(seed=seed)[0], *(alone.step(each[[robot]])[0] for each in waved(3, 3))]
+        np.testing.assert_array_equal(np.array(rows)[:, robot], np.array(own)[:, 0])
+
+
+def test_ground_two_metres_above_or_below_the_trunk_or_further_reads_two_metres() -> None:
+    steep = Scenario("steep", terrain=Stairs(rise=1.5), start=StartNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    wide = HeightScan(ahead=20, behind=20, aside=0, spacing=0.1)
+    found = scans(wide, robots=1, steps=0, scenario=steep)[0, 0]
+    ahead = wide.points[:, 0]
+    np.testing.assert_array_equal(found[ahead > 1.1], 2.0)  # two steps up
+    np.testing.assert_array_equal(found[ahead < -1.1], -2.0)
+    assert found[ahead > 0.0].min() < 0.0 < found[(ahead > 0.8) & (ahead < 1.0)].min() < 1.5
+    assert -0.6 < found[20] < -0.3
+
+
+def test_a_robot_that_begins_again_sees_the_ground_at_its_new_start_and_the_others_go_on() -> None:
+    late = replace(SMALL, delay=0.03)
+    env, twin = (SimpleQuadVectorEnv(2, "rough", height_scan=late, autoreset_mode="DISABLED") for _ in range(2))
+    for each in (env, twin):
+        each.reset(seed=3)
+        for action in waved(2, 6):
+            each.step(action)
+    begun, _ = env.reset(seed=8, options={"reset_mask": np.array([False, True])})
+    fresh, _ = SimpleQuadVectorEnv(2, "rough", height_scan=late).reset(seed=8)
+    np.testing.assert_array_equal(begun[1], fresh[1])
+    for action in waved(2, 4):
+        one, other = env.step(action)[0], twin.step(action)[0]
+        np.testing.assert_array_equal(one[0], other[0])
+        assert (one[1, OBSERVATION_SIZE:] != other[1, OBSERVATION_SIZE:]).any()
 
 
 def test_a_lost_scan_shows_unseen_ground_and_changes_nothing_else() -> None:

@@ -1,5 +1,7 @@
 """The error-state filter: its derivatives, its frames, its covariance, and many robots at once."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.kinematics import foot_jacobians, foot_positions
 from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT
 from quad_env.sensing import error_state
-from quad_env.sensing.error_state import BodyMotion, Samples, rotation
+from quad_env.sensing.error_state import FEET, BodyMotion, Samples, rotation
 from quad_env.sensing.estimator import Read, unit
 from quad_env.sensing.estimators import ESTIMATORS, KALMAN
 from quad_env.sensing.kalman import KalmanFilter
@@ -17,6 +19,7 @@ from quad_env.sensing.suite import Encoders, Imu, SensorSuite
 from quad_env.task.observations import OBSERVATION
 
 DT, SMALL = 0.01, 1e-6
+AHEAD = {"command": (0.8, 0.0, 0.3)}
 GRAVITY_SEEN, VELOCITY_SEEN = OBSERVATION["projected_gravity"], OBSERVATION["linear_velocity"]
 
 
@@ -73,23 +76,28 @@ def test_a_turn_takes_the_world_the_other_way() -> None:
     np.testing.assert_allclose(gravity, [[0.0, -np.sin(0.5), -np.cos(0.5)]], atol=1e-12)
 
 
+@cache
+def walked(seeds: tuple[int, ...], steps: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Actions of robots that walk ahead by the truth, and the truth after each."""
+    env, policy = SimpleQuadVectorEnv(len(seeds)), policies.make("trot")
+    true, _ = env.reset(seed=list(seeds), options=AHEAD)
+    policy.reset(num_envs=len(seeds))
+    actions: list[np.ndarray] = []
+    truth: list[np.ndarray] = []
+    for _ in range(steps):
+        actions.append(policy.act(true))
+        true = env.step(actions[-1])[0]
+        truth.append(true)
+    return actions, truth
+
+
 def walk(sensors: str, num_envs: int, seeds: list[int], steps: int, estimator: str = KALMAN):
     """Errors of gravity and velocity as shown, (steps, n, 3) each, and the filter; robots walk ahead by the truth."""
-    options = {"command": (0.8, 0.0, 0.3)}
-    made = [
-        SimpleQuadVectorEnv(num_envs, sensors=which, estimator=by, readings=True)
-        for which, by in ((sensors, estimator), ("truth", ESTIMATORS[0]))
-    ]
-    (seen, _), (true, _) = (vec.reset(seed=seeds, options=options) for vec in made)
-    policy = policies.make("trot")
-    policy.reset(num_envs=num_envs)
-    errors = []
-    for _ in range(steps):
-        action = policy.act(true)
-        seen, true = (vec.step(action)[0] for vec in made)
-        errors.append(seen - true)
-    errors = np.array(errors, dtype=np.float64)
-    return errors[..., GRAVITY_SEEN], errors[..., VELOCITY_SEEN], made[0].estimator
+    env = SimpleQuadVectorEnv(num_envs, sensors=sensors, estimator=estimator)
+    env.reset(seed=seeds, options=AHEAD)
+    actions, truth = walked(tuple(seeds), steps)
+    errors = np.array([env.step(action)[0] for action in actions], np.float64) - np.array(truth)
+    return errors[..., GRAVITY_SEEN], errors[..., VELOCITY_SEEN], env.estimator
 
 
 def rms(errors: np.ndarray) -> float:
@@ -210,3 +218,64 @@ def test_the_covariance_counts_the_mounting_of_the_imu_as_tilt() -> None:
     more = np.zeros_like(straight)
     more[error_state.TILT, error_state.TILT] = 0.02**2 * np.eye(3)
     np.testing.assert_allclose(turned - straight, more, atol=1e-12)
+
+
+def moved_on(filter_: KalmanFilter, times: int = 1, *, fresh: bool = True, **fields: np.ndarray) -> None:
+    """So many control steps with these readings, the others as of a robot at rest."""
+    now = read()._replace(fresh=np.array([fresh]), **fields)
+    for _ in range(times):
+        filter_.move_on(now, np.arange(1))
+
+
+IN_THE_AIR = {"contact": np.zeros((1, 4), np.bool_), "standing": np.zeros((1, 4), np.bool_)}
+
+
+def begun(late: int = 0) -> KalmanFilter:
+    filter_ = KalmanFilter(ROBOT, SensorSuite(), 1, DT, late)
+    filter_.begin(np.arange(1), read().accelerometer, read())
+    return filter_
+
+
+def test_a_velocity_goes_on_over_the_delay_with_its_acceleration_and_0_8_of_the_change_of_that() -> None:
+    """1 m/s² from one sample on, 30 ms late: 0.03 · (1 + 0.8 · 1) m/s at first, then 0.03."""
+    filter_ = begun(late=3)
+    for gained in (0.054, 0.03, 0.03):
+        moved_on(filter_, accelerometer=np.array([[1.0, 0.0, 9.81]]), **IN_THE_AIR)
+        ahead = filter_.velocity - filter_.motion.velocity
+        np.testing.assert_allclose(ahead, [[gained, 0.0, 0.0]], atol=2e-3)
+
+
+def test_encoders_without_a_new_sample_correct_nothing() -> None:
+    """Joints that are shown 0.1 rad off: with a new sample the feet are taken to be there."""
+    joints = read().joints + 0.1
+    there = ROBOT.hip_positions + foot_positions(ROBOT, joints.reshape(1, 4, 3))
+    for fresh in (False, True):
+        filter_ = begun()
+        before = filter_.motion.feet.copy()
+        moved_on(filter_, fresh=fresh, joints=joints, joints_before=joints, **IN_THE_AIR)
+        expected = there if fresh else before
+        assert np.abs(filter_.motion.feet - expected).max() < 0.2 * np.abs(there - before).max()
+
+
+def test_a_foot_s_reading_is_long_only_where_it_is_not_interrupted() -> None:
+    filter_ = begun()
+    stands = {"contact": np.ones((1, 4), np.bool_), "standing": np.ones((1, 4), np.bool_)}
+    moved_on(filter_, 3, **stands)
+    np.testing.assert_allclose(filter_._read, 0.03)
+    moved_on(filter_, 1, **IN_THE_AIR)
+    np.testing.assert_array_equal(filter_._read, 0.0)
+    moved_on(filter_, 2, **stands)
+    np.testing.assert_allclose(filter_._read, 0.02)
+
+
+def test_the_ground_gives_where_the_force_on_the_trunk_changes_and_not_while_it_stays() -> None:
+    """After a step of 20 m/s² the feet's heights are doubted more than of a robot at rest; the next change counts from
+    the force by then."""
+    heights = []
+    for force in (9.81, 29.81):
+        filter_ = begun()
+        moved_on(filter_, 40)
+        moved_on(filter_, accelerometer=np.array([[0.0, 0.0, force]]))
+        heights.append(float(filter_.covariance[0, FEET, FEET][2, 2]))
+        np.testing.assert_allclose(filter_._force, [[0.0, 0.0, force]], atol=0.05)
+    assert heights[1] > 1.02 * heights[0]

@@ -2,7 +2,9 @@
 
 import dataclasses
 import json
+import random
 
+import numpy as np
 import pytest
 import torch
 
@@ -79,3 +81,50 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path):
     with pytest.raises(UsageError, match="does not fit") as caught:
         checkpoint.restore(build(config, make_env(config)), checkpoint.load(tmp_path))
     assert "\n" not in str(caught.value)
+
+
+def used():
+    """A learner that has been at work, and its generators where that left them."""
+    model = build(CONFIG, make_env(CONFIG))
+    sum((each**2).sum() for each in model.policy.parameters()).backward()
+    model.policy.optimizer.step()
+    model.num_timesteps, model._n_updates = 4096, 36
+    random.seed(5), np.random.seed(6), torch.manual_seed(7)  # noqa: NPY002
+    random.random(), np.random.rand(3), torch.rand(2)  # noqa: NPY002
+    return model
+
+
+def drawn():
+    return random.random(), *np.random.rand(5), *torch.rand(3).tolist()  # noqa: NPY002
+
+
+def test_counts_weights_moments_and_random_numbers_go_on_where_a_checkpoint_was_made(tmp_path):
+    model = used()
+    checkpoint.save(tmp_path, checkpoint.capture(model, {"seconds": 3.0}, [np.ones((4, 12), np.float32)] * 2))
+    expected = drawn()
+    fresh = build(CONFIG, make_env(CONFIG))
+    found = checkpoint.load(tmp_path)
+    checkpoint.restore(fresh, found)
+    assert (fresh.num_timesteps, fresh._n_updates) == (4096, 36)
+    assert drawn() == expected
+    for name, weights in model.policy.state_dict().items():
+        assert torch.equal(fresh.policy.state_dict()[name], weights), name
+    moments, theirs = (each.policy.optimizer.state_dict()["state"] for each in (fresh, model))
+    assert moments.keys() == theirs.keys()
+    for index, of_weight in theirs.items():
+        for name, value in of_weight.items():
+            assert torch.equal(torch.as_tensor(moments[index][name]), torch.as_tensor(value)), name
+    assert found.progress["remembered"] == {"seconds": 3.0}
+    assert [each.tolist() for each in found.actions] == [np.ones((4, 12)).tolist()] * 2
+    assert not checkpoint.capture(model, {}).actions
+
+
+def test_a_run_that_starts_from_another_s_networks_begins_its_counts_and_moments_anew(tmp_path):
+    model = used()
+    checkpoint.save(tmp_path, checkpoint.capture(model, {}))
+    fresh = build(CONFIG, make_env(CONFIG))
+    checkpoint.take_networks(fresh, tmp_path)
+    for name, weights in model.policy.state_dict().items():
+        assert torch.equal(fresh.policy.state_dict()[name], weights), name
+    assert (fresh.num_timesteps, fresh._n_updates) == (0, 0)
+    assert not fresh.policy.optimizer.state_dict()["state"]

@@ -1,5 +1,7 @@
 """SB3's view of the residual: what its learner needs to bootstrap, and no more."""
 
+import dataclasses
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -7,6 +9,8 @@ import pytest
 import policies
 from quad_env import VectorHomePoseActions
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.scenarios.disturbances import Pushes
+from quad_env.scenarios.named import scenario
 from quad_env.seeding import episode_seeds
 from train.config import PpoConfig, TrainConfig
 from train.residual_env import ResidualVectorEnv
@@ -17,11 +21,13 @@ from train.training_robots import TrainingRobots
 SEEDS = episode_seeds("training", 3, 4).tolist()
 
 
-def training_env(n, first=None, steps=1000, base="trot", authority=0.3, reward_scale=1.0):
-    batch = SimpleQuadVectorEnv(n, "flat", 1, "DISABLED", max_episode_steps=steps)
+def training_env(
+    n, first=None, steps=1000, base="trot", authority=0.3, reward_scale=1.0, scenario="flat", privileged=False
+):
+    batch = SimpleQuadVectorEnv(n, scenario, 1, "DISABLED", max_episode_steps=steps)
     robots = TrainingRobots([batch], None if first is None else lambda _: np.array(first))
     residual = ResidualVectorEnv(robots, policies.make(base), np.full(12, authority, np.float32))
-    env = TrainingVecEnv(residual, SEEDS[:n], reward_scale)
+    env = TrainingVecEnv(residual, SEEDS[:n], reward_scale, privileged, keep_actions=True)
     env.reset()
     return env
 
@@ -53,6 +59,57 @@ def test_infos_are_empty_but_for_robots_that_finished():
         if finishing:
             np.testing.assert_array_equal(infos[0]["terminal_observation"], seen[0])
             assert infos[0]["TimeLimit.truncated"] is True
+
+
+def test_the_end_of_a_robot_is_its_own():
+    """Of the second of three: its last features, and its return and length."""
+    env, passing, returns = training_env(3, first=[9, 2, 9]), training_env(3), np.zeros(3)
+    for step in range(2):
+        _, rewards, finished, infos = env.step(noise(step, 3))
+        seen, *_ = passing.step(noise(step, 3))
+        returns += rewards
+    assert finished.tolist() == [False, True, False]
+    assert [sorted(each) for each in infos] == [[], ["TimeLimit.truncated", "episode", "terminal_observation"], []]
+    np.testing.assert_array_equal(infos[1]["terminal_observation"], seen[1])
+    assert infos[1]["episode"] == {"r": pytest.approx(returns[1]), "l": 2}
+    assert len(set(returns.round(6))) == 3
+
+
+def test_the_value_network_is_shown_the_end_of_the_episode_that_ended_and_the_start_of_the_next():
+    """One of two robots, pushed at its end: what the learner bootstraps on is what it would be shown if it went on."""
+    pushed = dataclasses.replace(scenario("push"), pushes=Pushes(count=1, duration=0.3, window=(0.05, 0.36)))
+    options = {"scenario": pushed, "privileged": True}
+    env, passing = training_env(2, first=[20, 90], **options), training_env(2, **options)
+    for step in range(20):
+        seen, _, finished, infos = env.step(noise(step, 2))
+        uncut, *_ = passing.step(noise(step, 2))
+    assert finished.tolist() == [True, False]
+    width = env.privileged
+    assert width == 1 + 3 + 2
+    np.testing.assert_array_equal(infos[0]["terminal_observation"], uncut[0])
+    assert np.abs(uncut[0, -2:]).max() > 0.1  # it was being pushed
+    np.testing.assert_array_equal(seen[1], uncut[1])
+    begun = TrainingVecEnv(passing.env, SEEDS[:2], privileged=True)
+    begun.reset()
+    _, infos = begun.env.env.reset(options={"reset_mask": np.array([True, True])})
+    np.testing.assert_array_equal(seen[0, -width:], infos["privileged"][0])
+    assert not seen[0, -2:].any()
+
+
+def test_a_run_is_repeated_by_its_seeds_and_actions():
+    env = training_env(2, steps=6)
+    for step in range(8):
+        last, _, finished, _ = env.step(noise(step, 2))
+    taken = list(env.taken)
+    again, ended = training_env(2, steps=6).repeat(SEEDS[:2], taken)
+    np.testing.assert_array_equal(again, last)
+    assert ended.tolist() == finished.tolist()
+    assert len(taken) == 8
+    observation, ended = env.repeat(SEEDS[2:4], [])
+    assert ended.all()
+    assert env.taken == []
+    env._episode_seeds = SEEDS[2:4]
+    np.testing.assert_array_equal(env.reset(), observation)
 
 
 def test_a_fall_at_the_time_limit_is_a_fall(monkeypatch):

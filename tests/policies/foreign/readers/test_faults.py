@@ -104,6 +104,10 @@ RL_SAR = [
 ]
 LEGGED_GYM = [
     (path("control/control_type", "T"), "`control.control_type` in settings.yaml must be P"),
+    (
+        path("control/use_actuator_network", True),
+        "`control.use_actuator_network` in settings.yaml: the joints were trained with a network of",
+    ),
     (path("control/stiffness/hip", None), "`control.stiffness` in settings.yaml has nothing for FL_hip_joint"),
     (path("env/num_observations", 45), "the observation is 45 numbers, and legged_gym's terms are 48"),
     (path("init_state/default_joint_angles/tail", 0.0), "the order of the joints RL_calf_joint, "),

@@ -1,9 +1,11 @@
 """What the files of other projects mean: joints in any order, scales and clips of terms, both layouts of a history."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from policies.base import PolicyError
 from policies.foreign.description import HeightGrid, PolicyDescription, Term
 from policies.foreign.readers import read, write_toml
 
@@ -75,6 +77,28 @@ def test_unitree_history_by_time_scales_before_clips_and_a_gait_clock(tmp_path: 
     assert policy.history_layout == "time"
     assert policy.terms[0] == Term("angular_velocity", (0.25,), (-4.0, 4.0), 4)
     assert policy.terms[-1] == Term("gait_clock", history=4, clock=1.25)
+
+
+@pytest.mark.parametrize(
+    ("name", "params", "threshold"),
+    [
+        ("gait_phase", {"period": 0.5}, 0.0),
+        ("gait_phase", {"period": 0.5, "command_name": "twist"}, 0.1),
+        ("gait_phase", {"period": 0.5, "command_name": "twist", "command_threshold": 0.05}, 0.05),
+        ("gait_phase_my", {"period": 0.5}, 0.1),
+        ("phase", {"cycle_time": 0.5}, 0.0),
+        ("phase", {"period": 0.5, "command_name": "twist"}, 0.1),
+    ],
+)
+def test_a_clock_stops_at_small_commands_where_the_file_says_so(
+    tmp_path: Path, name: str, params: dict[str, Any], threshold: float
+) -> None:
+    found = files.deploy(permuted(0))
+    found["observations"][name] = {"params": params, "clip": None, "scale": None, "history_length": 1}
+    network(tmp_path)
+    policy = described(written(tmp_path / "params/deploy.yaml", found))
+    assert policy.terms[-1] == Term("gait_clock", clock=2.0, zero_below=threshold)
+    assert any("`zero_below = 0.1` in a TOML" in remark for remark in policy.remarks) is (threshold == 0.0)
 
 
 def test_isaac_lab_joints_are_by_kind_and_gains_by_expression(tmp_path: Path) -> None:
@@ -168,6 +192,58 @@ def test_an_rl_sar_file_without_base_names_the_joints_in_the_policys_order(tmp_p
     assert (policy.history_layout, policy.history_newest) == ("term", "last")
 
 
+def rl_sar_before_v2_3(reduction: float = 1.0, framework: str = "isaacgym") -> dict[str, Any]:
+    """Settings as rl_sar had them up to v2.2: by leg, and the history from the end of its list."""
+    config, _ = files.rl_sar(list(range(12)))
+    own = config["go2/robot_lab"]
+    for key in ("joint_mapping", "observations_history_priority", "dt", "decimation"):
+        own.pop(key, None)
+    names = [name.replace("_joint", "_controller") for name in MOTORS]
+    own |= {"framework": framework, "rows": 4, "cols": 3, "dt": 0.005, "decimation": 4, "action_scale": 0.25}
+    own |= {"joint_controller_names": names, "observations_history": [5, 4, 3, 2, 1, 0]}
+    own |= {"hip_scale_reduction": reduction, "hip_scale_reduction_indices": [0, 3, 6, 9]}
+    return {"go2_isaacgym": own}
+
+
+def test_a_history_of_rl_sar_before_v2_3_is_walked_through_from_its_end(tmp_path: Path) -> None:
+    network(tmp_path, "policy.pt")
+    settings = rl_sar_before_v2_3()
+    policy = described(written(tmp_path / "config.yaml", settings))
+    assert (policy.history_newest, policy.terms[0].history) == ("first", 6)
+    assert policy.action_scale == (0.25,) * 12
+    settings["go2_isaacgym"]["observations_history"].reverse()
+    assert described(written(tmp_path / "config.yaml", settings)).history_newest == "last"
+
+
+def test_hips_of_rl_sar_before_v2_3_are_reduced_and_shown_so(tmp_path: Path) -> None:
+    network(tmp_path, "policy.pt")
+    policy = described(written(tmp_path / "config.yaml", rl_sar_before_v2_3(0.5)))
+    assert policy.action_scale == (0.125, 0.25, 0.25) * 4
+    assert policy.terms[-1] == Term("previous_action", (0.5, 1.0, 1.0) * 4, history=6)
+    assert policy.terms[3] == Term("joint_position", history=6)
+
+
+def test_joints_of_rl_sar_before_v2_3_are_transposed_for_isaac_sim(tmp_path: Path) -> None:
+    network(tmp_path, "policy.pt")
+    settings = rl_sar_before_v2_3(framework="isaacsim")
+    policy = described(written(tmp_path / "config.yaml", settings))
+    by_kind = tuple(f"{leg}_{kind}" for kind in files.KINDS for leg in files.LEGS)
+    assert policy.joints == by_kind
+    assert policy.default_position == tuple(of(by_kind))
+    assert policy.stiffness == tuple(of(by_kind, 20.0))
+
+
+def test_keys_of_both_ages_of_rl_sar_are_read_as_the_newer_or_refused(tmp_path: Path) -> None:
+    config, base = files.rl_sar(permuted(0))
+    written(tmp_path / "go2/base.yaml", base)
+    network(tmp_path, "go2/robot_lab/policy.pt")
+    config["go2/robot_lab"]["hip_scale_reduction"] = 1.0
+    assert described(written(tmp_path / "go2/robot_lab/config.yaml", config)).history_newest == "first"
+    config["go2/robot_lab"]["hip_scale_reduction"] = 0.5
+    with pytest.raises(PolicyError, match=r"hip_scale_reduction.* in `action_scale`, joint by joint"):
+        read(written(tmp_path / "go2/robot_lab/config.yaml", config))
+
+
 @pytest.mark.parametrize("suffix", [".yaml", ".json"])
 def test_legged_gym_joints_are_in_isaac_gyms_order(tmp_path: Path, suffix: str) -> None:
     network(tmp_path, "exported/policies/policy_1.pt")
@@ -184,6 +260,17 @@ def test_legged_gym_joints_are_in_isaac_gyms_order(tmp_path: Path, suffix: str) 
     assert (policy.width, policy.action_clip) == (54, (-50.0, 50.0))
 
 
+def test_legged_gyms_gains_are_those_of_the_last_key_in_the_joints_name(tmp_path: Path) -> None:
+    network(tmp_path, "policy.pt")
+    found = files.legged_gym()
+    found["control"]["stiffness"] = {"joint": 20.0, "calf_joint": 40.0, "RL_calf": 60.0}
+    found["control"]["damping"] = {"RL_calf": 3.0, "calf_joint": 1.0, "joint": 0.5}
+    policy = described(written(tmp_path / "settings.json", found))
+    expected = {name: (40.0, 1.0) if "calf" in name else (20.0, 0.5) for name in policy.joints}
+    expected["RL_calf_joint"] = (60.0, 3.0)
+    assert dict(zip(policy.joints, zip(policy.stiffness, policy.damping, strict=True), strict=True)) == expected
+
+
 def test_himloco_shows_six_steps_the_newest_first_and_scales_hips_less(tmp_path: Path) -> None:
     found = files.legged_gym()
     found["env"] = {"num_observations": 270, "num_one_step_observations": 45}
@@ -194,6 +281,15 @@ def test_himloco_shows_six_steps_the_newest_first_and_scales_hips_less(tmp_path:
     assert (policy.history_layout, policy.history_newest, policy.history_start) == ("time", "first", "zero")
     assert policy.action_scale == (0.125, 0.25, 0.25) * 4
     assert policy.width == 270
+
+
+@pytest.mark.parametrize("key", ["hip_reduction", "hip_scale_reduction"])
+def test_either_key_of_legged_gym_s_offspring_scales_hips_less(tmp_path: Path, key: str) -> None:
+    found = files.legged_gym()
+    found["control"] |= {key: 0.4}
+    network(tmp_path, "policy.pt")
+    policy = described(written(tmp_path / "settings.yaml", found))
+    assert policy.action_scale == pytest.approx((0.1, 0.25, 0.25) * 4)
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -1,0 +1,195 @@
+"""Why a robot does not stand: each suspected cause is mended in a simulation, until the robot stands.
+
+Of what can be mended in a copy of the model these are servo gains, springs in the joints, shapes that press against
+each other, and inertias that no link has. What is in force is never proposed.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from quad_env.doctor.check import Subject
+from quad_env.doctor.stance import LARGEST_LAG, Stance, new_env, stance_of
+from quad_env.robots.arena import body_names
+from quad_env.robots.collisions import GROUND_BIT, HERE, OWN
+from quad_env.robots.plausibility import LONGEST
+from quad_env.robots.robot import Robot
+from quad_env.robots.similarity import servo_gains
+from quad_env.robots.unlikely_inertias import unlikely_inertias
+
+ALIKE = 0.1
+"""Largest relative difference of servo gains that are taken for the same."""
+_SHOWN = 3
+"""Largest number of parts that are named."""
+
+Mend = Callable[[Any], None]
+"""Changes the model of a simulation of one robot."""
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A possible cause."""
+
+    cause: str
+    remedy: str
+    mend: Mend | None = None
+    """None where the robot itself is another one."""
+    robot: Robot | None = None
+    """The robot after the remedy; None for the same."""
+
+    def helps(self, robot: Robot) -> bool:
+        """Whether the robot stands after the remedy."""
+        env = new_env(self.robot or robot)
+        if self.mend is not None:
+            self.mend(env.simulation)
+            env.simulation.batch.set_const(np.array([0]))
+        return stance_of(env).fault is None
+
+
+def diagnosis(subject: Subject, stance: Stance) -> tuple[str, str]:
+    """Return cause and remedy of a robot that does not stand."""
+    robot = stance.robot
+    suspects = list(_suspects(subject, stance))
+    for suspect in suspects:
+        if suspect.helps(robot):
+            return suspect.cause, suspect.remedy
+    if stance.is_overloaded and robot.leg_length > LONGEST:
+        cause = f"its legs are {robot.leg_length:.3g} m long, as of a model in millimetres"
+        return cause, f"lengths in metres in {robot.mjcf}, such as scale of the meshes and pos of the bodies"
+    if stance.is_overloaded:
+        cause = "masses are too large (grams for kilograms?), or the largest torque is too small"
+        return cause, f"mass of the bodies in {robot.mjcf}, or rated_torque in {subject.figures}"
+    if not stance.diverged and _is_held(stance):
+        cause = "in the home pose the feet are not below the centre of mass, or a mass is not where it should be"
+        return cause, f"home_pose in {subject.figures}, or masses in {robot.mjcf}; describe --picture shows it"
+    also = "".join(f"; {suspect.cause}" for suspect in suspects)
+    cause = f"no single one of servo gains, springs, contacts with itself and inertias explains it{also}"
+    return cause, f"masses, inertias, joints and home_pose in {robot.mjcf}; describe --picture shows it"
+
+
+def _is_held(stance: Stance) -> bool:
+    """Whether the joints hold their targets and come to rest: the pose or the masses are wrong, and not the servos."""
+    return stance.fault is not None and stance.fault.startswith("it does not stand")
+
+
+def _suspects(subject: Subject, stance: Stance) -> Iterator[Suspect]:
+    """Possible causes, the likeliest first."""
+    robot = stance.robot
+    yield from _gains(subject, stance)
+    inertias = unlikely_inertias(robot)
+    if inertias:
+        names = _some([each.name for each in inertias])
+        first = inertias[0]
+        cause = (
+            f"{names} has a moment of inertia of {first.moment:.3g} kg·m², and {first.mass:.3g} kg within "
+            f"{first.reach:.2f} m have at most {first.largest:.1g}: a placeholder"
+        )
+        remedy = f"correct the inertia of {names} in {robot.mjcf}"
+
+        def believed(simulation: Any) -> None:
+            for each in inertias:
+                _expanded(simulation, "body_inertia")[:, each.body] = 0.2 * each.largest
+
+        yield Suspect(cause, remedy, believed)
+    yield from _joint_suspects(robot)
+    yield from _contacts(robot, stance)
+
+
+def _gains(subject: Subject, stance: Stance) -> Iterator[Suspect]:
+    """Servo gains that are those of SimpleQuad, scaled, where others are in force."""
+    robot = stance.robot
+    if stance.is_overloaded:
+        return
+    stiffness, damping = (_rounded(gain) for gain in servo_gains(robot))
+    in_force = np.stack((robot.servo_stiffness, robot.servo_damping))
+    proposed = np.array(((float(stiffness),), (float(damping),)))
+    if (np.abs(in_force / proposed - 1.0) < ALIKE).all():
+        return
+    other = robot.with_servo(float(stiffness), float(damping))
+    lags = not stance.diverged and stance.lag > LARGEST_LAG
+    if lags:
+        cause = f"a stiffness of {robot.servo_stiffness.min():g} N·m/rad is too little for {robot.mass:.3g} kg"
+    else:
+        of = f"a stiffness of {robot.servo_stiffness.max():g} N·m/rad"
+        cause = f"a damping of {robot.servo_damping.min():g} N·m·s/rad is too little for {of}"
+    remedy = f"servo_stiffness = {stiffness} and servo_damping = {damping} or so in {subject.figures}"
+    yield Suspect(cause, remedy, robot=other)
+
+
+def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
+    """Springs of the joints."""
+    model = robot.model
+    springs = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
+    joints = [int(joint) for joint in np.flatnonzero(springs.any(axis=1))]
+    if joints:
+        names = _some([_joint_name(model, joint) for joint in joints])
+        largest = float(np.abs(springs).sum(axis=1).max())
+        cause = f"springs in the joints of the model pull against the servos: {names}, up to {largest:.3g} N·m at 1 rad"
+
+        def slack(simulation: Any) -> None:
+            for field in ("jnt_stiffness", "jnt_stiffnesspoly"):
+                _expanded(simulation, field)[:] = 0.0
+
+        yield Suspect(cause, f"stiffness = 0 of these joints in {robot.mjcf}", slack)
+
+
+def self_contacts(subject: Subject) -> list[str]:
+    """Say in a line which bodies of the robot press against each other after it has stood; nothing where none do."""
+    pairs = _pressing(subject.env)
+    return [f"bodies of the robot press against each other: {_in_words(pairs)}"] if pairs else []
+
+
+def _pressing(env: Any) -> list[tuple[str, str]]:
+    """Names of the bodies of a robot that touch each other after a stand, in pairs, as its file has them."""
+    stance_of(env)
+    model = env.model
+    bodies = model.geom_bodyid[env.data.contact.geom]
+    own = bodies[(bodies > 0).all(axis=1)]
+    pairs = sorted({(int(min(pair)), int(max(pair))) for pair in own})
+    theirs = body_names(env.robot) if pairs else {}
+    return [(_name(model, one, theirs), _name(model, other, theirs)) for one, other in pairs]
+
+
+def _in_words(pairs: list[tuple[str, str]]) -> str:
+    return _some([" and ".join(pair) for pair in pairs])
+
+
+def _contacts(robot: Robot, stance: Stance) -> Iterator[Suspect]:
+    """Bodies of the robot that press against each other where it was left by its stand."""
+    pairs = [] if stance.diverged else _pressing(new_env(robot))
+    if not pairs:
+        return
+
+    def apart(simulation: Any) -> None:
+        its_own = simulation.model.geom_bodyid > 0
+        for field in ("geom_contype", "geom_conaffinity"):
+            _expanded(simulation, field)[:, its_own] &= GROUND_BIT
+
+    cause = f"bodies of the robot press against each other: {_in_words(pairs)}"
+    rules = "".join(f'<exclude body1="{one}" body2="{other}"/>' for one, other in pairs)
+    yield Suspect(cause, f"<contact>{rules}</contact> in {robot.mjcf}, or other shapes", apart)
+
+
+def _rounded(gain: float) -> str:
+    """A gain as it is proposed: what is tried is this number."""
+    return f"{gain:.3g}" if gain < 1.0 else f"{gain:.1f}" if gain < 100.0 else f"{gain:.0f}"
+
+
+def _expanded(simulation: Any, field: str) -> Any:
+    return simulation.batch.expand(field)
+
+
+def _some(names: list[str]) -> str:
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(names[:_SHOWN]) + more
+
+
+def _joint_name(model: Any, joint: int) -> str:
+    return str(model.joint(joint).name) if model.jnt_dofadr[joint] >= 6 else "the free joint"
+
+
+def _name(model: Any, body: int, theirs: dict[str, str]) -> str:
+    name = str(model.body(body).name)
+    return theirs.get(name, name.removeprefix(OWN).removeprefix(HERE))

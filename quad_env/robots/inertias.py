@@ -1,0 +1,130 @@
+"""Inertias of a user's model that no body can have: balanced as MuJoCo's `balanceinertia` does, and named."""
+
+from typing import Any
+
+import numpy as np
+
+from quad_env.robots.anatomy import ModelError
+from quad_env.robots.shapes import Floats
+
+UNBALANCED = "A + B >= C"
+NOT_POSITIVE = "positive eigenvalues"
+NOTHING = "must be larger than mjMINVAL"
+"""Parts of the errors of MuJoCo's compiler about inertias."""
+LEAST = 1e-15
+"""Least mass, kg, and moment of inertia, kg·m², of a body that moves: mjMINVAL of MuJoCo."""
+FROM_GEOMS = 1
+"""Value of `inertiafromgeom` with which inertias of the file do not count: mjINERTIAFROMGEOM_TRUE of MuJoCo."""
+LEAST_MASS = 1e-9
+"""Of a link that moves and has no mass, kg; a millionth of a gram."""
+LEAST_RADIUS = 0.01
+"""Radius of gyration of such a link, m."""
+
+
+def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
+    """Compile a specification; inertias that MuJoCo refuses are changed in it to three equal moments.
+
+    Args:
+        mujoco: The package.
+        spec: The `mujoco.MjSpec`, changed only where MuJoCo refuses an inertia.
+
+    Returns:
+        model: Compiled `mujoco.MjModel`.
+        balanced: Names of the bodies whose inertia was changed.
+
+    Raises:
+        ModelError: A body has no mass, or an inertia whose mean moment is not above 0.
+        ValueError: MuJoCo does not compile it for another reason.
+    """
+    moments = [(body, _moments(body)) for body in spec.bodies[1:] if body.explicitinertial]
+    for body, own in moments:
+        if own[0] < 0.0 and own.mean() < LEAST:
+            raise ModelError(_refusal(body.name))
+    try:
+        model = spec.compile()
+        return model, _balanced(spec, model, moments)
+    except ValueError as error:
+        if not any(text in str(error) for text in (UNBALANCED, NOT_POSITIVE, NOTHING)):
+            raise
+    for body, own in moments:
+        if own.min() < LEAST <= own.mean():
+            body.fullinertia = np.full(6, np.nan)
+            body.inertia = np.full(3, own.mean())
+    for part in (spec, *spec.bodies):
+        part.compiler.balanceinertia = 1
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        if NOTHING in str(error) or NOT_POSITIVE in str(error):
+            raise ModelError(_without_inertia(spec, error)) from error
+        raise
+    return model, _balanced(spec, model, moments)
+
+
+def _balanced(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -> tuple[str, ...]:
+    """Names of the bodies whose moments MuJoCo, or `compile_balanced`, has made equal since they were impossible."""
+    if int(spec.compiler.inertiafromgeom) == FROM_GEOMS:
+        return ()
+    return tuple(
+        body.name or f"number {body.id}"
+        for body, own in moments
+        if (own[0] < LEAST or own[0] + own[1] < own[2]) and np.ptp(own) > np.ptp(model.body_inertia[body.id]) == 0.0
+    )
+
+
+def without_inferred_masses(spec: Any) -> tuple[str, ...]:
+    """Let links of a URDF without `<inertial>` have no mass, whatever shapes they have.
+
+    A link that moves and carries others gets `LEAST_MASS`, without which MuJoCo does not read it.
+
+    Args:
+        spec: The `mujoco.MjSpec` of the URDF, changed.
+
+    Returns:
+        Names of the links that collide and have no mass.
+    """
+    if int(spec.compiler.inertiafromgeom):  # the file asks for it
+        return ()
+    found = []
+    for body in spec.bodies[1:]:
+        if body.explicitinertial and body.mass > 0.0:
+            continue
+        if any(geom.contype or geom.conaffinity for geom in body.geoms):
+            found.append(body.name)
+        if body.joints and not _mass(body, welded_only=True) and _mass(body):
+            body.explicitinertial = True
+            body.mass = LEAST_MASS
+            body.fullinertia = np.full(6, np.nan)
+            body.inertia = np.full(3, LEAST_MASS * LEAST_RADIUS**2)
+    return tuple(found)
+
+
+def _mass(body: Any, welded_only: bool = False) -> float:
+    """Mass of a body and of those below it, or of those that are welded to it, kg."""
+    below = [each for each in body.bodies if not (welded_only and each.joints)]
+    own = float(body.mass) if body.explicitinertial else 0.0
+    return own + sum(_mass(each, welded_only) for each in below)
+
+
+def _moments(body: Any) -> Floats:
+    """Principal moments of a body's explicit inertia, ascending, (3,), kg·m²."""
+    full = np.array(body.fullinertia)
+    if np.isnan(full[0]):
+        return np.sort(body.inertia)
+    matrix = np.diag(full[:3])
+    matrix[0, 1] = matrix[1, 0] = full[3]
+    matrix[0, 2] = matrix[2, 0] = full[4]
+    matrix[1, 2] = matrix[2, 1] = full[5]
+    moments: Floats = np.linalg.eigvalsh(matrix)
+    return moments
+
+
+def _without_inertia(spec: Any, error: ValueError) -> str:
+    """Text about the body of MuJoCo's error, which has no mass or no inertia."""
+    name = next((body.name for body in spec.bodies if body.name and f"'{body.name}'" in str(error)), "")
+    return _refusal(name)
+
+
+def _refusal(name: str) -> str:
+    which = repr(name) if name else "a body without a name"
+    return f"{which}: mass and moments of inertia must be larger than 0 where a joint moves a body"

@@ -1,0 +1,66 @@
+"""Legs by the words of names: `FL_hip_joint` and `front_left_hip` say fl; and whether the names are where they say."""
+
+import re
+from collections.abc import Iterator, Sequence
+
+from quad_env.robots.anatomy import JOINTS_PER_LEG, LEG_WORDS
+from quad_env.robots.robot import Robot
+
+PLACES = {"fl": "front left", "fr": "front right", "hl": "hind left", "hr": "hind right"}
+"""Legs in words."""
+_ENDS = {"front": "f", "fore": "f", "hind": "h", "rear": "h", "back": "h"}
+_SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
+_WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
+_MIRROR = str.maketrans("lr", "rl")
+_REVERSE = str.maketrans("fh", "hf")
+_TURNS = {
+    "the model faces backward (its x axis points to the tail): turn it by 180° about z": (_MIRROR, _REVERSE),
+    "left and right are exchanged (its y axis points to the right?): y points to the left": (_MIRROR,),
+    "fore and hind are exchanged (its x axis points to the tail?): x points forward": (_REVERSE,),
+}
+"""Cause and remedy of names that all differ from the places in the same way, and what maps the one to the other."""
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words of a name, in small letters."""
+    return [word.lower() for word in _WORD.findall(name)]
+
+
+def leg_of(words: Sequence[str]) -> str | None:
+    """Return fl, fr, hl or hr; None where the words do not say it."""
+    known = {LEG_WORDS[word] for word in words if word in LEG_WORDS}
+    ends = {_ENDS[word] for word in words if word in _ENDS}
+    sides = {_SIDES[word] for word in words if word in _SIDES}
+    if not known and len(ends) == len(sides) == 1:
+        known = {ends.pop() + sides.pop()}
+    return known.pop() if len(known) == 1 else None
+
+
+def contradictions(robot: Robot) -> Iterator[str]:
+    """Say in a line which joints' names contradict the places of their hips, and how to mend it; nothing if none."""
+    said = [leg_of(words_of(name)) for name in robot.joint_names]
+    places = [leg for leg in robot.leg_names for _ in range(JOINTS_PER_LEG)]
+    wrong = [
+        (name, leg, place)
+        for name, leg, place in zip(robot.joint_names, said, places, strict=True)
+        if leg is not None and leg != place
+    ]
+    if not wrong:
+        return
+    shown = {(leg, place): name for name, leg, place in reversed(wrong)}
+    pairs = ", ".join(f"{name} is {PLACES[place]}" for (_, place), name in reversed(shown.items()))
+    yield f"names and places disagree: {pairs}; {_remedy(shown)}"
+
+
+def _remedy(wrong: dict[tuple[str, str], str]) -> str:
+    for remedy, maps in _TURNS.items():
+        turned = {(_mapped(leg, maps), place) for leg, place in wrong}
+        if all(leg == place for leg, place in turned):
+            return remedy
+    return "exchange the names, or the places"
+
+
+def _mapped(leg: str, maps: Sequence[dict[int, int]]) -> str:
+    for each in maps:
+        leg = leg.translate(each)
+    return leg

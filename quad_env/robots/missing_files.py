@@ -1,0 +1,70 @@
+"""Meshes and textures of a model that are only shown and whose files are not there: left out, and told."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+NOTE = "quad_env: files that are not there"
+"""Name of the custom text in a specification that lists what was left out."""
+
+
+def leave_out_missing(spec: Any) -> None:
+    """Delete from a specification the geoms of missing meshes that neither collide nor weigh, and missing textures.
+
+    What collides or gives a body its mass stays: MuJoCo refuses the model, and names the file.
+    """
+    missing = [*_meshes(spec), *_textures(spec)]
+    note_missing(spec, missing)
+
+
+def note_missing(spec: Any, files: list[str]) -> None:
+    """Add the names of files that were left out to a specification."""
+    if files:
+        spec.add_text(name=NOTE, data=", ".join(files))
+
+
+def missing_files(spec: Any) -> str | None:
+    """Return the names of the files that were left out of a specification; None for none."""
+    return next((str(text.data) for text in spec.texts if text.name == NOTE), None)
+
+
+def _meshes(spec: Any) -> Iterator[str]:
+    paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
+    for mesh in list(spec.meshes):
+        if not mesh.file or _is_there(spec, mesh.file, mesh.compiler.meshdir):
+            continue
+        users = [geom for geom in spec.geoms if geom.meshname == mesh.name]
+        if users and not any(_matters(geom, paired) for geom in users):
+            for geom in users:
+                spec.delete(geom)
+            yield mesh.file
+            spec.delete(mesh)
+
+
+def _matters(geom: Any, paired: set[str]) -> bool:
+    """Whether a geom collides or gives its body a mass."""
+    if geom.contype or geom.conaffinity or (geom.name and geom.name in paired):
+        return True
+    compiler = geom.parent.compiler
+    first, last = compiler.inertiagrouprange
+    if geom.parent.id == 0 or not first <= geom.group <= last:
+        return False
+    is_massless = geom.mass == 0.0 or geom.density == 0.0
+    is_given = bool(geom.parent.explicitinertial) and int(compiler.inertiafromgeom) != 1
+    return not (is_massless or is_given)
+
+
+def _textures(spec: Any) -> Iterator[str]:
+    for texture in list(spec.textures):
+        if not texture.file or _is_there(spec, texture.file, spec.compiler.texturedir):
+            continue
+        for material in spec.materials:
+            material.textures = ["" if name == texture.name else name for name in material.textures]
+        yield texture.file
+        spec.delete(texture)
+
+
+def _is_there(spec: Any, file: str, folder: str) -> bool:
+    name = Path(file).name if spec.strippath else file
+    places = (Path(spec.modelfiledir) / folder / name, Path(spec.modelfiledir) / name)
+    return any(place.is_file() for place in places)

@@ -1,0 +1,176 @@
+"""What a user's model has and the robot has not, in lines: what is left out, and what is replaced.
+
+`model_fields` lists what becomes of every field. The lines are made before joints of no leg are held and the scene is
+left out, since both take tendons, equalities and motors with them.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from quad_env.robots.model_fields import OPTION_FIELDS
+from quad_env.robots.shapes import Bools, descendants, solid
+
+Lines = tuple[tuple[str, str], ...]
+MOST_NAMES = 6
+"""Largest number of names in a list."""
+CONTACT = "contact"
+"""Heading of the line about contact parameters."""
+_CONTACT_FIELDS = "condim", "priority", "margin", "gap", "solref", "solimp", "solmix", "adhesion", "surfacevel"
+_PAIR_FIELDS = {
+    "dim": 3.0,
+    "margin": 0.0,
+    "gap": 0.0,
+    "solref": (0.02, 1.0),
+    "solreffriction": 0.0,
+    "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
+    "adhesion": 0.0,
+}
+"""Contact parameters of explicit pairs, and MuJoCo's defaults."""
+_HINDERING = {
+    "spring": ("jnt_stiffness", "jnt_stiffnesspoly"),
+    "damping": ("dof_damping", "dof_dampingpoly"),
+    "armature": ("dof_armature",),
+    "friction loss": ("dof_frictionloss",),
+}
+"""Fields of a free joint that act on the trunk, as if something held it."""
+_FLAGS = (
+    *("mjDSBL_CONSTRAINT", "mjDSBL_EQUALITY", "mjDSBL_FRICTIONLOSS", "mjDSBL_LIMIT", "mjDSBL_CONTACT", "mjDSBL_SPRING"),
+    *("mjDSBL_DAMPER", "mjDSBL_GRAVITY", "mjDSBL_CLAMPCTRL", "mjDSBL_FILTERPARENT", "mjDSBL_ACTUATION"),
+)
+"""Disable flags of physics; the others are of numerics."""
+
+
+def omissions(mujoco: Any, spec: Any, model: Any, root: int) -> Lines:
+    """Return what of a model the robot has not.
+
+    Args:
+        mujoco: The package.
+        spec: The model's `mujoco.MjSpec`, as the file has it.
+        model: Compiled `mujoco.MjModel` of it.
+        root: Id of the robot's body with the free joint.
+
+    Returns:
+        Heading and text of each line.
+    """
+    own = descendants(model, root)
+    return (
+        *_left_out(mujoco, spec, model, own),
+        *_forces(mujoco, model, own, root),
+        *_contact(mujoco, model, own),
+        *_settings(mujoco, model),
+    )
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names with commas, the last ones counted where there are many."""
+    names = list(names)
+    more = len(names) - MOST_NAMES
+    return ", ".join(names) if more <= 0 else f"{', '.join(names[:MOST_NAMES])} and {more} more"
+
+
+def _left_out(mujoco: Any, spec: Any, model: Any, own: Bools) -> Iterator[tuple[str, str]]:
+    """Scene, tendons, equalities, soft bodies, and actuators of neither joints nor tendons."""
+    scene = np.flatnonzero(~own & (model.body_parentid == 0))[1:]  # the first is the world
+    found = [f"body {model.body(int(body)).name or body}" for body in scene]
+    geoms = sum(geom.parent.id == 0 for geom in spec.geoms)
+    found += [f"{geoms} {'geom' if geoms == 1 else 'geoms'} of the world"] if geoms else []
+    trains = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT, mujoco.mjtTrn.mjTRN_TENDON
+    others = [each for each in spec.actuators if each.trntype not in trains]
+    for one, many, names in (
+        ("tendon", "tendons", [_part(each) for each in spec.tendons]),
+        ("equality", "equalities", [_equality(mujoco, each) for each in spec.equalities]),
+        ("flex", "flexes", [_part(each) for each in spec.flexes]),
+        ("actuator of no joint", "actuators of no joint", [_part(each) for each in others]),
+        (
+            "body plugin",
+            "body plugins",
+            [_body(model, each) for each in np.flatnonzero(own & (model.body_plugin >= 0))],
+        ),
+    ):
+        found += [f"{len(names)} {one if len(names) == 1 else many} ({listed(names)})"] if names else []
+    if found:
+        yield "left out", ", ".join(found)
+
+
+def _equality(mujoco: Any, equality: Any) -> str:
+    kind = mujoco.mjtEq(equality.type).name.removeprefix("mjEQ_").lower()
+    return f"{kind} {equality.name or ' to '.join(filter(None, (equality.name1, equality.name2)))}"
+
+
+def _part(part: Any) -> str:
+    return str(part.name or f"number {part.id}")
+
+
+def _body(model: Any, body: Any) -> str:
+    return str(model.body(int(body)).name or f"number {body}")
+
+
+def unlimited(model: Any, joints: Iterable[int]) -> Lines:
+    """Return a line about leg joints without a range, which get one."""
+    names = [model.joint(joint).name for joint in joints if not model.jnt_limited[joint]]
+    return (("no range", f"of {listed(names)} in the model: ±π rad"),) if names else ()
+
+
+def _forces(mujoco: Any, model: Any, own: Bools, root: int) -> Iterator[tuple[str, str]]:
+    """What would act on the robot besides its weight, its motors and the ground."""
+    if (lifted := np.flatnonzero(own & (model.body_gravcomp != 0.0))).size:
+        names = listed(_body(model, body) for body in lifted)
+        yield "gravcomp", f"of {names} is left out: the feet carry the whole weight"
+    free = int(model.body_jntadr[root])
+    dof = int(model.jnt_dofadr[free])
+    rows = {"jnt": free, "dof": slice(dof, dof + 6)}
+    acting = [
+        name
+        for name, fields in _HINDERING.items()
+        if any(np.any(getattr(model, field)[rows[field[:3]]] != 0.0) for field in fields)
+    ]
+    if acting:
+        yield "free joint", f"{', '.join(acting)} left out: nothing but the ground holds the trunk"
+    plastic = np.flatnonzero(own[model.jnt_bodyid] & (model.jnt_springyield != 0.0))
+    hinges = [joint for joint in plastic if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE]
+    if hinges:
+        names = listed(model.joint(int(joint)).name or f"number {joint}" for joint in hinges)
+        yield "springyield", f"of {names} is left out: their springs stay elastic"
+
+
+def _contact(mujoco: Any, model: Any, own: Bools) -> Iterator[tuple[str, str]]:
+    """Contact parameters that the file sets."""
+    geoms = own[model.geom_bodyid] & solid(model)
+    pairs = own[model.geom_bodyid[model.pair_geom1]] & own[model.geom_bodyid[model.pair_geom2]]
+    default = mujoco.MjModel.from_xml_string('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
+    found = [
+        field
+        for field in _CONTACT_FIELDS
+        if _differs(getattr(model, f"geom_{field}")[geoms], getattr(default, f"geom_{field}")[0])
+    ]
+    of_pairs = [
+        f"con{field}" if field == "dim" else field
+        for field, neutral in _PAIR_FIELDS.items()
+        if _differs(getattr(model, f"pair_{field}")[pairs], neutral)
+    ]
+    found += [field for field in of_pairs if field not in found]
+    if found:
+        yield CONTACT, f"{', '.join(found)} of the model: replaced by SimpleQuad's"
+
+
+def _differs(values: Any, neutral: Any) -> bool:
+    return bool(np.any(np.asarray(values) != neutral))
+
+
+def _settings(mujoco: Any, model: Any) -> Iterator[tuple[str, str]]:
+    """Physics of the file's options that is not the bench's."""
+    default = mujoco.MjSpec().option
+    overridden = bool(model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE)
+    found = []
+    for field in OPTION_FIELDS["named"]:
+        value = np.atleast_1d(getattr(model.opt, field))
+        if field in ("disableflags", "enableflags"):
+            continue
+        if _differs(value, getattr(default, field)) and (overridden or not field.startswith("o_")):
+            found.append(f"{field} {' '.join(f'{each:g}' for each in value)}")
+    flags = [flag for flag in _FLAGS if model.opt.disableflags & getattr(mujoco.mjtDisableBit, flag)]
+    found += [f"{flag.removeprefix('mjDSBL_').lower()} off" for flag in flags]
+    if found:
+        yield "settings", f"{', '.join(found)}: not taken over, the bench has its own"

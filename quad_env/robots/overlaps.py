@@ -1,0 +1,64 @@
+"""Collision shapes of a robot that overlap in its home pose: a rotor inside the trunk, a thigh that reaches into it.
+
+Two bodies with overlapping shapes push each other apart for ever, against every servo. Makers leave such overlaps in
+models whose simulator does not let a robot collide with itself. On our ground these bodies do not collide with each
+other; feet are left as they are.
+"""
+
+import copy
+from typing import Any, NamedTuple
+
+from quad_env.robots.anatomy import Anatomy
+from quad_env.robots.shapes import Floats
+
+
+class Overlap(NamedTuple):
+    """Two bodies with shapes that overlap in the home pose."""
+
+    bodies: tuple[int, int]
+    """Ids in the model."""
+    geoms: tuple[int, int]
+    """Ids of the two shapes that overlap most."""
+    depth: float
+    """How far these reach into each other, m."""
+
+
+def overlaps_of(mujoco: Any, model: Any, found: Anatomy, home_pose: Floats) -> list[Overlap]:
+    """Return the pairs of bodies whose shapes overlap in the home pose and collide in the model, in its order.
+
+    Args:
+        mujoco: The package.
+        model: Compiled model, as its file has it.
+        found: What it is made of.
+        home_pose: Joint angles in the robot's terms, (12,), rad.
+    """
+    model = copy.copy(model)
+    model.opt.disableflags = 0
+    data = mujoco.MjData(model)
+    places = model.jnt_qposadr[found.joints]
+    data.qpos[places] = model.qpos0[places] + found.signs * (home_pose - found.zeros)
+    mujoco.mj_fwdPosition(model, data)
+    feet = {geom for leg in found.legs for geom in leg.foot.geoms}
+    deepest: dict[tuple[int, int], Overlap] = {}
+    for contact in data.contact[: data.ncon]:
+        geoms = int(contact.geom[0]), int(contact.geom[1])
+        bodies = int(model.geom_bodyid[geoms[0]]), int(model.geom_bodyid[geoms[1]])
+        if contact.dist >= 0.0 or feet.intersection(geoms) or not found.own[list(bodies)].all():
+            continue
+        pair = (min(bodies), max(bodies))
+        if pair not in deepest or -contact.dist > deepest[pair].depth:
+            deepest[pair] = Overlap(pair, geoms, -float(contact.dist))
+    return [deepest[pair] for pair in sorted(deepest)]
+
+
+def overlap_line(model: Any, overlaps: list[Overlap]) -> str:
+    """Name the pairs by bodies, and by how far their shapes reach into each other."""
+    pairs = [
+        f"{_name(model, overlap.bodies[0])} and {_name(model, overlap.bodies[1])} by {1e3 * overlap.depth:.1f} mm"
+        for overlap in overlaps
+    ]
+    return f"shapes overlap in the home pose, and do not collide with each other here: {', '.join(pairs)}"
+
+
+def _name(model: Any, body: int) -> str:
+    return str(model.body(body).name) or f"body number {body}"

@@ -1,0 +1,45 @@
+"""Digests of the descriptions of trained policies: `python -m research seal FOLDER…` adds them to older bundles.
+
+`policies.load` refuses a `policy.json` that is not as it was written, where it has such a digest.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from policies import bundle
+from policies.description import DIGEST, digest_of
+from quad_env.cli.command_line import UsageError
+from quad_env.files.reading import parse_json, read_bytes
+from quad_env.files.writing import write_atomically
+
+
+@dataclass(frozen=True)
+class Options:
+    """Add the digest of its description to each bundle."""
+
+    folders: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Folders of trained policies, such as models/residual."""
+
+
+def main(options: Options) -> int:
+    """Write the digests; the exit code."""
+    for folder in options.folders:
+        print(f"{folder}: {seal(folder)}")
+    return 0
+
+
+def seal(folder: Path) -> str:
+    """Add the digest to the description of a bundle that loads; the digest. Raises UsageError."""
+    file = folder / bundle.DESCRIPTION
+    if not file.is_file():
+        raise UsageError(f"FOLDER: {folder} has no {bundle.DESCRIPTION}")
+    description = parse_json(read_bytes(file))
+    digest = digest_of(description)
+    if description.setdefault(DIGEST, digest) != digest:
+        raise UsageError(f"FOLDER: {file} is not as it was written ({DIGEST} differs)")
+    write_atomically(file, (json.dumps(description, indent=2, allow_nan=False) + "\n").encode())
+    return digest

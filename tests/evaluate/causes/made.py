@@ -1,0 +1,41 @@
+"""Records of causes in which nothing happens but what a test puts into them."""
+
+from typing import Any
+
+import numpy as np
+
+from evaluate.causes.record import Record
+from evaluate.measures.episodes import blank
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import Stairs
+from tests.evaluate.measures.uneventful import uneventful
+
+STEPS, END = 300, 200
+TIME_CONSTANT = 0.23604
+"""√(0.54655 / 9.81), s."""
+RISER = Stairs(rise=0.15, run=0.3, landing=0.75)
+
+
+FOLLOWS = "onset", "window", "shank", "capture"
+"""What follows from a record's signals, where a test gives it."""
+
+
+def recorded(
+    scenario: Scenario | None = None, number: int = 1, end: int = END, robot: Robot = SIMPLE_QUAD, **known: Any
+) -> Record:
+    """Of two robots the second, which has fallen at step 200 by default; `known`: signals, or what follows from them.
+
+    Without them the onset is at step 150 and the window about it.
+    """
+    signals = {name: known.pop(name) for name in [*known] if name not in FOLLOWS}
+    scenario = scenario or Scenario("made")
+    episodes = uneventful(robot, STEPS, 2, fall_step=np.array([END - 50, end]), scenario=scenario, **signals)
+    record = Record(episodes, scenario, number)
+    vars(record).update({"onset": 150, "window": slice(110, 160), **known})
+    return record
+
+
+def signal(name: str) -> np.ndarray:
+    return blank(SIMPLE_QUAD, name, STEPS, 2)

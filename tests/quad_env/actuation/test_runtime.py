@@ -1,0 +1,152 @@
+"""Delay, drop-outs, lag and heat of some robots of a batch: each robot's own, and only those that move."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from quad_env.actuation.models import Line, Thermal
+from quad_env.actuation.runtime import ActionDelay, Lag, Windings, action_delay_of
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.disturbances import Dropouts, Latency
+from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.randomisation import DomainRandomisation
+from quad_env.scenarios.scenario import Scenario
+
+DT = 0.01
+HOME = SIMPLE_QUAD.home_pose
+LOST = Scenario("made", dropouts=Dropouts(count=3, duration=0.1, window=(0.0, 0.6)))
+LATE = Scenario("made", latency=Latency(action=0.02))
+VARIED = replace(LOST, latency=Latency(action=0.01), randomisation=DomainRandomisation(delay=0.03))
+
+
+def delays(scenario: Scenario, seeds: list[int]) -> tuple[ActionDelay, list[Episode]]:
+    """The way of the targets to the servos of robots that begin the episodes of these seeds."""
+    delay = action_delay_of(SIMPLE_QUAD, scenario, len(seeds), DT)
+    assert delay is not None
+    episodes = [Episode(SIMPLE_QUAD, scenario, seed, 0, DT) for seed in seeds]
+    delay.begin(np.arange(len(seeds)), episodes)
+    return delay, episodes
+
+
+def wild(steps: int, robots: int) -> np.ndarray:
+    return np.random.default_rng(4).uniform(-1.0, 1.0, (steps, robots, 12))
+
+
+@pytest.mark.parametrize("scenario", [LOST, LATE, VARIED], ids=["lost", "late", "varied"])
+def test_each_robot_of_a_batch_that_moves_in_part_receives_what_it_would_alone(scenario: Scenario) -> None:
+    """Four robots, of which at each step the second and fourth move, or all, or the first alone."""
+    seeds, clock, some = [11, 12, 13, 14], np.zeros(4, np.int64), [[1, 3], [0, 1, 2, 3], [0]]
+    together, _ = delays(scenario, seeds)
+    alone = [delays(scenario, [seed])[0] for seed in seeds]
+    found = np.tile(HOME, (4, 1))
+    lost = 0
+    for step, targets in enumerate(wild(90, 4)):
+        rows = np.array(some[step % 3])
+        received = together.received(targets, clock[rows], rows)
+        for row in rows:
+            own = alone[row].received(targets[row : row + 1], clock[row : row + 1], np.zeros(1, np.intp))
+            np.testing.assert_array_equal(received[row], own[0])
+            lost += (own[0] == found[row]).any()
+            found[row] = own[0]
+        clock[rows] += 1
+        np.testing.assert_array_equal(received, found)  # those that do not move keep what they had
+    assert scenario is LATE or lost > 20
+
+
+def test_a_joint_that_hears_nothing_holds_its_target_and_the_others_follow() -> None:
+    delay, (episode,) = delays(LOST, [3])
+    assert episode.dropouts is not None
+    starts, joints = episode.dropouts
+    expected = HOME.copy()
+    for step, targets in enumerate(wild(70, 1)):
+        silent = {int(joint) for start, joint in zip(starts, joints, strict=True) if start <= step < start + 10}
+        expected = np.array([expected[joint] if joint in silent else targets[0, joint] for joint in range(12)])
+        np.testing.assert_array_equal(delay.received(targets, np.array([step]), np.zeros(1, np.intp))[0], expected)
+
+
+def test_targets_are_as_late_as_the_scenario_s_delay_and_the_drawn_one_together() -> None:
+    scenario = Scenario("made", latency=Latency(action=0.02), randomisation=DomainRandomisation(delay=0.03))
+    delay, episodes = delays(scenario, list(range(20)))
+    late, targets = np.array([2 + round(each.randomised.delay / DT) for each in episodes]), wild(15, 20)  # type: ignore
+    assert set(late) == {2, 3, 4, 5}
+    for step in range(15):
+        received = delay.received(targets[step], np.full(20, step), np.arange(20))
+        arrived = targets[np.maximum(step - late, 0), np.arange(20)]
+        np.testing.assert_array_equal(received, np.where((step >= late)[:, None], arrived, HOME))
+
+
+def test_targets_of_the_episode_before_never_arrive_in_the_next() -> None:
+    """Two control steps late: a robot that begins again holds the home pose, and the other goes on."""
+    delay, _ = delays(LATE, [1, 2])
+    both, targets = np.arange(2), wild(8, 2)
+    for step in range(5):
+        received = delay.received(targets[step], np.full(2, step), both)
+        np.testing.assert_array_equal(received, np.tile(HOME, (2, 1)) if step < 2 else targets[step - 2])
+    delay.begin(np.array([1]), [Episode(SIMPLE_QUAD, LATE, 2, 1, DT)])
+    for step in range(3):
+        received = delay.received(targets[5 + step], np.array([5 + step, step]), both)
+        np.testing.assert_array_equal(received[0], targets[3 + step, 0])
+        np.testing.assert_array_equal(received[1], HOME if step < 2 else targets[5, 1])
+
+
+def test_targets_have_no_way_to_go_where_nothing_delays_them() -> None:
+    for scenario in (Scenario("made"), Scenario("made", dropouts=Dropouts(count=0), latency=Latency(0.0, 0.05))):
+        assert action_delay_of(SIMPLE_QUAD, scenario, 2, DT) is None
+
+
+def test_a_lag_follows_the_targets_of_those_robots_that_move_and_begins_at_home() -> None:
+    """Of 1 / (2π) Hz in steps of 0.1 s: 1 - e^-0.1 = 0.0951626 of the way in each, seen a step later."""
+    lag, share = Lag(1.0 / (2.0 * math.pi), 0.1, 3, HOME), 0.0951626
+    targets, moving = np.tile(HOME + 1.0, (2, 1)), np.array([0, 2])
+    for reached in (0.0, share, share + (1.0 - share) * share):
+        np.testing.assert_allclose(lag.follow(targets, moving), HOME + np.full((2, 12), reached), atol=1e-6)
+    np.testing.assert_array_equal(lag.follow(targets[:1], np.array([1])), HOME[None])
+    lag.begin(np.array([2]))
+    now = lag.follow(targets, moving)
+    np.testing.assert_array_equal(now[1], HOME)
+    assert (now[0] > HOME + 0.25).all()
+
+
+def windings(robots: int = 3) -> tuple[Windings, np.ndarray]:
+    """Of 2 K/W and 1 s, in steps of 0.1 s, which derate from 40 °C and switch off at 60 °C; 10 N·m at most."""
+    thermal = Thermal(2.0, 1.0, ambient=20.0, derating=40.0, shutdown=60.0, derated=0.25)
+    line = Line(np.full(12, 10.0), np.full(12, 5.0), np.full(12, 10.0))  # a slope of 2 N·m·s/rad
+    limits = np.tile([-10.0, 10.0], (robots, 12, 1))
+    return Windings(thermal, line, 0.1, limits), limits
+
+
+def test_windings_heat_by_their_own_torque_and_leave_less_the_hotter_they_are() -> None:
+    """8 N·m heat by 64 / 2 W towards 20 + 2 · 32 = 84 °C: after a step 84 - 64 e^-0.1 = 26.0904 °C. From 84 - 64 e^-0.4
+    = 41.0995 °C on the share is 0.25 + 0.75 (60 - T) / 20."""
+    drive, limits = windings()
+    torque = np.zeros((2, 12))
+    torque[1, 3] = -8.0
+    moving = np.array([0, 2])
+    drive.heat(torque, moving)
+    assert drive.temperature[2, 3] == pytest.approx(26.0904, abs=1e-4)
+    assert np.delete(drive.temperature.ravel(), 2 * 12 + 3) == pytest.approx(20.0)
+    np.testing.assert_array_equal(limits, np.tile([-10.0, 10.0], (3, 12, 1)))
+    for _ in range(3):
+        drive.heat(torque, moving)
+    share = 0.25 + 0.75 * (60.0 - 41.0995) / 20.0
+    assert limits[2, 3] == pytest.approx([-10.0 * share, 10.0 * share], abs=1e-3)
+
+
+def test_a_winding_that_was_too_hot_is_off_until_its_robot_begins_again() -> None:
+    drive, limits = windings(2)
+    hot, both = np.zeros((2, 12)), np.arange(2)
+    hot[0, 5] = hot[1, 5] = 10.0  # towards 120 °C
+    for _ in range(6):
+        drive.heat(hot, both)
+    for _ in range(30):
+        drive.heat(np.zeros((2, 12)), both)
+    assert (drive.temperature < 30.0).all()
+    assert not limits[:, 5].any()
+    assert (limits[:, 4, 1] == 10.0).all()
+    drive.begin(np.array([1]))
+    assert limits[:, 5, 1].tolist() == [0.0, 10.0]
+    assert (drive.temperature[1] == 20.0).all()
+    drive.heat(np.zeros((2, 12)), both)
+    assert limits[:, 5, 1].tolist() == [0.0, 10.0]

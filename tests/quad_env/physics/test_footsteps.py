@@ -1,0 +1,89 @@
+"""Swings and touch-downs of the feet by hand, of robots that move in part."""
+
+import numpy as np
+import pytest
+
+from quad_env.physics.footsteps import Footsteps, touching
+
+FEET, SITES = [1, 3, 4, 6], 8
+
+
+class Robots:
+    """Three robots whose contacts and heights of the feet are written down; each foot has two sensors."""
+
+    def __init__(self) -> None:
+        self.contacts = [[np.zeros((3, 1)), np.zeros((3, 1))] for _ in FEET]
+        self.places = np.zeros((3, SITES, 3))
+        self.steps = Footsteps(0.01, self.contacts, self.places, FEET)
+        self.steps.begin(slice(None))
+
+    def step(self, contact: list[int], height: float, robots: list[int] | None = None) -> None:
+        """A control step of some robots, by default all, in which the first foot is there."""
+        ids = np.arange(3) if robots is None else np.array(robots)
+        self.contacts[0][len(contact) % 2][:] = 0.0
+        self.contacts[0][0][ids, 0] = contact
+        self.places[ids, FEET[0], 2] = height
+        self.steps.advance(ids)
+
+    @property
+    def seen(self) -> list[tuple[float, float]]:
+        """Swing time, s, and speed at touch-down, m/s, of each robot's first foot."""
+        return list(zip(self.steps.swing_time[:, 0].tolist(), self.steps.touchdown_speed[:, 0].tolist(), strict=True))
+
+
+def test_a_touch_down_ends_a_swing_and_is_told_in_that_step_alone() -> None:
+    """Three steps in the air, the last down by 4 mm in 10 ms."""
+    robots = Robots()
+    for height in (0.02, 0.03, 0.026):
+        robots.step([0, 0, 0], height)
+        assert robots.seen == [(0.0, 0.0)] * 3
+    robots.step([1, 1, 1], 0.02)
+    assert robots.seen == [pytest.approx((0.03, 0.4))] * 3
+    robots.step([1, 1, 1], 0.02)
+    assert robots.seen == [(0.0, 0.0)] * 3
+    assert not robots.steps.swing_time[:, 1:].any()
+
+
+def test_a_foot_that_is_off_the_ground_in_one_step_has_bounced() -> None:
+    """And one that is off it in two has swung; one that rises has no speed down."""
+    robots = Robots()
+    for contact in (1, 0, 1):
+        robots.step([contact] * 3, 0.01)
+    assert robots.seen == [(0.0, 0.0)] * 3
+    for contact, height in ((0, 0.01), (0, 0.02), (1, 0.02)):
+        robots.step([contact] * 3, height)
+    assert robots.seen == [pytest.approx((0.02, 0.0))] * 3
+
+
+def test_robots_that_do_not_move_keep_their_swings_and_each_has_its_own() -> None:
+    robots = Robots()
+    robots.step([0, 0, 0], 0.02)
+    robots.step([0, 0], 0.015, [1, 2])
+    robots.step([1, 0], 0.01, [2, 1])
+    assert robots.seen == [(0.0, 0.0), (0.0, 0.0), pytest.approx((0.02, 0.5))]
+    robots.step([0, 1], 0.0, [0, 1])
+    assert robots.seen == [(0.0, 0.0), pytest.approx((0.03, 0.5)), pytest.approx((0.02, 0.5))]
+    robots.step([1], 0.0, [0])
+    assert robots.seen[0] == pytest.approx((0.02, 2.0))
+
+
+def test_a_robot_that_begins_again_has_no_swing_and_no_speed_from_before() -> None:
+    robots = Robots()
+    for height in (0.05, 0.05, 0.03):
+        robots.step([0, 0, 0], height)
+    robots.places[1, FEET[0], 2] = 0.5
+    robots.steps.begin(np.array([1]))
+    robots.step([1, 1, 0], 0.03)
+    assert robots.seen == [pytest.approx((0.03, 2.0)), (0.0, 0.0), (0.0, 0.0)]
+    robots.places[2, FEET[0], 2] = 0.5
+    robots.steps.begin(np.array([2]))
+    for contact, height in ((0, 0.5), (0, 0.5), (1, 0.4)):
+        robots.step([contact], height, [2])
+    assert robots.seen[2] == pytest.approx((0.02, 0.0))  # it did not come down from where it was before
+
+
+def test_a_part_touches_the_ground_where_any_of_its_sensors_says_so() -> None:
+    first, second = np.array([[0.0], [2.0], [0.0]]), np.array([[0.0], [0.0], [1.0]])
+    found = touching([[first, second], [first], [second]], np.array([0, 1, 2]))
+    assert found.tolist() == [[False, False, False], [True, True, False], [True, False, True]]
+    assert touching([[first, second]], np.array([2, 0])).tolist() == [[True], [False]]

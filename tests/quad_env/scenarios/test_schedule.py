@@ -1,0 +1,131 @@
+"""Which episode each robot is in, what it commands and what pushes it, by hand."""
+
+import numpy as np
+import pytest
+
+from quad_env.config import CommandRanges
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.disturbances import Pushes
+from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.schedule import Schedule
+
+DT = 0.01
+PUSHED = Scenario(
+    "made", pushes=Pushes(count=2, duration=0.05, window=(0.0, 0.4)), commands=CommandRanges(interval=0.1)
+)
+ALL = np.arange(3)
+
+
+def schedule(seeds: list[int | None] | int = [4, 5, 6], scenario: Scenario = PUSHED) -> Schedule:  # noqa: B006
+    found = Schedule(SIMPLE_QUAD, scenario, 3, DT)
+    found.reseed(seeds, np.ones(3, np.bool_))  # type: ignore[arg-type]
+    return found
+
+
+def episode(seed: int, number: int) -> Episode:
+    return Episode(SIMPLE_QUAD, PUSHED, seed, number, DT)
+
+
+def test_each_robot_has_the_episodes_of_its_own_seed_one_after_the_other() -> None:
+    """Robot 1 is in its third when the others begin their second, and then gets another seed."""
+    found = schedule()
+    numbers = {0: 0, 1: 0, 2: 0}
+    for robots in ([0, 1, 2], [1], [0, 1, 2]):
+        begun = found.begin(np.array(robots), None)
+        for robot, its in zip(robots, begun, strict=True):
+            expected = episode(4 + robot, numbers[robot])
+            np.testing.assert_array_equal(its.start, expected.start)
+            np.testing.assert_array_equal(found.command[robot], expected.next_command())
+            np.testing.assert_array_equal(found.pushes.first_step[robot], expected.pushes.first_step)
+            np.testing.assert_array_equal(found.pushes.force[robot], expected.pushes.force)
+            numbers[robot] += 1
+    found.reseed([9, 9, None], np.array([False, True, True]))
+    begun = found.begin(ALL, None)
+    for its, (seed, number) in zip(begun, ((4, 2), (9, 0), (6, 2)), strict=True):
+        np.testing.assert_array_equal(its.start, episode(seed, number).start)
+    with pytest.raises(ValueError, match="seeds"):
+        found.reseed([1, 2], np.ones(3, np.bool_))
+
+
+def test_a_new_command_comes_where_one_has_been_followed_for_its_time() -> None:
+    """Every ten control steps of a robot's own clock, from its own stream."""
+    found, drawn = schedule(), [episode(4 + robot, 0) for robot in range(3)]
+    found.begin(ALL, None)
+    commands = [each.next_command() for each in drawn]
+    found.clock[:] = 10, 9, 20
+    found.redraw(slice(None))
+    for robot in (0, 2):
+        commands[robot] = drawn[robot].next_command()
+    np.testing.assert_array_equal(found.command, commands)
+    found.clock[:] = 20, 10, 30
+    found.redraw(np.array([1]))
+    commands[1] = drawn[1].next_command()
+    np.testing.assert_array_equal(found.command, commands)
+
+
+def test_a_command_that_is_given_holds_to_the_end_of_the_episode() -> None:
+    """Of each robot its own; one that begins again without is drawn one."""
+    found, held = schedule(), np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
+    found.begin(ALL, held)
+    np.testing.assert_array_equal(found.command, held)
+    found.clock[:] = 10
+    found.redraw(slice(None))
+    np.testing.assert_array_equal(found.command, held)
+    found.begin(np.array([1]), None)
+    np.testing.assert_array_equal(found.command[1], episode(5, 1).next_command())
+    np.testing.assert_array_equal(found.command[[0, 2]], held[[0, 2]])
+    found.steer(held[::-1])
+    found.clock[:] = 20
+    found.redraw(slice(None))
+    np.testing.assert_array_equal(found.command, held[::-1])
+
+
+def test_pushes_act_for_their_time_and_those_by_hand_on_top_of_them() -> None:
+    """The plan's by the clock of each robot; a push by hand from its own step on, and not into the next episode."""
+    found = schedule()
+    found.begin(ALL, None)
+    plans = [episode(4 + robot, 0).pushes for robot in range(3)]
+
+    def planned(clock: np.ndarray) -> np.ndarray:
+        total = np.zeros((3, 2))
+        for robot, plan in enumerate(plans):
+            for first, force in zip(plan.first_step, plan.force, strict=True):
+                if first <= clock[robot] < first + 5:
+                    total[robot] += force
+        return total
+
+    seen = 0
+    for step in range(45):
+        found.clock[:] = step, step + 3, step + 11
+        force = found.force()
+        assert force is not None
+        np.testing.assert_allclose(force, planned(found.clock))
+        seen += int(np.abs(force).any(axis=1).sum())
+    assert seen > 20
+    found.clock[:] = [plan.first_step[0] for plan in plans]
+    found.shove(np.ones((3, 2)), 1)
+    np.testing.assert_allclose(found.force(), planned(found.clock) + 1.0)
+    found.clock[:] = 100, 200, 300
+    by_hand = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
+    found.shove(by_hand, 2)
+    for _ in range(2):
+        np.testing.assert_allclose(found.force(), by_hand)
+        found.clock += 1
+    assert not found.force().any()  # type: ignore[union-attr]
+    found.shove(by_hand, 5)
+    found.begin(np.array([1]), None)
+    found.clock[0], found.clock[2] = 102, 302
+    force = found.force()
+    assert force is not None
+    np.testing.assert_allclose(force[[0, 2]], by_hand[[0, 2]])
+    plans[1] = episode(5, 1).pushes
+    np.testing.assert_allclose(force[1], planned(np.array([999, 0, 999]))[1])
+
+
+def test_where_nothing_pushes_there_is_no_force_before_the_first_push_by_hand() -> None:
+    found = schedule(scenario=Scenario("made"))
+    found.begin(ALL, None)
+    assert found.force() is None
+    found.shove(np.ones((3, 2)), 1)
+    np.testing.assert_array_equal(found.force(), np.ones((3, 2)))
