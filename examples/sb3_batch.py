@@ -27,7 +27,7 @@ def falling_rate(remaining: float) -> float:
     return 1e-3 * max(remaining, 0.05)
 
 
-def main(steps: int = 3_000_000, robots: int = 256, seed: int = 0, out: Path = Path("runs/sb3_batch.zip")) -> None:
+def main(steps: int = 6_000_000, robots: int = 256, seed: int = 0, out: Path = Path("runs/sb3_batch.zip")) -> None:
     """Train and save; prints how long episodes last and what they earn as it goes."""
     torch.set_num_threads(1)  # more make networks of this size slower
     vec = gym.make_vec(

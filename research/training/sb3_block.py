@@ -47,10 +47,12 @@ SCENARIOS = "flat=1", "flat"
 class Options:
     """Run the README's block for Stable-Baselines3 and evaluate what it trains."""
 
-    seeds: tuple[int, ...] = (0, 1, 2)
+    seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
     """Seeds to train with."""
     episodes: int = 96
     """Evaluation episodes of 10 s of each policy on each scenario (count)."""
+    evaluation_seed: int = 1
+    """Set of evaluation episodes, >= 0, as `--seed` of `python -m evaluate`."""
     page: Path = Path("README.md")
     """Page with the block and with the lines `<!-- sb3 -->` and `<!-- /sb3 -->`, between which the figures go."""
     record: Path = Path("docs/results/sb3_block.json")
@@ -61,7 +63,7 @@ class Options:
 
 def main(options: Options) -> int:
     """Train, evaluate, write the record and the page, and return the exit code. Raises UsageError."""
-    check_numbers(options, {"episodes": (1, 1_000_000)})
+    check_numbers(options, {"episodes": (1, 1_000_000), "evaluation_seed": (0, 2**63 - 1)})
     if len(set(options.seeds)) < max(len(options.seeds), 1) or min(options.seeds) < 0:
         raise UsageError(f"--seeds: whole numbers from 0, none twice, at least one; got {options.seeds}")
     text = page_with(options.page, PLACE)
@@ -71,13 +73,15 @@ def main(options: Options) -> int:
         "block_sha256": digest(block),
         "steps": steps_of(block),
         "episodes": options.episodes,
+        "evaluation_seed": options.evaluation_seed,
         "success_rule": SUCCESS_RULE,
         "versions": {name: versions()[name] for name in ("python", "mujoco", "numpy", "gymnasium")},
-        "standing": evaluate(STANDING, options.episodes),
+        "standing": evaluate(STANDING, options.episodes, options.evaluation_seed),
         "seeds": trained,
     }
     for entry in trained:
-        entry["scenarios"] = evaluate(str(options.out / f"seed-{entry['seed']}" / MODEL), options.episodes)
+        model = options.out / f"seed-{entry['seed']}" / MODEL
+        entry["scenarios"] = evaluate(str(model), options.episodes, options.evaluation_seed)
         print(entry, flush=True)
     write_atomically(options.record, (json.dumps(record, indent=2) + "\n").encode())
     lines = figures(record)
@@ -125,19 +129,20 @@ def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
     return {"seed": seed, "minutes": round((time.process_time() - begin) / 60.0, 2)}
 
 
-def evaluate(policy: str, episodes: int) -> dict[str, dict[str, float]]:
-    """Return successes, falls and errors of each scenario over the first held-out episodes of seed 0.
+def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict[str, float]]:
+    """Return successes, falls and errors of a policy in held-out episodes of each scenario.
 
     Args:
         policy: Name, or path of a model.
         episodes: Number of episodes of each scenario.
+        evaluation_seed: Set of evaluation episodes.
 
     Returns:
         Scenario -> name of the figure -> value.
     """
     found = {}
     for name in SCENARIOS:
-        seeds = episode_seeds("evaluation", 0, episodes)
+        seeds = episode_seeds("evaluation", evaluation_seed, episodes)
         measures = measure(run(policies.resolve(policy, trust=True), scenario(name), seeds))
         found[name] = {
             "successes": int(measures.succeeded.sum()),
@@ -164,7 +169,8 @@ def figures(record: Mapping[str, Any]) -> list[str]:
         "",
         *markdown.table(heads, rows).splitlines(),
         "",
-        f"`python -m research sb3-block --seeds {seeds} --episodes {record['episodes']}`; success by "
+        f"`python -m research sb3-block --seeds {seeds} --episodes {record['episodes']} "
+        f"--evaluation-seed {record['evaluation_seed']}`; success by "
         f"`{record['success_rule']}`; MuJoCo {made['mujoco']}, Python {made['python']}.",
     ]
 
