@@ -84,7 +84,8 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
             valid = f"{axis}:1 to {axis}:{len(AXES[axis].levels)}, {axis}:all where several may be named"
             raise ValueError(f"'{name}' is no level of {axis}; valid: {valid}")
         return axes_of(robot)[axis].level(int(level))
-    return scenarios_of(robot).get(name)
+    named = SCENARIOS if robot == SIMPLE_QUAD else scenarios_of(robot)
+    return named.get(name)
 
 
 def split(name: str) -> tuple[str, Callable[[Scenario, Robot], Scenario] | None]:

@@ -30,6 +30,8 @@ HANG = 10.0
 """s. Longest run time of a case, without waits for a processor."""
 MEMORY = 2**30
 """Byte. Largest memory of a case."""
+PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "research"
+"""Folders of the clone whose code is the project's."""
 MAX_LINE = 3000
 """Largest number of characters of an error."""
 REPORT_PERIOD = 10.0
@@ -153,7 +155,9 @@ def run_case(name: str, seed: int, number: int) -> Result:
 def _is_ours(error: Exception) -> bool:
     """Return whether the project itself raised the error, and no library."""
     frames = traceback.extract_tb(error.__traceback__)
-    return Path(frames[-1].filename).is_relative_to(Path(__file__).parents[2])
+    clone = Path(__file__).parents[2]
+    raised = Path(frames[-1].filename)
+    return any(raised.is_relative_to(clone / package) for package in PACKAGES)  # a `.venv` lies in the clone too
 
 
 def _largest_memory() -> int:

@@ -15,7 +15,7 @@ from quad_env import SCENARIOS, SIMPLE_QUAD, Robot, Scenario, scenario
 from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.scenarios.axes import AS_THE_ROBOT, AXES, axes_of
-from quad_env.scenarios.named import scaled_name
+from quad_env.scenarios.named import scaled_name, scenarios_of
 from quad_env.scenarios.scenario import scaled
 from quad_env.task.terminations import fall_code
 from tests.batches import begun
@@ -97,6 +97,7 @@ def test_slow_commands_are_those_of_the_rule_of_success_for_every_robot(small: R
 def test_simple_quads_scenarios_are_the_very_ones_that_they_were(small: Robot) -> None:
     assert all(scaled(each, SIMPLE_QUAD) is each for each in SCENARIOS.values())
     assert all(axis.of(SIMPLE_QUAD) is axis for axis in AXES.values())
+    scenarios_of.cache_clear()  # as after scenarios of many robots
     assert scenario("push") is SCENARIOS["push"]
     assert scenario("push").pushes.impulse == 35.0
     assert scenario("push", small) != SCENARIOS["push"]
