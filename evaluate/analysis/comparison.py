@@ -50,7 +50,7 @@ class Comparison:
     p_value_holm: float
     """Corrected for its family (see `compare`)."""
     identical: bool = False
-    """Whether every measure of every episode is bit-identical: the difference is 0 and has no interval."""
+    """True if every measure of every episode is bit-identical: the difference is 0 and has no interval."""
 
 
 def compare(

@@ -45,7 +45,7 @@ class Neighbours:
     worse_on: tuple[str, ...] = ()
     """Scenarios that show by themselves that `better` is better, and that `worse` is."""
     identical: bool = False
-    """Whether all episodes of the two are bit-identical: the difference is 0 and has no interval."""
+    """True if all episodes of the two are bit-identical: the difference is 0 and has no interval."""
 
     @property
     def distinguished(self) -> bool:
