@@ -28,10 +28,10 @@ from policies.trot.open_loop import Trot
 from quad_env.actuation.models import Actuator
 from quad_env.actuation.models import actuator as _actuator
 from quad_env.files.paths import missing_file
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.sensing.channel import steps_late
+from quad_env.sensing.channel import delay_to_steps
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 
 TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))}))
@@ -123,7 +123,7 @@ def resolve(
     """A fresh policy by name, see `make`, else from the bundle in the folder of that path, or from outside, see
     `Foreign`; `trust` lets it load files in which code can be hidden. Raises PolicyError.
     """
-    text, robot = str(name_or_path), robot_of(robot)
+    text, robot = str(name_or_path), get_robot(robot)
     if text.startswith(SAFE):
         inner = text.removeprefix(SAFE)
         policy = resolve(
@@ -133,7 +133,7 @@ def resolve(
     if is_reference(text):
         return Foreign(text, robot=robot, control_period=control_period, trust=trust)
     suite = sensor_suite(sensors)
-    late = 0 if suite is None else steps_late(suite.encoders.delay, 1.0 / control_period)
+    late = 0 if suite is None else delay_to_steps(suite.encoders.delay, 1.0 / control_period)
     if text in _MAKERS:
         made = partial(_MAKERS[text], robot=robot, control_period=control_period, **given)
         return made(late=late, actuator=_actuator(actuator)) if text in _PREDICTING else made()

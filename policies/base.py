@@ -12,7 +12,7 @@ from policies.gait_cycle import advance, smoothstep
 from policies.memory import begin, begin_again, per_robot, take_over
 from quad_env.cli.command_line import UserError
 from quad_env.config import TaskConfig
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan, table_with
@@ -59,7 +59,7 @@ class Policy(ABC):
     def __init__(self, *, robot: str | Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         if not 0.0 < control_period < math.inf:
             raise ValueError(f"control_period must be a time above 0 s, not {control_period}")
-        self.robot = robot_of(robot).stiffer if self.stiff_servos else robot_of(robot)
+        self.robot = get_robot(robot).with_stiff_servos if self.stiff_servos else get_robot(robot)
         self.control_period = control_period
         self.num_envs = 1
 

@@ -24,7 +24,7 @@ from policies.residual import ResidualPolicy
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.files.reading import largest_network, read_bytes
 from quad_env.files.writing import write_atomically
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from quad_env.robots.robot import Robot
 
 BEST = "best"
@@ -70,7 +70,7 @@ def load(
     if hashlib.sha256(weights).hexdigest() != description.weights_sha256:
         fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
     network = network_of(folder, description.network, _parse_weights(folder, weights))
-    policy = assembled(folder, description, network, None if robot is None else robot_of(robot), late, actuator)
+    policy = assembled(folder, description, network, None if robot is None else get_robot(robot), late, actuator)
     check_unaltered(folder, content)
     return policy
 

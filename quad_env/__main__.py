@@ -37,7 +37,7 @@ MISSING = [name for name in _EVERY if name not in COMMANDS]
 CLONE = "in a clone of the project alone: git clone it, then pip install -e ."
 ELSEWHERE = {"dataset": "now `python examples/clients/minari_dataset.py`"} | dict.fromkeys(MISSING, CLONE)
 NOTE = f"  {', '.join(MISSING)}: {CLONE}" if MISSING else ""
-PROGRAM = Program("python -m quad_env", COMMANDS, elsewhere=ELSEWHERE, note=NOTE)
+PROGRAM = Program("python -m quad_env", COMMANDS, moved_commands=ELSEWHERE, note=NOTE)
 main = PROGRAM.main
 
 if __name__ == "__main__":

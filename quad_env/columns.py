@@ -14,27 +14,27 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Rows = NDArray[np.intp]
+EnvIndices = NDArray[np.intp]
 """Places of some robots in a batch, (k,)."""
-Ids = slice | Rows
-Column = TypeVar("Column", float, Array)
-Vector = Sequence[Column]
+EnvSelection = slice | EnvIndices
+ScalarOrBatch = TypeVar("Column", float, Array)
+Components = Sequence[ScalarOrBatch]
 """k columns: a tuple, or an array (k, n) of n robots'."""
-Truth = bool | Mask
+BoolOrMask = bool | Mask
 """A column of truth values; combine them with `&` and `|`."""
 
 
-def of_robots(rows: Array) -> Vector[Array]:
+def to_components(rows: Array) -> Components[Array]:
     """The columns in the rows (n, k) of n robots, as a new array (k, n)."""
     return cast("Vector[Array]", rows.T.copy())
 
 
-def of_robot(rows: Array) -> Vector[float]:
+def to_scalars(rows: Array) -> Components[float]:
     """The columns in the only row (1, k) of one robot."""
     return tuple(rows.tolist()[0])
 
 
-def in_single_precision(vectors: Sequence[Vector[Column]]) -> NDArray[np.float32]:
+def in_single_precision(vectors: Sequence[Components[ScalarOrBatch]]) -> NDArray[np.float32]:
     """All columns of the vectors as one new array, (k,) or (k, n)."""
     if isinstance(vectors[0][0], float):
         flat: list[Any] = []
@@ -44,7 +44,7 @@ def in_single_precision(vectors: Sequence[Vector[Column]]) -> NDArray[np.float32
     return np.concatenate(vectors, dtype=np.float32, casting="same_kind")
 
 
-def total(columns: Iterable[Column]) -> Column:
+def ordered_sum(columns: Iterable[ScalarOrBatch]) -> ScalarOrBatch:
     """Sum, from the first to the last."""
     out: Any = 0.0
     for column in columns:
@@ -52,24 +52,24 @@ def total(columns: Iterable[Column]) -> Column:
     return out  # type: ignore[no-any-return]
 
 
-def differences(x: Vector[Column], y: Vector[Column] | Sequence[float]) -> Vector[Column]:
+def differences(x: Components[ScalarOrBatch], y: Components[ScalarOrBatch] | Sequence[float]) -> Components[ScalarOrBatch]:
     """xᵢ - yᵢ; `y` may be numbers."""
     return np.subtract(x.T, np.transpose(y)).T if isinstance(x, np.ndarray) else tuple(map(operator.sub, x, y))
 
 
-def sum_of_squares(x: Vector[Column]) -> Column:
+def sum_of_squares(x: Components[ScalarOrBatch]) -> ScalarOrBatch:
     """Σ xᵢ²"""
-    products: Iterable[Column] = map(operator.mul, x, x)
-    return total(products)
+    products: Iterable[ScalarOrBatch] = map(operator.mul, x, x)
+    return ordered_sum(products)
 
 
-def sum_of_magnitudes(x: Vector[Column], y: Vector[Column]) -> Column:
+def sum_of_magnitudes(x: Components[ScalarOrBatch], y: Components[ScalarOrBatch]) -> ScalarOrBatch:
     """Σ |xᵢ yᵢ|"""
-    products: Iterable[Column] = map(operator.mul, x, y)
-    return total(map(abs, products))
+    products: Iterable[ScalarOrBatch] = map(operator.mul, x, y)
+    return ordered_sum(map(abs, products))
 
 
-def share_above(x: Vector[Column], bound: float) -> Column:
+def fraction_above(x: Components[ScalarOrBatch], bound: float) -> ScalarOrBatch:
     """Share of the |xᵢ| above a bound."""
     if isinstance(x, np.ndarray):
         return cast("Column", np.count_nonzero(np.abs(x) > bound, axis=0) / len(x))
@@ -77,22 +77,22 @@ def share_above(x: Vector[Column], bound: float) -> Column:
     return sum([value > bound or value < -bound for value in x]) / len(x)  # type: ignore[return-value]  # noqa: C419
 
 
-def sqrt(x: Column) -> Column:
+def sqrt(x: ScalarOrBatch) -> ScalarOrBatch:
     """Square root."""
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
 
 
-def exp(x: Column) -> Column:
+def exp(x: ScalarOrBatch) -> ScalarOrBatch:
     """Exponential; NumPy's for the float too, since the C library's differs in the last bit."""
     return float(np.exp(x)) if isinstance(x, float) else np.exp(x)
 
 
-def clip(x: Column, low: float, high: float) -> Column:
+def clip(x: ScalarOrBatch, low: float, high: float) -> ScalarOrBatch:
     """`x`, but at least `low` and at most `high`."""
     return min(max(x, low), high) if isinstance(x, float) else np.clip(x, low, high)
 
 
-def whole(x: Column, last: int) -> Any:
+def clipped_index(x: ScalarOrBatch, last: int) -> Any:
     """The whole part of `x`, which is not negative, but at most `last`: an index."""
     return min(int(x), last) if isinstance(x, float) else np.minimum(x.astype(np.intp), last)
 
@@ -104,12 +104,12 @@ def where(truth: Any, x: Any, y: Any) -> Any:
     return x if truth else y
 
 
-def anywhere(truth: Truth) -> bool:
+def any_true(truth: BoolOrMask) -> bool:
     """Whether it is true of some robot."""
     return truth if isinstance(truth, bool) else bool(truth.any())
 
 
-def not_finite(x: Vector[Column]) -> Truth:
+def not_finite(x: Components[ScalarOrBatch]) -> BoolOrMask:
     """Whether some xᵢ is infinite or NaN."""
     if isinstance(x, np.ndarray):
         return cast("Mask", ~np.isfinite(x).all(axis=0))

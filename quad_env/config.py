@@ -26,9 +26,9 @@ class Bounds(NamedTuple):
 
 
 Finite = Annotated[float, Bounds("finite", -sys.float_info.max)]
-Amount = Annotated[float, Bounds("finite and at least 0", 0.0)]
+NonNegative = Annotated[float, Bounds("finite and at least 0", 0.0)]
 Positive = Annotated[float, Bounds("finite and more than 0", sys.float_info.min)]
-Share = Annotated[float, Bounds("from 0 to 1", 0.0, 1.0)]
+Fraction = Annotated[float, Bounds("from 0 to 1", 0.0, 1.0)]
 
 
 def check_settings(settings: Any) -> None:
@@ -77,7 +77,7 @@ class CommandRanges(Settings):
     """m/s, positive to the left"""
     yaw_rate: tuple[float, float] = (-1.2, 1.2)
     """rad/s, positive to the left"""
-    zero_fraction: Share = 0.1
+    zero_fraction: Fraction = 0.1
     """Share of draws that are the zero command."""
     interval: Annotated[float, Bounds("from 0.01 s to 1e6 s", 0.01, 1e6)] = 5.0
     """s between draws"""
@@ -91,7 +91,7 @@ class CommandRanges(Settings):
         """Always straight ahead at that speed, m/s."""
         return cls((speed, speed), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0)
 
-    def times(self, faster: float, turning: float) -> "CommandRanges":
+    def scaled(self, faster: float, turning: float) -> "CommandRanges":
         """These ranges with so many times the velocities and so many times the yaw rates."""
         forward, lateral = ((faster * low, faster * high) for low, high in (self.forward, self.lateral))
         clockwise, anticlockwise = self.yaw_rate

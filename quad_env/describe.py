@@ -23,8 +23,8 @@ from quad_env.info import joint_table
 from quad_env.robots.arena import overlap_remark
 from quad_env.robots.imported import FIGURES
 from quad_env.robots.leg_words import contradictions
-from quad_env.robots.model_file import remarks
-from quad_env.robots.named import robot_of
+from quad_env.robots.model_file import describe_extras
+from quad_env.robots.named import get_robot
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
 
@@ -44,7 +44,7 @@ class Options:
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
     try:
-        robot = robot_of(options.robot)
+        robot = get_robot(options.robot)
         print(visible("\n".join(text(robot))))
         if options.toml is not None:
             write_toml(options.toml, robot.mjcf, robot)
@@ -60,8 +60,8 @@ def main(options: Options) -> int:
             print(f"written, with the figures still to be given: {toml}", file=sys.stderr)
         raise UsageError(str(error)) from error
     if found.result != "ok":
-        raise UsageError(f"{found.seen}: {found.cause}; remedy: {found.remedy}")
-    print(f"It stands: {found.seen}.")
+        raise UsageError(f"{found.observed}: {found.cause}; remedy: {found.remedy}")
+    print(f"It stands: {found.observed}.")
     return 0
 
 
@@ -82,7 +82,7 @@ def text(robot: Robot) -> Iterator[str]:
     if robot.held:
         yield f"joints       held at their reference: {', '.join(robot.held)}"
     if robot.imported:
-        yield from (f"{heading:12} {remark}" for heading, remark in remarks(robot.mjcf, robot.keeps_contact))
+        yield from (f"{heading:12} {remark}" for heading, remark in describe_extras(robot.mjcf, robot.keeps_contact))
     if (line := overlap_remark(robot)) is not None:
         yield f"overlap      {line}"
     yield from (f"warning      {line}" for line in (*contradictions(robot), *warnings_of(robot)))
@@ -104,7 +104,7 @@ def draw(robot: Robot, picture: Path) -> None:
 
     from quad_env.envs.env import SimpleQuadEnv
 
-    env = SimpleQuadEnv(robot=robot.stiffer, render_mode="rgb_array", terminate_on_fall=False)
+    env = SimpleQuadEnv(robot=robot.with_stiff_servos, render_mode="rgb_array", terminate_on_fall=False)
     env.reset(seed=0, options={"command": np.zeros(3)})
     states(env, robot.home_pose, STAND_TIME)
     Image.fromarray(np.asarray(env.render())).save(picture)

@@ -39,7 +39,7 @@ def _head(robot: Robot) -> Iterator[str]:
     yield f"joints       {joints}"
     actuator, sensors, estimator = hardware_profile(robot)
     if actuator.curve is not None:
-        _, *figures = actuator.curve.on(robot)
+        _, *figures = actuator.curve.resolve(robot)
         speed, torque = (" to ".join(f"{each:g}" for each in sorted({*map(float, of)})) for of in figures)
         yield f"+hardware    at most {torque} N·m, {speed} rad/s without load;"
         yield f"             targets {1000.0 * actuator.delay:g} ms late, sensors {sensors}, estimator {estimator}"

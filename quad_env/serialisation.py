@@ -14,7 +14,7 @@ from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.suite import Encoders, FootContact, Imu, JointTorque, SensorSuite
 
 TYPE = "type"
-_KINDS: dict[str, Any] = {
+_TYPE_BY_NAME: dict[str, Any] = {
     kind.__name__: kind
     for kind in (
         *(Scenario, CommandRanges, StartNoise, AnyPose),
@@ -28,16 +28,16 @@ _KINDS: dict[str, Any] = {
 """Kinds of settings by bare name: results outlive the modules that these stand in today."""
 
 
-def to_plain(value: Any) -> Any:
+def to_json_values(value: Any) -> Any:
     """JSON values of a dataclass of quad_env; ValueError for what is none."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         kind = type(value)
-        if _KINDS.get(kind.__name__) is not kind:
+        if _TYPE_BY_NAME.get(kind.__name__) is not kind:
             raise ValueError(f"{kind.__qualname__} is no part of quad_env, and no result could name it")
-        fields = {field.name: to_plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        fields = {field.name: to_json_values(getattr(value, field.name)) for field in dataclasses.fields(value)}
         return {TYPE: kind.__name__} | fields
     if isinstance(value, list | tuple):
-        return [to_plain(entry) for entry in value]
+        return [to_json_values(entry) for entry in value]
     if value is None or isinstance(value, bool | int | float | str):
         return value
     raise ValueError(f"a {type(value).__name__} cannot be written into a result")
@@ -61,13 +61,13 @@ def from_plain(value: Any) -> Any:
 def _kind(value: Mapping[str, Any]) -> Any:
     """The type of an object."""
     if TYPE not in value:
-        fitting = [kind for kind in _KINDS.values() if _names(kind).issuperset(value)]
+        fitting = [kind for kind in _TYPE_BY_NAME.values() if _names(kind).issuperset(value)]
         if not value or not fitting:
-            raise ValueError(f"the {TYPE} of {dict(value)} is missing; valid: {', '.join(_KINDS)}")
+            raise ValueError(f"the {TYPE} of {dict(value)} is missing; valid: {', '.join(_TYPE_BY_NAME)}")
         return min(fitting, key=lambda kind: len(_names(kind)))
-    if value[TYPE] not in _KINDS:
-        raise ValueError(f"{value[TYPE]} is no part of quad_env; valid: {', '.join(_KINDS)}")
-    return _KINDS[value[TYPE]]
+    if value[TYPE] not in _TYPE_BY_NAME:
+        raise ValueError(f"{value[TYPE]} is no part of quad_env; valid: {', '.join(_TYPE_BY_NAME)}")
+    return _TYPE_BY_NAME[value[TYPE]]
 
 
 def _names(kind: Any) -> set[str]:

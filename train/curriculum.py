@@ -12,7 +12,7 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.named import scenario
-from quad_env.scenarios.scenario import OF_ENDINGS, Scenario
+from quad_env.scenarios.scenario import FIELD_OF_SUFFIX, Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from train.residual_env import BoolArray
 
@@ -78,10 +78,10 @@ def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scena
         return scenario
     axis = axes_of(robot)[scenario.axis]
     mildest, hardest = np.log(axis.levels[0]), np.log(scenario.severity)
-    if (hardest - mildest) * (-1.0 if axis.falling else 1.0) <= 0.0:
+    if (hardest - mildest) * (-1.0 if axis.harder_when_smaller else 1.0) <= 0.0:
         return scenario
     found = axis.scenario(float(np.exp(mildest + share * (hardest - mildest))), scenario.name)
-    return dataclasses.replace(found, **{field: getattr(scenario, field) for field in OF_ENDINGS.values()})
+    return dataclasses.replace(found, **{field: getattr(scenario, field) for field in FIELD_OF_SUFFIX.values()})
 
 
 def next_shares(shares: Sequence[float], counted: NDArray[np.int64], kept: NDArray[np.int64]) -> list[float]:

@@ -10,7 +10,7 @@ import policies
 from policies.residual import authority_of
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
-from quad_env.files.writing import sole_use
+from quad_env.files.writing import exclusive_lock
 from train.config import TrainConfig
 from train.residual_env import ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, has_checkpoint, new_run, refuse_folder_in_use, writing
@@ -32,7 +32,7 @@ def train(config: TrainConfig) -> None:
     """
     with Interrupt() as interrupt:
         if config.resume:
-            with sole_use(config.folder):
+            with exclusive_lock(config.folder):
                 _run(config, interrupt, checkpoint.load(config.folder / CHECKPOINTS))
         else:
             refuse_folder_in_use(config.folder)

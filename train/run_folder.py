@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from quad_env.cli.command_line import UsageError
-from quad_env.files.writing import FolderInUse, make_writable_folder, sole_use
+from quad_env.files.writing import FolderInUse, make_writable_folder, exclusive_lock
 
 CONFIG_FILE, RECORD_FILE = "config.json", "run.json"
 """Settings of the run; the command that repeats it, with revision and packages of each session."""
@@ -47,7 +47,7 @@ def new_run(folder: Path) -> Iterator[None]:
     """Context in which `folder`, made if need be, is used by one new run. Raises UsageError where it cannot be."""
     with writing(folder):
         make_writable_folder(folder)
-        with sole_use(folder):
+        with exclusive_lock(folder):
             refuse_folder_in_use(folder)  # another run may have come and gone since the first check
             yield
 

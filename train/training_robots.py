@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from policies.base import Policy
-from quad_env.columns import Array, of_robots
+from quad_env.columns import Array, to_components
 from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.batch import WARP
@@ -179,8 +179,8 @@ def _push(batch: SimpleQuadVectorEnv) -> Array:
     """Pushing force on every trunk during the last step, heading frame, forward and lateral, (2, n), N."""
     if batch.scenario.pushes is None:
         return np.zeros((2, batch.num_envs))
-    rotation = rotation_matrix(of_robots(batch.simulation.quaternion))
-    return np.stack(to_heading(rotation, of_robots(batch.simulation.push)))
+    rotation = rotation_matrix(to_components(batch.simulation.quaternion))
+    return np.stack(to_heading(rotation, to_components(batch.simulation.push)))
 
 
 def _joined(infos: Sequence[Infos]) -> Infos:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import policies
 from quad_env import ENV_ID
-from quad_env.physics.model import stepped_model
+from quad_env.physics.model import make_stepping_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
@@ -54,7 +54,7 @@ def start(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.name) -> Start:
     env.close()
     rows = np.arange(num_envs) % distinct
     return Start(
-        stepped_model(model),
+        make_stepping_model(model),
         tuple(rows.tolist()),
         np.array([data.qpos for data in snapshots])[rows],
         np.array([data.qvel for data in snapshots])[rows],

@@ -6,7 +6,7 @@ from typing import Any
 
 import mujoco
 
-from quad_env.physics.model import stepped_model
+from quad_env.physics.model import make_stepping_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Change = Callable[[mujoco.MjSpec], None]
@@ -65,7 +65,7 @@ class Setting:
     def model(self) -> mujoco.MjModel:
         """The compiled model."""
         model = compiled(self.change)
-        return stepped_model(model) if self.lean else model
+        return make_stepping_model(model) if self.lean else model
 
 
 SHIPPED = "shipped"

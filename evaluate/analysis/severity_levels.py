@@ -44,7 +44,7 @@ class SeverityAxis:
         return AXES[self.name].note if self.name in AXES else ""
 
     @property
-    def falling(self) -> bool:
+    def harder_when_smaller(self) -> bool:
         """Whether a smaller severity is harder, as with friction."""
         return self.scenarios[0].severity > self.scenarios[-1].severity
 
@@ -62,7 +62,7 @@ def severity_axes(cells: Sequence[Cell]) -> tuple[SeverityAxis, ...]:
 
 def axis_name(scenario: Scenario) -> str:
     """`push`, with the hardware profile `push+hardware`; of a scenario without an axis its own name."""
-    return scenario.axis + scenario.ending if scenario.axis else scenario.name
+    return scenario.axis + scenario.suffix if scenario.axis else scenario.name
 
 
 def _mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:

@@ -9,12 +9,12 @@ import numpy as np
 
 from evaluate.measures.averages import Bools, Floats, planar
 from evaluate.measures.episodes import Episodes
-from quad_env.columns import of_robots
+from quad_env.columns import to_components
 from quad_env.config import GRAVITY
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.kinematics import feet_in_world
-from quad_env.robots.similarity import ratio
-from quad_env.scenarios.episode import Episode
+from quad_env.robots.similarity import scale_factor
+from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.scenario import Scenario
 
 _FILE = Path(__file__).with_name("thresholds.json")
@@ -49,22 +49,22 @@ class Record:
     def at(self, threshold: str) -> float:
         """A threshold for its robot: lengths, times and speeds are SimpleQuad's, and go with the length of the legs."""
         value, unit, _ = THRESHOLDS[threshold]
-        return value * (ratio(self.episodes.robot, unit) if unit in ("m", "s", "m/s") else 1.0)
+        return value * (scale_factor(self.episodes.robot, unit) if unit in ("m", "s", "m/s") else 1.0)
 
     def steps(self, threshold: str) -> int:
         """Control steps of a threshold in s."""
         return max(1, round(self.at(threshold) / self.episodes.dt))
 
     @cached_property
-    def drawn(self) -> Episode:
+    def drawn(self) -> EpisodeSample:
         """What the episode drew from its seed."""
         seed = int(self.episodes.seeds[self.number])
-        return Episode(self.episodes.robot, self.scenario, seed, 0, self.episodes.dt)
+        return EpisodeSample(self.episodes.robot, self.scenario, seed, 0, self.episodes.dt)
 
     @cached_property
     def rotation(self) -> Floats:
         """From the base frame to the world frame, (end, 3, 3)."""
-        return np.moveaxis(np.array(rotation_matrix(of_robots(self.of("quaternion")))), -1, 0)
+        return np.moveaxis(np.array(rotation_matrix(to_components(self.of("quaternion")))), -1, 0)
 
     @cached_property
     def velocity(self) -> Floats:

@@ -13,7 +13,7 @@ from evaluate.measures.averages import planar
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures
 from quad_env.config import AnyPose, CommandRanges
-from quad_env.robots.similarity import ratio
+from quad_env.robots.similarity import scale_factor
 from quad_env.scenarios.scenario import Scenario
 
 
@@ -73,7 +73,7 @@ def _of_controller(record: Record, nearest: float) -> Verdict:
     """Without any event that counts: the controller, unless one nearly does or the simulation diverged."""
     if nearest >= record.at("nearly") or record.episodes.diverged[record.number]:
         return Verdict(Event(rules.UNCLEAR, record.onset, 1.0, "no rule decides"), False)
-    fastest = CommandRanges().forward[1] * ratio(record.episodes.robot, "m/s")
+    fastest = CommandRanges().forward[1] * scale_factor(record.episodes.robot, "m/s")
     kept = "name", "commands", "start", "axis", "severity", "severity_unit"
     ordinary = Scenario(**{name: getattr(record.scenario, name) for name in kept})
     undisturbed = record.scenario == ordinary and planar(record.of("command")).max() <= fastest

@@ -22,10 +22,10 @@ from evaluate.statistics.sequential import looks
 from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
-from quad_env.cli.program import words_of
+from quad_env.cli.program import format_os_error
 from quad_env.cli.progress import show_progress, waiting
-from quad_env.files.writing import sole_use
-from quad_env.physics.batch import MUJOCO, SLOWNESS
+from quad_env.files.writing import exclusive_lock
+from quad_env.physics.batch import MUJOCO, RELATIVE_STEP_TIME
 
 
 def execute(plan: Plan, show: Show = print_results) -> int:
@@ -33,7 +33,7 @@ def execute(plan: Plan, show: Show = print_results) -> int:
 
     Raises UsageError, FolderInUse, and after Ctrl-C a KeyboardInterrupt that says what is kept.
     """
-    with sole_use(plan.options.out):
+    with exclusive_lock(plan.options.out):
         return _execute(plan, show)
 
 
@@ -53,7 +53,7 @@ def _execute(plan: Plan, show: Show) -> int:
                 words = diagnosis.warning(each.policy, manifest.hardware.robot)
             for line in (*diagnosis.remarks(each.policy), *([words] if words else ())):
                 print(f"warning: {each.label}: {line}", file=sys.stderr)
-    if (slower := SLOWNESS[manifest.hardware.simulator]) > 1:
+    if (slower := RELATIVE_STEP_TIME[manifest.hardware.simulator]) > 1:
         print(f"{manifest.hardware.simulator} takes about {slower:g} times as long as {MUJOCO}", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
     run, interrupted = _simulate(plan, store)
@@ -78,7 +78,7 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
     run, done, interrupted = Run(store.manifest, ()), list[Cell](), False
     try:
         launcher.raise_on_interrupt()
-        launcher.hold_memory_where_limited()
+        launcher.preallocate_blas_buffers()
         with Interrupt() as interrupt:
             while not run.complete:
                 if run.cells:
@@ -137,7 +137,7 @@ def _why(error: Exception, store: ChunkStore) -> str | None:
     if isinstance(error, NotKept):
         return f"cannot write to {store.folder} ({error.strerror}); make room, then {_then(store)}"
     if isinstance(error, WorkerLost | OSError):
-        return f"{words_of(error)}; {_then(store)}"
+        return f"{format_os_error(error)}; {_then(store)}"
     return None
 
 

@@ -15,7 +15,7 @@ from evaluate.rollouts import battery, hardware
 from evaluate.rollouts.experiment import LabelledPolicy, labelled
 from evaluate.rollouts.hardware import Hardware
 from quad_env.cli.command_line import UsageError, check_numbers
-from quad_env.files.writing import make_writable_folder, sole_use
+from quad_env.files.writing import make_writable_folder, exclusive_lock
 from quad_env.physics.batch import MUJOCO
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
@@ -184,7 +184,7 @@ def _check_folder(out: Path) -> None:
 
 def _check_unused(out: Path) -> None:
     """Raise FolderInUse, one line, while another run writes there."""
-    with sole_use(out):
+    with exclusive_lock(out):
         pass
 
 

@@ -36,7 +36,7 @@ def main(options: Options) -> int:
     from evaluate.records.store import read_run, remove_chunks
     from evaluate.report.table import print_results
     from evaluate.rollouts.experiment import rescored
-    from quad_env.files.writing import FolderInUse, sole_use
+    from quad_env.files.writing import FolderInUse, exclusive_lock
 
     run = read_run(options.folder)
     if not run.cells:
@@ -53,7 +53,7 @@ def main(options: Options) -> int:
         print(f"success by {rule.name}: {rule.words}; the files stay by {SUCCESS_RULE}")
         return 0
     try:
-        with sole_use(options.folder):
+        with exclusive_lock(options.folder):
             conclude(run, options.folder, options.baseline)
             if run.complete:
                 remove_chunks(options.folder)

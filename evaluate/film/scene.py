@@ -6,7 +6,7 @@ from collections import deque
 import numpy as np
 
 from evaluate.rollouts.observers import Step
-from quad_env.columns import Array, of_robots
+from quad_env.columns import Array, to_components
 from quad_env.config import GRAVITY
 from quad_env.physics.arrows import Arrow, Ball, Colour
 from quad_env.physics.state import rotation_matrix
@@ -31,7 +31,7 @@ _RADIUS, _ABOVE, _FOOT = 0.018, 0.22, 0.03
 
 def headings(step: Step) -> Array:
     """Yaw of every robot's heading frame in the world, rad, (n,)."""
-    rotation = rotation_matrix(of_robots(step.infos["quaternion"]))
+    rotation = rotation_matrix(to_components(step.infos["quaternion"]))
     return np.arctan2(rotation[1][0], rotation[0][0])
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from evaluate.measures import tracking
 from evaluate.measures.averages import Bools, Recorded
 from quad_env.config import GRAVITY
-from quad_env.physics.energy import OF_JOINTS
+from quad_env.physics.energy import JOINT_READINGS
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
@@ -42,7 +42,7 @@ def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
         "foot_height": (feet,),
         "foot_contact": (feet,),
         "leg_contact": (),
-        **dict.fromkeys(OF_JOINTS, (joints,)),
+        **dict.fromkeys(JOINT_READINGS, (joints,)),
         "foot_impulse": (feet,),
         "stopped": (),
         GIVEN: (3 * len(OBSERVED),),

@@ -18,7 +18,7 @@ from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
 from quad_env.robots.named import SUFFIXES
 from quad_env.scenarios.named import Scenario
-from quad_env.serialisation import from_plain, to_plain
+from quad_env.serialisation import from_plain, to_json_values
 
 NAME = "manifest.json"
 FILES = ("results.json", "episodes.parquet", "report.html", NAME)
@@ -100,7 +100,7 @@ class Manifest:
     def provenance(self) -> dict[str, Any]:
         """All but the options, the date and the fingerprint, as JSON values."""
         kept = {name: value for name, value in vars(self).items() if name not in _OF_NO_FIGURE}
-        return kept | {"hardware": asdict(self.hardware), "scenarios": to_plain(self.scenarios)}
+        return kept | {"hardware": asdict(self.hardware), "scenarios": to_json_values(self.scenarios)}
 
     def write(self, folder: Path) -> None:
         """Write the file."""

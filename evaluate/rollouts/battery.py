@@ -8,13 +8,13 @@ from typing import Any
 
 from quad_env.files.paths import missing_file
 from quad_env.files.reading import TEXT, check_file
-from quad_env.files.text import described
+from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
-from quad_env.scenarios.named import SCENARIOS, STEADY, TERRAIN, WRITTEN, find, is_combination, scenarios_of, split
-from quad_env.scenarios.scenario import Scenario, on_hardware
-from quad_env.serialisation import from_plain, to_plain
+from quad_env.scenarios.named import SCENARIOS, STEADY, TERRAIN, SYNTAX_HELP, find, is_combination, scenarios_of, split
+from quad_env.scenarios.scenario import Scenario, with_hardware_profile
+from quad_env.serialisation import from_plain, to_json_values
 
 NOMINAL = ("flat", "push", "rough")
 """What the quick battery begins with."""
@@ -39,7 +39,7 @@ BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
 with the hardware profile at the level after the nominal one; every axis at every level; every axis at its nominal
 severity."""
 _VALID = (
-    f"{', '.join((*SCENARIOS, *BATTERIES))}, {WRITTEN}, every level of an axis such as push:all, "
+    f"{', '.join((*SCENARIOS, *BATTERIES))}, {SYNTAX_HELP}, every level of an axis such as push:all, "
     "a file of yours such as my_file.py:NAME"
 )
 
@@ -101,7 +101,7 @@ def _real(robot: Robot) -> tuple[Scenario, ...]:
 
 def with_profile(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
     """The scenarios with the robot's hardware profile, none twice."""
-    return tuple({each.name: each for each in map(on_hardware, scenarios)}.values())
+    return tuple({each.name: each for each in map(with_hardware_profile, scenarios)}.values())
 
 
 def _battery(
@@ -140,7 +140,7 @@ def _contents_of(file: Path) -> dict[str, Any]:
         check_file(file, TEXT)
         return runpy.run_path(str(file))
     except (Exception, SystemExit) as error:
-        raise ValueError(f"{file} fails: {described(error)}") from error
+        raise ValueError(f"{file} fails: {format_exception(error)}") from error
 
 
 def _scenarios(value: Any) -> tuple[Scenario, ...]:
@@ -156,7 +156,7 @@ def _check(scenario: Scenario, file: str) -> None:
     if scenario.name in SCENARIOS or ":" in scenario.name or is_combination(scenario.name):
         raise ValueError(f"a scenario in {file} is called {scenario.name!r}, as one of quad_env's; call it differently")
     try:
-        same = from_plain(to_plain(scenario)) == scenario
+        same = from_plain(to_json_values(scenario)) == scenario
     except ValueError as error:
         raise ValueError(f"the scenario {scenario.name} in {file}: {error}") from error
     if not same:

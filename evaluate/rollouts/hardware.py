@@ -30,9 +30,9 @@ class Hardware:
     @property
     def quadruped(self) -> "Robot":
         """The robot of that name, with those servos. Raises as `quad_env.robots.named.robot_of`."""
-        from quad_env.robots.named import robot_of
+        from quad_env.robots.named import get_robot
 
-        robot = robot_of(self.robot)
+        robot = get_robot(self.robot)
         if not self.servo:
             return robot
         try:

@@ -167,7 +167,7 @@ class Recorder:
         if step.number == 0:
             self._env, robot = step.env, step.env.robot
             absent = [name for name in OF_POLICY if getattr(self._policy, name, None) is None]
-            absent += [GIVEN] * step.env.shows_truth
+            absent += [GIVEN] * step.env.observes_true_state
             table = step.env.observation_table.slices
             self._given = np.concatenate([np.arange(table[name].start, table[name].stop) for name in OBSERVED])
             names = [name for name in shapes(robot) if name not in absent]

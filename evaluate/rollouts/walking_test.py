@@ -12,7 +12,7 @@ from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from policies.base import Floats, Policy
 from quad_env.config import FALL_REASONS
-from quad_env.robots.similarity import ratio
+from quad_env.robots.similarity import scale_factor
 
 Command = tuple[float, float, float]
 UNITS, AXES = ("m/s", "m/s", "rad/s"), ("forward", "to the left", "of yaw rate")
@@ -79,7 +79,7 @@ def walks(
     Raises:
         ValueError: What making the environment and `Policy.check_fits` raise.
     """
-    scale, count = np.array([ratio(policy.robot, unit) for unit in UNITS]), len(seeds)
+    scale, count = np.array([scale_factor(policy.robot, unit) for unit in UNITS]), len(seeds)
     asked = np.tile(np.repeat(scale * np.array(list(commands.values())), count, axis=0), (times, 1))
     fall = np.zeros(len(asked), int)
     velocities: list[Floats] = []

@@ -15,10 +15,10 @@ from multiprocessing.context import SpawnContext
 from typing import Any
 
 from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, sequential, simulate
-from quad_env.cli.child_process import serve_parent, without_ctrl_c
+from quad_env.cli.child_process import exit_with_parent, without_ctrl_c
 from quad_env.cli.command_line import UsageError
-from quad_env.files.text import described
-from quad_env.physics.batch import SLOWNESS
+from quad_env.files.text import format_exception
+from quad_env.physics.batch import RELATIVE_STEP_TIME
 
 POLL_PERIOD = 0.1
 """s between two looks at whether the user has interrupted."""
@@ -71,7 +71,7 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
 
 def cost(task: Task) -> float:
     """Control steps in MuJoCo, of all its robots together, that take as long as a task."""
-    return len(task.numbers) * task.steps * SLOWNESS[task.hardware.simulator]
+    return len(task.numbers) * task.steps * RELATIVE_STEP_TIME[task.hardware.simulator]
 
 
 class _Worker:
@@ -163,7 +163,7 @@ def _worker_environment() -> Iterator[None]:
 
 def _work(pipe: Connection) -> None:
     """Ask for tasks, and send the outcome of each, or the exception that ended it, until the pipe is closed."""
-    serve_parent()
+    exit_with_parent()
     with contextlib.suppress(EOFError, OSError, MemoryError):
         pipe.send(None)
         while True:
@@ -193,5 +193,5 @@ def _sendable(error: BaseException) -> BaseException:
         error.add_note(f"in a worker process:\n{''.join(traceback.format_exception(error))}")
         copy: BaseException = pickle.loads(pickle.dumps(error))
     except Exception:
-        return RuntimeError(described(error))
+        return RuntimeError(format_exception(error))
     return copy

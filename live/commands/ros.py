@@ -16,7 +16,7 @@ from live.session import Session
 from policies.base import Policy
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.launcher import raise_on_interrupt
-from quad_env.cli.pace import Pace
+from quad_env.cli.pace import RealTimeRate
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def _run(session: Session, link: Link, speed: float, record: Path | None) -> Non
     def say(text: str) -> None:
         print(f"{bridge.time:8.2f} s  {text}", flush=True)
 
-    pace = Pace(session.env.dt, speed)
+    pace = RealTimeRate(session.env.dt, speed)
     bridge = Bridge(session, say)
     session.listeners.append(say)
     try:

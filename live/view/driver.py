@@ -18,7 +18,7 @@ from live.view.picture import Orbit, Shot
 from live.view.requests import Request
 from live.view.telemetry import Telemetry, rounded
 from policies.base import PolicyError
-from quad_env.cli.pace import Pace
+from quad_env.cli.pace import RealTimeRate
 from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.scenario import Scenario
 
@@ -59,7 +59,7 @@ class Driver:
         """One a robot."""
         self.orbit = Orbit()
         self._begin(self._found(scenario), names, seed, command)
-        self._pace = Pace(self.sessions[0].env.dt)
+        self._pace = RealTimeRate(self.sessions[0].env.dt)
         self._does: dict[str, Callable[..., object]] = {
             "steer": lambda forward, left, turn: self._each(lambda robot: robot.steer((forward, left, turn))),
             "let_go": self._let_go,

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from policies.base import PolicyError
-from quad_env.config import Amount, Bounds, Finite, Positive, check_settings
+from quad_env.config import NonNegative, Bounds, Finite, Positive, check_settings
 from quad_env.files.text import brief
 
 Numbers = tuple[Finite, ...]
@@ -111,11 +111,11 @@ class Term(_Checked):
     """Of velocities and gravity; the world frame's x axis is the heading at the start of the episode."""
     values: Numbers = ()
     """Of a `constant`."""
-    clock: Amount = 0.0
+    clock: NonNegative = 0.0
     """Cycles a second of a `gait_clock`, Hz."""
     grid: HeightGrid | None = None
     """Of a `height_scan`."""
-    zero_below: Amount = field(default=0.0, repr=False)
+    zero_below: NonNegative = field(default=0.0, repr=False)
     """Norm of the command below which a `gait_clock` is shown as (0, 0); 0: it always runs."""
 
     def __post_init__(self) -> None:
@@ -156,7 +156,7 @@ class PolicyDescription(_Checked):
     """rad for an action of one, in the order of `joints`."""
     stiffness: tuple[Positive, ...]
     """Of the servos, N·m/rad, in the order of `joints`."""
-    damping: tuple[Amount, ...]
+    damping: tuple[NonNegative, ...]
     """Of the servos, N·m·s/rad, in the order of `joints`."""
     terms: tuple[Term, ...]
     """In the order of the observation."""

@@ -122,4 +122,4 @@ def _convention(robot: Robot) -> tuple[Floats, Floats]:
     if not robot.imported:
         return np.ones(robot.num_joints), np.zeros(robot.num_joints)
     _, model, found = read(robot.mjcf)
-    return found.signs, found.zeros - found.signs * model.qpos0[model.jnt_qposadr[found.joints]]
+    return found.signs, found.joint_offsets - found.signs * model.qpos0[model.jnt_qposadr[found.joints]]

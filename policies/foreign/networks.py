@@ -21,8 +21,8 @@ from policies.foreign.onnx_roles import roles_of
 from policies.foreign.packages import package
 from policies.foreign.python_file import Act
 from policies.memory import Memory
-from quad_env.columns import Rows
-from quad_env.files.text import described
+from quad_env.columns import EnvIndices
+from quad_env.files.text import format_exception
 
 Weights = NDArray[np.float32]
 LONGEST_REASON = 300
@@ -49,7 +49,7 @@ class Networks(Memory):
         for robot in np.flatnonzero(mask).tolist() if self.remembers else ():
             self._acts[robot] = self._make()
 
-    def actions(self, observations: Weights, who: Rows) -> NDArray[Any]:
+    def actions(self, observations: Weights, who: EnvIndices) -> NDArray[Any]:
         """Actions (m, 12) of those robots for their observations, (m, k)."""
         pairs = zip(observations, who.tolist(), strict=True)
         return np.array([np.ravel(self._acts[robot](row)) for row, robot in pairs])
@@ -74,7 +74,7 @@ def _failure(description: PolicyDescription, error: Exception) -> PolicyError:
     """What an error of a network says; where it is of matrices that do not fit, the width that it reads."""
     if found := re.search(r"and (\d+)x\d+\)|Expected (\d+), got|mat \(\d+x(\d+)\)", str(error)):
         return _other_width(description, int(next(filter(None, found.groups()))))
-    reason = described(error).rpartition("RuntimeError: ")[2]
+    reason = format_exception(error).rpartition("RuntimeError: ")[2]
     return PolicyError(f"{description.network} fails: {reason[:LONGEST_REASON]}")
 
 
@@ -106,7 +106,7 @@ def _torch(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
             warnings.simplefilter("ignore")
             module = torch.jit.load(file, map_location="cpu").eval()
     except Exception as error:
-        fault = f"{file} is no TorchScript ({described(error)[:LONGEST_REASON]})"
+        fault = f"{file} is no TorchScript ({format_exception(error)[:LONGEST_REASON]})"
         raise PolicyError(fault, "export the network with torch.jit.save; a checkpoint holds weights alone") from None
     kind = next((each.dtype for each in module.parameters()), torch.float32)
 

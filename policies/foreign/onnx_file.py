@@ -21,7 +21,7 @@ from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
 from policies.network import Network, Weights
 from policies.residual import ResidualPolicy
-from quad_env.files.text import described
+from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 
 DESCRIPTION = "simple_quad_policy"
@@ -54,7 +54,7 @@ def session_of(file: Path) -> Any:
     try:
         return runtime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
     except Exception as error:
-        raise PolicyError(f"{file} cannot be read as ONNX: {described(error)}") from error
+        raise PolicyError(f"{file} cannot be read as ONNX: {format_exception(error)}") from error
 
 
 def acting(session: Any, file: Path) -> tuple[Callable[[], Act], bool]:
@@ -97,7 +97,7 @@ def _residual(file: Path, description: str, act: Act, robot: Robot) -> ResidualP
     try:
         off = _difference(act, network, PROBES)
     except Exception as error:
-        raise PolicyError(f"the network in {file} fails: {described(error)}") from error
+        raise PolicyError(f"the network in {file} fails: {format_exception(error)}") from error
     if not off <= TOLERANCE:
         raise PolicyError(f"the network in {file} is not the one that its metadata describes; export it again")
     policy = assembled(file, found, network, robot)

@@ -11,7 +11,7 @@ from typing import Any
 
 from policies.base import Policy, PolicyError
 from policies.foreign.reference import Reference
-from quad_env.files.text import described
+from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 
 Act = Callable[[Any], object]
@@ -34,7 +34,7 @@ def load(reference: Reference, robot: Robot, control_period: float) -> Policy | 
     try:
         first = make()
     except (Exception, SystemExit) as error:
-        raise PolicyError(f"{reference} cannot be made: {described(error)}") from error
+        raise PolicyError(f"{reference} cannot be made: {format_exception(error)}") from error
     if isinstance(first, Policy):
         return first
     _callable(first, reference)
@@ -61,7 +61,7 @@ def _run(reference: Reference) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
-        raise PolicyError(f"{reference.file} fails: {described(error)}") from error
+        raise PolicyError(f"{reference.file} fails: {format_exception(error)}") from error
     return module
 
 

@@ -10,7 +10,7 @@ from policies.base import PolicyError
 from policies.foreign.packages import package
 from policies.foreign.python_file import Maker
 from policies.foreign.reference import Reference
-from quad_env.files.text import described
+from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 
 
@@ -30,7 +30,7 @@ def load(reference: Reference, robot: Robot) -> Maker:
         policy = data["policy_class"](*spaces, lambda _: 0.0, **arguments)
         policy.load_state_dict(parameters["policy"])
     except Exception as error:
-        raise PolicyError(f"{reference} is no model of Stable-Baselines3 ({described(error)})") from error
+        raise PolicyError(f"{reference} is no model of Stable-Baselines3 ({format_exception(error)})") from error
     policy.set_training_mode(False)
     targets = _meaning(data["action_space"], reference, robot)
     normalised = _normaliser(reference, data["observation_space"])

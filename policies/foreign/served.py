@@ -13,7 +13,7 @@ from policies.foreign.described import DescribedPolicy
 from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
 from policies.foreign.watched import still_at_work
-from quad_env.files.text import described
+from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import table_with
 
@@ -152,7 +152,7 @@ class Served:
         try:
             return call(*arguments), None
         except BaseException as error:  # SystemExit as well: it must not end the process with the other robots
-            return None, f"raised {described(error)}"[:LONGEST_REASON]
+            return None, f"raised {format_exception(error)}"[:LONGEST_REASON]
         finally:
             if (now := time.monotonic()) - self._reported > min(REPORT_PERIOD, 0.2 * self._deadline):
                 self._reported = now

@@ -17,7 +17,7 @@ from policies.memory import Memory, per_robot
 from policies.mpc.contact import ContactSense
 from policies.mpc.motion import motion
 from policies.mpc.parameters import TROT, parameters_of
-from quad_env.columns import Rows
+from quad_env.columns import EnvIndices
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.anatomy import JOINTS_PER_LEG
@@ -84,7 +84,7 @@ class Terms(Memory):
             force = self._contacts.estimate(now, np.zeros((len(observation), 6)))[..., 2]
             self._contact = force > CONTACT_SHARE * GRAVITY * self._robot.mass
 
-    def observe(self, observation: Floats, who: Rows) -> NDArray[np.float32]:
+    def observe(self, observation: Floats, who: EnvIndices) -> NDArray[np.float32]:
         """The policy's observations, (m, width), of those robots, whose of the environment are given, (m, k)."""
         seen = {name: observation[:, part] for name, part in self._slices.items()}
         kept: dict[str, Any] = {"yaw": self._yaw, "steps": self._steps, "action": self.action, "contact": self._contact}

@@ -6,8 +6,8 @@ from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
 from typing import Any
 
-from quad_env.cli.child_process import Watchdog, serve_parent, without_ctrl_c, without_main
-from quad_env.files.text import described
+from quad_env.cli.child_process import Watchdog, exit_with_parent, without_ctrl_c, without_main
+from quad_env.files.text import format_exception
 
 START_TIMEOUT = 60.0
 """s. Longest run time in which the process makes its policy; waits for a processor do not count."""
@@ -113,7 +113,7 @@ def _serve(connection: Connection, make: Callable[[], object]) -> None:
     It ends with the process that began it, even while its policy hangs.
     """
     global _asking
-    serve_parent()
+    exit_with_parent()
     try:
         connection.send(None)  # all is imported
         try:
@@ -121,13 +121,13 @@ def _serve(connection: Connection, make: Callable[[], object]) -> None:
             _asking = connection
         except Exception as error:
             connection.recv()
-            connection.send((described(error), None))
+            connection.send((format_exception(error), None))
             return
         while True:
             call, *arguments = connection.recv()
             try:
                 connection.send((None, getattr(policy, call)(*arguments)))
             except Exception as error:
-                connection.send((described(error), None))
+                connection.send((format_exception(error), None))
     except (EOFError, OSError):
         return

@@ -10,7 +10,7 @@ from policies.gait_cycle import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT
 from policies.parameters import CommandMap, from_json, number, read, scaled_parameters
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import WIDE
+from quad_env.robots.similarity import LATERAL_LENGTH
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("gaits.json")
@@ -48,7 +48,7 @@ class GaitParameters(CommandMap):
     """Hip joints above the centres of the standing feet, m."""
     step_height: float = number(0.08, limits=(0.0, 2.0), unit="m")
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = number(0.5, limits=(0.005, 10.0), unit=WIDE)
+    stance_width: float = number(0.5, limits=(0.005, 10.0), unit=LATERAL_LENGTH)
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
     stance_shift: float = number(0.0, limits=(-2.0, 2.0), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""

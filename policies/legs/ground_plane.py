@@ -7,7 +7,7 @@ import numpy as np
 
 from policies.gait_cycle import Floats
 from policies.legs.level_frame import Vector
-from quad_env.columns import total
+from quad_env.columns import ordered_sum
 
 STEEPEST = 1.2
 """Largest slope that a fit gives, m/m."""
@@ -29,9 +29,9 @@ def carried(prints: Floats, velocity: Vector | Floats, yaw_rate: Floats, period:
 def fitted(prints: Floats) -> Plane:
     """Least-squares plane through the footprints."""
     legs = prints.swapaxes(0, 1)
-    mean_x, mean_y, mean_z = mean = 0.25 * total(legs)
+    mean_x, mean_y, mean_z = mean = 0.25 * ordered_sum(legs)
     apart = legs - mean
-    xx, yy, xy, xz, yz = total(apart[:, [0, 1, 0, 0, 1]] * apart[:, [0, 1, 1, 2, 2]])
+    xx, yy, xy, xz, yz = ordered_sum(apart[:, [0, 1, 0, 0, 1]] * apart[:, [0, 1, 1, 2, 2]])
     xx, yy = xx + _NARROW, yy + _NARROW
     determinant = np.maximum(xx * yy - xy * xy, _NARROW * _NARROW)
     forward = ((xz * yy - yz * xy) / determinant).clip(-STEEPEST, STEEPEST)

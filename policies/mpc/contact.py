@@ -19,7 +19,7 @@ from policies.mpc.servo_step import Servos
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask
-from quad_env.physics.dynamics import RigidBodies
+from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.physics.rotations import cross
 from quad_env.robots.robot import Robot
 
@@ -141,7 +141,7 @@ class ContactSense(Memory):
         else:  # the mean of the cubic between both angles with both speeds
             angle = 0.5 * (motion.angles + before[:, 18:30]) - faster
             speed = (motion.angles - before[:, 18:30]) / period
-        needed = np.matmul(bodies.inertia, acceleration[..., None])[..., 0] + bodies.bias
+        needed = np.matmul(bodies.inertia, acceleration[..., None])[..., 0] + bodies.bias_force
         needed[:, 6:] -= self._servos.torque(targets, angle, speed)
         legs = bodies.leg_jacobians
         squares = np.matmul(legs, legs.swapaxes(2, 3)) + _SINGULAR * np.eye(3)
@@ -174,10 +174,10 @@ class ContactSense(Memory):
         self.grip += self._period / p.grip_memory * (p.friction - self.grip)
 
 
-def as_accelerations(bodies: RigidBodies, rotation: Floats, wrench: Floats) -> Floats:
+def as_accelerations(bodies: DynamicsTerms, rotation: Floats, wrench: Floats) -> Floats:
     """Linear and angular acceleration of each robot as one rigid body by such wrenches, (n, 6), m/s² and rad/s²."""
     force = wrench[:, :3]
-    turn = np.matmul(rotation, wrench[:, 3:, None]) - cross(bodies.centre, force)[..., None]
+    turn = np.matmul(rotation, wrench[:, 3:, None]) - cross(bodies.com_position, force)[..., None]
     angular = np.linalg.solve(bodies.rotational_inertia, turn)[..., 0]
     return np.concatenate((force / bodies.mass[:, None], angular), axis=1)
 

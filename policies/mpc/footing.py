@@ -13,7 +13,7 @@ from policies.legs.ground_plane import above, at, carried, fitted
 from policies.memory import Memory, per_robot, taken_in
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import ModelParameters
-from quad_env.columns import Mask, total
+from quad_env.columns import Mask, ordered_sum
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 
@@ -83,7 +83,7 @@ class Footprints(Memory):
         self.slope = self.slope + turned  # with the level frame, which turns with the robot
         self.slope = self.slope + self._share * (np.clip(slope, -STEEPEST, STEEPEST) - self.slope)
         forward, lateral = self.slope
-        under_the_trunk = 0.25 * total(above((np.zeros(len(landed)), forward, lateral), places))
+        under_the_trunk = 0.25 * ordered_sum(above((np.zeros(len(landed)), forward, lateral), places))
         return Ground(under_the_trunk, forward, lateral)
 
 
@@ -114,7 +114,7 @@ def footholds(
 
     `stance_time`: (n,), s; `height` that the trunk is to have above the ground, m.
     """
-    velocity, centre, command = motion.bodies.centre_velocity, motion.bodies.centre, motion.command
+    velocity, centre, command = motion.bodies.centre_velocity, motion.bodies.com_position, motion.command
     shift = (p.lean_gain * height / GRAVITY * pushed).clip(-LARGEST_SHIFT, LARGEST_SHIFT)
     place = neutral_feet(robot, p) + (centre[:, :2] + shift)[:, None]
     reach = 0.5 * stance_time[:, None, None] * along(motion, command[:, 2], place)

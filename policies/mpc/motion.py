@@ -9,9 +9,9 @@ from policies.gait_cycle import Floats
 from policies.legs.level_frame import level_frame
 from policies.memory import Memory, per_robot
 from quad_env import OBSERVATION
-from quad_env.columns import Rows
+from quad_env.columns import EnvIndices
 from quad_env.config import GRAVITY
-from quad_env.physics.dynamics import Dynamics, RigidBodies
+from quad_env.physics.dynamics import Dynamics, DynamicsTerms
 from quad_env.physics.rotations import cross, skew
 from quad_env.robots.robot import Robot
 
@@ -44,7 +44,7 @@ class Motion(NamedTuple):
     """Joint targets of the control period that has passed, (n, 12), rad."""
     command: Floats
     """(n, 3), m/s, m/s and rad/s."""
-    bodies: RigidBodies
+    bodies: DynamicsTerms
     feet_velocity: Floats
     """(n, 4, 3), m/s."""
 
@@ -60,7 +60,7 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
     angles = rows[:, OBSERVATION["joint_position"]] + robot.home_pose
     speeds = rows[:, OBSERVATION["joint_velocity"]]
     generalised = np.concatenate((velocity, turning, speeds), axis=1)
-    bodies = dynamics.at(orientation, velocity, turning, angles, speeds)
+    bodies = dynamics.compute(orientation, velocity, turning, angles, speeds)
     return Motion(
         tilt=tilt.T,
         rotation=rotation,
@@ -75,7 +75,7 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
     )
 
 
-def of_rows(whole: P, rows: Rows) -> P:
+def of_rows(whole: P, rows: EnvIndices) -> P:
     """The parts of a motion of those rows."""
     if isinstance(whole, tuple):
         return type(whole)(*(of_rows(each, rows) for each in whole))
@@ -83,7 +83,7 @@ def of_rows(whole: P, rows: Rows) -> P:
     return found
 
 
-def with_rows(whole: P, rows: Rows, part: P) -> P:
+def with_rows(whole: P, rows: EnvIndices, part: P) -> P:
     """The parts of a motion with those rows, (g,), of another's."""
     if isinstance(whole, tuple):
         return type(whole)(*(with_rows(old, rows, new) for old, new in zip(whole, part, strict=True)))
@@ -184,13 +184,13 @@ def loaded(motion: Motion, load: Load) -> Motion:
     velocity = np.einsum("nxk,nk->nx", jacobian, generalised)
     held = drift + np.array([0.0, 0.0, GRAVITY])
     share = added / (mass + added)
-    apart = skew(arm - bodies.centre)
+    apart = skew(arm - bodies.com_position)
     reduced = (share * mass)[..., None]
     loaded_bodies = bodies._replace(
         mass=bodies.mass + load.mass,
         inertia=bodies.inertia + added[..., None] * np.einsum("nxi,nxj->nij", jacobian, jacobian),
-        bias=bodies.bias + added * np.einsum("nxk,nx->nk", jacobian, held),
-        centre=bodies.centre + share * (arm - bodies.centre),
+        bias=bodies.bias_force + added * np.einsum("nxk,nx->nk", jacobian, held),
+        centre=bodies.com_position + share * (arm - bodies.com_position),
         centre_velocity=bodies.centre_velocity + share * (velocity - bodies.centre_velocity),
         rotational_inertia=bodies.rotational_inertia - reduced * (apart @ apart),
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from policies.parameters import ParameterFile, Parameters, number, scaled_parameters, search_ranges_of
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import LONG, WIDE
+from quad_env.robots.similarity import LONGITUDINAL_LENGTH, LATERAL_LENGTH
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
@@ -27,9 +27,9 @@ class ModelParameters(Parameters):
     """Lift of a swinging foot, m."""
     roughness_gain: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 6.0))
     """Lift added per roughness of the ground, the distance of the footprints from their plane."""
-    width: float = number(0.5, limits=(0.005, 10.0), search=(0.42, 0.62), unit=WIDE)
+    width: float = number(0.5, limits=(0.005, 10.0), search=(0.42, 0.62), unit=LATERAL_LENGTH)
     """Between the lines of the left and the right feet, m."""
-    length: float = number(0.5, limits=(0.005, 10.0), search=(0.4, 0.6), unit=LONG)
+    length: float = number(0.5, limits=(0.005, 10.0), search=(0.4, 0.6), unit=LONGITUDINAL_LENGTH)
     """Between the lines of the fore and the hind feet, m."""
     shift: float = number(0.0, limits=(-2.0, 2.0), search=(-0.05, 0.05), unit="m ahead")
     """Middle of the feet ahead of the centre of mass, m."""

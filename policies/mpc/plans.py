@@ -9,7 +9,7 @@ import numpy as np
 from policies.gait_cycle import Floats
 from policies.memory import Memory, per_robot
 from policies.mpc.rigid_body import Friction
-from quad_env.columns import Ids, Mask, Rows
+from quad_env.columns import EnvSelection, Mask, EnvIndices
 from quad_env.physics.rotations import cross, skew
 
 _SINGULAR = 1e-4
@@ -42,7 +42,7 @@ class Plans(Memory):
         others: Mask = (self._stands[self._robots, self._step] != standing).any(axis=1)
         return others | old
 
-    def renew(self, robots: Ids, forces: Floats, stands: Mask, arms: Floats) -> None:
+    def renew(self, robots: EnvSelection, forces: Floats, stands: Mask, arms: Floats) -> None:
         """Plans from now on of g robots: forces (g, N, 4, 3), which feet stand, (g, N, 4), and the feet from the centre
         of mass, (g, N, 4, 3), m."""
         self.forces[robots], self._stands[robots], self._arms[robots], self.age[robots] = forces, stands, arms, 0.0
@@ -59,11 +59,11 @@ class Plans(Memory):
         return np.where(as_planned[:, None, None], forces, shared(wrench, standing, arms, friction))
 
     @property
-    def _robots(self) -> Rows:
+    def _robots(self) -> EnvIndices:
         return np.arange(len(self.age))
 
     @property
-    def _step(self) -> Rows:
+    def _step(self) -> EnvIndices:
         """Step of its plan that each robot is in, the last one afterwards, (n,)."""
         return np.minimum((self.age + _TICK) / self._period, self._steps - 1).astype(np.intp)
 

@@ -16,7 +16,7 @@ from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Torques, Wish, torques
 from quad_env.actuation.models import IDEAL, Actuator
-from quad_env.columns import Ids, Mask
+from quad_env.columns import EnvSelection, Mask
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -72,12 +72,12 @@ class Mpc(ModelBased):
         places = arms(
             now.bodies.feet,
             aim,
-            now.bodies.centre,
+            now.bodies.com_position,
             now.bodies.centre_velocity[:, :2],
             stands,
             since,
             self._horizon.middles,
-            self._footing(now, aim, ground, stands) - now.bodies.centre[:, 2, None, None],
+            self._footing(now, aim, ground, stands) - now.bodies.com_position[:, 2, None, None],
         )
         self._plans.advance(self.control_period)
         due = self._plans.due(standing, self.parameters.plan_period)
@@ -113,7 +113,7 @@ class Mpc(ModelBased):
         acceleration = np.concatenate((pushed[:, 3:], pushed[:, :3]), axis=1)
         body = Body(pose, rate, bodies.mass, bodies.rotational_inertia, acceleration)
         robots, failed = due.nonzero()[0], due.copy()
-        these: Ids = slice(None) if due.all() else robots
+        these: EnvSelection = slice(None) if due.all() else robots
         body, speed = Body(*(part[these] for part in body)), speed[these, None]
         wanted = Reference(horizon.times[:, None] * speed, speed)
         for rows, programs in horizon.programs(body, places[these], stands[these], wanted, friction.of(these)):

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
 from policies.mpc.quadratic_program import Programs
-from quad_env.columns import Ids, Mask, Rows
+from quad_env.columns import EnvSelection, Mask, EnvIndices
 from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 
@@ -70,7 +70,7 @@ class Friction(NamedTuple):
     most: Floats
     """Vertical, (n,), N."""
 
-    def of(self, robots: Ids) -> "Friction":
+    def of(self, robots: EnvSelection) -> "Friction":
         """Those of some robots."""
         return Friction(self.share[robots], self.most[robots])
 
@@ -110,7 +110,7 @@ class Horizon:
 
     def programs(
         self, body: Body, arms: Floats, standing: Mask, wanted: Reference, friction: Friction
-    ) -> Iterator[tuple[Rows, Programs]]:
+    ) -> Iterator[tuple[EnvIndices, Programs]]:
         """The forces' programs, those of one shape together, with the robots whose they are.
 
         Variables are those of the feet that stand, (step, foot, axis) in order. `arms`: feet from the centre of mass in
@@ -146,7 +146,7 @@ class Horizon:
         return forces
 
 
-def alike(counts: NDArray[np.int64]) -> Iterator[Rows]:
+def alike(counts: NDArray[np.int64]) -> Iterator[EnvIndices]:
     """Robots with the same count, (n,), of feet that stand, the smallest count first, at most `TOGETHER` at once."""
     for count in sorted(set(counts.tolist())):
         robots = (counts == count).nonzero()[0]
@@ -154,7 +154,7 @@ def alike(counts: NDArray[np.int64]) -> Iterator[Rows]:
 
 
 @cache
-def _pyramids(feet: int) -> tuple[Floats, Floats, Rows]:
+def _pyramids(feet: int) -> tuple[Floats, Floats, EnvIndices]:
     """Rows of the forces of so many feet without friction, their lower bounds, and the flat places of the friction."""
     one = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0]])
     friction = np.kron(np.eye(feet), [[0, 0, 1]] * 4 + [[0, 0, 0]])

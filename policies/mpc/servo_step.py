@@ -11,9 +11,9 @@ import numpy as np
 
 from policies.gait_cycle import Floats
 from policies.mpc.motion import Motion, of_rows
-from quad_env.actuation.models import Actuator, Line
-from quad_env.columns import Mask, total
-from quad_env.physics.dynamics import RigidBodies
+from quad_env.actuation.models import Actuator, ResolvedTorqueSpeed
+from quad_env.columns import Mask, ordered_sum
+from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.robots.robot import Robot
 
 PASSES = 3
@@ -39,10 +39,10 @@ class Servos:
     def __init__(self, robot: Robot, actuator: Actuator, period: float) -> None:
         self.stiffness, self._damping = robot.servo_stiffness, robot.servo_damping
         rated = np.full(len(robot.home_pose), robot.rated_torque)
-        line = Line(rated, np.full_like(rated, np.inf), rated) if actuator.curve is None else actuator.curve.on(robot)
+        line = ResolvedTorqueSpeed(rated, np.full_like(rated, np.inf), rated) if actuator.curve is None else actuator.curve.resolve(robot)
         self.limits = line.limits
         """Least and largest torque at some joint speeds, rad/s, (…, 12), N·m."""
-        self.shares = actuator.shares(float(robot.model.opt.timestep), period)
+        self.shares = actuator.target_weights(float(robot.model.opt.timestep), period)
         """As of `Actuator`, (k,)."""
 
     def effective(self, targets: Floats) -> Floats:
@@ -51,7 +51,7 @@ class Servos:
         if len(self.shares) == 1:
             return targets
         count = len(targets) - len(self.shares) + 1
-        return total(share * targets[since : since + count] for since, share in enumerate(self.shares))
+        return ordered_sum(share * targets[since : since + count] for since, share in enumerate(self.shares))
 
     def torque(self, targets: Floats, angle: Floats, speed: Floats) -> Floats:
         """Torque of the joints by these effective targets, (n, 12), N·m."""
@@ -110,10 +110,10 @@ def _moved(
     count, size = now.generalised.shape
     stands, still, stiffness = standing.repeat(3, axis=1), size + 12, step * robot.servo_stiffness
     known, drift = np.zeros((count, still, 1)), np.zeros((count, 12, 1))
-    known[:, :size, 0] = -step * bodies.bias
+    known[:, :size, 0] = -step * bodies.bias_force
     known[:, :6, 0] += step * wrench
     known[:, size + 2 :: 3, 0] = np.where(standing, sinking, 0.0)
-    drift[:, :, 0] = np.where(stands, -step * bodies.drift.reshape(count, 12), 0.0)
+    drift[:, :, 0] = np.where(stands, -step * bodies.foot_bias_acceleration.reshape(count, 12), 0.0)
     inverse = _inverse(bodies, step * (robot.servo_damping + stiffness), standing)
     found = np.empty((count, still, still + 2))
     found[..., :size] = inverse[..., :size] @ bodies.inertia
@@ -133,7 +133,7 @@ def _moved(
     return state[:, :size], (found[:, size:] @ passed[..., None])[..., 0]
 
 
-def _inverse(bodies: RigidBodies, damping: Floats, standing: Mask) -> Floats:
+def _inverse(bodies: DynamicsTerms, damping: Floats, standing: Mask) -> Floats:
     """Inverse, (n, 30, 30), of the matrix of one step: of velocities and of impulses of the feet that stand, (n, 4).
 
     `damping`: of the servos over a step, (12), N·m·s. Legs touch only the trunk: each is eliminated by itself.
@@ -141,7 +141,7 @@ def _inverse(bodies: RigidBodies, damping: Floats, standing: Mask) -> Floats:
     count, legs = standing.shape
     one, up, down = _legs(bodies, damping, standing)
     by_trunk, to_trunk = _product(one, down), _product(up, one)
-    trunk = bodies.inertia[:, :6, :6].transpose(1, 2, 0) - total(np.moveaxis(_product(up, by_trunk), 2, 0))
+    trunk = bodies.inertia[:, :6, :6].transpose(1, 2, 0) - ordered_sum(np.moveaxis(_product(up, by_trunk), 2, 0))
     free = np.linalg.inv(trunk.transpose(2, 0, 1))
     back, forth = (each.transpose(3, 2, 0, 1) for each in (by_trunk, to_trunk.swapaxes(0, 1)))
     held = np.ascontiguousarray(back).reshape(count, 6 * legs, 6)
@@ -158,7 +158,7 @@ def _inverse(bodies: RigidBodies, damping: Floats, standing: Mask) -> Floats:
     return out
 
 
-def _legs(bodies: RigidBodies, damping: Floats, standing: Mask) -> tuple[Floats, Floats, Floats]:
+def _legs(bodies: DynamicsTerms, damping: Floats, standing: Mask) -> tuple[Floats, Floats, Floats]:
     """Of the joints of each leg and the impulses of its foot: the inverse of their matrix on a trunk that is held,
     (6, 6, 4, n), what they do to the trunk and what the trunk does to them, the same. Robots are on the last axis,
     along which NumPy is fast."""
@@ -190,13 +190,13 @@ def _inverse_3(matrices: Floats) -> Floats:
     """Inverses of matrices (3, 3, …)."""
     rows = matrices
     cofactors = np.stack([_cross(rows[1], rows[2]), _cross(rows[2], rows[0]), _cross(rows[0], rows[1])], axis=1)
-    inverse: Floats = cofactors / total(rows[0] * cofactors[:, 0])
+    inverse: Floats = cofactors / ordered_sum(rows[0] * cofactors[:, 0])
     return inverse
 
 
 def _product(a: Floats, b: Floats) -> Floats:
     """Products of matrices (i, j, …) and (j, k, …), summed in the same order for any number of them."""
-    return total(left[:, None] * right for left, right in zip(a.swapaxes(0, 1), b, strict=True))
+    return ordered_sum(left[:, None] * right for left, right in zip(a.swapaxes(0, 1), b, strict=True))
 
 
 def _cross(a: Floats, b: Floats) -> Floats:

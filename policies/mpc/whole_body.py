@@ -14,9 +14,9 @@ from policies.gait_cycle import Floats
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.quadratic_program import Programs, Solver, solve
 from policies.mpc.rigid_body import Friction, alike, friction_rows
-from quad_env.columns import Mask, Rows
+from quad_env.columns import Mask, EnvIndices
 from quad_env.config import GRAVITY
-from quad_env.physics.dynamics import RigidBodies
+from quad_env.physics.dynamics import DynamicsTerms
 
 TRUNK = slice(3, 6)
 """Angular part of the generalised velocity."""
@@ -49,7 +49,7 @@ class Torques(NamedTuple):
 
 
 def torques(
-    bodies: RigidBodies,
+    bodies: DynamicsTerms,
     wish: Wish,
     wrench: Floats,
     friction: Friction,
@@ -58,28 +58,28 @@ def torques(
     solver: Solver = solve,
 ) -> Torques:
     """The programs of the bodies, solved; see `programs`."""
-    count, size = bodies.bias.shape
+    count, size = bodies.bias_force.shape
     torque, acceleration, found = np.zeros((count, size - 6)), np.zeros((count, size - 6)), np.zeros(count, np.bool_)
     for robots, each in programs(bodies, wish, wrench, friction, limits, p):
         solutions = solver(each)
         needed = np.matmul(each.rows[:, 6:size], solutions.value[..., None])[..., 0]
-        torque[robots] = np.where(solutions.solved[:, None], needed + bodies.bias[robots, 6:], 0.0)
+        torque[robots] = np.where(solutions.solved[:, None], needed + bodies.bias_force[robots, 6:], 0.0)
         acceleration[robots] = np.where(solutions.solved[:, None], solutions.value[:, 6:size], 0.0)
         found[robots] = solutions.solved
     return Torques(torque, acceleration, found)
 
 
 def programs(
-    bodies: RigidBodies, wish: Wish, wrench: Floats, friction: Friction, limits: tuple[Floats, Floats], p: MpcParameters
-) -> Iterator[tuple[Rows, Programs]]:
+    bodies: DynamicsTerms, wish: Wish, wrench: Floats, friction: Friction, limits: tuple[Floats, Floats], p: MpcParameters
+) -> Iterator[tuple[EnvIndices, Programs]]:
     """Programs over generalised acceleration and forces of the standing feet, those of one shape together, with the
     robots whose they are. `wrench` pushes their trunks, (n, 6), N and N·m; `limits`: least and largest torques, N·m."""
-    size = bodies.bias.shape[1]
-    bias = bodies.bias.copy()
+    size = bodies.bias_force.shape[1]
+    bias = bodies.bias_force.copy()
     bias[:, :6] -= wrench
     feet = bodies.jacobians.reshape(len(bias), -1, size)
     weight = np.where(wish.standing, p.standing_priority, p.swinging_priority).repeat(3, axis=1)[..., None]
-    aims = (wish.feet - bodies.drift).reshape(weight.shape)
+    aims = (wish.feet - bodies.foot_bias_acceleration).reshape(weight.shape)
     following = np.matmul(feet.transpose(0, 2, 1), np.concatenate((weight * feet, weight * aims), axis=2))
     least, most = -bias, -bias.copy()  # the floating base has no motor
     least[:, 6:] += limits[0]
@@ -113,7 +113,7 @@ _SINGULAR = 1e-4
 """Added to the squared Jacobian of a leg, m²: a straight one does not accelerate along itself."""
 
 
-def leg_torques(bodies: RigidBodies, wish: Wish, wrench: Floats, limits: tuple[Floats, Floats]) -> Torques:
+def leg_torques(bodies: DynamicsTerms, wish: Wish, wrench: Floats, limits: tuple[Floats, Floats]) -> Torques:
     """Torques without a program: each leg bears its planned force and follows its path; the trunk moves as planned.
 
     τ = M q̈ + h - Jᵀf, with q̈ of the trunk from the planned forces and of each leg such that its foot has the wished
@@ -127,10 +127,10 @@ def leg_torques(bodies: RigidBodies, wish: Wish, wrench: Floats, limits: tuple[F
     legs = bodies.leg_jacobians
     across = legs.swapaxes(2, 3)
     squares = np.matmul(across, legs) + _SINGULAR * np.eye(3)
-    asked = np.matmul(across, (wish.feet - bodies.drift - carried)[..., None])
+    asked = np.matmul(across, (wish.feet - bodies.foot_bias_acceleration - carried)[..., None])
     joints = np.linalg.solve(squares, asked)[..., 0].reshape(len(trunk), 12)
     motion = np.concatenate((trunk, joints), axis=1)
-    needed = np.einsum("nij,nj->ni", bodies.inertia[:, 6:], motion) + bodies.bias[:, 6:]
+    needed = np.einsum("nij,nj->ni", bodies.inertia[:, 6:], motion) + bodies.bias_force[:, 6:]
     borne = np.matmul(across, forces[..., None])[..., 0].reshape(joints.shape)
     torque = np.clip(needed - borne, *limits)
     return Torques(torque, joints, np.isfinite(torque).all(axis=1))

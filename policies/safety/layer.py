@@ -11,7 +11,7 @@ from policies.memory import per_robot
 from policies.safety.brace import Brace
 from policies.safety.target_limits import SafetyLimits
 from quad_env import OBSERVATION
-from quad_env.files.text import described
+from quad_env.files.text import format_exception
 
 
 class Mode(IntEnum):
@@ -125,7 +125,7 @@ class Safe(Policy):
             try:
                 answer = self.policy.act(self._slowed(observation))
             except Exception as error:
-                self._enter(following, Mode.STOP, f"policy raised {described(error)}")
+                self._enter(following, Mode.STOP, f"policy raised {format_exception(error)}")
             else:
                 self._accept(answer, following, targets)
         return targets

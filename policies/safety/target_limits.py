@@ -9,8 +9,8 @@ import numpy as np
 
 from policies.base import Floats
 from quad_env.actuation.models import Actuator, actuator
-from quad_env.config import Amount, Bounds, Positive, Settings
-from quad_env.robots.named import robot_of
+from quad_env.config import NonNegative, Bounds, Positive, Settings
+from quad_env.robots.named import get_robot
 from quad_env.robots.robot import Robot
 
 Limit = Annotated[float | Floats, Bounds("more than 0", sys.float_info.min, inf)]
@@ -28,17 +28,17 @@ class SafetyLimits(Settings):
     """A joint that turns faster, rad/s, is braked: its target may not lie further along."""
     no_load_speed: Limit = inf
     """Joint speed, rad/s, towards which the torque that drives a joint on falls to zero, linearly."""
-    delay: Amount = 0.0
+    delay: NonNegative = 0.0
     """From a command to its effect, s: the joint turns on for so long."""
 
     @classmethod
     def of(cls, robot: str | Robot, which: str | Actuator = "ideal") -> "SafetyLimits":
         """The limits of a robot with an actuator, or that of a name; its bandwidth only makes torques smaller, and how
         hot its windings are a policy does not know."""
-        robot, servo = robot_of(robot), actuator(which)
+        robot, servo = get_robot(robot), actuator(which)
         if servo.curve is None:
             return cls(robot.rated_torque, delay=servo.delay)
-        line = servo.curve.on(robot)
+        line = servo.curve.resolve(robot)
         return cls(line.peak_torque, no_load_speed=line.no_load_speed, delay=servo.delay)
 
     def kept(

@@ -18,7 +18,7 @@ from policies.memory import per_robot
 from policies.parameters import CommandMap, ParameterFile, number, search_ranges_of
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import HIGH, WIDE
+from quad_env.robots.similarity import HIGH, LATERAL_LENGTH
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
@@ -34,7 +34,7 @@ class TrotParameters(CommandMap):
     """Hip joints above the centres of the standing feet, m."""
     step_height: float = number(0.07, limits=(-1.0, 1.0), search=(0.03, 0.14), unit="m")
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = number(0.54, limits=(-10.0, 10.0), search=(0.4, 0.72), unit=WIDE)
+    stance_width: float = number(0.54, limits=(-10.0, 10.0), search=(0.4, 0.72), unit=LATERAL_LENGTH)
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
     stance_shift: float = number(-0.02, limits=(-1.0, 1.0), search=(-0.1, 0.05), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from policies.base import CONTROL_PERIOD
 from policies.parameters import ParameterFile, number
 from policies.trot.integral import IntegralParameters, TrotIntegral
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -45,7 +45,7 @@ class TrotReference(TrotIntegral):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        given = robot_of(robot)
+        given = get_robot(robot)
         chosen = parameters if parameters is not None else FILE.in_force(given)
         own = given if given.servo_fixed else given.with_servo(chosen.stiffness, chosen.damping)
         super().__init__(chosen, robot=own, control_period=control_period)

@@ -46,7 +46,7 @@ def shared(p: VirtualParameters, now: Motion, wanted: Floats, standing: Mask, fr
     """Forces of the standing feet, level frame, (n, 4, 3), N, that together give the wanted acceleration, (n, 6), m/s²
     and rad/s², as near as may be; then drawn into the friction's cone."""
     bodies = now.bodies
-    arms = skew(bodies.feet - bodies.centre[:, None])
+    arms = skew(bodies.feet - bodies.com_position[:, None])
     linear = np.broadcast_to(np.eye(3), arms.shape) / bodies.mass[:, None, None, None]
     angular = np.linalg.solve(bodies.rotational_inertia[:, None], arms)
     planar, tilt, yaw = p.planar_priority, p.tilt_priority, p.yaw_priority

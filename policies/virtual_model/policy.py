@@ -47,4 +47,4 @@ class TrotFeedback(ModelBased):
         """The forces that pull the trunk as its springs and dampers would."""
         wanted = pulled(self.parameters, now, ground, self._height) - pushed
         forces = shared(self.parameters, now, wanted, standing, friction)
-        return Borne(forces, now.bodies.feet - now.bodies.centre[:, None], np.zeros(self.num_envs, np.bool_))
+        return Borne(forces, now.bodies.feet - now.bodies.com_position[:, None], np.zeros(self.num_envs, np.bool_))

@@ -23,7 +23,7 @@ CURVES = {"go1": _GO, "go2": _GO}
 to none at the rated speed."""
 
 
-class Profile(NamedTuple):
+class HardwareProfile(NamedTuple):
     """Arguments of an environment."""
 
     actuator: Actuator
@@ -32,7 +32,7 @@ class Profile(NamedTuple):
 
 
 @lru_cache(maxsize=32)
-def hardware_profile(robot: Robot) -> Profile:
+def hardware_profile(robot: Robot) -> HardwareProfile:
     """That of a robot. SimpleQuad has 100 N·m and 10 rad/s, as in its article, and all else of `ACTUATORS["motor"]`.
 
     Others have its bandwidth and cold windings: no maker publishes how theirs heat.
@@ -42,4 +42,4 @@ def hardware_profile(robot: Robot) -> Profile:
         curve = CURVES.get(robot.name) if robot.source is None else None
         motor = Actuator(curve or TorqueSpeed(), bandwidth=motor.bandwidth)
     delay = step * math.ceil(round(DELAY / step, 6))
-    return Profile(replace(motor, delay=delay), SENSORS, ESTIMATOR)
+    return HardwareProfile(replace(motor, delay=delay), SENSORS, ESTIMATOR)

@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple, cast
 import numpy as np
 
 from quad_env.columns import Array
-from quad_env.config import Bounds, Positive, Settings, Share
+from quad_env.config import Bounds, Positive, Settings, Fraction
 from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.robot import JOINTS, Robot
 
@@ -45,14 +45,14 @@ class TorqueSpeed(Settings):
             if np.size(value) not in (1, JOINTS_PER_LEG, JOINTS):
                 raise ValueError(f"{name} is a number, or {JOINTS_PER_LEG} or {JOINTS} of them, got {value}")
 
-    def on(self, robot: Robot) -> "Line":
+    def resolve(self, robot: Robot) -> "ResolvedTorqueSpeed":
         """The curves of that robot's motors."""
         stall = _each(self.stall_torque, robot.rated_torque)
         peak = np.minimum(stall, robot.rated_torque) if self.peak_torque is None else _each(self.peak_torque, 0.0)
-        return Line(stall, _each(self.no_load_speed, robot.rated_speed), peak)
+        return ResolvedTorqueSpeed(stall, _each(self.no_load_speed, robot.rated_speed), peak)
 
 
-class Line(NamedTuple):
+class ResolvedTorqueSpeed(NamedTuple):
     """The figures of a `TorqueSpeed` on a robot, each of shape (12,)."""
 
     stall_torque: Array
@@ -103,7 +103,7 @@ class Thermal(Settings):
     """°C above which the torque limit falls"""
     shutdown: float = 115.0
     """°C at which the motor is switched off"""
-    derated: Share = 0.5
+    derated: Fraction = 0.5
     """Share of the torque limit that is left just before; with 0 a motor hardly ever gets so hot"""
 
     def __post_init__(self) -> None:
@@ -134,7 +134,7 @@ class Actuator(Settings):
         if self.thermal is not None and self.curve is None:
             raise ValueError("a thermal model needs a curve, from which the heat of a torque follows: give one")
 
-    def shares(self, timestep: float, period: float) -> Array:
+    def target_weights(self, timestep: float, period: float) -> Array:
         """Shares of the targets of a control period, of the one before and so on in what the motors go by on average
         over it, (k,), sum 1; a motor goes by the lag's value at the start of each physics step. `timestep`, `period`: s
         """
@@ -144,8 +144,8 @@ class Actuator(Settings):
         count = math.ceil((late + settling) / steps) + 1
         since = np.arange(count * steps) - late + (self.bandwidth is None)
         reached = (1.0 - kept ** np.maximum(since, 0)).reshape(count, steps).mean(axis=1)
-        shares = np.diff(reached, prepend=0.0)
-        return cast("Array", shares / shares.sum())
+        target_weights = np.diff(reached, prepend=0.0)
+        return cast("Array", target_weights / target_weights.sum())
 
 
 IDEAL = Actuator()
@@ -167,6 +167,6 @@ def actuator(which: str | Actuator) -> Actuator:
     return ACTUATORS[which]
 
 
-def weaker(first: float | None, second: float | None) -> float | None:
+def min_limit(first: float | None, second: float | None) -> float | None:
     """The smaller of two limits, of which None is no limit."""
     return min((limit for limit in (first, second) if limit is not None), default=None)

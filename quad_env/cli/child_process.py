@@ -90,7 +90,7 @@ class Watchdog:
         self._thread.join()
 
 
-def serve_parent() -> None:
+def exit_with_parent() -> None:
     """Called first in such a process: from now on Ctrl-C is ignored, and the end of the parent ends it at once."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_parent, daemon=True).start()

@@ -20,12 +20,12 @@ class Interrupt:
     """
 
     def __init__(self) -> None:
-        self.asked = False
+        self.requested = False
         """Whether Ctrl-C was pressed."""
 
     def check(self) -> None:
         """Raise KeyboardInterrupt if Ctrl-C was pressed: for a loop to call where it can stop."""
-        if self.asked:
+        if self.requested:
             raise KeyboardInterrupt
 
     def __enter__(self) -> "Interrupt":
@@ -46,6 +46,6 @@ class Interrupt:
             self.check()
 
     def _receive(self, number: int, frame: FrameType | None) -> None:
-        if self.asked:
+        if self.requested:
             leave(AT_ONCE)
-        self.asked = True
+        self.requested = True

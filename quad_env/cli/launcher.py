@@ -143,7 +143,7 @@ def is_out_of_memory(error: BaseException) -> bool:
     return any(sign in text for sign in _MEMORY_SIGNS) or (_OF_CPP in text and memory_is_limited())
 
 
-def hold_memory_where_limited() -> None:
+def preallocate_blas_buffers() -> None:
     """To be called once everything is loaded: OpenBLAS takes now what it would end the process for later.
 
     Raises OSError where there is too little for it.

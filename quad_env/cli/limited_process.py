@@ -25,7 +25,7 @@ from typing import Any, BinaryIO
 
 from quad_env.cli.child_process import RunClock
 from quad_env.cli.launcher import is_out_of_memory
-from quad_env.files.text import described
+from quad_env.files.text import format_exception
 
 TIME = "QUAD_ENV_READ_TIME"
 """Environment variable: limit of the processor time for a file, s."""
@@ -350,7 +350,7 @@ def _answer(function: Any, question: _Question) -> Any:
         try:
             pickle.loads(pickle.dumps(error))
         except Exception:
-            return _Failure(RuntimeError(described(error)))
+            return _Failure(RuntimeError(format_exception(error)))
         return _Failure(error)
 
 

@@ -6,7 +6,7 @@ LAG = 0.25
 """Wall time by which a loop may be behind before it gives up catching up, s."""
 
 
-class Pace:
+class RealTimeRate:
     """Says when the next step is due, and how fast the loop really is.
 
     Args:

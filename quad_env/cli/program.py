@@ -52,7 +52,7 @@ class Program:
     """By the word that calls them."""
     otherwise: Callable[[list[str]], int] | None = None
     """Runs the words that begin with no command, and gives the exit code; None where they are a mistake."""
-    elsewhere: Mapping[str, str] = field(default_factory=dict)
+    moved_commands: Mapping[str, str] = field(default_factory=dict)
     """Where commands are that are not here, such as those of older versions: "now `python -m research jump`"."""
     note: str = ""
     """Last line of the list of commands."""
@@ -71,8 +71,8 @@ class Program:
     def _run(self, words: list[str]) -> int:
         first = words[0] if words else ""
         for called in (first, " ".join(words[:2])):
-            if called in self.elsewhere:
-                raise UsageError(f"`{self.name} {called}` is {self.elsewhere[called]}")
+            if called in self.moved_commands:
+                raise UsageError(f"`{self.name} {called}` is {self.moved_commands[called]}")
         if first in self.commands:
             module: Any = import_module(self.commands[first].module)
             program = f"{self.name} {first}"
@@ -114,7 +114,7 @@ def _line_for(error: Exception) -> str:
     if is_out_of_memory(error):
         return OUT_OF_MEMORY
     if isinstance(error, OSError):
-        return words_of(error)
+        return format_os_error(error)
     package = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
     if package in EXTRAS:
         return f'this needs {package}, which is not installed: pip install -e ".[{EXTRAS[package]}]"'
@@ -127,7 +127,7 @@ def _line_for(error: Exception) -> str:
     raise error
 
 
-def words_of(error: Exception) -> str:
+def format_os_error(error: Exception) -> str:
     """`cannot use FILE (No such file or directory)` of a failure of the system, which does not say so by itself."""
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)

@@ -13,7 +13,7 @@ import numpy as np
 from quad_env.doctor.check import Subject
 from quad_env.doctor.stance import LARGEST_LAG, Stance, new_env, stance_of
 from quad_env.robots.arena import body_names
-from quad_env.robots.collisions import GROUND_BIT, HERE, OWN
+from quad_env.robots.collisions import GROUND_BIT, RENAMED_PREFIX, ATTACH_PREFIX
 from quad_env.robots.plausibility import LONGEST
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import servo_gains
@@ -192,4 +192,4 @@ def _joint_name(model: Any, joint: int) -> str:
 
 def _name(model: Any, body: int, theirs: dict[str, str]) -> str:
     name = str(model.body(body).name)
-    return theirs.get(name, name.removeprefix(OWN).removeprefix(HERE))
+    return theirs.get(name, name.removeprefix(ATTACH_PREFIX).removeprefix(RENAMED_PREFIX))

@@ -6,7 +6,7 @@ from functools import cached_property
 from importlib import import_module
 from typing import Any, Literal
 
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from quad_env.robots.robot import Robot
 
 
@@ -14,7 +14,7 @@ from quad_env.robots.robot import Robot
 class Subject:
     """The robot, and perhaps the policy, that a run of checks examines."""
 
-    given: str | Robot = "simple_quad"
+    robot_source: str | Robot = "simple_quad"
     """Name of a robot, path of its MJCF, URDF or TOML, or the robot itself."""
     policy: str | None = None
     """Policy by name or path."""
@@ -24,19 +24,19 @@ class Subject:
     @property
     def name(self) -> str:
         """Name of the robot, or the path of its file."""
-        return self.given if isinstance(self.given, str) else str(self.given.source or self.given.name)
+        return self.robot_source if isinstance(self.robot_source, str) else str(self.robot_source.source or self.robot_source.name)
 
     @cached_property
     def robot(self) -> Robot:
         """The robot. Raises what reading it does."""
-        return robot_of(self.given)
+        return get_robot(self.robot_source)
 
     @cached_property
     def env(self) -> Any:
         """A single environment with it, servos as our controllers command them, falls ignored. Raises ValueError."""
         from quad_env.envs.env import SimpleQuadEnv
 
-        return SimpleQuadEnv(robot=self.robot.stiffer, terminate_on_fall=False)
+        return SimpleQuadEnv(robot=self.robot.with_stiff_servos, terminate_on_fall=False)
 
     @property
     def figures(self) -> str:
@@ -52,7 +52,7 @@ class Finding:
 
     result: Literal["ok", "warning", "problem", "left out"]
     """A warning needs no repair, a problem does."""
-    seen: str
+    observed: str
     """Observation, one line."""
     cause: str = ""
     """Likely cause; of warnings and problems."""
@@ -82,7 +82,7 @@ class Check:
     needs: tuple[str, ...] = ()
     """Checks that have to succeed first, since this one would only find their problems again."""
 
-    def look(self, subject: Subject) -> Finding:
+    def run(self, subject: Subject) -> Finding:
         """Finding of the check; an unexpected error is a problem too."""
         module, _, function = self.place.partition(":")
         try:
@@ -104,7 +104,7 @@ def examine(checks: Iterable[Check], subject: Subject) -> Iterator[tuple[str, Fi
         if missing := [name for name in check.needs if name in broken]:
             finding = Finding("left out", f"not before {' and '.join(missing)}")
         else:
-            finding = check.look(subject)
+            finding = check.run(subject)
         if finding.result in ("problem", "left out"):
             broken.add(check.name)
         yield check.name, finding

@@ -71,7 +71,7 @@ def run(options: Options, of_policies: tuple[Check, ...] | None) -> int:
 
 def _lines(name: str, found: Finding) -> Iterator[str]:
     """The observation, and cause and remedy where there are any."""
-    yield f"{found.result:9} {name:11} {found.seen}"
+    yield f"{found.result:9} {name:11} {found.observed}"
     yield from (f"{'':22}{line}" for line in found.details)
     if found.remedy:
         yield f"{'':22}cause:  {found.cause}"

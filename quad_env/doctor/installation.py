@@ -13,7 +13,7 @@ from quad_env.cli.child_process import RunClock
 from quad_env.doctor.check import Finding, Subject, ok, problem
 
 PROJECT = "simple-quad"
-PATIENCE = 60.0
+RENDER_TIMEOUT = 60.0
 """s. Longest run time until a first frame, with shaders that the processor compiles; see `RunClock`."""
 INSTALL = "install EGL (Debian and Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri)"
 DRAW = """
@@ -68,7 +68,7 @@ def opengl(_: Subject) -> Finding:
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment) as run:
         stderr = _stderr_in_time(run)
     if stderr is None:
-        seen = f"no frame within {PATIENCE:g} s, without the time in which other programs had the processor"
+        seen = f"no frame within {RENDER_TIMEOUT:g} s, without the time in which other programs had the processor"
         return problem(
             seen, "OpenGL, or a driver behind it, waits for ever", "see what `MUJOCO_GL=egl` gives, or osmesa"
         )
@@ -82,7 +82,7 @@ def opengl(_: Subject) -> Finding:
 def _stderr_in_time(run: "subprocess.Popen[bytes]") -> bytes | None:
     """Return the stderr of a process; None if it does not end within PATIENCE, and is killed."""
     clock = RunClock(run.pid)
-    while clock.elapsed() < PATIENCE:
+    while clock.elapsed() < RENDER_TIMEOUT:
         with contextlib.suppress(subprocess.TimeoutExpired):
             return run.communicate(timeout=0.5)[1]
     run.kill()

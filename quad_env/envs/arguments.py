@@ -47,8 +47,8 @@ def reset_options(options: Any, num_envs: int) -> tuple[Mask, Array | None]:
     if unknown := set(found) - set(RESET_OPTIONS):
         raise ValueError(f"unknown options {sorted(map(str, unknown))}; valid: {', '.join(RESET_OPTIONS)}")
     command = found.get("command")
-    held = None if command is None else commands(command, num_envs, "options['command']")
-    return _mask(found.get("reset_mask"), num_envs), held
+    fixed_command = None if command is None else commands(command, num_envs, "options['command']")
+    return _mask(found.get("reset_mask"), num_envs), fixed_command
 
 
 def commands(command: Any, num_envs: int, name: str) -> Array:

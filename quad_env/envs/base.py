@@ -13,28 +13,28 @@ from quad_env.actuation.hardware import hardware_profile
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.models import actuator as find_actuator
 from quad_env.actuation.runtime import action_delay_of
-from quad_env.columns import Column, Rows, Truth, Vector, share_above
+from quad_env.columns import ScalarOrBatch, EnvIndices, BoolOrMask, Components, fraction_above
 from quad_env.config import TaskConfig
 from quad_env.envs.attributes import check_settable
 from quad_env.physics.batch import MUJOCO
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from quad_env.robots.robot import Robot, servo_gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.episode import Episode, at_reset
+from quad_env.scenarios.episode import EpisodeSample, stack_initial_conditions
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.schedule import Schedule
+from quad_env.scenarios.schedule import EpisodeSchedule
 from quad_env.sensing.estimators import COMPLEMENTARY, Estimator, check_estimator
 from quad_env.sensing.height_scan import HeightScan, scanner_of, table_with
-from quad_env.sensing.observation import SensedObservation, shown_by
+from quad_env.sensing.observation import SensorObservation, make_observation_model
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
 from quad_env.task.rewards import reward_terms, step_weights
 
 
-class Parts(TypedDict, total=False):
+class EnvKwargs(TypedDict, total=False):
     """Arguments that the single environment and the batch share; `SimpleQuadEnv` says what they are."""
 
     config: TaskConfig | None
@@ -66,7 +66,7 @@ class QuadEnvBase:
     def __setattr__(self, name: str, value: Any) -> None:
         """Set an attribute. Raises AttributeError where that would change nothing."""
         if name[0] != "_" and self._made:
-            check_settable(self, name, value, Parts.__annotations__)
+            check_settable(self, name, value, EnvKwargs.__annotations__)
         object.__setattr__(self, name, value)
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
@@ -79,7 +79,7 @@ class QuadEnvBase:
         (args, kwargs), kept = self._arguments, ("spec", "_schedule")
         return partial(type(self), *args, **kwargs), (), {name: deepcopy(getattr(self, name)) for name in kept}
 
-    def _assemble(
+    def _build(
         self,
         num_envs: int,
         nthread: int,
@@ -103,7 +103,7 @@ class QuadEnvBase:
         if config is not None and not isinstance(config, TaskConfig):
             raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
         self.config = config or TaskConfig()
-        robot = robot_of(robot)
+        robot = get_robot(robot)
         own = robot.servo_stiffness, robot.servo_damping
         gains = servo_gains(own if servo is None else servo, num_envs)
         differ = bool(np.ptp(gains, axis=1).any())
@@ -114,7 +114,7 @@ class QuadEnvBase:
         rate = self.config.control_rate
         self.dt = 1 / rate
         """Control period, s."""
-        self._lowest = self.config.fall_rule.lowest(robot.leg_length)
+        self._min_trunk_height = self.config.fall_rule.lowest(robot.leg_length)
         motors, suite = find_actuator(_setting(actuator)), sensor_suite(_setting(sensors))
         if self.scenario.hardware:
             if (motors, suite, estimator) != (ACTUATORS["ideal"], None, COMPLEMENTARY):
@@ -134,9 +134,9 @@ class QuadEnvBase:
             servo=gains if differ else None,
             simulator=simulator,
         )
-        self._schedule = Schedule(robot, self.scenario, num_envs, self.dt)
+        self._schedule = EpisodeSchedule(robot, self.scenario, num_envs, self.dt)
         self._action_delay = action_delay_of(robot, self.scenario, num_envs, self.dt)
-        self._sensors = shown_by(suite, estimator, self.simulation, self.scenario, num_envs, rate)
+        self._sensors = make_observation_model(suite, estimator, self.simulation, self.scenario, num_envs, rate)
         scan = _setting(height_scan)
         self._scanner = scanner_of(scan, self.scenario, num_envs, rate)
         self.observation_table = table = table_with(robot, scan)
@@ -148,37 +148,37 @@ class QuadEnvBase:
     @property
     def estimator(self) -> Estimator | None:
         """What gravity and velocity of the observation are estimated by; None where they are the truth."""
-        return self._sensors.estimator if isinstance(self._sensors, SensedObservation) else None
+        return self._sensors.estimator if isinstance(self._sensors, SensorObservation) else None
 
     @property
-    def shows_truth(self) -> bool:
+    def observes_true_state(self) -> bool:
         """Whether the observation shows every reading as it is, at once."""
         return self._sensors is None
 
-    def _start(self, rows: Rows, episodes: Sequence[Episode]) -> None:
+    def _reset_episodes(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
         """Start these episodes of those robots."""
-        self.simulation.reset(rows, *at_reset(episodes))
+        self.simulation.reset(env_ids, *stack_initial_conditions(episodes))
         for part in (self._action_delay, self._sensors, self._scanner):
             if part is not None:
-                part.begin(rows, episodes)
+                part.reset(env_ids, episodes)
 
     def _observation_of(
-        self, state: QuadState[Column], command: Vector[Column], clock: NDArray[np.int64], rows: Rows
+        self, state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch], clock: NDArray[np.int64], env_ids: EnvIndices
     ) -> NDArray[np.float32]:
         """What those robots, (k,), observe, whose `state` it is: (size,), or (k, size) of a batch."""
         observation = self.observation_table.observe(state, command)
         if self._sensors is not None:
-            self._sensors.sense(np.atleast_2d(observation), clock, rows)
+            self._sensors.sense(np.atleast_2d(observation), clock, env_ids)
         if self._scanner is None:
             return observation
-        scan = self._scanner.scan(state, clock, rows)
+        scan = self._scanner.scan(state, clock, env_ids)
         return np.concatenate((observation, scan if observation.ndim == 2 else scan[0]), axis=-1)
 
-    def _paid(self, state: QuadState[Column], ended: Truth, diverged: Truth) -> dict[str, Column]:
+    def _step_terms(self, state: QuadState[ScalarOrBatch], ended: BoolOrMask, diverged: BoolOrMask) -> dict[str, ScalarOrBatch]:
         """What a step earned and cost: mechanical power, W, the share of joints above their rated speed, rewards."""
         return {
             "mechanical_power": state.mechanical_power,
-            "overspeed": share_above(state.joint_velocity, self.robot.rated_speed),
+            "overspeed": fraction_above(state.joint_velocity, self.robot.rated_speed),
             **reward_terms(state, ended, diverged, self._weights),
         }
 

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from quad_env import columns
 from quad_env.envs.arguments import check_frame, joint_targets, reset_options, warn_of_no_render_mode
-from quad_env.envs.base import Parts, QuadEnvBase
+from quad_env.envs.base import EnvKwargs, QuadEnvBase
 from quad_env.envs.vector_env import Observation
 from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import seeds_of
-from quad_env.sensing.observation import SensedObservation
-from quad_env.task.terminations import fall_code
+from quad_env.sensing.observation import SensorObservation
+from quad_env.task.terminations import fall_reason_code
 
 RENDER_MODES = ("rgb_array", "human")
 _ROW = np.zeros(1, np.intp)
@@ -64,16 +64,16 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         width: int = 640,
         height: int = 480,
         camera: str = "track",
-        **parts: Unpack[Parts],
+        **parts: Unpack[EnvKwargs],
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         check_frame(width, height)
-        self.observation_space, self.action_space = self._assemble(1, 1, scenario, **parts)
+        self.observation_space, self.action_space = self._build(1, 1, scenario, **parts)
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
-        self._followed: columns.Vector[float] = (0.0, 0.0, 0.0)
+        self._tracked_command: columns.Components[float] = (0.0, 0.0, 0.0)
         self._fall = 0
         self._started = self._diverged = self._terminated = False
         self._frame = (width, height, camera)
@@ -99,11 +99,11 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         if "reset_mask" in (options or ()):
             raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
         self._schedule.reseed(seed, mask)
-        self._start(_ROW, self._schedule.begin(_ROW, held))
+        self._reset_episodes(_ROW, self._schedule.begin(_ROW, held))
         self._fall, self._started, self._diverged, self._terminated = 0, True, False, False
-        self._followed = columns.of_robot(self._schedule.command)
-        self.simulation.show_load(0)
-        observation, info = self._still()
+        self._tracked_command = columns.to_scalars(self._schedule.command)
+        self.simulation.sync_model(0)
+        observation, info = self._current_observation()
         if self.render_mode == "human":
             self.render()
         return observation, info
@@ -118,51 +118,51 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         if not self._started:
             raise ResetNeeded("reset the environment before the first step")
         if self._terminated:
-            observation, info = self._still()
+            observation, info = self._current_observation()
             return observation, 0.0, True, False, info
         schedule, action_delay = self._schedule, self._action_delay
-        received = None if action_delay is None else action_delay.received(targets[None], schedule.clock, _ROW)
-        self.simulation.step(targets[None], schedule.force(), received=received)
-        schedule.clock += 1
-        state = self._judge()
-        paid = self._paid(state, self._terminated, self._diverged)
-        schedule.redraw(ALL)
+        delayed_targets = None if action_delay is None else action_delay.received(targets[None], schedule.step_count, _ROW)
+        self.simulation.step(targets[None], schedule.force(), delayed_targets=delayed_targets)
+        schedule.step_count += 1
+        state = self._update_termination()
+        step_terms = self._step_terms(state, self._terminated, self._diverged)
+        schedule.resample_commands(ALL)
         observation = self._observe(state)
         if self.render_mode == "human":
             self.render()
-        reward = columns.total(paid[key] for key in self._weights)
-        return observation, reward, self._terminated, False, self._info(state, paid)
+        reward = columns.ordered_sum(step_terms[key] for key in self._weights)
+        return observation, reward, self._terminated, False, self._info(state, step_terms)
 
-    def _judge(self) -> QuadState[float]:
+    def _update_termination(self) -> QuadState[float]:
         """Readings of the robot that just moved; whether it fell, and whether that ends the episode."""
         self._diverged = bool(self.simulation.diverged(None))
         if self._diverged:
-            self.simulation.park(_ROW)
-        self._followed = columns.of_robot(self._schedule.command)
-        state = self.simulation.state(self._followed, None)
-        self._fall = 0 if self._diverged else fall_code(state, self.config.fall_rule, self._lowest)
+            self.simulation.reset_diverged(_ROW)
+        self._tracked_command = columns.to_scalars(self._schedule.command)
+        state = self.simulation.state(self._tracked_command, None)
+        self._fall = 0 if self._diverged else fall_reason_code(state, self.config.fall_rule, self._min_trunk_height)
         self._terminated = self._diverged or (self._fall > 0 and self.terminate_on_fall)
         return state
 
-    def _still(self) -> tuple[Observation, dict[str, Any]]:
+    def _current_observation(self) -> tuple[Observation, dict[str, Any]]:
         """Observation and info of a robot that has not moved."""
-        state = self.simulation.state(self._followed, None)
-        paid = dict.fromkeys(("mechanical_power", "overspeed", *self._weights), 0.0)
-        return self._observe(state), self._info(state, paid)
+        state = self.simulation.state(self._tracked_command, None)
+        step_terms = dict.fromkeys(("mechanical_power", "overspeed", *self._weights), 0.0)
+        return self._observe(state), self._info(state, step_terms)
 
     def _observe(self, state: QuadState[float]) -> Observation:
-        command = columns.of_robot(self._schedule.command)
-        return self._observation_of(state, command, self._schedule.clock, _ROW)
+        command = columns.to_scalars(self._schedule.command)
+        return self._observation_of(state, command, self._schedule.step_count, _ROW)
 
-    def _info(self, state: QuadState[float], paid: dict[str, float]) -> dict[str, Any]:
+    def _info(self, state: QuadState[float], step_terms: dict[str, float]) -> dict[str, Any]:
         info: dict[str, Any] = {
             "command": np.array(state.command),
             "heading_velocity": np.array(state.heading_velocity),
             "fall": np.int8(self._fall),
             "diverged": np.array(self._diverged),  # Gymnasium's batches would make an object of a `np.bool_`
-            **{key: np.float64(value) for key, value in paid.items()},
+            **{key: np.float64(value) for key, value in step_terms.items()},
         }
-        if isinstance(self._sensors, SensedObservation):
+        if isinstance(self._sensors, SensorObservation):
             info |= {key: values[0] for key, values in self._sensors.readings().items()}
         return info
 

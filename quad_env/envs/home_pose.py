@@ -10,7 +10,7 @@ from gymnasium.vector import VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from quad_env.robots.robot import Robot
 
 Observation = NDArray[np.float32]
@@ -32,7 +32,7 @@ class HomePoseSpace(Box):
     """
 
     def __init__(self, robot: str | Robot, authority: ArrayLike = AUTHORITY) -> None:
-        robot = robot_of(robot)
+        robot = get_robot(robot)
         super().__init__(-1.0, 1.0, (robot.num_joints,), np.float32)
         self.robot_name = robot.name
         self.home_pose = robot.home_pose.astype(np.float32)

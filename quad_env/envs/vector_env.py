@@ -10,16 +10,16 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from quad_env import columns
-from quad_env.columns import Array, Ids, Mask
+from quad_env.columns import Array, EnvSelection, Mask
 from quad_env.envs import arguments
-from quad_env.envs.base import Parts, QuadEnvBase
+from quad_env.envs.base import EnvKwargs, QuadEnvBase
 from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.episode import PushPlan
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.observation import SensedObservation
+from quad_env.sensing.observation import SensorObservation
 from quad_env.task.readings import readings as readings_of
-from quad_env.task.terminations import fall_code
+from quad_env.task.terminations import fall_reason_code
 
 Observation = NDArray[np.float32]
 Infos = dict[str, Any]
@@ -58,7 +58,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         terminate_on_fall: bool = True,
         render_mode: str | None = None,
         readings: bool = False,
-        **parts: Unpack[Parts],
+        **parts: Unpack[EnvKwargs],
     ) -> None:
         num_envs = arguments.check_count("num_envs", num_envs)
         nthread = arguments.check_count("nthread", nthread)
@@ -72,7 +72,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = arguments.find_autoreset_mode(autoreset_mode)
-        spaces = self._assemble(num_envs, nthread, scenario, readings, **parts)
+        spaces = self._build(num_envs, nthread, scenario, readings, **parts)
         self.single_observation_space, self.single_action_space = spaces
         self.metadata = {
             "render_modes": list(RENDER_MODES),
@@ -89,10 +89,10 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._terminated, self._truncated = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
         # What the caller is shown copies of: a robot that does not move keeps its row.
         self._observation: Observation = np.zeros((num_envs, self.observation_table.size), np.float32)
-        self._followed, self._heading_velocity = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
+        self._tracked_command, self._heading_velocity = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
         self._diverged, self._fall = np.zeros(num_envs, bool), np.zeros(num_envs, np.int8)
-        self._everyone = np.ones(num_envs, bool)
-        self._everyone.flags.writeable = False
+        self._all_true_mask = np.ones(num_envs, bool)
+        self._all_true_mask.flags.writeable = False
         self._state: QuadState[Array] | None = None
         """Of all robots now, where it is known."""
         self._made = True
@@ -109,11 +109,11 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         Raises:
             ValueError: a seed, command or mask of the wrong shape or kind.
         """
-        mask, held = arguments.reset_options(options, self.num_envs)
+        mask, fixed_command = arguments.reset_options(options, self.num_envs)
         self._schedule.reseed(seed, mask)
         super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
-        self._begin(np.flatnonzero(mask), held)
-        return self._observation.copy(), self._infos(self._nothing_paid())
+        self._begin(np.flatnonzero(mask), fixed_command)
+        return self._observation.copy(), self._infos(self._zero_step_terms())
 
     def step(self, actions: NDArray[np.floating[Any]]) -> tuple[Observation, Array, Mask, Mask, Infos]:
         """Advance by one control period of `dt` seconds.
@@ -131,17 +131,17 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         moving = np.flatnonzero(~done) if done.any() else ALL
         schedule, received = self._schedule, None
         if self._action_delay is not None:
-            received = self._action_delay.received(targets, schedule.clock[moving], self._rows[moving])
+            received = self._action_delay.received(targets, schedule.step_count[moving], self._rows[moving])
         self.simulation.step(targets, schedule.force(), moving, received)
-        schedule.clock[moving] += 1
-        paid = self._judge(moving)
-        rewards = columns.total(paid[key] for key in self._weights)
+        schedule.step_count[moving] += 1
+        step_terms = self._update_termination(moving)
+        rewards = columns.ordered_sum(step_terms[key] for key in self._weights)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and moving is not ALL:
             self._begin(np.flatnonzero(done), None)
         terminated, truncated = self._terminated.copy(), self._truncated.copy()
-        infos = self._infos(paid)
+        infos = self._infos(step_terms)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and (finished := terminated | truncated).any():
-            infos = self._restart(finished, infos, paid)
+            infos = self._restart(finished, infos, step_terms)
         return self._observation.copy(), rewards, terminated, truncated, infos
 
     def steer(self, command: ArrayLike) -> None:
@@ -163,7 +163,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         steps = round(duration / self.dt) if np.isfinite(duration) else 0
         if steps < 1:
             raise ValueError(f"a push lasts a control step, {self.dt:g} s, or longer, not {duration} s")
-        self._schedule.shove(arguments.rows(force, (self.num_envs, 2), "force"), steps)
+        self._schedule.apply_push(arguments.rows(force, (self.num_envs, 2), "force"), steps)
 
     def render(self) -> tuple[NDArray[Any], ...] | None:
         """A frame of each robot, (480, 640, 3) uint8; None without a render_mode."""
@@ -181,78 +181,78 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         """The pushes of every env's present episode."""
         return self._schedule.pushes
 
-    def _begin(self, ids: NDArray[np.intp], held: Array | None) -> None:
+    def _begin(self, env_ids: NDArray[np.intp], held: Array | None) -> None:
         """Start the next episode of those envs and look; `held` are the commands of all, or None to draw."""
-        if not len(ids):
+        if not len(env_ids):
             return
-        self._started[ids] = True
-        self._terminated[ids] = self._truncated[ids] = self._diverged[ids] = False
-        self._fall[ids] = 0
+        self._started[env_ids] = True
+        self._terminated[env_ids] = self._truncated[env_ids] = self._diverged[env_ids] = False
+        self._fall[env_ids] = 0
         self._state = None
-        episodes = self._schedule.begin(ids, held)
-        self._start(ids, episodes)
-        self._look(self._read(ids), ids)
+        episodes = self._schedule.begin(env_ids, held)
+        self._reset_episodes(env_ids, episodes)
+        self._update_observation(self._compute_state(env_ids), env_ids)
 
-    def _read(self, ids: Ids) -> QuadState[Array]:
+    def _compute_state(self, env_ids: EnvSelection) -> QuadState[Array]:
         """Readings of those robots, which were following their present commands."""
-        self._followed[ids] = self._schedule.command[ids]
-        return self.simulation.state(columns.of_robots(self._followed[ids]), ids)
+        self._tracked_command[env_ids] = self._schedule.command[env_ids]
+        return self.simulation.state(columns.to_components(self._tracked_command[env_ids]), env_ids)
 
-    def _look(self, state: QuadState[Array], ids: Ids) -> None:
+    def _update_observation(self, state: QuadState[Array], env_ids: EnvSelection) -> None:
         """Take the observation of those robots, whose `state` it is, with the command to follow next."""
-        self._heading_velocity[ids] = np.transpose(state.heading_velocity)
-        command, clock = columns.of_robots(self._schedule.command[ids]), self._schedule.clock[ids]
-        self._observation[ids] = self._observation_of(state, command, clock, self._rows[ids])
+        self._heading_velocity[env_ids] = np.transpose(state.heading_velocity)
+        command, clock = columns.to_components(self._schedule.command[env_ids]), self._schedule.step_count[env_ids]
+        self._observation[env_ids] = self._observation_of(state, command, clock, self._rows[env_ids])
 
-    def _judge(self, ids: Ids) -> Infos:
+    def _update_termination(self, env_ids: EnvSelection) -> Infos:
         """Falls, ends, observations of the robots that just moved; gives what the step earned and cost, all (n,)."""
-        diverged = self.simulation.diverged(ids)
+        diverged = self.simulation.diverged(env_ids)
         if diverged.any():
-            self.simulation.park(self._rows[ids][diverged])
-        state = self._read(ids)
-        self._state = state if ids is ALL else None
-        fall = fall_code(state, self.config.fall_rule, self._lowest)
+            self.simulation.reset_diverged(self._rows[env_ids][diverged])
+        state = self._compute_state(env_ids)
+        self._state = state if env_ids is ALL else None
+        fall = fall_reason_code(state, self.config.fall_rule, self._min_trunk_height)
         fall[diverged] = 0
         ended = diverged | ((fall > 0) & self.terminate_on_fall)
-        self._diverged[ids], self._fall[ids], self._terminated[ids] = diverged, fall, ended
+        self._diverged[env_ids], self._fall[env_ids], self._terminated[env_ids] = diverged, fall, ended
         if self.max_episode_steps is not None:
-            self._truncated[ids] = self._schedule.clock[ids] >= self.max_episode_steps
-        self._schedule.redraw(ids)
-        self._look(state, ids)
-        paid = self._paid(state, ended, diverged)
-        return paid if ids is ALL else {key: self._spread(values, ids) for key, values in paid.items()}
+            self._truncated[env_ids] = self._schedule.step_count[env_ids] >= self.max_episode_steps
+        self._schedule.resample_commands(env_ids)
+        self._update_observation(state, env_ids)
+        step_terms = self._step_terms(state, ended, diverged)
+        return step_terms if env_ids is ALL else {key: self._scatter(values, env_ids) for key, values in step_terms.items()}
 
-    def _spread(self, values: Array, ids: Ids) -> Array:
+    def _scatter(self, values: Array, env_ids: EnvSelection) -> Array:
         """Values of those robots among zeros for the others, (n,)."""
         out = np.zeros(self.num_envs)
-        out[ids] = values
+        out[env_ids] = values
         return out
 
-    def _nothing_paid(self) -> Infos:
+    def _zero_step_terms(self) -> Infos:
         return {key: np.zeros(self.num_envs) for key in ("mechanical_power", "overspeed", *self._weights)}
 
-    def _infos(self, paid: Infos) -> Infos:
+    def _infos(self, step_terms: Infos) -> Infos:
         infos: Infos = {
-            "command": self._followed.copy(),
+            "command": self._tracked_command.copy(),
             "heading_velocity": self._heading_velocity.copy(),
             "fall": self._fall.copy(),
             "diverged": self._diverged.copy(),
-            **paid,
+            **step_terms,
         }
         if self._readings:
             infos |= readings_of(self.simulation, self._state)
-            infos["joint_torque"][self._schedule.clock == 0] = 0.0  # MuJoCo's is that of another simulation yet
-        if isinstance(self._sensors, SensedObservation):
+            infos["joint_torque"][self._schedule.step_count == 0] = 0.0  # MuJoCo's is that of another simulation yet
+        if isinstance(self._sensors, SensorObservation):
             infos |= self._sensors.readings()
-        return infos | {f"_{key}": self._everyone for key in infos}
+        return infos | {f"_{key}": self._all_true_mask for key in infos}
 
-    def _restart(self, finished: Mask, infos: Infos, paid: Infos) -> Infos:
+    def _restart(self, finished: Mask, infos: Infos, step_terms: Infos) -> Infos:
         """Same-step autoreset: restart the finished envs; the finished step moves to `final_obs` and `final_info`."""
-        ids = np.flatnonzero(finished)
+        env_ids = np.flatnonzero(finished)
         extra = {
             "final_obs": np.where(finished[:, None], self._observation, np.float32(0)),
             "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
         }
-        self._begin(ids, None)
-        infos = self._infos({key: np.where(finished, 0.0, values) for key, values in paid.items()})
+        self._begin(env_ids, None)
+        infos = self._infos({key: np.where(finished, 0.0, values) for key, values in step_terms.items()})
         return infos | extra | {f"_{key}": finished.copy() for key in extra}

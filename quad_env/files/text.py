@@ -48,7 +48,7 @@ def brief(value: object, depth: int = 2) -> str:
     return f"{start}{', '.join([*entries, *more])}{end}"
 
 
-def described(error: BaseException) -> str:
+def format_exception(error: BaseException) -> str:
     """`ValueError: its text`, on one line.
 
     Code of a user can raise an exception whose `__str__` fails; then the line says so.

@@ -36,7 +36,7 @@ def make_writable_folder(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def sole_use(folder: Path) -> Iterator[None]:
+def exclusive_lock(folder: Path) -> Iterator[None]:
     """Context in which no other process has sole use of the folder; FolderInUse at once where one has.
 
     A lock of the system, which ends with its process however that ends. Some network drives have no locks: there no

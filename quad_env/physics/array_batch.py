@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import mujoco
 import numpy as np
 
-from quad_env.columns import Array, Rows
+from quad_env.columns import Array, EnvIndices
 
 
 class ArrayBatch:
@@ -27,14 +27,14 @@ class ArrayBatch:
         values = getattr(self._model, field)
         return self._own.setdefault(field, np.tile(values, (len(self.warning), *[1] * values.ndim)))
 
-    def reset(self, ids: Rows, keyframe: int | None = None, *, stage: int = 0) -> None:
+    def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int = 0) -> None:
         """Put those robots at the model's start, or at a keyframe, at rest; nothing touches the ground yet."""
         for values in self._fields.values():
             values[ids] = 0.0
         mujoco.mj_resetDataKeyframe(self._model, self._data, -1 if keyframe is None else keyframe)
         self._fields["qpos"][ids], self._fields["ctrl"][ids] = self._data.qpos, self._data.ctrl
 
-    def forward(self, ids: Rows, *, stage: int = 0) -> None:
+    def forward(self, ids: EnvIndices, *, stage: int = 0) -> None:
         """Work out where the bodies and sites of those robots are."""
         for robot in ids:
             self._data.qpos[:] = self._fields["qpos"][robot]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from quad_env.columns import Vector
+from quad_env.columns import Components
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0 … 1."""
@@ -17,8 +17,8 @@ _SHORTEST = 1e-3
 class Arrow(NamedTuple):
     """From a point to another, (3) m each; where they are the same nothing is drawn."""
 
-    start: Vector[float]
-    end: Vector[float]
+    start: Components[float]
+    end: Components[float]
     radius: float
     """Of the shaft, m."""
     colour: Colour
@@ -27,7 +27,7 @@ class Arrow(NamedTuple):
 class Ball(NamedTuple):
     """A ball that shines, with a name next to it."""
 
-    centre: Vector[float]
+    centre: Components[float]
     radius: float
     colour: Colour
     name: str

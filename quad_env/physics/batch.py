@@ -4,7 +4,7 @@ from importlib.util import find_spec
 from typing import Any, Protocol
 
 from quad_env.actuation.models import ACTUATORS, Actuator
-from quad_env.columns import Array, Ids, Rows
+from quad_env.columns import Array, EnvSelection, EnvIndices
 from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, SmoothRandom
@@ -12,10 +12,10 @@ from quad_env.scenarios.terrain import HeightField, SmoothRandom
 MUJOCO, DRAKE, WARP = "mujoco", "drake", "warp"
 SIMULATORS = MUJOCO, DRAKE
 """Those that evaluate; WARP is for training alone."""
-SLOWNESS = {MUJOCO: 1.0, DRAKE: 12.0}
+RELATIVE_STEP_TIME = {MUJOCO: 1.0, DRAKE: 12.0}
 """Time that each takes for a control step of a robot, times MuJoCo's."""
 _PACKAGES = {DRAKE: "pydrake", WARP: "mujoco_warp"}
-_KNOWN = {
+_SUPPORTED = {
     DRAKE: "ideal motors, the true state, and level ground, slopes and stairs of any friction, with pushes, forces, "
     "payloads",
     WARP: "ideal motors and all else but height fields, slow motors and sensors of the robot",
@@ -40,16 +40,16 @@ class Batch(Protocol):
     def sensor(self, name: str) -> Any:
         """A sensor, whose `data`, (n, size), are of the state before the last physics step."""
 
-    def reset(self, ids: Rows, keyframe: int | None = None, *, stage: int) -> None:
+    def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int) -> None:
         """Put those robots at the model's start, or at a keyframe, at rest."""
 
-    def forward(self, ids: Rows, *, stage: int = ...) -> None:
+    def forward(self, ids: EnvIndices, *, stage: int = ...) -> None:
         """Work out where the bodies and sites of those robots are."""
 
-    def step(self, ids: Ids | None, nstep: int) -> None:
+    def step(self, ids: EnvSelection | None, nstep: int) -> None:
         """Move those robots, or all, on by some physics steps. Raises mujoco.batch.SimulationError."""
 
-    def set_const(self, ids: Rows) -> None:
+    def set_const(self, ids: EnvIndices) -> None:
         """Work out what depends on the expanded fields of those robots."""
 
     def get_model(self, robot: int, model: Any) -> None:
@@ -72,7 +72,7 @@ def check_simulator(
         raise ValueError(f'the simulator {simulator} needs its packages: pip install -e ".[{simulator}]"')
     terrain, on_drake = scenario.terrain, simulator == DRAKE
     slow = scenario.motors.bandwidth is not None
-    beyond = {
+    unsupported = {
         "sensors of the robot": sensors,
         "readings, for it measures no energy": simulator == WARP and readings,
         f"the hardware profile of {scenario.name!r}": scenario.hardware,
@@ -82,12 +82,12 @@ def check_simulator(
         f"the domain randomisation of {scenario.name!r}": on_drake and scenario.randomisation is not None,
         f"the soft ground of {scenario.name!r}": on_drake and scenario.ground.sink_depth > 0,
     }
-    if found := [what for what, asked in beyond.items() if asked]:
-        known = f"the simulator {simulator} knows {_KNOWN[simulator]}"
+    if found := [what for what, asked in unsupported.items() if asked]:
+        known = f"the simulator {simulator} knows {_SUPPORTED[simulator]}"
         raise ValueError(f"{known}; not {' and '.join(found)}: take mujoco for that")
 
 
-def batch_of(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch:
+def make_batch(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch:
     """n robots of that compiled model in the simulator of that name."""
     if simulator == DRAKE:
         if any(getattr(model, field).any() for field in _BEYOND_DRAKE):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.robots.arena import spec_of
+from quad_env.robots.arena import build_spec
 from quad_env.robots.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -22,23 +22,23 @@ _SYMMETRIC = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 """Places of a matrix's entries in MuJoCo's xx, yy, zz, xy, xz, yz."""
 
 
-class RigidBodies(NamedTuple):
+class DynamicsTerms(NamedTuple):
     """Dynamics of n robots, each in its state."""
 
     mass: Floats
     """(n,), kg."""
     inertia: Floats
     """Joint-space inertia matrix, (n, 18, 18), armatures included."""
-    bias: Floats
+    bias_force: Floats
     """Generalised forces that hold the robot's acceleration at zero: Coriolis, centrifugal, gravity, joint damping;
     (n, 18)."""
     feet: Floats
     """Centres of the foot spheres, world frame, (n, 4, 3), m."""
     jacobians: Floats
     """Of the feet's velocities in the world frame, (n, 4, 3, 18)."""
-    drift: Floats
+    foot_bias_acceleration: Floats
     """Accelerations of the feet at zero generalised acceleration, world frame, (n, 4, 3), m/s²."""
-    centre: Floats
+    com_position: Floats
     """Centre of mass, world frame, (n, 3), m."""
     centre_velocity: Floats
     """Its velocity, world frame, (n, 3), m/s."""
@@ -72,8 +72,8 @@ def _prepared(mujoco: Any, model: Any, legs: Sequence[str]) -> _Model:
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
     data, trunk = mujoco.MjData(model), model.body("base_link").id
     sites = [model.site(f"{leg}_foot").id for leg in legs]
-    sums, centre, velocity = data.crb[trunk, :6], data.subtree_com[trunk], data.subtree_linvel[trunk]
-    views = data.qpos, data.qvel, data.site_xpos, sums, centre, velocity, data.qfrc_bias, data.qfrc_passive
+    sums, com_position, velocity = data.crb[trunk, :6], data.subtree_com[trunk], data.subtree_linvel[trunk]
+    views = data.qpos, data.qvel, data.site_xpos, sums, com_position, velocity, data.qfrc_bias, data.qfrc_passive
     feet = list(zip(sites, model.site_bodyid[sites].tolist(), strict=True))
     return _Model(mujoco, model, data, float(np.round(model.body_subtreemass[trunk], 9)), feet, views)
 
@@ -91,9 +91,9 @@ class Dynamics:
     def _compiled(self) -> _Model:
         import mujoco
 
-        return _prepared(mujoco, spec_of(self.robot).compile(), self.robot.leg_names)
+        return _prepared(mujoco, build_spec(self.robot).compile(), self.robot.leg_names)
 
-    def at(self, orientation: Floats, velocity: Floats, turning: Floats, angles: Floats, speeds: Floats) -> RigidBodies:
+    def compute(self, orientation: Floats, velocity: Floats, angular_velocity: Floats, angles: Floats, speeds: Floats) -> DynamicsTerms:
         """Dynamics with the trunk's centre in the origin.
 
         `orientation`: quaternions (w, x, y, z) from the base to the world frame, (n, 4); `velocity`: of the trunk's
@@ -102,17 +102,17 @@ class Dynamics:
         """
         count, size, legs = len(angles), 6 + angles.shape[1], len(self.robot.leg_names)
         shapes = (), (size, size), (size,), (legs, 3), (legs, 3, size), (legs, 3), (3,), (3,), (3, 3)
-        found = RigidBodies(*(np.empty((count, *shape)) for shape in shapes))
+        found = DynamicsTerms(*(np.empty((count, *shape)) for shape in shapes))
         places = np.concatenate((np.zeros((count, 3)), orientation, angles), axis=1)
-        rates = np.concatenate((velocity, turning, speeds), axis=1)
+        rates = np.concatenate((velocity, angular_velocity, speeds), axis=1)
         changes = self._fill(found, places, rates).reshape(count, -1, size)
-        found.drift[:] = np.matmul(changes, rates[..., None]).reshape(found.drift.shape)
+        found.foot_bias_acceleration[:] = np.matmul(changes, rates[..., None]).reshape(found.foot_bias_acceleration.shape)
         return found
 
-    def _fill(self, found: RigidBodies, places: Floats, rates: Floats) -> Floats:
+    def _fill(self, found: DynamicsTerms, places: Floats, rates: Floats) -> Floats:
         """Work out all but the drift; changes of the feet's Jacobians a second, (n, 4, 3, 18)."""
         mujoco, model, data, found.mass[:], feet, views = self._compiled
-        qpos, qvel, site_xpos, sums, centre, centre_velocity, bias, passive = views
+        qpos, qvel, site_xpos, sums, com_position, centre_velocity, bias_force, passive = views
         changes = np.empty_like(found.jacobians)
         for i in range(len(places)):
             qpos[:], qvel[:] = places[i], rates[i]
@@ -120,9 +120,9 @@ class Dynamics:
             mujoco.mj_fwdVelocity(model, data)
             mujoco.mj_subtreeVel(model, data)
             mujoco.mj_fullM(model, data, found.inertia[i])
-            np.subtract(bias, passive, out=found.bias[i])
+            np.subtract(bias_force, passive, out=found.bias_force[i])
             found.rotational_inertia[i] = sums[_SYMMETRIC]
-            found.centre[i], found.centre_velocity[i] = centre, centre_velocity
+            found.com_position[i], found.centre_velocity[i] = com_position, centre_velocity
             of_feet = zip(found.feet[i], found.jacobians[i], changes[i], feet, strict=True)
             for place, jacobian, change, (site, link) in of_feet:
                 place[:] = site_xpos[site]

@@ -6,19 +6,19 @@ from typing import Any
 import numpy as np
 
 from quad_env.actuation.models import Actuator
-from quad_env.columns import Array, Ids
+from quad_env.columns import Array, EnvSelection
 from quad_env.physics.batch import MUJOCO, Batch
 from quad_env.robots.collisions import of_name
 from quad_env.robots.robot import Robot
 
-OF_JOINTS = "positive_work", "regeneration", "joule_heat", "mean_torque", "peak_torque", "peak_speed", "torque_change"
+JOINT_READINGS = "positive_work", "regeneration", "joule_heat", "mean_torque", "peak_torque", "peak_speed", "torque_change"
 """Readings of a `Meter` with a value a joint; see `quad_env.task.readings`."""
-Received = Callable[[Ids, Array], Array]
+AppliedTorqueReader = Callable[[EnvSelection, Array], Array]
 """Torques that the joints of those robots received in the last physics step, (k, 12), N·m, in which their speeds have
 changed by that, (k, 12), rad/s."""
 
 
-class Meter:
+class MotorMeter:
     """Measures what motors and ground do to n robots in the physics steps of a control step.
 
     A step's work is that of the torque received at the mean of the speeds before and after it, since with M (v' − v)
@@ -27,10 +27,10 @@ class Meter:
 
     def __init__(self, robot: Robot, batch: Batch, model: Any, actuator: Actuator, simulator: str = MUJOCO) -> None:
         self._speed = batch.bind("qvel")[:, -robot.num_joints :]
-        self._received = received_torque(batch, model, robot.num_joints, simulator)
+        self._received = make_applied_torque_reader(batch, model, robot.num_joints, simulator)
         self._touch = [[batch.sensor(name).data for name in names] for names in touch_sensors(robot, model)]
         self._timestep = model.opt.timestep
-        line = None if actuator.curve is None else actuator.curve.on(robot)
+        line = None if actuator.curve is None else actuator.curve.resolve(robot)
         self._slope = np.nan if line is None else line.slope
         self.torque_limit = model.actuator_forcerange[:, 1].copy()
         """Of each joint's motor, (12,), N·m."""
@@ -40,16 +40,16 @@ class Meter:
         """Speeds before and after each physics step of this control step, torques, forces on the feet."""
         self._torque = np.zeros(self._speed.shape)
         """Mean of the last control step, N·m."""
-        self.readings = {name: np.zeros(self._speed.shape) for name in OF_JOINTS}
+        self.readings = {name: np.zeros(self._speed.shape) for name in JOINT_READINGS}
         """Of the last control step, name -> (n, …)."""
         self.readings["foot_impulse"] = np.zeros((len(self._speed), len(robot.leg_names)))
 
-    def begin(self, ids: Ids) -> None:
+    def reset(self, ids: EnvSelection) -> None:
         """Start those robots, whose motors have not done anything yet."""
         for values in (self._torque, *self.readings.values()):
             values[ids] = 0.0
 
-    def advance(self, ids: Ids, count: int, step: Callable[[Ids, int], None]) -> None:
+    def advance(self, ids: EnvSelection, count: int, step: Callable[[EnvSelection, int], None]) -> None:
         """Take so many physics steps of those robots, one by one."""
         for _ in range(count):
             before = self._speed[ids].copy()
@@ -59,7 +59,7 @@ class Meter:
             with np.errstate(all="ignore"):  # of a robot that has diverged, which is about to be parked
                 self._steps.append((before, after, self._received(ids, after - before), force))
 
-    def finish(self, ids: Ids) -> None:
+    def finish(self, ids: EnvSelection) -> None:
         """Work out the readings of the control step that those robots have just made."""
         before, after, torque, force = (np.array(each) for each in zip(*self._steps, strict=True))
         self._steps.clear()
@@ -89,12 +89,12 @@ def touch_sensors(robot: Robot, model: Any) -> list[list[str]]:
     return [of_name(f"{leg}_foot_touch", names) for leg in robot.leg_names]
 
 
-def summed(touch: Sequence[Sequence[Array]], ids: Ids) -> Array:
+def summed(touch: Sequence[Sequence[Array]], ids: EnvSelection) -> Array:
     """Return the ground force on each foot of those robots, (k, 4), N, from the sensor data of each foot."""
     return np.concatenate([np.sum([each[ids] for each in data], axis=0) for data in touch], axis=1)
 
 
-def received_torque(batch: Batch, model: Any, joints: int, simulator: str) -> Received:
+def make_applied_torque_reader(batch: Batch, model: Any, joints: int, simulator: str) -> AppliedTorqueReader:
     """Gives the torques that the joints received in a physics step; MuJoCo's `actuator_force` is not yet these.
 
     MuJoCo's implicit integration solves (M − h D) (v' − v) = h (all forces at v), so that the joints receive the

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.actuation.models import ACTUATORS, Actuator, Line, weaker
+from quad_env.actuation.models import ACTUATORS, Actuator, ResolvedTorqueSpeed, min_limit
 from quad_env.columns import Array
 from quad_env.config import GRAVITY
-from quad_env.robots.arena import spec_of
+from quad_env.robots.arena import build_spec
 from quad_env.robots.collisions import GROUND_BIT, foot_geoms, of_name
 from quad_env.robots.model_file import log_to_the_console
 from quad_env.robots.robot import Robot
@@ -38,7 +38,7 @@ def compile_model(
     the MJCF's."""
     log_to_the_console()
     terrain, motors = scenario.terrain, scenario.motors
-    spec = spec_of(robot)
+    spec = build_spec(robot)
     spec.option.timestep = timestep or spec.option.timestep
     spec.option.iterations = solver_iterations or spec.option.iterations
     if isinstance(terrain, SmoothRandom | HeightField):
@@ -49,14 +49,14 @@ def compile_model(
         spec.geom(_GROUND).quat = slope_quaternion(terrain)
     if scenario.payload is not None:
         _add_payload(spec, scenario.payload, robot)
-    bandwidth = weaker(motors.bandwidth, actuator.bandwidth)
+    bandwidth = min_limit(motors.bandwidth, actuator.bandwidth)
     limit = np.full(robot.num_joints, motors.largest_torque(robot))
     if actuator.curve is not None:
-        line = actuator.curve.on(robot)
-        _put_on_voltage(spec, line, robot)
+        line = actuator.curve.resolve(robot)
+        _convert_to_dc_motors(spec, line, robot)
         limit = line.peak_torque if motors.torque_limit is None else np.minimum(limit, line.peak_torque)
     elif bandwidth is not None:
-        _slow_down(spec, 1 / (2 * math.pi * bandwidth), robot)
+        _add_actuator_filter(spec, 1 / (2 * math.pi * bandwidth), robot)
     _delay(spec, actuator.delay)
     model = _compiled(spec)
     model.actuator_forcerange[:] = np.stack((-limit, limit), axis=-1)
@@ -93,7 +93,7 @@ def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
     return np.concatenate(found)
 
 
-def stepped_model(model: mujoco.MjModel, sensors: Sequence[str] | None = None) -> mujoco.MjModel:
+def make_stepping_model(model: mujoco.MjModel, sensors: Sequence[str] | None = None) -> mujoco.MjModel:
     """A copy that steps to the same bits faster: of all sensors it evaluates those that are read, by default those of
     the trunk's contacts, and it does not search for islands of constraints, of which one robot has only one."""
     lean, sensors = copy.copy(model), contact_sensors(model, "trunk") if sensors is None else sensors
@@ -180,7 +180,7 @@ def _add_payload(spec: mujoco.MjSpec, payload: Payload, robot: Robot) -> None:
     )
 
 
-def _slow_down(spec: mujoco.MjSpec, time_constant: float, robot: Robot) -> None:
+def _add_actuator_filter(spec: mujoco.MjSpec, time_constant: float, robot: Robot) -> None:
     """A first-order filter before each servo, integrated exactly; the home pose begins with the filters at home."""
     for actuator in spec.actuators:
         actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
@@ -188,7 +188,7 @@ def _slow_down(spec: mujoco.MjSpec, time_constant: float, robot: Robot) -> None:
     spec.key("home").act = robot.home_pose
 
 
-def _put_on_voltage(spec: mujoco.MjSpec, line: Line, robot: Robot) -> None:
+def _convert_to_dc_motors(spec: mujoco.MjSpec, line: ResolvedTorqueSpeed, robot: Robot) -> None:
     """DC motors on a supply of ±1 V instead of servos, with the servos' gains: in these units K = 1 / no_load_speed and
     R = K / stall_torque. The limit of the current is the actuator's force range."""
     figures = line.stall_torque.tolist(), line.no_load_speed.tolist()
@@ -229,7 +229,7 @@ def _delay(spec: mujoco.MjSpec, delay: float) -> None:
         servo.nsample, servo.delay = steps, steps * spec.option.timestep
 
 
-def history_of(model: mujoco.MjModel, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+def initial_actuator_history(model: mujoco.MjModel, targets: NDArray[np.float64]) -> NDArray[np.float64]:
     """MuJoCo's record of past targets at the start of an episode, all of them these, (12,), rad."""
     data = mujoco.MjData(model)
     for servo, target in enumerate(targets):
@@ -243,7 +243,7 @@ def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
     model.geom_priority[geoms] = 1
     model.geom_friction[geoms, 0] = ground.friction
     if ground.sink_depth > 0:
-        _let_shins_through(model, geoms, robot)
+        _disable_shin_contacts(model, geoms, robot)
         legs_end = [model.body(f"{leg}_calf_link").id for leg in robot.leg_names]
         inverse_inertia = model.body_invweight0[legs_end, 0].mean()
         impedance = model.geom_solimp[geoms[0], 1]
@@ -252,7 +252,7 @@ def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
         model.geom_solref[geoms] = (time_constant, 1.0)
 
 
-def _let_shins_through(model: mujoco.MjModel, ground: NDArray[np.intp], robot: Robot) -> None:
+def _disable_shin_contacts(model: mujoco.MjModel, ground: NDArray[np.intp], robot: Robot) -> None:
     """Ground and shins do not collide, all else as before: the ground has a bit of its own, see `collisions`."""
     model.geom_contype[(model.geom_bodyid != 0) & solid(model)] |= GROUND_BIT
     shins = model.body_weldid[[model.body(f"{leg}_calf_link").id for leg in robot.leg_names]]

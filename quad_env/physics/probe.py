@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Array, Rows, of_robots, total
+from quad_env.columns import Array, EnvIndices, to_components, ordered_sum
 from quad_env.config import GRAVITY
 from quad_env.physics.energy import summed, touch_sensors
 from quad_env.physics.state import rotation_matrix
@@ -15,12 +15,12 @@ from quad_env.robots.robot import Robot
 _IMU = "imu_angular_velocity", "imu_acceleration", "imu_linear_velocity", "imu_orientation"
 
 
-def probed(robot: Robot, model: Any) -> list[str]:
+def ideal_sensor_names(robot: Robot, model: Any) -> list[str]:
     """MuJoCo's own sensors that are looked at."""
     return [*_IMU, *chain(*touch_sensors(robot, model))]
 
 
-class Probe:
+class IdealSensors:
     """Looks at the present state of a MuJoCo batch, whose model evaluates the sensors `probed`.
 
     After a step MuJoCo's outputs are those of the state before the last substep. To see the present ones they have to
@@ -38,7 +38,7 @@ class Probe:
         """Rotation of each IMU at its last sample: from its axes to the world frame."""
         self._copies: list[tuple[Array, Array]] = []
 
-    def measured(self, rows: Rows, clock: NDArray[np.int64], period: int) -> dict[str, Array]:
+    def measured(self, rows: EnvIndices, clock: NDArray[np.int64], period: int) -> dict[str, Array]:
         """What those robots' sensors would read if they were perfect, of no substep earlier; name -> (k, …).
 
         In the IMU's axes: `gyro`, rad/s, `accelerometer`, m/s², and `up`, a unit vector; and `joint_position`, rad,
@@ -52,11 +52,11 @@ class Probe:
         """
         self._batch.forward(rows)
         gyro, acceleration, velocity, orientation = (data[rows] for data in self._sensors)
-        axes = np.moveaxis(np.array(rotation_matrix(of_robots(orientation))), -1, 0)
+        axes = np.moveaxis(np.array(rotation_matrix(to_components(orientation))), -1, 0)
         force = (velocity - self._velocity[rows]) / (period * self._dt)
         force[:, 2] += GRAVITY
         half_turned = 0.5 * (self._axes[rows] + axes)
-        mean = total((half_turned * force[:, :, None]).transpose(1, 0, 2))
+        mean = ordered_sum((half_turned * force[:, :, None]).transpose(1, 0, 2))
         due, first = clock % period == 0, clock == 0
         self._velocity[rows[due]], self._axes[rows[due]] = velocity[due], axes[due]
         return {
@@ -73,7 +73,7 @@ class Probe:
         self._copies.append((output, output.copy()))
         return self._copies[-1][1]
 
-    def keep(self, rows: slice | Rows) -> None:
+    def refresh(self, rows: slice | EnvIndices) -> None:
         """Take the outputs of those robots as they are now into the copies."""
         for output, copy in self._copies:
             copy[rows] = output[rows]

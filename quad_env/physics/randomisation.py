@@ -3,10 +3,10 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from quad_env.columns import Array, Rows
+from quad_env.columns import Array, EnvIndices
 from quad_env.physics.model import PAYLOAD, servo_fields
 from quad_env.robots.shapes import welded
-from quad_env.scenarios.randomisation import Drawn
+from quad_env.scenarios.randomisation import RandomizationSample
 
 
 class RandomisedModels:
@@ -33,9 +33,9 @@ class RandomisedModels:
         self._centre = expand("body_ipos")[:, trunk]
         self._usual_centre = self._centre.copy()
 
-    def begin(self, rows: Rows, drawn: Sequence[Drawn]) -> None:
+    def begin(self, rows: EnvIndices, randomization: Sequence[RandomizationSample]) -> None:
         """Give those robots these figures."""
-        for row, figures in zip(rows, drawn, strict=True):
+        for row, figures in zip(rows, randomization, strict=True):
             for name, field, usual in self._scaled:
                 field[row] = usual[row] * getattr(figures, name)
             self._centre[row] = self._usual_centre[row] + figures.centre_of_mass

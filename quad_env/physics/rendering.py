@@ -59,7 +59,7 @@ class Camera:
             raise ValueError(f"unknown camera {camera!r}; valid: {', '.join(names)}")
         find_backend()
         self._camera = camera
-        self._ground = Ground(model) if camera is None else None
+        self._ground = TerrainPatch(model) if camera is None else None
         if self._ground is not None:
             model = self._ground.model
             model.vis.quality.offsamples = 0
@@ -96,7 +96,7 @@ class Camera:
     def _free(self, data: mujoco.MjData, viewpoint: Viewpoint) -> mujoco.MjvCamera:
         """Camera at the viewpoint, with the ground about its target."""
         assert self._ground is not None
-        is_cut = self._ground.come_near(viewpoint.target)
+        is_cut = self._ground.recenter(viewpoint.target)
         if self._renderer is None:
             self._renderer = _Renderer(self._ground.model, *self._size)
         elif is_cut:
@@ -108,7 +108,7 @@ class Camera:
         return camera
 
 
-class Ground:
+class TerrainPatch:
     """A copy of a model whose height field, if it has one, is cut to a square about a point."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -124,7 +124,7 @@ class Ground:
         """Number of the height field in the model."""
         return int(self.model.geom_dataid[self._geom])
 
-    def come_near(self, target: tuple[float, float, float]) -> bool:
+    def recenter(self, target: tuple[float, float, float]) -> bool:
         """Cut the square about that point, world, m, where it is too far from the present one; whether it was cut."""
         if self._geom is None:
             return False

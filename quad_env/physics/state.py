@@ -2,66 +2,66 @@
 
 from typing import Generic, NamedTuple
 
-from quad_env.columns import Column, Truth, Vector, sqrt, sum_of_magnitudes, where
+from quad_env.columns import ScalarOrBatch, BoolOrMask, Components, sqrt, sum_of_magnitudes, where
 
-Rotation = tuple[Vector[Column], Vector[Column], Vector[Column]]
+Rotation = tuple[Components[ScalarOrBatch], Components[ScalarOrBatch], Components[ScalarOrBatch]]
 """Rows of the matrix that turns base-frame vectors into world-frame ones."""
 
 
-class QuadState(NamedTuple, Generic[Column]):
+class QuadState(NamedTuple, Generic[ScalarOrBatch]):
     """Readings that observations, rewards, terminations and infos may look at, of one robot or of n: see `columns`."""
 
-    position: Vector[Column]
+    position: Components[ScalarOrBatch]
     """Trunk centre in the world frame, (3), m."""
-    height: Column
+    height: ScalarOrBatch
     """Trunk centre above the terrain below it, m."""
     standing_height: float
     """The same in the home pose on level ground, m."""
-    rotation: Rotation[Column]
+    rotation: Rotation[ScalarOrBatch]
     """From the base frame to the world frame, (3)(3)."""
-    linear_velocity: Vector[Column]
+    linear_velocity: Components[ScalarOrBatch]
     """Velocity of the trunk's centre, in the base frame, (3), m/s."""
-    angular_velocity: Vector[Column]
+    angular_velocity: Components[ScalarOrBatch]
     """Angular velocity of the trunk, in the base frame, (3), rad/s."""
-    heading_velocity: Vector[Column]
+    heading_velocity: Components[ScalarOrBatch]
     """Forward and lateral velocity of the trunk's centre in the heading frame, m/s, and yaw rate about the world's
     vertical, rad/s; (3)."""
-    vertical_velocity: Column
+    vertical_velocity: ScalarOrBatch
     """World frame, m/s."""
-    joint_position: Vector[Column]
+    joint_position: Components[ScalarOrBatch]
     """(12), rad."""
-    joint_velocity: Vector[Column]
+    joint_velocity: Components[ScalarOrBatch]
     """(12), rad/s."""
-    joint_torque: Vector[Column]
+    joint_torque: Components[ScalarOrBatch]
     """Servo torque during the last physics substep, (12), N·m."""
-    trunk_contact: Truth
+    trunk_contact: BoolOrMask
     """Whether the trunk touched the ground in the last physics substep."""
-    command: Vector[Column]
+    command: Components[ScalarOrBatch]
     """In force during the step: forward and lateral velocity, m/s, and yaw rate, rad/s; (3)."""
-    action: Vector[Column]
+    action: Components[ScalarOrBatch]
     """Joint targets of the step, clipped, (12), rad."""
-    previous_action: Vector[Column]
+    previous_action: Components[ScalarOrBatch]
     """Joint targets of the step before, (12), rad."""
-    swing_time: Vector[Column] | None = None
+    swing_time: Components[ScalarOrBatch] | None = None
     """Time in the air that a touch-down of each foot has ended in this control step, (4), s; 0 without a touch-down. A
     foot that is off the ground in one control step alone has bounced. None where no reward term asks for it."""
-    touchdown_speed: Vector[Column] | None = None
+    touchdown_speed: Components[ScalarOrBatch] | None = None
     """Downward speed of each foot in the control step before it touched down, world frame, (4), m/s; 0 without a
     touch-down. None as `swing_time`."""
 
     @property
-    def projected_gravity(self) -> Vector[Column]:
+    def projected_gravity(self) -> Components[ScalarOrBatch]:
         """Unit vector of gravity in the base frame, (3)."""
         x, y, z = self.rotation[2]
         return -x, -y, -z
 
     @property
-    def mechanical_power(self) -> Column:
+    def mechanical_power(self) -> ScalarOrBatch:
         """Σ ‖torque · joint speed‖ over the joints, W."""
         return sum_of_magnitudes(self.joint_torque, self.joint_velocity)
 
 
-def rotation_matrix(quaternion: Vector[Column]) -> Rotation[Column]:
+def rotation_matrix(quaternion: Components[ScalarOrBatch]) -> Rotation[ScalarOrBatch]:
     """Rotation matrix of a quaternion (w, x, y, z), which is normalised first."""
     w, x, y, z = quaternion
     norm = sqrt(w * w + x * x + y * y + z * z)
@@ -73,14 +73,14 @@ def rotation_matrix(quaternion: Vector[Column]) -> Rotation[Column]:
     )
 
 
-def to_body(rotation: Rotation[Column], vector_world: Vector[Column]) -> Vector[Column]:
+def to_body(rotation: Rotation[ScalarOrBatch], vector_world: Components[ScalarOrBatch]) -> Components[ScalarOrBatch]:
     """A world vector in the base frame, (3): Rᵀ v."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
     x, y, z = vector_world
     return xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z
 
 
-def to_heading(rotation: Rotation[Column], vector_world: Vector[Column]) -> tuple[Column, Column]:
+def to_heading(rotation: Rotation[ScalarOrBatch], vector_world: Components[ScalarOrBatch]) -> tuple[ScalarOrBatch, ScalarOrBatch]:
     """The forward and the lateral part of a world vector, (2 or 3), in the heading frame.
 
     That is the world frame turned about the vertical onto the base frame's x axis. A trunk that points straight up or
@@ -96,8 +96,8 @@ def to_heading(rotation: Rotation[Column], vector_world: Vector[Column]) -> tupl
 
 
 def heading_velocity(
-    rotation: Rotation[Column], linear_world: Vector[Column], angular_body: Vector[Column]
-) -> Vector[Column]:
+    rotation: Rotation[ScalarOrBatch], linear_world: Components[ScalarOrBatch], angular_body: Components[ScalarOrBatch]
+) -> Components[ScalarOrBatch]:
     """Planar velocity in the heading frame and yaw rate about the world's vertical, (3)."""
     forward, lateral = to_heading(rotation, linear_world)
     up = rotation[2]

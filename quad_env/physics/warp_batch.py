@@ -11,14 +11,14 @@ import mujoco_warp
 import numpy as np
 import warp
 
-from quad_env.columns import Array, Ids, Rows
+from quad_env.columns import Array, EnvSelection, EnvIndices
 from quad_env.physics.array_batch import ArrayBatch
 
-_GIVEN = "qpos", "qvel", "ctrl", "xfrc_applied", "act"
-_FOUND = "qpos", "qvel", "act", "actuator_force", "xanchor", "site_xpos", "sensordata"
+_UPLOADED_FIELDS = "qpos", "qvel", "ctrl", "xfrc_applied", "act"
+_DOWNLOADED_FIELDS = "qpos", "qvel", "act", "actuator_force", "xanchor", "site_xpos", "sensordata"
 _DERIVED = "body_subtreemass", "body_invweight0", "dof_invweight0"
 """Fields of the model that follow from others."""
-_CONTACTS, _ROWS = 32, 160
+_NCONMAX, _NJMAX = 32, 160
 """Room for contacts of a robot, and for the rows of its constraints."""
 
 
@@ -30,11 +30,11 @@ class WarpBatch(ArrayBatch):
     """
 
     def __init__(self, model: mujoco.MjModel, num_envs: int) -> None:
-        super().__init__(copy.copy(model), num_envs, dict.fromkeys((*_GIVEN, *_FOUND)))
+        super().__init__(copy.copy(model), num_envs, dict.fromkeys((*_UPLOADED_FIELDS, *_DOWNLOADED_FIELDS)))
         self._model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
         warp.config.log_level = warp.LOG_WARNING
         self._warp = mujoco_warp.put_model(self._model)
-        self._worlds = mujoco_warp.make_data(self._model, nworld=num_envs, nconmax=_CONTACTS, njmax=_ROWS)
+        self._worlds = mujoco_warp.make_data(self._model, nworld=num_envs, nconmax=_NCONMAX, njmax=_NJMAX)
         self._changed = True
         """Whether the device does not know the fields of robots of their own yet."""
         self._graphs: dict[int, Any] = {}
@@ -50,24 +50,24 @@ class WarpBatch(ArrayBatch):
         start, size = int(self._model.sensor(name).adr[0]), int(self._model.sensor(name).dim[0])
         return SimpleNamespace(data=self._fields["sensordata"][:, start : start + size])
 
-    def reset(self, ids: Rows, keyframe: int | None = None, *, stage: int = 0) -> None:
+    def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int = 0) -> None:
         """Put those robots at the model's start, or at a keyframe, at rest; nothing touches the ground yet."""
         super().reset(ids, keyframe, stage=stage)
         mask = np.zeros(len(self.warning), np.bool_)
         mask[ids] = True
         mujoco_warp.reset_data(self._warp, self._worlds, warp.array(mask))
 
-    def step(self, ids: Ids | None, nstep: int) -> None:
+    def step(self, ids: EnvSelection | None, nstep: int) -> None:
         """Move those robots, or all, on by some physics steps."""
         if self._changed:
             self._give_fields()
         run = self._running(nstep)
-        for name in _GIVEN:
+        for name in _UPLOADED_FIELDS:
             if self._fields[name].size:
                 getattr(self._worlds, name).assign(self._fields[name].astype(np.float32).reshape(len(self.warning), -1))
         run()
         rows = slice(None) if ids is None else ids
-        for name in _FOUND:
+        for name in _DOWNLOADED_FIELDS:
             if (values := self._fields[name]).size:
                 values[rows] = getattr(self._worlds, name).numpy().reshape(values.shape)[rows]
 
@@ -97,7 +97,7 @@ class WarpBatch(ArrayBatch):
                 setattr(self._warp, name, warp.array(single, dtype=there.dtype))
         self._changed = False
 
-    def set_const(self, ids: Rows) -> None:
+    def set_const(self, ids: EnvIndices) -> None:
         """Work out what depends on the expanded fields of those robots."""
         for robot in ids:
             self.get_model(int(robot), self._model)

@@ -58,16 +58,16 @@ class Leg:
 
 
 @dataclass(frozen=True)
-class Anatomy:
+class RobotStructure:
     """What a model's quadruped is made of."""
 
     root: int
     """Id of the body with the free joint."""
     trunk: int
     """Id of the body from which the legs hang: the root, or one that is welded to it."""
-    own: Bools
+    is_robot_body: Bools
     """Which bodies are the robot's, (nbody,): the root and all below it."""
-    grounded: Bools
+    collides_with_ground: Bools
     """Which geoms meet the ground, (ngeom,)."""
     places: Floats
     """Of the bodies in the base frame at `qpos0`, (nbody, 3), m."""
@@ -85,7 +85,7 @@ class Anatomy:
     @property
     def bodies(self) -> list[int]:
         """Ids of the robot's bodies, those that are welded to the trunk among them."""
-        return [int(body) for body in np.flatnonzero(self.own)]
+        return [int(body) for body in np.flatnonzero(self.is_robot_body)]
 
     @property
     def joints(self) -> list[int]:
@@ -98,13 +98,13 @@ class Anatomy:
         return np.concatenate([leg.signs for leg in self.legs])
 
     @cached_property
-    def zeros(self) -> Floats:
+    def joint_offsets(self) -> Floats:
         """What the joints are, in the robot's terms, where the model has them at `qpos0`, (12,), rad."""
         return np.concatenate([leg.zeros for leg in self.legs])
 
     def trunk_collides(self, model: Any) -> bool:
         """Whether the trunk, or a body that is welded to it, meets the ground by itself."""
-        return bool(geoms_of(model, self._shell(model), self.grounded))
+        return bool(geoms_of(model, self._shell(model), self.collides_with_ground))
 
     def _shell(self, model: Any) -> list[int]:
         """Ids of the trunk and of what is welded to it in the file: no arm, held as it is."""
@@ -117,23 +117,23 @@ class Anatomy:
         are shown. Raises ModelError where it has none.
         """
         bodies = [self.trunk], self._shell(model)
-        found = (geoms_of(model, its, among) for among in (self.grounded, None) for its in bodies)
+        found = (geoms_of(model, its, among) for among in (self.collides_with_ground, None) for its in bodies)
         if (shell := next(filter(None, found), None)) is None:
             raise ModelError("the trunk has no geom: nothing shows how large it is")
         placed = ((int(model.geom_bodyid[geom]), corners(model, geom)) for geom in shell)
-        points = np.concatenate([self.places[body] + own @ self.axes[body].T for body, own in placed])
+        points = np.concatenate([self.places[body] + is_robot_body @ self.axes[body].T for body, is_robot_body in placed])
         low, high = points.min(axis=0), points.max(axis=0)
         return 0.5 * (low + high), high - low
 
     def limits(self, model: Any) -> tuple[Floats, Floats]:
         """Lower and upper limits of the joints in the robot's terms, (12,) each, rad; ±π where there are none."""
         apart = model.jnt_range[self.joints] - model.qpos0[model.jnt_qposadr[self.joints]][:, None]
-        limits = self.zeros[:, None] + np.sort(self.signs[:, None] * apart, axis=1)
+        limits = self.joint_offsets[:, None] + np.sort(self.signs[:, None] * apart, axis=1)
         limits = np.where(model.jnt_limited[self.joints][:, None], limits, (-np.pi, np.pi))
         return limits[:, 0], limits[:, 1]
 
 
-def anatomy(mujoco: Any, model: Any) -> Anatomy:
+def detect_structure(mujoco: Any, model: Any) -> RobotStructure:
     """Of a compiled model; `mujoco` is the package. Raises ModelError."""
     root = root_of(mujoco, model)
     chains = _chains(mujoco, model, root)
@@ -150,7 +150,7 @@ def anatomy(mujoco: Any, model: Any) -> Anatomy:
             raise ModelError(f"the legs differ in {re.sub('[_.]', ' ', length)}, m: {each}")
     base = data.xmat[trunk].reshape(3, 3)
     places, axes = (data.xpos - data.xpos[trunk]) @ base, base.T @ data.xmat.reshape(-1, 3, 3)
-    return Anatomy(root, trunk, descendants(model, root), meets, places, axes, legs)
+    return RobotStructure(root, trunk, descendants(model, root), meets, places, axes, legs)
 
 
 def _name(part: Any) -> str:
@@ -186,21 +186,21 @@ def _remedy(mujoco: Any, model: Any) -> str:
             f"{len(jointed)} legs hang from the world, such as {_name(model.body(root))}: put them into a body of the "
             "trunk, with its mass and a <freejoint/>"
         )
-    own: list[int] = []
+    is_robot_body: list[int] = []
     body = root
     while True:  # a planar root may have its joints on several nested bodies
         start = int(model.body_jntadr[body])
         count = int(model.body_jntnum[body])
-        own += range(start, start + count)
+        is_robot_body += range(start, start + count)
         below = [each for each in np.flatnonzero(model.body_parentid == body) if each != body]
         if not len(below):
             return "no body has four legs below it"
         if len(below) > 1:
             break
         body = int(below[0])
-    if not own:
+    if not is_robot_body:
         return f"its trunk is fixed: put <freejoint/> into body {_name(model.body(root))}"
-    names = ", ".join(_name(model.joint(joint)) for joint in own)
+    names = ", ".join(_name(model.joint(joint)) for joint in is_robot_body)
     return f"its trunk moves by {names}: put <freejoint/> into body {_name(model.body(body))} in place of these joints"
 
 

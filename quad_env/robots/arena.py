@@ -12,22 +12,22 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.robots.anatomy import LINKS, Anatomy, Leg
+from quad_env.robots.anatomy import LINKS, RobotStructure, Leg
 from quad_env.robots.collisions import (
     GROUND_BIT,
-    HERE,
-    OWN,
+    RENAMED_PREFIX,
+    ATTACH_PREFIX,
     RULES,
-    Parts,
+    SpecElements,
     excluded,
     meet_the_ground,
     numbered,
     of_name,
     own_rules,
     renamed,
-    watched,
+    contact_parts,
 )
-from quad_env.robots.figures import REFERENCE, Figures
+from quad_env.robots.figures import SIMPLE_QUAD_PARAMETERS, RobotParameters
 from quad_env.robots.model_file import read
 from quad_env.robots.overlaps import overlap_line, overlaps_of
 from quad_env.robots.shapes import Floats, surface
@@ -36,13 +36,13 @@ _SENSOR = "name", "type", "objtype", "objname", "reftype", "refname", "intprm"
 """Fields of a sensor."""
 
 
-def spec_of(robot: Figures) -> Any:
+def build_spec(robot: RobotParameters) -> Any:
     """The robot on flat ground, as a `mujoco.MjSpec` of its own. Raises ModelError."""
     import mujoco  # here, since it takes long
 
     if robot.imported:
         changed = robot.mjcf.stat().st_mtime_ns if robot.mjcf.is_file() else 0
-        spec = _on_our_ground(robot, changed).copy()  # which compiles to the same bits
+        spec = _attach_to_scene(robot, changed).copy()  # which compiles to the same bits
     else:
         spec = mujoco.MjSpec.from_file(str(robot.mjcf))
     for servo, stiffness, damping in zip(spec.actuators, robot.servo_stiffness, robot.servo_damping, strict=True):
@@ -51,13 +51,13 @@ def spec_of(robot: Figures) -> Any:
 
 
 @lru_cache(maxsize=16)
-def _on_our_ground(robot: Figures, _changed: int) -> Any:
+def _attach_to_scene(robot: RobotParameters, _changed: int) -> Any:
     """The robot of a file that was changed at that time, but for the gains of its servos; it takes half a second."""
     import mujoco
 
     own, model, found = read(robot.mjcf)
-    stage = mujoco.MjSpec.from_file(str(REFERENCE.mjcf))
-    parts = Parts(*({part.id: part for part in kind} for kind in (own.bodies, own.joints, own.geoms)))
+    stage = mujoco.MjSpec.from_file(str(SIMPLE_QUAD_PARAMETERS.mjcf))
+    parts = SpecElements(*({part.id: part for part in kind} for kind in (own.bodies, own.joints, own.geoms)))
     _keep_masses(parts, model, found)
     _turn_joints(parts, model, found, robot)
     _leave_out_forces(parts, model, found)
@@ -67,18 +67,18 @@ def _on_our_ground(robot: Figures, _changed: int) -> Any:
     _name_parts(parts, model, found, robot)
     if not robot.keeps_contact:
         _touch_like_ours(parts, own, found, stage.geom("fl_foot"))
-    sensed = dict(watched(parts, model, found))
+    sensed = dict(contact_parts(parts, model, found))
     meet_the_ground(parts, found)
     _centre_base(parts, found)
     for rule, field, part in rules:
         setattr(rule, field, part.name)
-    _equip(parts.bodies[found.root], stage, robot)
+    _add_imu_and_cameras(parts.bodies[found.root], stage, robot)
     sensors = [{field: getattr(sensor, field) for field in _SENSOR} for sensor in stage.sensors]
     stage.delete(stage.body("base_link"))
     _clear(stage, "actuators", "sensors", "keys")
     own.option, own.visual, own.stat, own.memory = stage.option, stage.visual, stage.stat, stage.memory
     own.njmax, own.nconmax, own.nkey = stage.njmax, stage.nconmax, stage.nkey
-    stage.worldbody.add_frame().attach_body(parts.bodies[found.root], OWN, "")
+    stage.worldbody.add_frame().attach_body(parts.bodies[found.root], ATTACH_PREFIX, "")
     stage.modelname = robot.name
     plane = stage.geom("ground")
     plane.conaffinity |= GROUND_BIT
@@ -88,15 +88,15 @@ def _on_our_ground(robot: Figures, _changed: int) -> Any:
         for rule in getattr(stage, kind):
             for name in names:
                 setattr(rule, name, renamed(getattr(rule, name)))
-    _drive(stage, robot)
-    _sense(stage, robot, sensors, sensed)
+    _add_position_actuators(stage, robot)
+    _add_sensors(stage, robot, sensors, sensed)
     qpos = (0.0, 0.0, robot.home_height, 1.0, 0.0, 0.0, 0.0, *robot.home_pose)
     stage.add_key(name="home", qpos=qpos, ctrl=robot.home_pose)
     stage.body("base_link").pos = (0.0, 0.0, robot.leg_length + robot.foot_radius)
     return stage
 
 
-def body_names(robot: Figures) -> dict[str, str]:
+def body_names(robot: RobotParameters) -> dict[str, str]:
     """Return the body names of the user's file by the body names on our ground.
 
     The names on our ground stand for bodies without a name in the file, and for robots that are not imported.
@@ -104,7 +104,7 @@ def body_names(robot: Figures) -> dict[str, str]:
     if not robot.imported:
         return {}
     _, model, found = read(robot.mjcf)
-    names = {OWN + name: name for body in found.bodies if (name := str(model.body(body).name))}
+    names = {ATTACH_PREFIX + name: name for body in found.bodies if (name := str(model.body(body).name))}
     if root := str(model.body(found.root).name):
         names["base_link"] = root
     for leg in found.legs:
@@ -114,7 +114,7 @@ def body_names(robot: Figures) -> dict[str, str]:
     return names
 
 
-def overlap_remark(robot: Figures) -> str | None:
+def overlap_remark(robot: RobotParameters) -> str | None:
     """Return the line that names the shapes of a user's robot that overlap in its home pose; None without any."""
     import mujoco
 
@@ -131,7 +131,7 @@ def _clear(spec: Any, *kinds: str) -> None:
             spec.delete(part)
 
 
-def _keep_masses(parts: Parts, model: Any, found: Anatomy) -> None:
+def _keep_masses(parts: SpecElements, model: Any, found: RobotStructure) -> None:
     """Give each body the mass and inertia that it has in the compiled model."""
     for body in found.bodies:
         part = parts.bodies[body]
@@ -143,14 +143,14 @@ def _keep_masses(parts: Parts, model: Any, found: Anatomy) -> None:
         part.ipos, part.iquat, part.ialt.type = model.body_ipos[body], model.body_iquat[body], 0
 
 
-def _turn_joints(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> None:
+def _turn_joints(parts: SpecElements, model: Any, found: RobotStructure, robot: RobotParameters) -> None:
     """Turn the joint axes to the robot's convention; angles in the unit of the model's compiler.
 
     A spring's force is -(a x + b x² + c x³): b changes its sign with the axis. A damper's force is odd. A joint has the
     armature and damping of its motors, and no motor's torque is cut below the rated one.
     """
     of_motors = _of_motors(model)
-    for joint, sign, zero, *limits in zip(found.joints, found.signs, found.zeros, *found.limits(model), strict=True):
+    for joint, sign, zero, *limits in zip(found.joints, found.signs, found.joint_offsets, *found.limits(model), strict=True):
         part, place = parts.joints[joint], int(model.jnt_qposadr[joint])
         dof = int(model.jnt_dofadr[joint])
         unit = _unit(part)
@@ -182,7 +182,7 @@ def _of_motors(model: Any) -> Floats:
     return found
 
 
-def _leave_out_forces(parts: Parts, model: Any, found: Anatomy) -> None:
+def _leave_out_forces(parts: SpecElements, model: Any, found: RobotStructure) -> None:
     """Remove all forces but the weight, the joint springs and the ground contact, see `omissions`."""
     import mujoco
 
@@ -200,7 +200,7 @@ def _leave_out_forces(parts: Parts, model: Any, found: Anatomy) -> None:
     free.springdamper = (0.0, 0.0)
 
 
-def _touch_like_ours(parts: Parts, own: Any, found: Anatomy, foot: Any) -> None:
+def _touch_like_ours(parts: SpecElements, own: Any, found: RobotStructure, foot: Any) -> None:
     """Give geoms and pairs the contact parameters of SimpleQuad's foot and keep their friction."""
     geoms = [geom for body in found.bodies for geom in parts.bodies[body].geoms]
     for part in (*geoms, *own.pairs):
@@ -223,29 +223,29 @@ def _unit(joint: Any) -> float:
     return float(np.rad2deg(1.0)) if joint.compiler.degree else 1.0
 
 
-def _name_parts(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> None:
+def _name_parts(parts: SpecElements, model: Any, found: RobotStructure, robot: RobotParameters) -> None:
     """Mark what the simulation looks for by its name; each leg gets two sites, a trunk that does not collide a box."""
     for kind, named in (("body", parts.bodies), ("geom", parts.geoms)):
         for number, part in named.items():
-            part.name = part.name or f"{HERE}{kind}_{number}"
-    parts.bodies[found.root].name = HERE + "base_link"
+            part.name = part.name or f"{RENAMED_PREFIX}{kind}_{number}"
+    parts.bodies[found.root].name = RENAMED_PREFIX + "base_link"
     for geom in parts.geoms.values():
         geom.priority, geom.condim = 0, 3  # the ground's friction is the scenario's, and slides alone
     for leg in found.legs:
         for number, geom in enumerate(leg.foot.geoms):
-            parts.geoms[geom].name = HERE + numbered(f"{leg.name}_foot", number)
+            parts.geoms[geom].name = RENAMED_PREFIX + numbered(f"{leg.name}_foot", number)
         body = parts.bodies[leg.foot.body]
         site = {"type": 2, "pos": leg.foot.place, "size": (leg.foot.radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
-        _align_axes(body.add_site(name=HERE + f"{leg.name}_foot", **site))
+        _align_axes(body.add_site(name=RENAMED_PREFIX + f"{leg.name}_foot", **site))
         for number, each in enumerate(leg.foot.bodies(model)):
-            sole = HERE + numbered(f"{leg.name}_sole", number)
+            sole = RENAMED_PREFIX + numbered(f"{leg.name}_sole", number)
             _align_axes(parts.bodies[each].add_site(name=sole, **_sole(model, leg, each)))
         for joint, link in zip(leg.joints, LINKS, strict=True):
-            parts.joints[joint].name = HERE + model.joint(joint).name
-            parts.bodies[int(model.jnt_bodyid[joint])].name = HERE + f"{leg.name}_{link}_link"
+            parts.joints[joint].name = RENAMED_PREFIX + model.joint(joint).name
+            parts.bodies[int(model.jnt_bodyid[joint])].name = RENAMED_PREFIX + f"{leg.name}_{link}_link"
     if not found.trunk_collides(model):
         box = {"type": 6, "pos": robot.trunk_centre, "size": robot.trunk_size / 2.0, "mass": 0.0, "group": 3}
-        _align_axes(parts.bodies[found.trunk].add_geom(name=HERE + "trunk", contype=GROUND_BIT, conaffinity=0, **box))
+        _align_axes(parts.bodies[found.trunk].add_geom(name=RENAMED_PREFIX + "trunk", contype=GROUND_BIT, conaffinity=0, **box))
 
 
 def _align_axes(part: Any) -> None:
@@ -257,7 +257,7 @@ def _align_axes(part: Any) -> None:
     part.fromto = np.full(6, np.nan)
 
 
-def _centre_base(parts: Parts, found: Anatomy) -> None:
+def _centre_base(parts: SpecElements, found: RobotStructure) -> None:
     """Put the frame of the body with the free joint where the trunk's is, everything of it staying where it is."""
     import mujoco
 
@@ -281,22 +281,22 @@ def _sole(model: Any, leg: Leg, body: int) -> dict[str, Any]:
     return {"type": 6, "pos": 0.5 * (low + high), "size": 0.5 * (high - low) + 1e-3, "rgba": (0.0, 0.0, 0.0, 0.0)}
 
 
-def _equip(trunk: Any, stage: Any, robot: Figures) -> None:
+def _add_imu_and_cameras(trunk: Any, stage: Any, robot: RobotParameters) -> None:
     """SimpleQuad's IMU, and its cameras and lamp, as far from the trunk as the robot is larger."""
     _align_axes(
-        trunk.add_site(name=HERE + "imu", type=2, pos=np.zeros(3), size=np.full(3, 0.005), rgba=(0.0, 0.0, 0.0, 0.0))
+        trunk.add_site(name=RENAMED_PREFIX + "imu", type=2, pos=np.zeros(3), size=np.full(3, 0.005), rgba=(0.0, 0.0, 0.0, 0.0))
     )
-    larger = max(robot.leg_length / REFERENCE.leg_length, robot.trunk_size[0] / REFERENCE.trunk_size[0])
+    larger = max(robot.leg_length / SIMPLE_QUAD_PARAMETERS.leg_length, robot.trunk_size[0] / SIMPLE_QUAD_PARAMETERS.trunk_size[0])
     model = stage.compile()
     for camera in stage.cameras:
         seen = {"pos": larger * np.array(camera.pos), "quat": model.cam_quat[camera.id], "fovy": camera.fovy}
-        trunk.add_camera(name=HERE + camera.name, mode=camera.mode, **seen)
+        trunk.add_camera(name=RENAMED_PREFIX + camera.name, mode=camera.mode, **seen)
     for light in stage.lights:
         shown = {key: getattr(light, key) for key in ("mode", "type", "dir", "cutoff", "exponent", "diffuse")}
-        trunk.add_light(name=HERE + light.name, pos=larger * np.array(light.pos), **shown)
+        trunk.add_light(name=RENAMED_PREFIX + light.name, pos=larger * np.array(light.pos), **shown)
 
 
-def _drive(stage: Any, robot: Figures) -> None:
+def _add_position_actuators(stage: Any, robot: RobotParameters) -> None:
     """Joint servos, in the order of the joints."""
     import mujoco
 
@@ -308,7 +308,7 @@ def _drive(stage: Any, robot: Figures) -> None:
         servo.forcelimited, servo.forcerange = 1, (-robot.rated_torque, robot.rated_torque)
 
 
-def _sense(stage: Any, robot: Figures, sensors: list[dict[str, Any]], sensed: dict[str, list[Any]]) -> None:
+def _add_sensors(stage: Any, robot: RobotParameters, sensors: list[dict[str, Any]], sensed: dict[str, list[Any]]) -> None:
     """SimpleQuad's sensors on the parts of these names, those of contacts on all that is `sensed`, those of touch on
     whole soles; none of joints, whose readings are `qpos` and `qvel`."""
     import mujoco

@@ -4,18 +4,18 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from quad_env.robots.anatomy import LINKS, Anatomy
+from quad_env.robots.anatomy import LINKS, RobotStructure
 from quad_env.robots.overlaps import Overlap
 from quad_env.robots.shapes import geoms_of, welded
 
 GROUND_BIT = 1 << 30
 """Of `contype` of the geoms that meet the ground, and of `conaffinity` of the ground: so that these collide, whatever
 bits the model uses by itself, and no two geoms of a robot do that did not before."""
-OWN, HERE = "own/", "@"
+ATTACH_PREFIX, RENAMED_PREFIX = "own/", "@"
 """Before the names of a model's parts on our ground, and before those that get a name from here."""
 
 
-class Parts(NamedTuple):
+class SpecElements(NamedTuple):
     """Parts of a specification by the ids that they have in its model; changes to it lose these."""
 
     bodies: dict[int, Any]
@@ -31,7 +31,7 @@ Rule = tuple[Any, str, Any]
 """Rule of a specification, its field, and the part that it names."""
 
 
-def own_rules(own: Any, found: Anatomy, overlaps: Sequence[Overlap]) -> list[Rule]:
+def own_rules(own: Any, found: RobotStructure, overlaps: Sequence[Overlap]) -> list[Rule]:
     """Return the rules of a specification between parts of the robot, and delete the others from it.
 
     Rules with parts of the scene are deleted, since the ground is ours. So are pairs of geoms of the bodies in
@@ -55,7 +55,7 @@ def own_rules(own: Any, found: Anatomy, overlaps: Sequence[Overlap]) -> list[Rul
     return kept
 
 
-def excluded(own: Any, parts: Parts, overlaps: Sequence[Overlap]) -> list[Rule]:
+def excluded(own: Any, parts: SpecElements, overlaps: Sequence[Overlap]) -> list[Rule]:
     """Exclude bodies with overlapping shapes from collision in a specification and return the new rules.
 
     Args:
@@ -73,10 +73,10 @@ def excluded(own: Any, parts: Parts, overlaps: Sequence[Overlap]) -> list[Rule]:
 
 def renamed(name: str) -> str:
     """Name on our ground of a part that has got one from here; the name as it is of any other."""
-    return name.removeprefix(OWN + HERE)
+    return name.removeprefix(ATTACH_PREFIX + RENAMED_PREFIX)
 
 
-def watched(parts: Parts, model: Any, found: Anatomy) -> Iterator[tuple[str, list[Any]]]:
+def contact_parts(parts: SpecElements, model: Any, found: RobotStructure) -> Iterator[tuple[str, list[Any]]]:
     """Name of each part that touches the ground -> the bodies, or geoms, whose contacts are its contacts."""
     its_own = [] if found.trunk_collides(model) else [parts.bodies[found.trunk]]
     yield "trunk", [*its_own, *_solid(parts, model, found, found.trunk, ())]
@@ -86,19 +86,19 @@ def watched(parts: Parts, model: Any, found: Anatomy) -> Iterator[tuple[str, lis
             yield f"{leg.name}_{link}", _solid(parts, model, found, int(model.jnt_bodyid[joint]), leg.foot.geoms)
 
 
-def _solid(parts: Parts, model: Any, found: Anatomy, body: int, feet: Sequence[int]) -> list[Any]:
+def _solid(parts: SpecElements, model: Any, found: RobotStructure, body: int, feet: Sequence[int]) -> list[Any]:
     """The body and those welded to it, as far as they meet the ground; instead of one with a foot its other geoms."""
     solid: list[Any] = []
     for each in welded(model, body):
-        geoms = geoms_of(model, [each], found.grounded)
+        geoms = geoms_of(model, [each], found.collides_with_ground)
         others = [parts.geoms[geom] for geom in geoms if geom not in feet]
         solid += [parts.bodies[each]] if others and len(others) == len(geoms) else others
     return solid
 
 
-def meet_the_ground(parts: Parts, found: Anatomy) -> None:
+def meet_the_ground(parts: SpecElements, found: RobotStructure) -> None:
     """Give the ground's bit to the geoms that meet it, and to no other."""
-    for geom, meets in enumerate(found.grounded):
+    for geom, meets in enumerate(found.collides_with_ground):
         part = parts.geoms[geom]
         part.contype, part.conaffinity = part.contype & ~GROUND_BIT, part.conaffinity & ~GROUND_BIT
         part.contype |= GROUND_BIT * int(meets)

@@ -22,7 +22,7 @@ LEVEL = 2e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Figures:
+class RobotParameters:
     """Figures of a robot; legs are in the order of `leg_names`, joints in that of `joint_names`, three a leg."""
 
     name: str
@@ -182,7 +182,7 @@ def constant(values: ArrayLike) -> Floats:
 
 _MJCF = Path(__file__).parent / "simple_quad" / "simple_quad.xml"
 _LEGS = ("fl", "fr", "hl", "hr")
-REFERENCE = Figures(
+SIMPLE_QUAD_PARAMETERS = RobotParameters(
     name="simple_quad",
     mjcf=_MJCF,
     urdf=_MJCF.with_suffix(".urdf"),

@@ -20,7 +20,7 @@ ROUND = 0.8
 _TURNS = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 
 
-def spare_joints(mujoco: Any, model: Any) -> list[int]:
+def find_non_leg_joints(mujoco: Any, model: Any) -> list[int]:
     """Ids of the hinges and slides below the trunk that belong to none of its four legs; none where it is unclear which
     these are, or where there are other joints, all of which `anatomy` refuses. Raises ModelError.
 
@@ -40,13 +40,13 @@ def spare_joints(mujoco: Any, model: Any) -> list[int]:
     for tree in trees.values():
         hinges = [joint for joint in tree if model.jnt_type[joint] == kinds.mjJNT_HINGE]
         if len(hinges) > JOINTS_PER_LEG:
-            hinges = [joint for joint in hinges if _bears(model, data, joint, meets)]
+            hinges = [joint for joint in hinges if _is_load_bearing(model, data, joint, meets)]
         if _is_leg(data.xaxis[hinges] @ base):
             legs.append(hinges)
     return sorted(set(joints).difference(*legs)) if len(legs) == LEGS else []
 
 
-def hold(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> Any:
+def lock_joints(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> Any:
     """Take these joints out of a specification, their bodies welded where the first keyframe or, without one, `qpos0`
     has them; its model. Bodies and geoms keep their ids."""
     _keep_springs(spec, model)
@@ -107,7 +107,7 @@ def _is_leg(axes: Floats) -> bool:
     return len(axes) == JOINTS_PER_LEG and is_hip_axis(axes[0]) and are_lateral_axes(axes[1], axes[2])
 
 
-def _bears(model: Any, data: Any, joint: int, meets: Bools) -> bool:
+def _is_load_bearing(model: Any, data: Any, joint: int, meets: Bools) -> bool:
     """Whether a hinge moves what meets the ground, and not as the axle of a wheel does."""
     geoms = geoms_of(model, np.flatnonzero(_moved(model, joint)), meets)
     if not geoms:

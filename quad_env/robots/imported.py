@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from quad_env.files.reading import parse_toml, read_bytes
-from quad_env.files.text import brief, described, one_line
-from quad_env.robots.anatomy import JOINTS_PER_LEG, LEAST_BEND, LEGS, Anatomy, Leg, ModelError
-from quad_env.robots.figures import LEVEL, REFERENCE, REFERENCE_MASS, Figures
+from quad_env.files.text import brief, format_exception, one_line
+from quad_env.robots.anatomy import JOINTS_PER_LEG, LEAST_BEND, LEGS, RobotStructure, Leg, ModelError
+from quad_env.robots.figures import LEVEL, SIMPLE_QUAD_PARAMETERS, REFERENCE_MASS, RobotParameters
 from quad_env.robots.model_file import read
 from quad_env.robots.shapes import Floats, corners, geoms_of, rotation_of
 from quad_env.robots.torque_limits import torque_ranges
@@ -29,7 +29,7 @@ class GivenError(ModelError):
     """Given figure that does not fit the model."""
 
 
-def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
+def load_parameters(path: Path, name: str | None = None, **figures: Any) -> RobotParameters:
     """The figures of the robot of an MJCF, see `Robot.from_mjcf`."""
     source, own = path, path.stem
     if path.suffix == ".toml":
@@ -46,7 +46,7 @@ def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
         is_of_the_figures = isinstance(error, GivenError) and source != path
         raise ModelError(one_line(f"{source if is_of_the_figures else path}: {error}")) from error
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise ModelError(one_line(f"{path}: its figures cannot be computed ({described(error)})")) from error
+        raise ModelError(one_line(f"{path}: its figures cannot be computed ({format_exception(error)})")) from error
 
 
 def _checked_name(name: Any) -> str:
@@ -57,24 +57,24 @@ def _checked_name(name: Any) -> str:
     return str(name)
 
 
-def _check_finite(robot: Figures) -> None:
+def _check_finite(robot: RobotParameters) -> None:
     """Raise ModelError for the first figures of a robot that are not finite."""
     for name, value in robot.by_name.items():
         if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
             raise ModelError(f"its {name} is not finite: a size, a mass or an angle in the model is beyond any robot's")
 
 
-def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
+def _inferred(path: Path, name: str, figures: dict[str, Any]) -> RobotParameters:
     _, model, found = read(path)
     leg = found.legs[0]
-    longer = (leg.thigh_length + leg.calf_length) / REFERENCE.leg_length
-    stiffness, damping = REFERENCE.stiff_servo[:, 0].tolist()
+    longer = (leg.thigh_length + leg.calf_length) / SIMPLE_QUAD_PARAMETERS.leg_length
+    stiffness, damping = SIMPLE_QUAD_PARAMETERS.stiff_servo[:, 0].tolist()
     damping /= stiffness
     stiffness *= longer * float(model.body_subtreemass[found.root]) / REFERENCE_MASS
     stiffness, slower = figures.get("servo_stiffness", stiffness), float(np.sqrt(longer))
     chosen = {
         "home_pose": np.zeros(len(found.joints)),
-        "rated_speed": REFERENCE.rated_speed / slower,
+        "rated_speed": SIMPLE_QUAD_PARAMETERS.rated_speed / slower,
         "servo_damping": stiffness * (damping * slower),
         "servo_stiffness": stiffness,
     } | figures
@@ -84,7 +84,7 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     stiff_servo = [np.broadcast_to(chosen[gain], len(found.joints)) for gain in ("servo_stiffness", "servo_damping")]
     trunk_centre, trunk_size = found.trunk_box(model)
     foot_points, foot_radii = _feet(found)
-    robot = Figures(
+    robot = RobotParameters(
         name=name,
         mjcf=path,
         urdf=None,
@@ -107,7 +107,7 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     )
     if "home_pose" not in figures:
         stand = _stand(model, found)
-        height = REFERENCE.home_hip_height * longer if stand is None else _height(leg, stand)
+        height = SIMPLE_QUAD_PARAMETERS.home_hip_height * longer if stand is None else _height(leg, stand)
         robot = _level_feet(replace(robot, home_pose=_home_pose(robot, len(found.legs) * [height])))
     for field, value in robot.by_name.items():
         if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
@@ -164,7 +164,7 @@ def _figure(name: str, value: Any) -> Any:
     return numbers if numbers.ndim else float(numbers)
 
 
-def _knee_direction(model: Any, found: Anatomy) -> Floats:
+def _knee_direction(model: Any, found: RobotStructure) -> Floats:
     """Of each leg, (4,), by what its calf's limits leave, else by the first keyframe that looks like a stand."""
     lower, upper = found.limits(model)
     middles = 0.5 * (lower + upper)[2::JOINTS_PER_LEG]
@@ -181,7 +181,7 @@ def _knee_direction(model: Any, found: Anatomy) -> Floats:
     return bends
 
 
-def _rated_torque(model: Any, found: Anatomy) -> float:
+def _rated_torque(model: Any, found: RobotStructure) -> float:
     """The least of the largest torques of the joints, N·m."""
     lower, upper = torque_ranges(model, found.joints).T
     largest = np.minimum(-lower, upper)
@@ -195,11 +195,11 @@ def _rated_torque(model: Any, found: Anatomy) -> float:
     return float(largest.min())
 
 
-def _stand(model: Any, found: Anatomy) -> Floats | None:
+def _stand(model: Any, found: RobotStructure) -> Floats | None:
     """Joints in the robot's terms in the first keyframe that looks like a stand, (12,), rad."""
     places, leg = model.jnt_qposadr[found.joints], found.legs[0]
     for key in range(model.nkey):
-        angles: Floats = found.zeros + found.signs * (model.key_qpos[key] - model.qpos0)[places]
+        angles: Floats = found.joint_offsets + found.signs * (model.key_qpos[key] - model.qpos0)[places]
         share = _height(leg, angles) / (leg.thigh_length + leg.calf_length)
         if SHORTEST_BEND < share < LONGEST_BEND:
             return angles
@@ -211,7 +211,7 @@ def _height(leg: Leg, angles: Floats) -> float:
     return float(leg.thigh_length * np.cos(angles[1]) + leg.calf_length * np.cos(angles[1] + angles[2]))
 
 
-def _home_pose(robot: Figures, heights: Sequence[float]) -> Floats:
+def _home_pose(robot: RobotParameters, heights: Sequence[float]) -> Floats:
     """Return a pose with the feet below the thigh joints, each leg's at its height, m, above them; (12,), rad."""
     upper, lower = robot.thigh_length, robot.calf_length
     pose = []
@@ -223,7 +223,7 @@ def _home_pose(robot: Figures, heights: Sequence[float]) -> Floats:
     return np.array(pose) + 0.0  # avoids -0.0 at the hips
 
 
-def _level_feet(robot: Figures) -> Figures:
+def _level_feet(robot: RobotParameters) -> RobotParameters:
     """Return the robot with a home pose in which all feet touch: deeper or lower feet get a more bent leg."""
     for _ in range(10):  # the depth of a foot that is no ball depends on the tilt of its shin
         heights = robot.leg_heights
@@ -234,7 +234,7 @@ def _level_feet(robot: Figures) -> Figures:
     return robot
 
 
-def _feet(found: Anatomy) -> tuple[Floats, Floats]:
+def _feet(found: RobotStructure) -> tuple[Floats, Floats]:
     """Return the points of the feet from their centres in kinematics, which takes all legs for equal.
 
     Returns:
@@ -259,11 +259,11 @@ def _feet(found: Anatomy) -> tuple[Floats, Floats]:
     return points, radii
 
 
-def _thigh_radius(model: Any, found: Anatomy, leg: Leg) -> float:
+def _thigh_radius(model: Any, found: RobotStructure, leg: Leg) -> float:
     """Distance from the line between a thigh's joints to the farthest point of what collides of it, rounded up, m."""
     start, end = leg.joints[1:]
     thigh, calf = (int(model.jnt_bodyid[joint]) for joint in (start, end))
-    geoms = geoms_of(model, [thigh], found.grounded)
+    geoms = geoms_of(model, [thigh], found.collides_with_ground)
     if not geoms:
         return leg.foot.radius
     along = model.body_pos[calf] + rotation_of(model.body_quat[calf]) @ model.jnt_pos[end]

@@ -15,11 +15,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from quad_env.files.reading import check_file, read_bytes
-from quad_env.files.text import described
-from quad_env.robots.anatomy import Anatomy, ModelError, anatomy, root_of
+from quad_env.files.text import format_exception
+from quad_env.robots.anatomy import RobotStructure, ModelError, detect_structure, root_of
 from quad_env.robots.collisions import GROUND_BIT
 from quad_env.robots.finite import nonfinite_line
-from quad_env.robots.held import carried_by, hold, spare_joints
+from quad_env.robots.held import carried_by, lock_joints, find_non_leg_joints
 from quad_env.robots.inertias import compile_balanced, without_inferred_masses
 from quad_env.robots.missing_files import leave_out_missing, missing_files, note_missing
 from quad_env.robots.mujoco_messages import explained
@@ -65,7 +65,7 @@ def digest(names: Iterable[str], model: Any) -> str:
     return found.hexdigest()
 
 
-def read(path: Path) -> tuple[Any, Any, Anatomy]:
+def read(path: Path) -> tuple[Any, Any, RobotStructure]:
     """Read a file: its specification, its model and its parts, with the joints of no leg held.
 
     A limited process reads the file first: MuJoCo can crash on a file, or work on it for hours.
@@ -95,7 +95,7 @@ def check(path: Path) -> None:
     except (ModelError, OSError, MemoryError):
         raise
     except Exception as error:
-        raise ModelError(f"MuJoCo cannot read it, or lacks the memory: {described(error)}") from None
+        raise ModelError(f"MuJoCo cannot read it, or lacks the memory: {format_exception(error)}") from None
 
 
 def _check_files(path: Path) -> None:
@@ -140,7 +140,7 @@ def _is_installed(path: Path) -> bool:
     return os.path.realpath(path).startswith(_installed())
 
 
-def _read(path: Path) -> tuple[Any, Any, Anatomy]:
+def _read(path: Path) -> tuple[Any, Any, RobotStructure]:
     import mujoco
 
     log_to_the_console()
@@ -161,16 +161,16 @@ def _read(path: Path) -> tuple[Any, Any, Anatomy]:
                 *_about_inertias(massless, balanced),
                 *_about_files(spec),
             )
-            if not (spare := spare_joints(mujoco, model)):
-                found = anatomy(mujoco, model)
+            if not (spare := find_non_leg_joints(mujoco, model)):
+                found = detect_structure(mujoco, model)
                 return spec, model, replace(found, omitted=(*omitted, *unlimited(model, found.joints)))
             names = [model.joint(joint).name or f"number {joint}" for joint in spare]
-            still = hold(mujoco, spec, model, spare)
+            still = lock_joints(mujoco, spec, model, spare)
     except ModelError:
         raise
     except ValueError as error:
         raise ModelError(f"MuJoCo cannot read it: {explained(str(error))}") from error
-    found = anatomy(mujoco, still)
+    found = detect_structure(mujoco, still)
     omitted = (*omitted, *unlimited(still, found.joints))
     return spec, still, replace(found, held=tuple(names), carried=carried_by(model, spare), omitted=omitted)
 
@@ -196,7 +196,7 @@ def _about_files(spec: Any) -> Iterator[tuple[str, str]]:
         yield "not there", f"visual files, left out: {files}"
 
 
-def remarks(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
+def describe_extras(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
     """Yield the remarks on the model in a user's file: heading and text of each line.
 
     `keeps_contact`: whether the robot keeps the contact parameters, see `Figures.keeps_contact`.
@@ -218,7 +218,7 @@ def omitted_from(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str,
     yield from _remark_lines(read(path)[2], keeps_contact)
 
 
-def _remark_lines(found: Anatomy, keeps_contact: bool) -> Iterator[tuple[str, str]]:
+def _remark_lines(found: RobotStructure, keeps_contact: bool) -> Iterator[tuple[str, str]]:
     yield from (line for line in found.omitted if not (keeps_contact and line[0] == CONTACT))
 
 

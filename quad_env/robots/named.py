@@ -80,7 +80,7 @@ ROBOTS: Mapping[str, Robot] = _Robots()
 """Robots by name, in the order of listings."""
 
 
-def robot_of(robot: str | Robot) -> Robot:
+def get_robot(robot: str | Robot) -> Robot:
     """The robot, that of a name, or that of an MJCF, URDF or TOML file, see `Robot.from_mjcf`.
 
     Raises:
@@ -104,6 +104,6 @@ def robot_of(robot: str | Robot) -> Robot:
 def robot_named(name_or_path: str) -> Robot:
     """The robot of a command line's `--robot`, see `robot_of`. Raises UsageError."""
     try:
-        return robot_of(name_or_path)
+        return get_robot(name_or_path)
     except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:
         raise UsageError(str(error)) from error

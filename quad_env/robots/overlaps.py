@@ -7,7 +7,7 @@ simulators without self-collision. On our ground these bodies do not collide wit
 import copy
 from typing import Any, NamedTuple
 
-from quad_env.robots.anatomy import Anatomy
+from quad_env.robots.anatomy import RobotStructure
 from quad_env.robots.shapes import Floats
 
 
@@ -22,7 +22,7 @@ class Overlap(NamedTuple):
     """Penetration depth of these two, m."""
 
 
-def overlaps_of(mujoco: Any, model: Any, found: Anatomy, home_pose: Floats) -> list[Overlap]:
+def overlaps_of(mujoco: Any, model: Any, found: RobotStructure, home_pose: Floats) -> list[Overlap]:
     """Return the body pairs that overlap in the home pose and collide in the model, in the model's order.
 
     Args:
@@ -35,14 +35,14 @@ def overlaps_of(mujoco: Any, model: Any, found: Anatomy, home_pose: Floats) -> l
     model.opt.disableflags = 0
     data = mujoco.MjData(model)
     places = model.jnt_qposadr[found.joints]
-    data.qpos[places] = model.qpos0[places] + found.signs * (home_pose - found.zeros)
+    data.qpos[places] = model.qpos0[places] + found.signs * (home_pose - found.joint_offsets)
     mujoco.mj_fwdPosition(model, data)
     feet = {geom for leg in found.legs for geom in leg.foot.geoms}
     deepest: dict[tuple[int, int], Overlap] = {}
     for contact in data.contact[: data.ncon]:
         geoms = int(contact.geom[0]), int(contact.geom[1])
         bodies = int(model.geom_bodyid[geoms[0]]), int(model.geom_bodyid[geoms[1]])
-        if contact.dist >= 0.0 or feet.intersection(geoms) or not found.own[list(bodies)].all():
+        if contact.dist >= 0.0 or feet.intersection(geoms) or not found.is_robot_body[list(bodies)].all():
             continue
         pair = (min(bodies), max(bodies))
         if pair not in deepest or -contact.dist > deepest[pair].depth:

@@ -10,15 +10,15 @@ from numpy.typing import ArrayLike
 
 from quad_env.files.text import one_line
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS
-from quad_env.robots.arena import spec_of
-from quad_env.robots.figures import Figures, Floats, constant
-from quad_env.robots.imported import figures_of
+from quad_env.robots.arena import build_spec
+from quad_env.robots.figures import RobotParameters, Floats, constant
+from quad_env.robots.imported import load_parameters
 from quad_env.robots.model_file import digest
 
 JOINTS = LEGS * JOINTS_PER_LEG
 
 
-class Robot(Figures):
+class Robot(RobotParameters):
     """A robot with four legs; two are equal when all their figures but the gains of the servos are."""
 
     @classmethod
@@ -43,7 +43,7 @@ class Robot(Figures):
         Raises:
             ModelError: a ValueError that says in a line why this is no such quadruped, or what has to be given.
         """
-        return cls(**figures_of(Path(path), name, **figures).by_name)
+        return cls(**load_parameters(Path(path), name, **figures).by_name)
 
     def with_servo(self, stiffness: ArrayLike | None = None, damping: ArrayLike | None = None) -> "Robot":
         """The robot with these gains of its servos, a number or (12,), N·m/rad and N·m·s/rad, for every controller.
@@ -56,7 +56,7 @@ class Robot(Figures):
         return self._with(servo_stiffness=gains[0], servo_damping=gains[1], servo_fixed=fixed)
 
     @cached_property
-    def stiffer(self) -> "Robot":
+    def with_stiff_servos(self) -> "Robot":
         """The robot as controllers have it that need stiff servos: with `stiff_servo`, unless its gains are fixed."""
         stiffness, damping = self.stiff_servo
         return self if self.servo_fixed else self._with(servo_stiffness=stiffness, servo_damping=damping)
@@ -128,7 +128,7 @@ class Robot(Figures):
     @cached_property
     def model(self) -> Any:
         """The compiled `mujoco.MjModel` on flat ground; not to be written to."""
-        return spec_of(self).compile()
+        return build_spec(self).compile()
 
 
 def servo_gains(servo: Any, num_robots: int) -> Floats:

@@ -26,7 +26,7 @@ _UNITS = {
 }
 """By exponents of leg length and mass."""
 _EXPONENTS = {unit: exponents for exponents, units in _UNITS.items() for unit in units}
-WIDE, LONG = "m wide", "m long"
+LATERAL_LENGTH, LONGITUDINAL_LENGTH = "m wide", "m long"
 """Units of distances between left and right and between fore and hind feet, m: what they are more or less than those
 between the thigh joints goes as the leg length."""
 HIGH = "m high"
@@ -35,7 +35,7 @@ AHEAD = " ahead"
 """End of the unit of what the way the knees bend decides: negated where they bend forward, 0 with as many of each."""
 
 
-def ratio(robot: Robot, unit: str) -> float:
+def scale_factor(robot: Robot, unit: str) -> float:
     """The robot's figure of that unit by SimpleQuad's; 1 for SimpleQuad itself, and for angles. KeyError for a unit
     that is not known."""
     of_length, of_mass = _EXPONENTS[unit]
@@ -46,22 +46,22 @@ def ratio(robot: Robot, unit: str) -> float:
 def servo_gains(robot: Robot) -> tuple[float, float]:
     """Stiffness, N·m/rad, and damping, N·m·s/rad, of servos that are for the robot what SimpleQuad's are for it."""
     stiffness, damping = SIMPLE_QUAD.stiff_servo[:, 0].tolist()
-    return ratio(robot, "N·m") * stiffness, ratio(robot, "N·m") * ratio(robot, "s") * damping
+    return scale_factor(robot, "N·m") * stiffness, scale_factor(robot, "N·m") * scale_factor(robot, "s") * damping
 
 
 def scaled(robot: Robot, value: float, unit: str) -> float:
     """A figure of SimpleQuad's, in that unit, for the robot."""
     if robot == SIMPLE_QUAD:
         return value  # to the last bit
-    if unit in (WIDE, LONG):
-        return _apart(robot, unit) + ratio(robot, "m") * (value - _apart(SIMPLE_QUAD, unit))
+    if unit in (LATERAL_LENGTH, LONGITUDINAL_LENGTH):
+        return _apart(robot, unit) + scale_factor(robot, "m") * (value - _apart(SIMPLE_QUAD, unit))
     if unit == HIGH:
         return value * robot.home_hip_height / SIMPLE_QUAD.home_hip_height
     alike = float((robot.knee_direction * SIMPLE_QUAD.knee_direction).mean()) if unit.endswith(AHEAD) else 1.0
-    return alike * ratio(robot, unit.removesuffix(AHEAD)) * value
+    return alike * scale_factor(robot, unit.removesuffix(AHEAD)) * value
 
 
 def _apart(robot: Robot, unit: str) -> float:
     """Between the thigh joints of left and right legs, or of fore and hind ones, m."""
     ahead, aside = map(float, np.abs(robot.hip_positions[:, :2]).mean(axis=0))
-    return 2.0 * (aside + robot.hip_offset) if unit == WIDE else 2.0 * ahead
+    return 2.0 * (aside + robot.hip_offset) if unit == LATERAL_LENGTH else 2.0 * ahead

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from quad_env.robots.arena import body_names
-from quad_env.robots.collisions import HERE, OWN
+from quad_env.robots.collisions import RENAMED_PREFIX, ATTACH_PREFIX
 from quad_env.robots.robot import Robot
 from quad_env.robots.shapes import Floats, corners, descendants, geoms_of, rotation_of, welded
 
@@ -90,4 +90,4 @@ def _in_assembly(model: Any, body: int, points: Floats) -> Floats:
 
 def _name(model: Any, body: int) -> str:
     """Return the name of a body in its file, or in our naming of links."""
-    return str(model.body(body).name).removeprefix(OWN).removeprefix(HERE)
+    return str(model.body(body).name).removeprefix(ATTACH_PREFIX).removeprefix(RENAMED_PREFIX)

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 from quad_env.config import CommandRanges
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import ratio
+from quad_env.robots.similarity import scale_factor
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.scenario import Scenario, scaled
@@ -42,7 +42,7 @@ class Axis:
     """What its results depend on besides the policy; shown wherever they are."""
 
     @property
-    def falling(self) -> bool:
+    def harder_when_smaller(self) -> bool:
         """Whether a smaller severity is harder."""
         return self.levels[0] > self.levels[-1]
 
@@ -61,7 +61,7 @@ class Axis:
         """The scenario of that severity under that name."""
         return replace(self.at(severity), name=name, axis=self.name, severity=severity, severity_unit=self.unit)
 
-    def of(self, robot: Robot) -> "Axis":
+    def for_robot(self, robot: Robot) -> "Axis":
         """The axis whose levels are as hard for that robot: see `scaled`."""
         if robot == SIMPLE_QUAD or not self.scales:
             return self
@@ -75,10 +75,10 @@ class Axis:
 
     def scaled(self, severity: float, robot: Robot) -> float:
         """What is as hard for that robot as a severity is for SimpleQuad."""
-        return severity * (ratio(robot, self.unit) if self.scales and self.unit in AS_THE_ROBOT else 1.0)
+        return severity * (scale_factor(robot, self.unit) if self.scales and self.unit in ROBOT_SCALED_UNITS else 1.0)
 
 
-AS_THE_ROBOT = "m/s", "N·s", "m", "N", "kg", "N·m"
+ROBOT_SCALED_UNITS = "m/s", "N·s", "m", "N", "kg", "N·m"
 """Units in which what is as hard for a larger robot is more; what is of electronics, in s, Hz and rad/s, is not."""
 _PUSH_NOTE = (
     "Pushed hard, the feet slide, and falls depend on friction and on how a simulator models it: of 24 episodes at "
@@ -92,7 +92,7 @@ AXES: dict[str, Axis] = {}
 @lru_cache(maxsize=32)
 def axes_of(robot: Robot) -> dict[str, Axis]:
     """The axes for a robot, by name."""
-    return {name: axis.of(robot) for name, axis in AXES.items()}
+    return {name: axis.for_robot(robot) for name, axis in AXES.items()}
 
 
 def _axis(
@@ -118,7 +118,7 @@ def _flat(top_speed: float) -> Scenario:
     """
     ranges = CommandRanges()
     share = top_speed / ranges.forward[1]
-    return Scenario("flat", commands=ranges.times(share, share))
+    return Scenario("flat", commands=ranges.scaled(share, share))
 
 
 @_axis(

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from quad_env.config import Amount, Bounds, Positive, Settings
+from quad_env.config import NonNegative, Bounds, Positive, Settings
 from quad_env.robots.robot import Robot
 
 Delay = Annotated[float, Bounds("from 0 s to 10 s", 0.0, 10.0)]
@@ -24,7 +24,7 @@ class Pushes(Settings):
     """
 
     count: int = 2
-    impulse: Amount = 35.0
+    impulse: NonNegative = 35.0
     """N·s each"""
     duration: float = 0.1
     """s"""
@@ -41,7 +41,7 @@ class SteadyForce(Settings):
     """A horizontal force on the trunk's centre in a random world direction, from the start of the episode to its end:
     wind, or a tether."""
 
-    force: Amount = 20.0
+    force: NonNegative = 20.0
     """N"""
 
 
@@ -91,7 +91,7 @@ class Payload(Settings):
 
     mass: Positive = 5.0
     """kg"""
-    reach: tuple[Amount, Amount] = (0.2, 0.1)
+    reach: tuple[NonNegative, NonNegative] = (0.2, 0.1)
     """m, half-widths: forward and to the left of the trunk's centre"""
     edge: Positive = 0.2
     """m, of the cube; its density is uniform"""
@@ -118,7 +118,7 @@ class SensorNoise(Settings):
     1.5 rad/s); there they are half-widths of uniform noise, here standard deviations.
     """
 
-    gyro: Amount = 0.2
+    gyro: NonNegative = 0.2
     """rad/s, standard deviation of each component of `angular_velocity`; every other term's is in proportion"""
 
     @property

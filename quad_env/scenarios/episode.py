@@ -11,7 +11,7 @@ from quad_env.columns import Array
 from quad_env.config import AnyPose
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Dropouts, Pushes
-from quad_env.scenarios.randomisation import Drawn
+from quad_env.scenarios.randomisation import RandomizationSample
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
 from quad_env.seeding import EpisodeStreams
@@ -36,7 +36,7 @@ class PushPlan:
         return cast("Array", np.where(acting[..., None], self.force, 0.0).sum(axis=-2))
 
 
-class Episode:
+class EpisodeSample:
     """One episode's draws, each kind from its own stream, so that nothing depends on actions or on other robots."""
 
     def __init__(self, robot: Robot, scenario: Scenario, seed: int, number: int, dt: float) -> None:
@@ -51,7 +51,7 @@ class Episode:
         """Steady force on the trunk in a uniformly random horizontal direction, world frame, (2,), N."""
         self.load: Array | None = None
         """Centre of the payload, ahead and to the left of the trunk's centre, (2,), m."""
-        self.randomised: Drawn | None = None
+        self.randomised: RandomizationSample | None = None
         """Figures of robot and ground that are not as usual."""
         self.friction = scenario.ground.friction
         """Coefficient of the ground."""
@@ -65,7 +65,7 @@ class Episode:
         if (payload := scenario.payload) is not None:
             self.load = self.streams.payload.uniform(-1, 1, 2) * np.array(payload.reach)
         if (dropouts := scenario.dropouts) is not None:
-            first_step = _one_in_each_part(dropouts, self.streams.dropouts, dt)
+            first_step = _stratified_start_steps(dropouts, self.streams.dropouts, dt)
             self.dropouts = first_step, self.streams.dropouts.integers(robot.num_joints, size=dropouts.count)
         if (randomisation := scenario.randomisation) is not None:
             self.randomised = randomisation.draw(robot.num_joints, self.streams.randomisation)
@@ -115,7 +115,7 @@ def _draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) 
     if pushes is None or pushes.count == 0:
         return PushPlan(np.empty(0, np.int64), 0, np.empty((0, 2)))
     steps = control_steps(pushes.duration, dt)
-    first_step = _one_in_each_part(pushes, stream, dt)
+    first_step = _stratified_start_steps(pushes, stream, dt)
     angle = stream.uniform(-np.pi, np.pi, pushes.count)
     force = pushes.impulse / (steps * dt) * np.stack((np.cos(angle), np.sin(angle)), axis=1)
     return PushPlan(first_step, steps, force)
@@ -126,7 +126,7 @@ def control_steps(duration: float, dt: float) -> int:
     return max(1, round(duration / dt))
 
 
-def at_reset(episodes: Sequence[Episode]) -> tuple[Array, Array | None, Array | None, list[Drawn]]:
+def stack_initial_conditions(episodes: Sequence[EpisodeSample]) -> tuple[Array, Array | None, Array | None, list[RandomizationSample]]:
     """Starts, (k, 35), forces, (k, 2), and loads, (k, 2), of k episodes of one scenario, None where it has none; and
     what of robot and ground was drawn, k or none."""
     starts = np.stack([episode.start for episode in episodes])
@@ -136,7 +136,7 @@ def at_reset(episodes: Sequence[Episode]) -> tuple[Array, Array | None, Array | 
     return starts, np.stack(forces) if forces else None, np.stack(loads) if loads else None, randomised
 
 
-def _one_in_each_part(events: Pushes | Dropouts, stream: np.random.Generator, dt: float) -> NDArray[np.int64]:
+def _stratified_start_steps(events: Pushes | Dropouts, stream: np.random.Generator, dt: float) -> NDArray[np.int64]:
     """First control step of each event, (count,)."""
     edges = np.linspace(*events.window, events.count + 1)
     start = stream.uniform(edges[:-1], edges[1:] - events.duration)

@@ -11,7 +11,7 @@ import numpy as np
 
 from quad_env.columns import Array
 from quad_env.files.reading import parse_toml, read_bytes
-from quad_env.files.text import described, one_line
+from quad_env.files.text import format_exception, one_line
 
 MOST_SAMPLES = 4_000_000
 LARGEST = 1e6
@@ -67,7 +67,7 @@ def read(file: str, sha256: str, peak: float | None) -> Heights:
     try:
         values = _values(content, path.suffix.lower(), peak)
     except Exception as error:  # of most kinds: Pillow raises them for damaged files
-        raise ValueError(f"{file}: {described(error).removeprefix('ValueError: ')}") from error
+        raise ValueError(f"{file}: {format_exception(error).removeprefix('ValueError: ')}") from error
     lowest, highest = float(values.min()), float(values.max())
     if not max(-lowest, highest) < LARGEST:
         raise ValueError(f"{file}: heights are numbers within ±{LARGEST:g} m, not from {lowest:g} to {highest:g}")

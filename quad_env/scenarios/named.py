@@ -12,23 +12,23 @@ from typing import Any
 
 from quad_env.config import CommandRanges
 from quad_env.files.paths import missing_file
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
 from quad_env.scenarios.disturbances import Ground, Motors
-from quad_env.scenarios.scenario import ENDINGS, Scenario, scaled
+from quad_env.scenarios.scenario import SUFFIXES, Scenario, scaled
 from quad_env.scenarios.terrain import HeightField
 
 __all__ = ["SCENARIOS", "Scenario", "scenario"]
 
-WRITTEN = (
+SYNTAX_HELP = (
     "a level of an axis such as push:3, severities of axes such as push=42 or payload=15+slope=10, "
     "a terrain of yours such as hill.toml, "
     "any of them with +scan_lost, +randomised, +hardware or several of these, in this order, at its end"
 )
 """How scenarios without a name of their own are written."""
-BETWEEN, EQUALS = "+", "="
+SEPARATOR, EQUALS = "+", "="
 TERRAIN = ".toml"
 """End of the path of a user's terrain."""
 LARGEST = 1e6
@@ -36,7 +36,7 @@ LARGEST = 1e6
 STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
 """Level ground, and 0.5 m/s straight ahead for every robot, where effort is compared. Of no axis."""
 _LABELS = ("name", "axis", "severity", "severity_unit")
-_IN_PARTS = Scenario, CommandRanges, Ground, Motors
+_MERGED_BY_FIELD = Scenario, CommandRanges, Ground, Motors
 """Of which axes may set different parts."""
 
 
@@ -58,12 +58,12 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
     """
     if isinstance(which, Scenario):
         return which
-    found = find(which, robot_of(robot)) if isinstance(which, str) else None
+    found = find(which, get_robot(robot)) if isinstance(which, str) else None
     if found is None:
         if isinstance(which, str) and (missing := missing_file(which)) is not None:
             raise ValueError(missing)
         raise ValueError(
-            f"unknown scenario {which!r}; valid: {', '.join(SCENARIOS)}, {WRITTEN}, or a quad_env.Scenario"
+            f"unknown scenario {which!r}; valid: {', '.join(SCENARIOS)}, {SYNTAX_HELP}, or a quad_env.Scenario"
         )
     return found
 
@@ -90,8 +90,8 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
 
 def split(name: str) -> tuple[str, Callable[[Scenario, Robot], Scenario] | None]:
     """A name without its last ending, and what that makes of a robot's scenario; None where there is none."""
-    end = next(filter(name.endswith, ENDINGS), "")
-    return name.removesuffix(end), ENDINGS.get(end)
+    end = next(filter(name.endswith, SUFFIXES), "")
+    return name.removesuffix(end), SUFFIXES.get(end)
 
 
 def _on_terrain(path: Path, robot: Robot) -> Scenario:
@@ -103,7 +103,7 @@ def _on_terrain(path: Path, robot: Robot) -> Scenario:
 
 def is_combination(name: str) -> bool:
     """Whether a name is written as severities; one of quad_env's scenarios, or of a user's, never is."""
-    return EQUALS in name or BETWEEN in name
+    return EQUALS in name or SEPARATOR in name
 
 
 def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
@@ -124,7 +124,7 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
             alone.append(axis.scenario(severity, written))
         except ValueError as error:
             raise ValueError(f"{_written([(axis, severity)])}: {error}") from None
-    return alone[0] if len(alone) == 1 else _together(written, alone, robot)
+    return alone[0] if len(alone) == 1 else _combine(written, alone, robot)
 
 
 def scaled_name(name: str, robot: Robot) -> str:
@@ -139,15 +139,15 @@ def scaled_name(name: str, robot: Robot) -> str:
 
 def _written(parts: list[tuple[Axis, float]]) -> str:
     """As short as it can be read back exactly."""
-    return BETWEEN.join(f"{axis.name}{EQUALS}{repr(severity).removesuffix('.0')}" for axis, severity in parts)
+    return SEPARATOR.join(f"{axis.name}{EQUALS}{repr(severity).removesuffix('.0')}" for axis, severity in parts)
 
 
 def _parts(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
     """Axes and severities of a combination."""
     parts = []
-    for text in name.split(BETWEEN):
+    for text in name.split(SEPARATOR):
         axis, equals, written = (word.strip() for word in text.partition(EQUALS))
-        if (end := BETWEEN + text) in ENDINGS:
+        if (end := SEPARATOR + text) in SUFFIXES:
             raise ValueError(f"{name}: {end} stands at the end, once, as in payload=15+slope=10{end}")
         if axis not in axes:
             raise ValueError(f"{name}: unknown axis {axis!r}; valid: {', '.join(axes)}, as in payload=15+slope=10")
@@ -163,22 +163,22 @@ def _parts(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
     return parts
 
 
-def _together(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
+def _combine(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
     """What each of them sets, in one scenario."""
     axes = axes_of(robot)
     # At any level of the axis: the severity may be that of no disturbance.
     given = [(part.axis, [part, *map(axes[part.axis].at, axes[part.axis].levels)]) for part in parts]
-    whole: Scenario = _merged(scaled(Scenario(name), robot), given, name)
+    whole: Scenario = _merge_changes(scaled(Scenario(name), robot), given, name)
     return whole
 
 
-def _merged(usual: Any, given: list[tuple[str, list[Any]]], name: str, what: str = "") -> Any:
+def _merge_changes(usual: Any, given: list[tuple[str, list[Any]]], name: str, what: str = "") -> Any:
     """What axes set of a usual setting, by axis its own value and those at its levels; of what has parts, each part."""
-    if isinstance(usual, _IN_PARTS):
+    if isinstance(usual, _MERGED_BY_FIELD):
         merged = {}
         for part in (field.name for field in fields(usual) if field.name not in _LABELS):
             values = [(axis, [getattr(value, part) for value in its]) for axis, its in given]
-            merged[part] = _merged(getattr(usual, part), values, name, f"{what} {part.replace('_', ' ')}")
+            merged[part] = _merge_changes(getattr(usual, part), values, name, f"{what} {part.replace('_', ' ')}")
         return replace(usual, **merged)
     setters = [(axis, its[0]) for axis, its in given if any(value != usual for value in its)]
     for axis, own in setters:

@@ -6,13 +6,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from quad_env.columns import Array
-from quad_env.config import Amount, Bounds, Positive, Settings
+from quad_env.config import NonNegative, Bounds, Positive, Settings
 from quad_env.scenarios.disturbances import Delay
 
 Part = Annotated[float, Bounds("from 0 to 0.9", 0.0, 0.9)]
 
 
-class Drawn(NamedTuple):
+class RandomizationSample(NamedTuple):
     """Figures of one episode: factors, of joints (12,), displacement of the centre of mass, (3,), m, delay, s, and
     offsets, (12,), rad."""
 
@@ -40,7 +40,7 @@ class DomainRandomisation(Settings):
     """Range of the factor on the ground's friction coefficient, which holds for whatever touches the ground"""
     trunk_mass: Part = 0.2
     """Largest share of the trunk's mass that is added or removed; its inertia goes with it"""
-    centre_of_mass: tuple[Amount, Amount, Amount] = (0.05, 0.05, 0.01)
+    centre_of_mass: tuple[NonNegative, NonNegative, NonNegative] = (0.05, 0.05, 0.01)
     """m, half-widths along the trunk's axes, forward, to the left and up, of its centre of mass"""
     stiffness: Part = 0.2
     """Largest share by which the stiffness of each joint's servo is more or less"""
@@ -50,7 +50,7 @@ class DomainRandomisation(Settings):
     """The same of its torque limit; of motors with a torque-speed curve, of the limit of the current"""
     delay: Delay = 0.02
     """s, longest delay of actions, from 0 on, rounded to whole control steps; added to the scenario's `Latency`"""
-    encoder_offset: Amount = 0.02
+    encoder_offset: NonNegative = 0.02
     """rad, half-width of what each encoder reads too much; servos and rewards go by the true angles"""
 
     def __post_init__(self) -> None:
@@ -58,12 +58,12 @@ class DomainRandomisation(Settings):
         if self.friction[0] > self.friction[1]:
             raise ValueError(f"the range of friction must rise, got {self.friction}")
 
-    def draw(self, joints: int, stream: np.random.Generator) -> Drawn:
+    def draw(self, joints: int, stream: np.random.Generator) -> RandomizationSample:
         """Figures of the stream's episode, as many numbers whatever is randomised, so that no figure shifts another."""
         friction, mass, delay, *centre = stream.uniform(-1, 1, 6).tolist()
         stiffness, damping, strength, offset = stream.uniform(-1, 1, (4, joints))
         low, high = self.friction
-        return Drawn(
+        return RandomizationSample(
             friction=low + (high - low) * 0.5 * (1.0 + friction),
             trunk_mass=1.0 + self.trunk_mass * mass,
             centre_of_mass=np.multiply(self.centre_of_mass, centre),

@@ -7,7 +7,7 @@ from typing import Any
 
 from quad_env.config import AnyPose, CommandRanges, Settings, StartNoise
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import ratio
+from quad_env.robots.similarity import scale_factor
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.randomisation import DomainRandomisation
@@ -16,7 +16,7 @@ from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 HARDWARE, RANDOMISED, SCAN_LOST = "+hardware", "+randomised", "+scan_lost"
 """Ends of the names of scenarios on the hardware profile, with domain randomisation and with a height scan that shows
 nothing."""
-OF_ENDINGS = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
+FIELD_OF_SUFFIX = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
 """End of a name -> the field that it is about, in the order in which they stand."""
 
 
@@ -50,12 +50,12 @@ class Scenario(Settings):
     """Whether a height scan shows nothing: each of its points reads that of unseen ground, -2 m."""
 
     @property
-    def ending(self) -> str:
+    def suffix(self) -> str:
         """End of the name of an axis's scenarios like this."""
-        return "".join(end for end, field in OF_ENDINGS.items() if getattr(self, field))
+        return "".join(end for end, field in FIELD_OF_SUFFIX.items() if getattr(self, field))
 
 
-def on_hardware(scenario: Scenario, _: Robot = SIMPLE_QUAD) -> Scenario:
+def with_hardware_profile(scenario: Scenario, _: Robot = SIMPLE_QUAD) -> Scenario:
     """The same with the robot's hardware profile, under the name with HARDWARE; itself where it has that already."""
     return _ended(scenario, hardware=True)
 
@@ -71,12 +71,12 @@ def _without_scan(scenario: Scenario, _: Robot) -> Scenario:
 
 def _ended(scenario: Scenario, **settings: Any) -> Scenario:
     found = replace(scenario, **settings)
-    renamed = scenario.name.removesuffix(scenario.ending) + found.ending
+    renamed = scenario.name.removesuffix(scenario.suffix) + found.suffix
     return scenario if found == scenario else replace(found, name=renamed)
 
 
-ENDINGS: dict[str, Callable[[Scenario, Robot], Scenario]] = {
-    HARDWARE: on_hardware,
+SUFFIXES: dict[str, Callable[[Scenario, Robot], Scenario]] = {
+    HARDWARE: with_hardware_profile,
     RANDOMISED: _randomised,
     SCAN_LOST: _without_scan,
 }
@@ -91,7 +91,7 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
     """
     if robot == SIMPLE_QUAD:
         return scenario
-    by = partial(ratio, robot)
+    by = partial(scale_factor, robot)
     pushes, force, load, motors = scenario.pushes, scenario.force, scenario.payload, scenario.motors
     randomisation = scenario.randomisation
     if motors.torque_limit is not None:
@@ -106,7 +106,7 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
     return replace(
         scenario,
         terrain=_terrain(scenario.terrain, by("m")),
-        commands=scenario.commands.times(by("m/s"), by("rad/s")),
+        commands=scenario.commands.scaled(by("m/s"), by("rad/s")),
         pushes=pushes and replace(pushes, impulse=by("N·s") * pushes.impulse),
         force=force and replace(force, force=by("N") * force.force),
         ground=replace(scenario.ground, sink_depth=by("m") * scenario.ground.sink_depth),

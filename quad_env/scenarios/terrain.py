@@ -9,8 +9,8 @@ from typing import Annotated, cast
 
 import numpy as np
 
-from quad_env.columns import Array, Column, clip, where, whole
-from quad_env.config import Amount, Bounds, Settings
+from quad_env.columns import Array, ScalarOrBatch, clip, where, clipped_index
+from quad_env.config import NonNegative, Bounds, Settings
 from quad_env.files.text import one_line
 from quad_env.scenarios import height_file
 from quad_env.scenarios.height_file import Heights
@@ -24,14 +24,14 @@ STRIDE_ROOM = 0.7
 class Flat(Settings):
     """The plane z = 0."""
 
-    spawn_radius: Amount = 0.0
+    spawn_radius: NonNegative = 0.0
     """m, half-side of the square over which robots start"""
 
-    def height(self, x: Column, y: Column) -> Column:
+    def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
         """Ground height in the world frame, m."""
         return 0.0 * x
 
-    def ball_height(self, x: Array, y: Array, radius: float) -> Array:
+    def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
         """Centre height of a ball that touches the ground there, world frame, m."""
         return self.height(x, y) + radius
 
@@ -42,14 +42,14 @@ class Slope(Settings):
 
     angle: Annotated[float, Bounds("from 0 to 80° (1.396 rad)", 0.0, math.radians(80.0))] = math.radians(15.0)
     """rad above the horizontal"""
-    spawn_radius: Amount = 0.0
+    spawn_radius: NonNegative = 0.0
     """m, half-side of the square over which robots start"""
 
-    def height(self, x: Column, y: Column) -> Column:
+    def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
         """Ground height in the world frame, m."""
         return math.tan(self.angle) * x
 
-    def ball_height(self, x: Array, y: Array, radius: float) -> Array:
+    def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
         """Centre height of a ball that touches the ground there, world frame, m."""
         return self.height(x, y) + radius / math.cos(self.angle)
 
@@ -72,7 +72,7 @@ class Stairs(Settings):
     """m, half-length of the landing"""
     half_width: Length = 22.0
     """m"""
-    spawn_radius: Amount = 0.0
+    spawn_radius: NonNegative = 0.0
     """m, half-side of the square over which robots start"""
 
     def __post_init__(self) -> None:
@@ -80,13 +80,13 @@ class Stairs(Settings):
         if not self.landing >= self.spawn_radius + STRIDE_ROOM:
             raise ValueError(f"the landing must be longer than the spawn_radius by {STRIDE_ROOM} m, got {self}")
 
-    def height(self, x: Column, y: Column) -> Column:
+    def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
         """Ground height in the world frame, m; that of the tread right on a riser."""
         steps = (abs(x) - self.landing) / self.run + 1.0
-        climbed = self.rise * whole(clip(steps, 0.0, float(self.steps)), self.steps)
+        climbed = self.rise * clipped_index(clip(steps, 0.0, float(self.steps)), self.steps)
         return cast("Column", where(x > 0.0, climbed, -climbed))
 
-    def ball_height(self, x: Array, y: Array, radius: float) -> Array:
+    def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
         """Centre height of a ball on the tread there, world frame, m; of no use within `radius` of a riser."""
         return self.height(x, y) + radius
 
@@ -117,7 +117,7 @@ class SmoothRandom(Settings):
     """m; the autocorrelation of the smoothed noise falls to 1/e at this distance"""
     half_size: Length = 34.0
     """m; at the top commanded speed no robot leaves the field within 10 s"""
-    spawn_radius: Amount = 16.0
+    spawn_radius: NonNegative = 16.0
     """m, half-side of the square over which robots start"""
     cell: Length = 0.1
     """m between grid points"""
@@ -145,14 +145,14 @@ class SmoothRandom(Settings):
         unit = _unit_surface(self.points, self.correlation_length / 2 / self.cell, self.seed)
         return Heights(unit, 0.0, self.peak_to_valley)
 
-    def height(self, x: Column, y: Column) -> Column:
+    def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
         """Surface height at world points, m: linear on the two triangles of each cell, as MuJoCo collides with it."""
         column, row = (x + self.half_size) / self.cell, (y + self.half_size) / self.cell
-        surface = _between(self.heights.unit, self.peak_to_valley, column, row)
+        surface = _interpolate_height(self.heights.unit, self.peak_to_valley, column, row)
         inside = (abs(x) <= self.half_size) & (abs(y) <= self.half_size)
         return cast("Column", where(inside, surface, 0.0))
 
-    def ball_height(self, x: Array, y: Array, radius: float) -> Array:
+    def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
         """Centre height of a ball that touches the ground there, world frame, m; cells wider than it are taken for
         level, of finer ground points a third of a radius apart are looked at."""
         return self.height(x, y) + radius if self.cell > 2 * radius else _highest_touching(self, x, y, radius)
@@ -210,24 +210,24 @@ class HeightField(Settings):
         """The heights; ValueError, one line, where the file is gone or has changed."""
         return height_file.read(self.file, self.sha256, self.peak)
 
-    def height(self, x: Column, y: Column) -> Column:
+    def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
         """Surface height at world points, m: linear on the two triangles of each cell, as MuJoCo collides with it."""
         (unit, lowest, span), (half_x, half_y) = self.heights, self.half
         rows, columns = unit.shape
         column, row = (x + half_x) / self.size[0] * (columns - 1), (y + half_y) / self.size[1] * (rows - 1)
         inside = (abs(x) <= half_x) & (abs(y) <= half_y)
-        return cast("Column", lowest + where(inside, _between(unit, span, column, row), 0.0))
+        return cast("Column", lowest + where(inside, _interpolate_height(unit, span, column, row), 0.0))
 
-    def ball_height(self, x: Array, y: Array, radius: float) -> Array:
+    def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
         """Centre height of a ball that touches the ground there, world frame, m."""
         return _highest_touching(self, x, y, radius)
 
 
-def _between(grid: Array, span: float, column: Column, row: Column) -> Column:
+def _interpolate_height(grid: Array, span: float, column: ScalarOrBatch, row: ScalarOrBatch) -> ScalarOrBatch:
     """`span` times the height on the triangles of the grid's cells, at places in cells from its first sample."""
     rows, columns = grid.shape
     column, row = clip(column, 0.0, float(columns - 1)), clip(row, 0.0, float(rows - 1))
-    j, i = whole(column, columns - 2), whole(row, rows - 2)
+    j, i = clipped_index(column, columns - 2), clipped_index(row, rows - 2)
     u, v = column - j, row - i
     near, far = where(u < v, u, v), where(u < v, v, u)
     start, end = span * grid[i, j], span * grid[i + 1, j + 1]

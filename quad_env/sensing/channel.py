@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Array, Rows
+from quad_env.columns import Array, EnvIndices
 
 Clock = NDArray[np.int64]
 """Control steps of some robots since the start of their episodes, (k,)."""
@@ -26,11 +26,11 @@ class Noise:
         """Which block of steps each robot's noise is of."""
         self._streams: list[np.random.Generator | None] = [None] * num_envs
 
-    def begin(self, row: int, stream: np.random.Generator) -> None:
+    def reset(self, row: int, stream: np.random.Generator) -> None:
         """That robot starts an episode, whose stream this is."""
         self._block[row], self._streams[row] = -1, stream
 
-    def at(self, clock: NDArray[np.int64], rows: Rows) -> NDArray[np.float32]:
+    def at(self, clock: NDArray[np.int64], rows: EnvIndices) -> NDArray[np.float32]:
         """Noise of those robots at these control steps since their start, which only go up, (n, k)."""
         block = clock // BLOCK
         for row in rows[self._block[rows] != block]:
@@ -54,7 +54,7 @@ class Channel:
     """
 
     def __init__(
-        self, num_envs: int, width: int, rate: float | None, delay: float, control_rate: float, oldest: int = 0
+        self, num_envs: int, width: int, rate: float | None, delay: float, control_rate: float, max_delay_steps: int = 0
     ) -> None:
         rate = control_rate if rate is None else rate
         self.period = round(control_rate / rate)
@@ -63,13 +63,13 @@ class Channel:
             raise ValueError(
                 f"a sensor's rate must be the control rate, {control_rate} Hz, or a whole part, got {rate}"
             )
-        self.late = steps_late(delay, control_rate)
+        self.late = delay_to_steps(delay, control_rate)
         """Control steps from taking a sample to seeing it."""
         self._control_rate = control_rate
-        self._samples = np.zeros((max(oldest, self.late) // self.period + 3, num_envs, width))
+        self._samples = np.zeros((max(max_delay_steps, self.late) // self.period + 3, num_envs, width))
         """Sample s is at s modulo its length; two more than are seen late, for differences."""
 
-    def take(self, values: Array | NDArray[np.float32], clock: Clock, rows: Rows) -> None:
+    def record(self, values: Array | NDArray[np.float32], clock: Clock, rows: EnvIndices) -> None:
         """Samples of those robots' sensors, which would now read these values, (k, width); kept where one is due."""
         due = clock % self.period == 0
         self._samples[clock[due] // self.period % len(self._samples), rows[due]] = values[due]
@@ -77,35 +77,35 @@ class Channel:
         if first.any():
             self._samples[:, rows[first]] = values[first]
 
-    def value(self, clock: Clock, rows: Rows, late: int | None = None) -> Array:
+    def value(self, clock: Clock, rows: EnvIndices, delay_steps: int | None = None) -> Array:
         """The newest sample that is at least `late` control steps old, by default those of the delay, (k, width).
 
         Until there is one, the first.
         """
-        return self._samples[self._number(clock, late) % len(self._samples), rows]
+        return self._samples[self._number(clock, delay_steps) % len(self._samples), rows]
 
-    def before(self, clock: Clock, rows: Rows, late: int | None = None) -> Array:
+    def previous(self, clock: Clock, rows: EnvIndices, delay_steps: int | None = None) -> Array:
         """The sample before that of `value`, (k, width); the first has itself before it."""
-        return self.value(clock - self.period, rows, late)
+        return self.value(clock - self.period, rows, delay_steps)
 
-    def fresh(self, clock: Clock, late: int) -> NDArray[np.bool_]:
+    def is_new(self, clock: Clock, delay_steps: int) -> NDArray[np.bool_]:
         """Whose sample of `value` was not there one control step earlier, (k,)."""
-        fresh: NDArray[np.bool_] = np.logical_and(clock >= late, (clock - late) % self.period == 0)
-        return fresh
+        is_new: NDArray[np.bool_] = np.logical_and(clock >= delay_steps, (clock - delay_steps) % self.period == 0)
+        return is_new
 
     def time(self, clock: Clock) -> Array:
         """When the sample of `value` was taken, s since the start of the episode, (k,)."""
         return self._number(clock, None) * self.period / self._control_rate
 
     @property
-    def spacing(self) -> float:
+    def sample_period(self) -> float:
         """s from sample to sample."""
         return self.period / self._control_rate
 
-    def _number(self, clock: Clock, late: int | None) -> NDArray[np.int64]:
-        return np.maximum((clock - (self.late if late is None else late)) // self.period, 0)
+    def _number(self, clock: Clock, delay_steps: int | None) -> NDArray[np.int64]:
+        return np.maximum((clock - (self.late if delay_steps is None else delay_steps)) // self.period, 0)
 
 
-def steps_late(delay: float, control_rate: float) -> int:
+def delay_to_steps(delay: float, control_rate: float) -> int:
     """Control steps that a delay, s, takes: what arrives between two of them is seen at the next."""
     return math.ceil(delay * control_rate - 1e-9)

@@ -11,11 +11,11 @@ import numpy as np
 
 from quad_env.columns import Array, Mask
 
-LIFTS = 0.3
+LIFTOFF_PROBABILITY = 0.3
 """Share of the standing feet that no longer stand one sample later."""
-LANDS = 0.0015
+TOUCHDOWN_PROBABILITY = 0.0015
 """Share of the others that do; small, so that a foot counts as standing once it has come to rest."""
-SEEN, MISTAKEN = 0.95, 0.17
+TRUE_POSITIVE_RATE, FALSE_POSITIVE_RATE = 0.95, 0.17
 """Share of the samples of standing feet, and of others, in which the sensor says that they stand; feet that touch
 down, still on the move, are among the others."""
 SWING_SPEED = 1.2
@@ -24,14 +24,14 @@ _LARGEST = 12.0
 """Largest logarithm of the odds."""
 
 
-def standing_probability(before: Array, contact: Mask, innovation: Array, covariance: Array, dt: float) -> Array:
+def contact_probability(before: Array, contact: Mask, innovation: Array, covariance: Array, dt: float) -> Array:
     """Probability that each foot stands, (k, 4), from that of the sample before.
 
     `innovation`: ν, m, (k, 4, 3); `covariance`: S, m², (k, 4, 3, 3).
     """
-    prior = before * (1.0 - LIFTS) + (1.0 - before) * LANDS
+    prior = before * (1.0 - LIFTOFF_PROBABILITY) + (1.0 - before) * TOUCHDOWN_PROBABILITY
     moving = covariance + (SWING_SPEED * dt) ** 2 * np.eye(3)
-    reading = np.where(contact, np.log(SEEN / MISTAKEN), np.log((1.0 - SEEN) / (1.0 - MISTAKEN)))
+    reading = np.where(contact, np.log(TRUE_POSITIVE_RATE / FALSE_POSITIVE_RATE), np.log((1.0 - TRUE_POSITIVE_RATE) / (1.0 - FALSE_POSITIVE_RATE)))
     resting = _log_density(innovation, covariance) - _log_density(innovation, moving)
     odds = np.log(prior / (1.0 - prior)) + reading + resting
     out: Array = 1.0 / (1.0 + np.exp(-np.clip(odds, -_LARGEST, _LARGEST)))

@@ -27,10 +27,10 @@ from quad_env.sensing.estimator import unit
 
 TILT, VELOCITY, GYRO_BIAS, ACCELEROMETER_BIAS = (slice(3 * part, 3 * part + 3) for part in range(4))
 FEET = slice(ACCELEROMETER_BIAS.stop, None)
-ONE = np.eye(3)
+IDENTITY = np.eye(3)
 
 
-class BodyMotion(NamedTuple):
+class NominalState(NamedTuple):
     """Motion of k robots."""
 
     gravity: Array
@@ -45,10 +45,10 @@ class BodyMotion(NamedTuple):
     """Centres of the feet from the trunk's centre, m, (k, 4, 3)"""
 
 
-class Samples(NamedTuple):
+class StepMeasurements(NamedTuple):
     """Readings of the sensors of k robots in a control period."""
 
-    turning: Array
+    angular_velocity: Array
     """Mean angular velocity by the gyroscope, rad/s, (k, 3)"""
     force: Array
     """Mean specific force by the accelerometer, m/s², (k, 3)"""
@@ -58,7 +58,7 @@ class Samples(NamedTuple):
     """Angles at its end, rad, (k, 4, 3)"""
 
 
-class Turned(NamedTuple):
+class RotatedState(NamedTuple):
     """A motion of k robots in the axes of a later moment, and what it is that goes on."""
 
     turn: Array
@@ -73,7 +73,7 @@ class Turned(NamedTuple):
     """c, rad, (k, 4, 3)"""
 
 
-def size(robot: Robot) -> int:
+def error_dim(robot: Robot) -> int:
     """Entries of an error."""
     return FEET.start + 3 * len(robot.leg_names)
 
@@ -83,45 +83,45 @@ def foot(number: int) -> slice:
     return slice(FEET.start + 3 * number, FEET.start + 3 * number + 3)
 
 
-def turned(motion: BodyMotion, samples: Samples, dt: float) -> Turned:
+def rotate_state(motion: NominalState, samples: StepMeasurements, dt: float) -> RotatedState:
     """The motion in the axes of a moment `dt`, s, later."""
-    turning = samples.turning - motion.gyro_bias
-    turn = rotation(-dt * turning)
+    angular_velocity = samples.angular_velocity - motion.gyro_bias
+    turn = exp_so3(-dt * angular_velocity)
     change, hip = samples.joints - samples.joints_before, 0.5 * (samples.joints + samples.joints_before)[..., 0]
     bend = change[..., 1] + change[..., 2]
     by_joints = np.stack((change[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)
-    return Turned(
+    return RotatedState(
         turn,
         samples.force - motion.accelerometer_bias,
-        times(turn, motion.gravity),
-        times(turn, motion.velocity),
-        dt * turning[:, None] + by_joints,
+        matvec(turn, motion.gravity),
+        matvec(turn, motion.velocity),
+        dt * angular_velocity[:, None] + by_joints,
     )
 
 
-def predicted(robot: Robot, motion: BodyMotion, to: Turned, dt: float) -> BodyMotion:
+def predict(robot: Robot, motion: NominalState, to: RotatedState, dt: float) -> NominalState:
     """The motion one `dt`, s, later."""
     gravity = unit(to.gravity)
-    velocity = to.velocity + dt * (times(0.5 * (to.turn + ONE), to.force) + GRAVITY * gravity)
+    velocity = to.velocity + dt * (matvec(0.5 * (to.turn + IDENTITY), to.force) + GRAVITY * gravity)
     rolled = -robot.foot_radius * np.cross(to.calves, gravity[:, None])
-    feet = times(to.turn[:, None], motion.feet) - 0.5 * dt * (to.velocity + velocity)[:, None] + rolled
+    feet = matvec(to.turn[:, None], motion.feet) - 0.5 * dt * (to.velocity + velocity)[:, None] + rolled
     return motion._replace(gravity=gravity, velocity=velocity, feet=feet)
 
 
-def transition(robot: Robot, motion: BodyMotion, samples: Samples, to: Turned, dt: float) -> Array:
+def error_transition_matrix(robot: Robot, motion: NominalState, samples: StepMeasurements, to: RotatedState, dt: float) -> Array:
     """Derivatives of the error after `predicted` by the error before, (k, size, size)."""
     turn, velocity = to.turn, to.velocity
-    down, half = skew(to.gravity), 0.5 * (turn + ONE)
-    biased = dt * (ONE - 0.5 * dt * skew(samples.turning - motion.gyro_bias))
-    out = np.zeros((len(turn), size(robot), size(robot)))
+    down, half = skew(to.gravity), 0.5 * (turn + IDENTITY)
+    biased = dt * (IDENTITY - 0.5 * dt * skew(samples.angular_velocity - motion.gyro_bias))
+    out = np.zeros((len(turn), error_dim(robot), error_dim(robot)))
     out[:, TILT, TILT] = out[:, VELOCITY, VELOCITY] = turn
     out[:, TILT, GYRO_BIAS] = biased
-    out[:, GYRO_BIAS, GYRO_BIAS] = out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] = ONE
+    out[:, GYRO_BIAS, GYRO_BIAS] = out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] = IDENTITY
     out[:, VELOCITY, TILT] = -dt * GRAVITY * (down @ turn)
-    moved = skew(velocity) + 0.5 * dt * skew(times(turn, to.force)) + dt * GRAVITY * down
+    moved = skew(velocity) + 0.5 * dt * skew(matvec(turn, to.force)) + dt * GRAVITY * down
     out[:, VELOCITY, GYRO_BIAS] = -moved @ biased
     out[:, VELOCITY, ACCELEROMETER_BIAS] = -dt * half
-    calves, feet = skew(to.calves), times(turn[:, None], motion.feet)
+    calves, feet = skew(to.calves), matvec(turn[:, None], motion.feet)
     for leg in range(len(robot.leg_names)):
         here, rolled = foot(leg), robot.foot_radius * (calves[:, leg] @ down)
         out[:, here] = -0.5 * dt * out[:, VELOCITY]
@@ -133,10 +133,10 @@ def transition(robot: Robot, motion: BodyMotion, samples: Samples, to: Turned, d
     return out
 
 
-def corrected(motion: BodyMotion, error: Array) -> BodyMotion:
+def inject_error(motion: NominalState, error: Array) -> NominalState:
     """The motion that is off from `motion` by an error, (k, size)."""
-    return BodyMotion(
-        unit(times(rotation(error[:, TILT]), motion.gravity)),
+    return NominalState(
+        unit(matvec(exp_so3(error[:, TILT]), motion.gravity)),
         motion.velocity + error[:, VELOCITY],
         motion.gyro_bias + error[:, GYRO_BIAS],
         motion.accelerometer_bias + error[:, ACCELEROMETER_BIAS],
@@ -144,16 +144,16 @@ def corrected(motion: BodyMotion, error: Array) -> BodyMotion:
     )
 
 
-def rotation(turns: Array) -> Array:
+def exp_so3(turns: Array) -> Array:
     """Rotation matrices Exp(φ) of turns, rad, (…, 3, 3), by Rodrigues' formula."""
     angle = np.sqrt(np.maximum((turns * turns).sum(axis=-1), 1e-16))[..., None, None]
     axis = skew(turns)
     sines, cosines = np.sin(angle) / angle, 0.5 * (np.sin(0.5 * angle) / (0.5 * angle)) ** 2
-    out: Array = ONE + sines * axis + cosines * (axis @ axis)
+    out: Array = IDENTITY + sines * axis + cosines * (axis @ axis)
     return out
 
 
-def times(matrices: Array, vectors: Array) -> Array:
+def matvec(matrices: Array, vectors: Array) -> Array:
     """Each matrix, (…, 3, 3), times its vector, (…, 3)."""
     out: Array = (matrices @ vectors[..., None])[..., 0]
     return out

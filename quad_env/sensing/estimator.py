@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quad_env.columns import Array, Mask, Rows, total
+from quad_env.columns import Array, Mask, EnvIndices, ordered_sum
 from quad_env.config import GRAVITY
 from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.robot import Robot
@@ -33,7 +33,7 @@ VELOCITY_TIME = 0.1
 """s over which standing feet correct the accelerometer; the best of 0.02, 0.05, 0.1, 0.2 and 0.4 s on a trot."""
 
 
-class Read(NamedTuple):
+class AlignedReadings(NamedTuple):
     """Readings of k robots that belong together."""
 
     gyro: Array
@@ -51,9 +51,9 @@ class Read(NamedTuple):
     fresh: Mask
     """Whose sample of the encoders is new, (k,)"""
 
-    def of(self, which: Mask) -> "Read":
+    def of(self, which: Mask) -> "AlignedReadings":
         """Readings of some of the robots."""
-        return Read._make(readings[which] for readings in self)
+        return AlignedReadings._make(readings[which] for readings in self)
 
 
 class ComplementaryFilter:
@@ -72,11 +72,11 @@ class ComplementaryFilter:
         """Not looked for: 0 rad/s"""
         self._gyro = np.zeros((num_envs, 3))
 
-    def begin(self, rows: Rows, at_rest: Array, read: Read) -> None:
+    def begin(self, rows: EnvIndices, at_rest: Array, read: AlignedReadings) -> None:
         """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
         self.gravity[rows], self.velocity[rows], self._gyro[rows] = -unit(at_rest), 0.0, read.gyro
 
-    def move_on(self, read: Read, rows: Rows) -> None:
+    def update(self, read: AlignedReadings, rows: EnvIndices) -> None:
         """One `dt` later those robots' sensors read this."""
         dt, gravity, velocity = self._dt, self.gravity[rows], self.velocity[rows]
         turning = 0.5 * (self._gyro[rows] + read.gyro)
@@ -84,7 +84,7 @@ class ComplementaryFilter:
         gravity = unit(gravity + dt * np.cross(gravity, turning))
         acceleration = read.accelerometer + GRAVITY * gravity - np.cross(turning, velocity)
         velocity = velocity + dt * acceleration
-        by_feet, known = leg_velocity(self._robot, read, turning, gravity, self._spacing)
+        by_feet, known = leg_odometry_velocity(self._robot, read, turning, gravity, self._spacing)
         error = by_feet - (velocity - 0.5 * self._spacing * acceleration)
         velocity = np.where(known, velocity + min(1.0, dt / VELOCITY_TIME) * error, velocity)
         measured = (np.cross(read.gyro, velocity) - read.accelerometer) / GRAVITY
@@ -92,7 +92,7 @@ class ComplementaryFilter:
         self.gravity[rows], self.velocity[rows] = unit(gravity), velocity
 
 
-def leg_velocity(robot: Robot, read: Read, turning: Array, gravity: Array, spacing: float) -> tuple[Array, Mask]:
+def leg_odometry_velocity(robot: Robot, read: AlignedReadings, turning: Array, gravity: Array, spacing: float) -> tuple[Array, Mask]:
     """Velocity of the trunk's centre by its standing feet, m/s, (k, 3), and of whom it is known, (k, 1).
 
     It is that of the middle between the two samples of the encoders. The foot is a ball that rolls: its centre p moves
@@ -108,8 +108,8 @@ def leg_velocity(robot: Robot, read: Read, turning: Array, gravity: Array, spaci
     rolled = np.cross(calf, -robot.foot_radius * gravity[:, None])
     each = rolled - np.cross(turning[:, None], foot) - (now - then) / spacing
     standing = read.standing.astype(np.float64)
-    count = total(standing.T)[:, None]
-    summed = total((standing[..., None] * each).transpose(1, 0, 2))
+    count = ordered_sum(standing.T)[:, None]
+    summed = ordered_sum((standing[..., None] * each).transpose(1, 0, 2))
     return summed / np.maximum(count, 1.0), count > 0
 
 

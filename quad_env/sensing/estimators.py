@@ -2,7 +2,7 @@
 
 from quad_env.robots.robot import Robot
 from quad_env.sensing.estimator import ComplementaryFilter
-from quad_env.sensing.instruments import Instruments
+from quad_env.sensing.instruments import SensorModels
 from quad_env.sensing.kalman import KalmanFilter
 from quad_env.sensing.suite import SENSORS, SensorSuite
 
@@ -24,9 +24,9 @@ def check_estimator(name: str, suite: SensorSuite | None) -> None:
 
 
 def make_estimator(
-    name: str, robot: Robot, suite: SensorSuite, instruments: Instruments, num_envs: int, dt: float
+    name: str, robot: Robot, suite: SensorSuite, instruments: SensorModels, num_envs: int, dt: float
 ) -> Estimator:
     """The estimator of that name for n robots with those sensors."""
     if name == KALMAN:
-        return KalmanFilter(robot, suite, num_envs, dt, instruments.aligned)
-    return ComplementaryFilter(robot, num_envs, dt, instruments.channels["joint_position"].spacing)
+        return KalmanFilter(robot, suite, num_envs, dt, instruments.alignment_delay)
+    return ComplementaryFilter(robot, num_envs, dt, instruments.channels["joint_position"].sample_period)

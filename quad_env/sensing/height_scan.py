@@ -9,12 +9,12 @@ from typing import Annotated, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Array, Column, Rows
-from quad_env.config import Amount, Bounds, Positive
+from quad_env.columns import Array, ScalarOrBatch, EnvIndices
+from quad_env.config import NonNegative, Bounds, Positive
 from quad_env.physics.state import QuadState, to_heading
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Delay
-from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Terrain
 from quad_env.sensing.channel import Channel, Clock, Noise
@@ -50,7 +50,7 @@ class HeightScan(Sampled):
     """Points to each side of it"""
     spacing: Positive = 0.1
     """m between two points. The grid of the defaults is that of legged_gym's `measured_points_x` and `_y`"""
-    noise: Amount = 0.0
+    noise: NonNegative = 0.0
     """m, standard deviation of the white noise on each point of each sample"""
 
     def __post_init__(self) -> None:
@@ -107,22 +107,22 @@ class Scanner:
         self._channel = Channel(num_envs, width, scan.rate, scan.delay + latency, control_rate)
         self._noise = Noise(num_envs, np.full(width, deviation, np.float32)) if deviation else None
 
-    def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
+    def begin(self, rows: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
         """Start these episodes of those robots."""
         if self._noise is not None:
             for row, episode in zip(rows, episodes, strict=True):
-                self._noise.begin(row, episode.streams.scan_noise)
+                self._noise.reset(row, episode.streams.scan_noise)
 
-    def scan(self, state: QuadState[Column], clock: Clock, rows: Rows) -> NDArray[np.float32]:
+    def scan(self, state: QuadState[ScalarOrBatch], clock: Clock, rows: EnvIndices) -> NDArray[np.float32]:
         """What those robots, (k,), whose `state` and `clock` these are, are shown now, (k, p)."""
         if self._lost:
             return np.full((len(rows), len(self._points)), UNSEEN, np.float32)
         due = np.flatnonzero(clock % self._channel.period == 0)
         if len(due):
-            self._channel.take(self._sampled(state, clock[due], rows[due], due), clock[due], rows[due])
+            self._channel.record(self._sampled(state, clock[due], rows[due], due), clock[due], rows[due])
         return self._channel.value(clock, rows).astype(np.float32)
 
-    def _sampled(self, state: QuadState[Column], clock: Clock, rows: Rows, which: Rows) -> Array:
+    def _sampled(self, state: QuadState[ScalarOrBatch], clock: Clock, rows: EnvIndices, which: EnvIndices) -> Array:
         """Fresh samples of some of the robots, whose rows of the state are `which`, (k, p)."""
         cos, minus_sin = to_heading(state.rotation, cast("Any", (1.0, 0.0)))
         x, y, z, cos, sin = (np.reshape(each, (-1, 1))[which] for each in (*state.position, cos, -minus_sin))

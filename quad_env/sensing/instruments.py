@@ -4,15 +4,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from quad_env.columns import Array, Rows
+from quad_env.columns import Array, EnvIndices
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
-from quad_env.scenarios.episode import Episode
-from quad_env.sensing.channel import Channel, Clock, Noise, steps_late
+from quad_env.scenarios.episode import EpisodeSample
+from quad_env.sensing.channel import Channel, Clock, Noise, delay_to_steps
 from quad_env.sensing.suite import SensorSuite
 
 
-class Instruments:
+class SensorModels:
     """Bias, noise, range, resolution, rate and delay of n robots' sensors.
 
     What they read is `measured` + bias + noise, then cut to the range or rounded to a step; a foot stands where that is
@@ -34,38 +34,38 @@ class Instruments:
         """Biases of each robot's present episode, in the order of the channels."""
         self._noise = Noise(num_envs, deviation.astype(np.float32))
         makers = dict(zip(self._widths, (imu, imu, encoders, feet, torque), strict=True))
-        self.aligned = max(steps_late(each.delay, control_rate) for each in (imu, encoders, feet))
+        self.alignment_delay = max(delay_to_steps(each.delay, control_rate) for each in (imu, encoders, feet))
         """Control steps back to the moment of which all sensors of motion and contact have reported."""
         self.channels = {
-            name: Channel(num_envs, self._widths[name], made.rate, made.delay, control_rate, self.aligned)
+            name: Channel(num_envs, self._widths[name], made.rate, made.delay, control_rate, self.alignment_delay)
             for name, made in makers.items()
         }
 
-    def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
+    def begin(self, rows: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
         """Start these episodes of those robots."""
         for row, episode in zip(rows, episodes, strict=True):
             stream = episode.streams.sensors
             self.bias[row] = self._bias_deviation * stream.standard_normal(len(self._bias_deviation))
             if episode.randomised is not None:
                 self.bias[row, self._encoders] += episode.randomised.encoder_offset
-            self._noise.begin(row, stream)
+            self._noise.reset(row, stream)
 
-    def read(self, measured: Mapping[str, Array], clock: Clock, rows: Rows) -> None:
+    def read(self, measured: Mapping[str, Array], clock: Clock, rows: EnvIndices) -> None:
         """Let those robots' sensors sample what is there, name -> (k, width), if they are due."""
         values = np.concatenate([measured[name] for name in self._widths], axis=1)
         values += self.bias[rows] + self._noise.at(clock, rows)
         np.clip(values, -self._range, self._range, out=values)
         start = 0
         for name, width in self._widths.items():
-            self.channels[name].take(self._as_read(name, values[:, start : start + width]), clock, rows)
+            self.channels[name].record(self._quantize(name, values[:, start : start + width]), clock, rows)
             start += width
 
-    def at_rest(self, up: Array, rows: Rows) -> Array:
+    def at_rest(self, up: Array, rows: EnvIndices) -> Array:
         """What those robots' accelerometers read of a long rest, m/s², (k, 3), `up`, (k, 3), being up in their axes."""
         start = self._widths["gyro"]
         return GRAVITY * up + self.bias[rows, start : start + self._widths["accelerometer"]]
 
-    def _as_read(self, name: str, values: Array) -> Array:
+    def _quantize(self, name: str, values: Array) -> Array:
         if name == "foot_contact":
             return (values >= self._threshold).astype(np.float64)
         if name == "joint_position" and self._step:

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from quad_env.config import Amount, Bounds, Finite, Positive, Settings
+from quad_env.config import NonNegative, Bounds, Finite, Positive, Settings
 from quad_env.scenarios.disturbances import Delay
 
 
@@ -32,15 +32,15 @@ class Imu(Sampled):
     devices have after a moment of standing still (gyroscope) and as soldered, 20 mg (accelerometer).
     """
 
-    gyro_bias: Amount = 0.003
+    gyro_bias: NonNegative = 0.003
     """rad/s, standard deviation over episodes of each axis' bias, which is constant within one"""
-    gyro_noise: Amount = 0.0017
+    gyro_noise: NonNegative = 0.0017
     """rad/s, standard deviation of the white noise on each axis of each sample"""
     gyro_range: Positive = 34.9
     """rad/s; readings saturate at ± this"""
-    accelerometer_bias: Amount = 0.2
+    accelerometer_bias: NonNegative = 0.2
     """m/s²"""
-    accelerometer_noise: Amount = 0.012
+    accelerometer_noise: NonNegative = 0.012
     """m/s²"""
     accelerometer_range: Positive = 235.0
     """m/s²"""
@@ -61,9 +61,9 @@ class Encoders(Sampled):
 
     bits: Annotated[int, Bounds("from 1 to 32", 1, 32)] | None = 14
     """Steps of 2π/2^bits rad; None is as fine as numbers are"""
-    noise: Amount = 0.001
+    noise: NonNegative = 0.001
     """rad, standard deviation of the white noise on each sample, before it is rounded to a step"""
-    zero_offset: Amount = 0.005
+    zero_offset: NonNegative = 0.005
     """rad, standard deviation over episodes and joints of where zero is, constant within an episode; 0.3° is
     a robot whose joints were zeroed in a jig"""
 
@@ -79,7 +79,7 @@ class FootContact(Sampled):
 
     threshold: Positive = 10.0
     """N from which a foot counts as standing"""
-    noise: Amount = 1.0
+    noise: NonNegative = 1.0
     """N, standard deviation of the white noise on each sample"""
 
 
@@ -87,9 +87,9 @@ class FootContact(Sampled):
 class JointTorque(Sampled):
     """Torque of each joint's drive; the defaults are one per cent of SimpleQuad's range."""
 
-    bias: Amount = 1.0
+    bias: NonNegative = 1.0
     """N·m, standard deviation over episodes and joints, constant within an episode"""
-    noise: Amount = 1.0
+    noise: NonNegative = 1.0
     """N·m, standard deviation of the white noise on each sample"""
     range: Positive | None = None
     """N·m; readings saturate at ± this; None: the robot's rated torque"""

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Column, Vector, differences, in_single_precision
+from quad_env.columns import ScalarOrBatch, Components, differences, in_single_precision
 from quad_env.config import COMMAND_BOUND
 from quad_env.physics.state import QuadState
 from quad_env.robots.robot import Robot
@@ -63,7 +63,7 @@ class ObservationTable:
         self._home: list[float] = robot.home_pose.tolist()
         self.bound.flags.writeable = self.scale.flags.writeable = False
 
-    def observe(self, state: QuadState[Column], command: Vector[Column]) -> NDArray[np.float32]:
+    def observe(self, state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch]) -> NDArray[np.float32]:
         """Fresh observation of the terms that all have, (k,) or (n, k); `command`, (3), is the one to follow next."""
         in_order = (  # of the terms
             state.projected_gravity,

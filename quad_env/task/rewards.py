@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import asdict, fields
 from typing import Any, cast
 
-from quad_env.columns import Column, Truth, anywhere, differences, exp, sqrt, sum_of_squares, total, where
+from quad_env.columns import ScalarOrBatch, BoolOrMask, any_true, differences, exp, sqrt, sum_of_squares, ordered_sum, where
 from quad_env.config import RewardWeights
 from quad_env.physics.state import QuadState
 
@@ -25,67 +25,67 @@ MOVING = 0.1
 """Norm of a command (m/s, m/s, rad/s) up to which it asks to stand."""
 
 
-def linear_velocity_tracking(state: QuadState[Column]) -> Column:
+def linear_velocity_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """exp(-‖e‖/LINEAR_WIDTH) of the planar velocity error in the heading frame."""
     return exp(-linear_velocity_error(state) / LINEAR_WIDTH)
 
 
-def yaw_rate_tracking(state: QuadState[Column]) -> Column:
+def yaw_rate_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """exp(-‖e‖/YAW_WIDTH) of the yaw-rate error about the world's vertical."""
     return exp(-yaw_rate_error(state) / YAW_WIDTH)
 
 
-def linear_velocity_error(state: QuadState[Column]) -> Column:
+def linear_velocity_error(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Planar velocity error in the heading frame, m/s: a slope where the tracking reward is flat, far off."""
     forward = state.command[0] - state.heading_velocity[0]
     lateral = state.command[1] - state.heading_velocity[1]
     return sqrt(forward * forward + lateral * lateral)
 
 
-def yaw_rate_error(state: QuadState[Column]) -> Column:
+def yaw_rate_error(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Yaw-rate error about the world's vertical, rad/s."""
     return abs(state.command[2] - state.heading_velocity[2])
 
 
-def vertical_velocity(state: QuadState[Column]) -> Column:
+def vertical_velocity(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Square of the trunk's vertical velocity, (m/s)²."""
     return state.vertical_velocity * state.vertical_velocity
 
 
-def roll_pitch_rate(state: QuadState[Column]) -> Column:
+def roll_pitch_rate(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Square of the trunk's roll and pitch rates, (rad/s)²."""
     roll, pitch, _ = state.angular_velocity
     return roll * roll + pitch * pitch
 
 
-def tilt(state: QuadState[Column]) -> Column:
+def tilt(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Square of the sine of the tilt."""
     x, y, _ = state.projected_gravity
     return x * x + y * y
 
 
-def crouch(state: QuadState[Column]) -> Column:
+def crouch(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Height of the trunk below UPRIGHT, as a share of that in the home pose; 0 above it."""
     missing = UPRIGHT - state.height / state.standing_height
     return cast("Column", where(missing > 0.0, missing, 0.0))
 
 
-def action_rate(state: QuadState[Column]) -> Column:
+def action_rate(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Squared change of the joint targets since the last step, summed over joints, rad²."""
     return sum_of_squares(differences(state.action, state.previous_action))
 
 
-def torque(state: QuadState[Column]) -> Column:
+def torque(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Squared joint torques, summed over joints, (N·m)²."""
     return sum_of_squares(state.joint_torque)
 
 
-def mechanical_power(state: QuadState[Column]) -> Column:
+def mechanical_power(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Σ ‖torque · joint speed‖ over the joints, W."""
     return state.mechanical_power
 
 
-def foot_air_time(state: QuadState[Column]) -> Column:
+def foot_air_time(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Σ (swing time - AIR_TIME) over the feet that touch down in this step, s; 0 where the command is to stand, and
     where swings are not looked at, since the term has no weight.
 
@@ -94,11 +94,11 @@ def foot_air_time(state: QuadState[Column]) -> Column:
     """
     if state.swing_time is None:
         return 0.0 * abs(state.height)
-    swings: Column = total(where(swing > 0.0, swing - AIR_TIME, 0.0) for swing in state.swing_time)
+    swings: ScalarOrBatch = ordered_sum(where(swing > 0.0, swing - AIR_TIME, 0.0) for swing in state.swing_time)
     return cast("Column", where(sum_of_squares(state.command) > MOVING * MOVING, swings, 0.0))
 
 
-def touchdown_speed(state: QuadState[Column]) -> Column:
+def touchdown_speed(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Σ of the squared downward speeds of the feet that touch down in this step, (m/s)²; 0 where they are not looked
     at, since the term has no weight."""
     return 0.0 * abs(state.height) if state.touchdown_speed is None else sum_of_squares(state.touchdown_speed)
@@ -125,11 +125,11 @@ def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
 
 
 def reward_terms(
-    state: QuadState[Column], ended: Truth, diverged: Truth, weights: dict[str, float]
-) -> dict[str, Column]:
+    state: QuadState[ScalarOrBatch], ended: BoolOrMask, diverged: BoolOrMask, weights: dict[str, float]
+) -> dict[str, ScalarOrBatch]:
     """Weighted terms by `step_weights`, which add up to the reward; a diverged robot's only one is that of the fall."""
     terms = {key: weights[key] * term(state) for key, term in TERMS.items()}
-    if anywhere(diverged):
+    if any_true(diverged):
         terms = {key: where(diverged, 0.0, value) for key, value in terms.items()}
     terms[FALL] = weights[FALL] * where(ended, 1.0, 0.0)
     return terms

@@ -99,7 +99,7 @@ def _fuzz(name: str, options: Options, interrupt: Interrupt) -> int:
         if now >= due:
             print(f"{name}: {_summary(counts)}; {max(0.0, (end - now) / 60.0):.1f} min left at most", file=sys.stderr)
             due = now + REPORT_PERIOD
-        if interrupt.asked or now >= end or (options.cases and counts.total() >= options.cases):
+        if interrupt.requested or now >= end or (options.cases and counts.total() >= options.cases):
             break
     print(f"{name}: {_summary(counts)}", flush=True)
     return counts.total() - counts[READ] - counts[REFUSED]

@@ -18,7 +18,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import counted
 from quad_env.config import check_settings
 from quad_env.files.reading import TEXT, read_bytes
-from quad_env.files.text import described
+from quad_env.files.text import format_exception
 from quad_env.files.writing import write_atomically
 
 _SOURCE, _SHA256 = re.compile(r"https://[\w.-]+(/[\w-][\w.-]*){2}"), re.compile("[0-9a-f]{64}")
@@ -79,7 +79,7 @@ def read(path: Path) -> PolicyList:
         _check(listed)
     except (OSError, RecursionError, TypeError, ValueError) as error:
         keys = "robot, ours, and tables [[published]] of name, source, revision, policy and files"
-        raise UsageError(f"{path} is no list of policies ({described(error)}); a list has {keys}") from error
+        raise UsageError(f"{path} is no list of policies ({format_exception(error)}); a list has {keys}") from error
     return listed
 
 

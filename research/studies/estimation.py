@@ -29,12 +29,12 @@ from quad_env import SCENARIOS
 from quad_env.actuation.hardware import hardware_profile
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.format import ABSENT
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from quad_env.scenarios.named import scenario as named
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
-from quad_env.sensing.channel import steps_late
+from quad_env.sensing.channel import delay_to_steps
 from quad_env.sensing.error_state import TILT, VELOCITY
 from quad_env.sensing.estimators import ESTIMATORS
 from quad_env.sensing.kalman import KalmanFilter
@@ -151,7 +151,7 @@ def after_pushes(options: Options) -> Iterator[str]:
     yield "|---" * len(columns) + "|"
     for robot in ROBOTS:
         for estimator in ESTIMATORS:
-            profile = hardware_profile(robot_of(robot))._asdict() | {"estimator": estimator}
+            profile = hardware_profile(get_robot(robot))._asdict() | {"estimator": estimator}
             watch = _walked(options, named("push", robot), replace(Hardware(robot=robot), **profile))
             found = watch.errors(watch.falls.step)
             both = zip(*(pushed(each, watch.pushes) for each in (found.velocity, found.shown)), strict=True)
@@ -188,7 +188,7 @@ def _walked(options: Options, scenario: Scenario, hardware: Hardware) -> "_Watch
     policy, suite = hardware.policy(options.policy, real=real), sensor_suite(hardware.sensors)
     assert suite is not None
     parts = suite.imu, suite.encoders, suite.feet
-    late = max(steps_late(part.delay, 1 / policy.control_period) for part in parts)
+    late = max(delay_to_steps(part.delay, 1 / policy.control_period) for part in parts)
     seeds = episode_seeds(options.seeds, options.seed, options.episodes)
     watch = _Watch(late, Falls(len(seeds), STEPS))
     roll_out(policy, scenario, seeds, watch.falls, watch, steps=STEPS, nthread=options.threads, hardware=hardware)

@@ -22,7 +22,7 @@ from evaluate.rollouts.experiment import LabelledPolicy, Settings, run_cells
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.config import GRAVITY
 from quad_env.files.writing import write_atomically
-from quad_env.robots.arena import spec_of
+from quad_env.robots.arena import build_spec
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
@@ -110,7 +110,7 @@ def main(options: Options) -> int:
 
 def sliding(setting: Setting) -> dict[str, float]:
     """Figures of a ball of a foot's size with a quarter of the robot's mass, and of the robot in its home pose."""
-    ball, robot = (setting.apply(make(SIMPLE_QUAD)).compile() for make in (ball_spec, spec_of))
+    ball, robot = (setting.apply(make(SIMPLE_QUAD)).compile() for make in (ball_spec, build_spec))
     found: dict[str, float] = {}
     for model, name, seconds in ((ball, "ball", 1.0), (robot, "robot", BRIEF)):
         for speed in SPEEDS:
@@ -142,7 +142,7 @@ def slide(model: Any, speed: float, seconds: float, exact: bool) -> tuple[float,
 
 def ball_spec(robot: Robot) -> Any:
     """A ball of the size of the robot's feet with a quarter of its mass, on its ground, that does not turn."""
-    theirs, spec = spec_of(robot), mujoco.MjSpec()
+    theirs, spec = build_spec(robot), mujoco.MjSpec()
     spec.option, ground, foot = theirs.option, theirs.geom("ground"), theirs.geom(f"{robot.leg_names[0]}_foot")
     spec.worldbody.add_geom(name="ground", type=ground.type, size=ground.size, **_law(ground))
     ball = spec.worldbody.add_body(name="ball", pos=(0.0, 0.0, robot.foot_radius))
@@ -158,7 +158,7 @@ def walks(setting: Setting, options: Options) -> dict[str, float]:
     found: dict[str, float] = {}
     policy = LabelledPolicy(options.policy, policies.resolve(options.policy))
     with ExitStack() as patches:
-        patches.enter_context(patch("quad_env.physics.model.spec_of", lambda robot: setting.apply(spec_of(robot))))
+        patches.enter_context(patch("quad_env.physics.model.spec_of", lambda robot: setting.apply(build_spec(robot))))
         if setting.exact:
             patches.enter_context(patch.object(Batch, "step", _exact_step))
         for name in options.scenarios:

@@ -64,7 +64,7 @@ def test_what_cannot_run_is_one_line(policy: PolicyDescription) -> None:
     for changes, seen in (({"terms": policy.terms[1:]}, "50"), ({"joints": arms}, "arm_0")):
         checks = found(replace(policy, **changes))
         assert [finding.result for finding in checks.values()] == ["problem", "left out", "left out"]
-        assert seen in checks["description"].seen
+        assert seen in checks["description"].observed
         assert checks["description"].remedy
 
 

@@ -130,7 +130,7 @@ def test_a_policy_for_something_else_is_found(tmp_path: Path) -> None:
         )
     ):
         found = of_policy(bundle(tmp_path / str(number), **changes))["policy"]
-        assert seen in found.seen
+        assert seen in found.observed
         assert remedy in found.remedy
 
 
@@ -140,7 +140,7 @@ def test_a_damaged_policy_is_found(tmp_path: Path) -> None:
     content[-5] ^= 1
     weights.write_bytes(content)
     found = of_policy(weights.parent)["policy"]
-    assert "SHA-256 differs" in found.seen
+    assert "SHA-256 differs" in found.observed
     assert "fetch a complete copy" in found.remedy
 
 
@@ -152,7 +152,7 @@ def test_the_error_of_a_users_policy_is_reported(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(FAILING, encoding="utf-8")
     found = of_policy(f"{file}:Failing")["policy"]
-    assert "ZeroDivisionError" in found.seen
+    assert "ZeroDivisionError" in found.observed
     assert "docs/your-policy.md" in found.remedy
 
 
@@ -202,7 +202,7 @@ def test_a_frame_that_never_comes_is_no_missing_driver(monkeypatch: pytest.Monke
     monkeypatch.setattr(installation, "PATIENCE", 0.2)
     monkeypatch.setattr(installation, "DRAW", "import time; time.sleep(1000)")
     found = installation.opengl(Subject())
-    assert found.seen.startswith("no frame within 0.2 s, without the time in which other programs had the processor")
+    assert found.observed.startswith("no frame within 0.2 s, without the time in which other programs had the processor")
     assert "install" not in found.remedy
 
 
@@ -222,7 +222,7 @@ def test_an_old_package_is_found_with_the_command_that_updates_it(
     (place / "METADATA").write_text("Metadata-Version: 2.1\nName: scipy\nVersion: 1.0\n", encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
     found = complaints(Subject(), OF_THE_INSTALLATION[:1])["packages"]
-    assert found.seen.startswith("scipy is 1.0, >=1.15 is required")
+    assert found.observed.startswith("scipy is 1.0, >=1.15 is required")
     assert found.remedy.startswith("pip install -U simple-quad")
 
 

@@ -11,7 +11,7 @@ import policies
 import quad_env
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics import energy
-from quad_env.physics.energy import OF_JOINTS, Meter
+from quad_env.physics.energy import JOINT_READINGS, MotorMeter
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
 from tests.robot_models import NEEDS_MODELS
 
@@ -46,7 +46,7 @@ class Robot:
             if step % 5 == 0 and step >= 0.3 * RATE:
                 action = self.policy.act(observation)
             observation, *_, infos = self.env.step(action)
-            yield {name: infos[name][0].astype(np.float64) for name in OF_JOINTS}
+            yield {name: infos[name][0].astype(np.float64) for name in JOINT_READINGS}
 
     @property
     def energy(self) -> float:
@@ -115,7 +115,7 @@ def check_work_is_that_of_every_physics_step() -> None:
         parts = [fine.env.step(action)[-1] for _ in range(5)]
         whole = coarse.env.step(action)[-1]
         np.testing.assert_array_equal(whole["joint_velocity"], parts[-1]["joint_velocity"])
-        for name in (*OF_JOINTS, "foot_impulse"):
+        for name in (*JOINT_READINGS, "foot_impulse"):
             each = np.array([part[name] for part in parts])
             if name not in ("joule_heat", "torque_change"):  # none without a curve; of means over control steps
                 of_step = {"mean_torque": each.mean(0)}.get(name, each.max(0) if "peak" in name else each.sum(0))
@@ -127,23 +127,23 @@ def without_damping(patch: pytest.MonkeyPatch) -> None:
 
 
 def in_the_last_substep_alone(patch: pytest.MonkeyPatch) -> None:
-    def advance(self: Meter, ids: Any, count: int, step: Any) -> None:
+    def advance(self: MotorMeter, ids: Any, count: int, step: Any) -> None:
         if count > 1:
             step(ids, count - 1)
         true(self, ids, 1, step)
         self._steps *= count
 
-    true = Meter.advance
-    patch.setattr(Meter, "advance", advance)
+    true = MotorMeter.advance
+    patch.setattr(MotorMeter, "advance", advance)
 
 
 def at_the_speed_before_the_step(patch: pytest.MonkeyPatch) -> None:
-    def finish(self: Meter, ids: Any) -> None:
+    def finish(self: MotorMeter, ids: Any) -> None:
         self._steps[:] = [(before, before, *others) for before, _, *others in self._steps]
         true(self, ids)
 
-    true = Meter.finish
-    patch.setattr(Meter, "finish", finish)
+    true = MotorMeter.finish
+    patch.setattr(MotorMeter, "finish", finish)
 
 
 FAULTS: Faults = {

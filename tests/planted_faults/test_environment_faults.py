@@ -20,7 +20,7 @@ from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import evaluation_seeds
 from policies.base import Policy
 from quad_env import seeding
-from quad_env.columns import Vector
+from quad_env.columns import Components
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
@@ -186,7 +186,7 @@ def roll_for_pitch_in_gravity(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(QuadState, "projected_gravity", property(lambda self: tuple(-self.rotation[2][i] for i in (1, 0, 2))))
 
 
-def swapped(columns: Vector, first: int, second: int) -> Vector:
+def swapped(columns: Components, first: int, second: int) -> Components:
     out = list(columns)
     out[first], out[second] = columns[second], columns[first]
     return tuple(out)

@@ -13,7 +13,7 @@ import policies
 import quad_env
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics import footsteps
-from quad_env.physics.footsteps import Footsteps
+from quad_env.physics.footsteps import FootContactTracker
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests, one_call_old
@@ -86,13 +86,13 @@ def check_a_touchdown_s_speed_is_that_of_the_step_before_it() -> None:
 
 def of_the_landing(patch: pytest.MonkeyPatch) -> None:
     """Speeds of the step in which the foot was braked."""
-    true_advance = Footsteps.advance
+    true_advance = FootContactTracker.advance
 
-    def advance(self: Footsteps, ids: Any) -> None:
-        self._sinking[ids] = np.maximum(self._height[ids] - self._places[ids][:, self._feet, 2], 0.0) / self._period
+    def advance(self: FootContactTracker, ids: Any) -> None:
+        self._descent_speed[ids] = np.maximum(self._height[ids] - self._places[ids][:, self._feet, 2], 0.0) / self._period
         true_advance(self, ids)
 
-    patch.setattr(Footsteps, "advance", advance)
+    patch.setattr(FootContactTracker, "advance", advance)
 
 
 def bounces_counted(patch: pytest.MonkeyPatch) -> None:
@@ -103,8 +103,8 @@ def begun(change: Callable[[Any], Any]) -> Plant:
     """Swings begin anew of `change` of the robots that should."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
-        true_begin = Footsteps.begin
-        patch.setattr(Footsteps, "begin", lambda self, ids: true_begin(self, change(ids)))
+        true_begin = FootContactTracker.begin
+        patch.setattr(FootContactTracker, "begin", lambda self, ids: true_begin(self, change(ids)))
 
     return plant
 

@@ -18,7 +18,7 @@ from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import PURPOSES, EpisodeStreams, episode_seeds
 from quad_env.sensing import observation as sensed
 from quad_env.sensing.height_scan import HeightScan
-from quad_env.sensing.observation import Sensors
+from quad_env.sensing.observation import ObservationDisturbance
 from quad_env.task.observations import OBSERVATION, OBSERVATION_SIZE
 from tests.batches import Batch, begun
 from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
@@ -265,7 +265,7 @@ FAULTS: Faults = {
     ),
     "randomisation drawn once for all": (drawn_once, check_training_robots_are_randomised),
     "encoders without offsets": (
-        lambda patch: patch.setattr(sensed, "Sensors", lambda *args: Sensors(*args[:4], False)),
+        lambda patch: patch.setattr(sensed, "Sensors", lambda *args: ObservationDisturbance(*args[:4], False)),
         check_training_robots_are_randomised,
     ),
     "searches on evaluation seeds": (

@@ -9,7 +9,7 @@ from evaluate.rollouts import battery
 from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, labelled, run_cells
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from quad_env import SIMPLE_QUAD
-from quad_env.actuation.hardware import Profile
+from quad_env.actuation.hardware import HardwareProfile
 from quad_env.actuation.models import Actuator
 from tests.batches import begun
 from tests.evaluate.conftest import outcomes
@@ -68,7 +68,7 @@ FAULTS: Faults = {
     ),
     "profile not passed": (
         lambda patch: patch.setattr(
-            "quad_env.envs.base.hardware_profile", lambda _: Profile(Actuator(), "truth", "complementary")
+            "quad_env.envs.base.hardware_profile", lambda _: HardwareProfile(Actuator(), "truth", "complementary")
         ),
         check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains,
     ),

@@ -24,7 +24,7 @@ from policies.trot.integral import integral_parameters
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD, Robot
 from quad_env.cli.command_line import UsageError
-from quad_env.robots.similarity import ratio
+from quad_env.robots.similarity import scale_factor
 from quad_env.sensing.height_scan import HeightScan, table_with
 from research.training.seal import Options, main
 from tests.quad_env.robots.alike import alike
@@ -361,7 +361,7 @@ def test_what_was_found_for_a_users_robot_lies_beside_its_file(tmp_path):
     assert policies.make("trot", robot=robot).parameters == searched
     integral = policies.make("trot_integral", robot=robot).parameters
     assert integral.body_height == 0.1
-    assert integral.integral_gain == pytest.approx(ratio(robot, "1/s") * integral_parameters().integral_gain)
+    assert integral.integral_gain == pytest.approx(scale_factor(robot, "1/s") * integral_parameters().integral_gain)
     assert folder_of(SIMPLE_QUAD) == MODELS
 
 

@@ -7,10 +7,10 @@ from quad_env import columns
 
 
 def test_a_sum_is_taken_in_order_and_changes_nothing() -> None:
-    assert columns.total([1e16, 1.0, -1e16]) == 0.0
+    assert columns.ordered_sum([1e16, 1.0, -1e16]) == 0.0
     parts = [np.array([1e16, 1.0]), np.array([1.0, 2.0]), np.array([-1e16, 3.0])]
     kept = [part.copy() for part in parts]
-    assert columns.total(parts).tolist() == [0.0, 6.0]
+    assert columns.ordered_sum(parts).tolist() == [0.0, 6.0]
     assert all((part == before).all() for part, before in zip(parts, kept, strict=True))
 
 

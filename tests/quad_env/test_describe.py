@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from quad_env.__main__ import main
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from tests.quad_env.robots.made import Made
 
 
@@ -23,7 +23,7 @@ def test_what_it_found_is_printed_and_written(tmp_path: Path, capsys: pytest.Cap
         "It stands:",
     ):
         assert text in said
-    again, first = robot_of(str(told)), robot_of(str(path))
+    again, first = get_robot(str(told)), get_robot(str(path))
     assert (again.mjcf.resolve(), again.joint_names) == (path, first.joint_names)
     assert again.servo_stiffness == pytest.approx(first.servo_stiffness, abs=1e-4)
     assert again.home_pose == pytest.approx(first.home_pose, abs=1e-4)

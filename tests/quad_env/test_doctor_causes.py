@@ -115,7 +115,7 @@ def test_a_robot_that_diverges_does_not_stand(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(SimpleQuadEnv, "step", diverging)
     found = stands(Subject(str(tmp_path / "made.xml")))
     assert found.result == "problem"
-    assert "diverges" in found.seen
+    assert "diverges" in found.observed
     with pytest.raises(Exception, match="diverges"):
         describe(Options(str(tmp_path / "made.xml")))
 

@@ -3,13 +3,13 @@
 import pytest
 
 from quad_env.scenarios.axes import AXES
-from quad_env.serialisation import from_plain, to_plain
+from quad_env.serialisation import from_plain, to_json_values
 
 
 def test_every_scenario_is_written_down_and_read_back() -> None:
     for axis in AXES.values():
         for scenario in (axis.level(k + 1) for k in range(len(axis.levels))):
-            assert from_plain(to_plain(scenario)) == scenario
+            assert from_plain(to_json_values(scenario)) == scenario
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from evaluate.rollouts import rollout
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
-from quad_env.sensing.error_state import VELOCITY, size
+from quad_env.sensing.error_state import VELOCITY, error_dim
 from research.studies import estimation
 from tests.batches import begun
 from tests.robot_models import NEEDS_MODELS
@@ -63,7 +63,7 @@ def test_an_error_counts_in_the_window_after_its_push() -> None:
 
 
 def test_nees_of_an_error_of_one_deviation_is_one() -> None:
-    covariance = 0.04 * np.eye(size(SIMPLE_QUAD))[None]
+    covariance = 0.04 * np.eye(error_dim(SIMPLE_QUAD))[None]
     covariance[:, VELOCITY, VELOCITY] = 0.01 * np.eye(3)
     still = np.zeros((1, 3))
     for turned, moved, expected in (

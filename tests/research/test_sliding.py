@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quad_env.config import GRAVITY
-from quad_env.robots.arena import spec_of
+from quad_env.robots.arena import build_spec
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from research.__main__ import main
 from research.studies import sliding
@@ -37,7 +37,7 @@ def test_another_gravity_is_seen() -> None:
 
 def test_every_setting_reaches_ball_and_robot() -> None:
     for name, setting in SETTINGS.items():
-        for model in (setting.apply(make(SIMPLE_QUAD)).compile() for make in (ball_spec, spec_of)):
+        for model in (setting.apply(make(SIMPLE_QUAD)).compile() for make in (ball_spec, build_spec)):
             for option, value in setting.options.items():
                 assert getattr(model.opt, option) == value, name
             solid = model.geom_contype > 0

@@ -18,7 +18,7 @@ import policies
 from evaluate.commands.options import Options
 from evaluate.commands.plan import check
 from quad_env.cli.command_line import parse as parse_options
-from quad_env.files.writing import sole_use
+from quad_env.files.writing import exclusive_lock
 from quad_env.physics import simulation
 from train.__main__ import main
 from train.commands.run import COMMANDS, MAIN, parse
@@ -148,7 +148,7 @@ def test_a_folder_that_another_run_writes_to_is_refused_and_left_alone(how, copi
         for name in (VALIDATIONS_FILE, CURVE_FILE):
             (copied_run / name).unlink()
     before = files(copied_run)
-    with sole_use(copied_run):
+    with exclusive_lock(copied_run):
         assert main([*(how or TINY), "--steps", "512", "--out", str(copied_run)]) == 2
     assert "being written to by another process" in one_line(capsys)
     assert files(copied_run) == before

@@ -20,7 +20,7 @@ from gymnasium.error import ResetNeeded
 import policies
 from policies.network import Network
 from policies.parameters import ParameterFile
-from quad_env.physics.footsteps import Footsteps
+from quad_env.physics.footsteps import FootContactTracker
 from train import run as training_run
 from train.__main__ import main
 from train.run_folder import CHECKPOINTS, METRICS_FILE, VALIDATIONS_FILE, steps_done
@@ -265,7 +265,7 @@ LEFT_OUT = {
     "torch's generator": lambda patch: patch.setattr(torch, "set_rng_state", lambda _: None),
     "NumPy's generator": lambda patch: patch.setattr(np.random, "set_state", lambda _: None),
     "adaptive rate": lambda patch: patch.setattr(callbacks.BetweenRollouts, "_restore_rate", lambda _: None),
-    "swings that end with their episode": lambda patch: patch.setattr(Footsteps, "begin", lambda *_: None),
+    "swings that end with their episode": lambda patch: patch.setattr(FootContactTracker, "begin", lambda *_: None),
     "new episodes": lambda patch: patch.setattr(callbacks.BetweenRollouts, "_begin_segment", lambda _: None),
     "severities": forget(shares=[]),
     "weights of effort": lambda patch: patch.setattr(callbacks, "effort_at", lambda *_: 0.0),

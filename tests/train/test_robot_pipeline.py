@@ -10,7 +10,7 @@ import pytest
 import policies
 from evaluate.rollouts.experiment import evaluation_seeds
 from quad_env.cli.command_line import UsageError
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike
@@ -67,8 +67,8 @@ def test_every_stage_leaves_its_outcome(walked: tuple[Path, list[str], int]) -> 
     out, _, code = walked
     assert code == 0
     assert (out / "evaluation" / "report.html").is_file()
-    robot = robot_of(str(out / "alike.toml"))
-    assert robot.sha256 == robot_of(str(out.parent / "alike.xml")).sha256
+    robot = get_robot(str(out / "alike.toml"))
+    assert robot.sha256 == get_robot(str(out.parent / "alike.xml")).sha256
     own = out / "alike"
     assert json.loads((own / "trot.json").read_text(encoding="utf-8")) == vars(
         policies.make("trot", robot=robot).parameters

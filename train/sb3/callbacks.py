@@ -150,7 +150,7 @@ class BetweenRollouts(BaseCallback):
         self._log()
         if self._over or self._first_is_due:
             self._keep()
-        if self._interrupt.asked:
+        if self._interrupt.requested:
             self._stop()
         if self._over:
             self._begin_segment()

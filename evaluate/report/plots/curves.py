@@ -59,7 +59,7 @@ def draw(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figu
             axes.plot(ends, (50.0, 50.0), color=colour, linewidth=BAR, solid_capstyle="butt", transform=moved)
             axes.plot([point.severity50], [50.0], "|", color=colour, markersize=9, markeredgewidth=2, transform=moved)
     axes.set(ylim=(-3, 103), yticks=(0, 25, 50, 75, 100), xlabel=axis.quantity, ylabel=label)
-    if axis.falling:
+    if axis.harder_when_smaller:
         axes.invert_xaxis()
     add_legend(drawn)
     return drawn

@@ -17,7 +17,7 @@ from policies.foreign.packages import package
 from policies.foreign.readers.isaac_terms import term
 from policies.foreign.readers.settings import BY_HAND, Settings, named
 from quad_env.files.reading import largest_network, read_bytes
-from quad_env.files.text import brief, described
+from quad_env.files.text import brief, format_exception
 
 CONTROL_RATE = 50.0
 _FUNCTIONS = {
@@ -94,7 +94,7 @@ def metadata_of(file: Path) -> dict[str, str]:
     except OSError as error:
         raise PolicyError(f"cannot read {file.name} ({error.strerror})") from None
     except Exception as error:
-        raise PolicyError(f"{file.name} cannot be read as ONNX: {described(error)}") from None
+        raise PolicyError(f"{file.name} cannot be read as ONNX: {format_exception(error)}") from None
     if random := next((node.op_type for node in _nodes(model) if node.op_type in _RANDOM), None):
         raise PolicyError(
             f"{file.name} draws random numbers, by the operator {random}", "export the mean of the actions"

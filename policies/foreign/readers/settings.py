@@ -13,7 +13,7 @@ from policies.foreign.description import Numbers, Range
 from policies.foreign.packages import package
 from policies.foreign.readers import name_patterns
 from quad_env.files.reading import LARGEST_TOML, parse_json, parse_toml, read_bytes
-from quad_env.files.text import brief, described
+from quad_env.files.text import brief, format_exception
 
 LARGEST = 2**19
 """Byte. Largest file."""
@@ -192,7 +192,7 @@ def load(file: Path) -> Settings:
     except OSError as error:
         raise PolicyError(f"cannot read {file.name} ({error.strerror})") from None
     except (ValueError, RecursionError) as error:
-        raise error if isinstance(error, PolicyError) else PolicyError(f"no settings: {described(error)}") from None
+        raise error if isinstance(error, PolicyError) else PolicyError(f"no settings: {format_exception(error)}") from None
     if not isinstance(found, dict):
         raise PolicyError(f"{file.name} holds no settings by key")
     _check_keys(found, file)

@@ -9,7 +9,7 @@ from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
-from quad_env.columns import Array, Ids, Rows
+from quad_env.columns import Array, EnvSelection, EnvIndices
 from quad_env.physics.array_batch import ArrayBatch
 from quad_env.physics.drake.plant import inertia, plant_of
 from quad_env.robots.collisions import foot_geoms
@@ -55,13 +55,13 @@ class DrakeBatch(ArrayBatch):
         self._sensors.setdefault(name, (source, geoms, np.zeros((len(self._plants), 1))))
         return SimpleNamespace(data=self._sensors[name][2])
 
-    def reset(self, ids: Rows, keyframe: int | None = None, *, stage: int = 0) -> None:
+    def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int = 0) -> None:
         """Put those robots at the model's start, or at a keyframe, at rest; nothing touches the ground yet."""
         super().reset(ids, keyframe, stage=stage)
         for _, _, data in self._sensors.values():
             data[ids] = 0.0
 
-    def step(self, ids: Ids | None, nstep: int) -> None:
+    def step(self, ids: EnvSelection | None, nstep: int) -> None:
         """Move those robots, or all, on by some physics steps; what Drake gives up on stands still, with a warning."""
         rows = np.arange(len(self._plants))[slice(None) if ids is None else ids]
         for robot in rows:
@@ -127,7 +127,7 @@ class DrakeBatch(ArrayBatch):
         mujoco.mju_rotVecQuat(qvel[3:6], velocity[:3], inverse)
         qvel[:3], qvel[6:] = velocity[3:6], velocity[6 + hinges]
 
-    def set_const(self, ids: Rows) -> None:
+    def set_const(self, ids: EnvIndices) -> None:
         """Give those robots' trunks the inertia with their payloads, places of which are in the expanded `body_pos`."""
         for robot in ids:
             self.get_model(int(robot), self._model)

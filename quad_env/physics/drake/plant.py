@@ -15,7 +15,7 @@ from pydrake.multibody import plant as multibody
 from pydrake.multibody import tree
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from quad_env.columns import Rows
+from quad_env.columns import EnvIndices
 
 logging.getLogger("drake").setLevel(logging.ERROR)  # it warns of half spaces, which deformable bodies do not meet
 
@@ -37,9 +37,9 @@ class Plant:
     trunk: tree.RigidBody
     geoms: dict[int, int]
     """Drake's number of each geometry -> MuJoCo's id of the geom."""
-    hinges: Rows
+    hinges: EnvIndices
     """Place among Drake's positions and velocities of each joint in MuJoCo's order, less those of the trunk."""
-    servos: Rows
+    servos: EnvIndices
     """Place among Drake's actuators of each servo in MuJoCo's order."""
 
 
@@ -134,7 +134,7 @@ def _add_geoms(
         yield geom, plant.RegisterCollisionGeometry(bodies[root], placed, shape, f"geom_{geom}", material)
 
 
-def _frictions(model: mujoco.MjModel, geoms: Rows, ground: int) -> NDArray[np.float64]:
+def _frictions(model: mujoco.MjModel, geoms: EnvIndices, ground: int) -> NDArray[np.float64]:
     """Coefficients of these geoms with which Drake's friction on the ground is MuJoCo's.
 
     MuJoCo's of a pair, µ, is the ground's where that has priority, else the larger; Drake's the harmonic mean

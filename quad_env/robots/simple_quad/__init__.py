@@ -1,8 +1,8 @@
 """SimpleQuad, the robot of the source article."""
 
-from quad_env.robots.figures import REFERENCE
+from quad_env.robots.figures import SIMPLE_QUAD_PARAMETERS
 from quad_env.robots.robot import Robot
 
-SIMPLE_QUAD = Robot(**REFERENCE.by_name)
+SIMPLE_QUAD = Robot(**SIMPLE_QUAD_PARAMETERS.by_name)
 JOINT_NAMES = SIMPLE_QUAD.joint_names
 """In the order of actions."""

@@ -9,7 +9,7 @@ import pytest
 from evaluate.causes.record import Record
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import SteadyForce
-from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.scenario import Scenario
 from tests.evaluate.causes.made import END, STEPS, TIME_CONSTANT, recorded, signal
 from tests.quad_env.robots.alike import alike
@@ -125,7 +125,7 @@ def test_thresholds_go_with_the_robot(tmp_path: Path) -> None:
 def test_what_was_drawn_is_that_of_its_own_seed() -> None:
     scenario = Scenario("made", force=SteadyForce(60.0))
     for number in (0, 1):
-        expected = Episode(SIMPLE_QUAD, scenario, number, 0, 0.01).force
+        expected = EpisodeSample(SIMPLE_QUAD, scenario, number, 0, 0.01).force
         np.testing.assert_array_equal(recorded(scenario, number=number).drawn.force, expected)
 
 

@@ -14,7 +14,7 @@ import pytest
 import policies
 from evaluate.__main__ import main
 from evaluate.records.store import FILES
-from quad_env.files.writing import FolderInUse, sole_use
+from quad_env.files.writing import FolderInUse, exclusive_lock
 
 PYTHON = (sys.executable, "-W", "error")
 
@@ -157,7 +157,7 @@ def test_a_folder_that_another_run_writes_to_is_refused_at_once(refused, tmp_pat
     mine = ["--policies", "document", "stand", "trot", "--scenarios", "flat", "push", "--episodes", "5", "--seed", "3"]
     for folder in (run.folder, tmp_path):
         before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
-        with sole_use(folder):
+        with exclusive_lock(folder):
             assert f"{folder} is being written to" in refused(main, *mine, *arguments, "--out", folder)
         assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before
 
@@ -168,7 +168,7 @@ def test_the_folder_is_the_runs_own_until_everything_is_written(capsys, tmp_path
 
     def looked(*_args, **_options):
         try:
-            with sole_use(tmp_path):
+            with exclusive_lock(tmp_path):
                 held.append(False)
         except FolderInUse:
             held.append(True)
@@ -187,7 +187,7 @@ def test_the_folder_is_the_runs_own_until_everything_is_written(capsys, tmp_path
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks of folders there")
 def test_a_report_of_a_folder_that_is_written_to_prints_and_leaves_the_files_alone(capsys, run) -> None:
     before = {path: path.stat().st_mtime_ns for path in run.folder.iterdir()}
-    with sole_use(run.folder):
+    with exclusive_lock(run.folder):
         assert main(["report", str(run.folder)]) == 0
     printed = capsys.readouterr()
     assert "trot" in printed.out

@@ -15,7 +15,7 @@ from evaluate.report.page import render
 from evaluate.report.table import print_results
 from evaluate.rollouts.battery import resolve
 from quad_env.scenarios.axes import AXES
-from quad_env.scenarios.scenario import on_hardware
+from quad_env.scenarios.scenario import with_hardware_profile
 
 
 def printed(results, width: int = 80) -> list[str]:
@@ -93,7 +93,7 @@ def test_a_name_of_sixty_characters_is_whole_and_breaks_no_figure(made_up_cell) 
 
 def test_scores_of_both_worlds_stand_side_by_side_and_a_policy_without_one_is_named(made) -> None:
     real = [
-        dataclasses.replace(cell, scenario=on_hardware(cell.scenario), measures=cell.measures)
+        dataclasses.replace(cell, scenario=with_hardware_profile(cell.scenario), measures=cell.measures)
         for cell in made.cells
         if cell.scenario.name in ("flat", "push:6")
     ]

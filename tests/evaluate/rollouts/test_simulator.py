@@ -16,7 +16,7 @@ from evaluate.rollouts.hardware import IDEAL, Hardware, words
 from evaluate.rollouts.workers import cost
 from quad_env.cli.command_line import UsageError
 from quad_env.physics import batch
-from quad_env.physics.batch import DRAKE, SLOWNESS
+from quad_env.physics.batch import DRAKE, RELATIVE_STEP_TIME
 
 pytest.importorskip("pydrake")
 
@@ -61,7 +61,7 @@ def test_a_run_says_that_it_is_slow_comes_again_and_is_told_apart(
     monkeypatch.setattr(rollout, "STEPS", 110)
     run = ["--policies", "trot", "--scenarios", "push=35", "--episodes", "1", "--threads", "1", "--out", str(tmp_path)]
     assert main([*run, "--simulator", DRAKE]) == 0
-    assert f"about {SLOWNESS[DRAKE]:g} times as long" in capsys.readouterr().err
+    assert f"about {RELATIVE_STEP_TIME[DRAKE]:g} times as long" in capsys.readouterr().err
     made = manifests.read(tmp_path)
     assert made.versions["drake"]
     assert manifests.differences(made, replace(made, hardware=IDEAL)) == ["simulator was drake and is mujoco"]
@@ -72,5 +72,5 @@ def test_a_run_says_that_it_is_slow_comes_again_and_is_told_apart(
 
 
 def test_a_task_costs_what_its_simulator_takes() -> None:
-    tasks = [SimpleNamespace(numbers=range(3), steps=10, hardware=Hardware(simulator=name)) for name in SLOWNESS]
-    assert [cost(task) for task in tasks] == [30, 30 * SLOWNESS[DRAKE]]  # type: ignore[arg-type]
+    tasks = [SimpleNamespace(numbers=range(3), steps=10, hardware=Hardware(simulator=name)) for name in RELATIVE_STEP_TIME]
+    assert [cost(task) for task in tasks] == [30, 30 * RELATIVE_STEP_TIME[DRAKE]]  # type: ignore[arg-type]

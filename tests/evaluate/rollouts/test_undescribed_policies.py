@@ -47,7 +47,7 @@ def test_doctor_finds_a_problem_in_it(tmp_path: Path) -> None:
     file = Numbers(OBSERVATION_SIZE).onnx(tmp_path / "policy.onnx")
     found = dict(examine(OF_DESCRIPTION, Subject(policy=str(file))))
     assert [finding.result for finding in found.values()] == ["problem", "left out", "left out"]
-    assert found["description"].seen.startswith("its file does not say what it reads, and ")
+    assert found["description"].observed.startswith("its file does not say what it reads, and ")
     assert "--write mine.toml" in found["description"].remedy
 
 

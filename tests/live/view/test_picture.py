@@ -14,7 +14,7 @@ from PIL import Image
 from live.view.driver import Driver
 from live.view.painter import HEIGHT, WIDTH, Painter
 from live.view.picture import DISTANCES, STEEPEST, Orbit
-from quad_env.cli.pace import Pace
+from quad_env.cli.pace import RealTimeRate
 
 
 def walking(*names: str, scenario: str = "flat") -> Driver:
@@ -92,14 +92,14 @@ def test_half_the_speed_takes_twice_the_time_and_a_pause_is_not_caught_up(monkey
 
     monkeypatch.setattr("quad_env.cli.pace.time", SimpleNamespace(perf_counter=lambda: now, sleep=sleep))
 
-    def seconds(pace: Pace, steps: int) -> float:
+    def seconds(pace: RealTimeRate, steps: int) -> float:
         begin = now
         for _ in range(steps):
             pace.wait()
         return now - begin
 
-    assert seconds(Pace(0.01, speed=0.5), 21) == pytest.approx(0.4)
-    quick = Pace(0.01, speed=4.0)
+    assert seconds(RealTimeRate(0.01, speed=0.5), 21) == pytest.approx(0.4)
+    quick = RealTimeRate(0.01, speed=4.0)
     assert seconds(quick, 21) == pytest.approx(0.05)
     sleep(0.2)
     quick.resume()

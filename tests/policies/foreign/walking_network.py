@@ -17,7 +17,7 @@ import policies
 from policies.foreign.description import PolicyDescription, Term
 from policies.legs.kinematics import joint_angles
 from quad_env import OBSERVATION, OBSERVATION_SIZE, Robot
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 
 onnx = pytest.importorskip("onnx")
 
@@ -117,7 +117,7 @@ HEIGHT = 0.18
 
 def write(file: Path, style: Style = LEVELLED) -> PolicyDescription:
     """Write the network; its description."""
-    robot = robot_of(style.robot)
+    robot = get_robot(style.robot)
     trot = policies.make("trot", robot=robot)
     terms = [Term(name, scale, history=style.history) for name, scale in style.terms.items()]
     terms.append(Term("gait_clock", clock=trot.frequency, history=style.history))

@@ -309,7 +309,7 @@ def test_forces_and_wrench_are_what_the_motion_needed_less_what_the_servos_gave(
         change[:3], change[6:] = (0.15, 0.0, -0.3), 0.5  # the trunk over both periods
     else:
         change[:3], change[6:] = (0.2, 0.1, -0.9), 0.5
-    needed = now.bodies.inertia[0] @ (change / 0.01) + now.bodies.bias[0]
+    needed = now.bodies.inertia[0] @ (change / 0.01) + now.bodies.bias_force[0]
     legs = now.bodies.leg_jacobians[0]
     raw = np.array([np.linalg.lstsq(legs[leg].T, needed[6:].reshape(4, 3)[leg], rcond=None)[0] for leg in range(4)])
     explaining = raw if encoders else np.where(raw[:, 2:] < 0.0, 0.0, raw)
@@ -371,7 +371,7 @@ def test_what_encoders_show_at_zero_is_learnt_of_feet_in_the_air_and_no_more_tha
     now = at(1, previous_action=asked)
     sense._explained(now, np.array([[True, True, True, False]]))
     assert sense.touching[0].tolist() == [False, False, False, True]
-    missing = (now.bodies.bias[0, 6:] - 300.0 * asked) / 300.0
+    missing = (now.bodies.bias_force[0, 6:] - 300.0 * asked) / 300.0
     np.testing.assert_allclose(sense.zeros[0, :3], -0.03 * 0.01 / 1.01, atol=1e-9)
     np.testing.assert_allclose(sense.zeros[0, 3:9], missing[3:9] * 0.01 / 1.01, atol=1e-6)
     assert (np.abs(missing[3:9]) < 0.03).all()

@@ -11,7 +11,7 @@ from policies.mpc.observer import LISTENING
 from policies.mpc.policy import MpcWbc
 from quad_env import Scenario
 from quad_env.config import GRAVITY
-from quad_env.physics.dynamics import Dynamics, RigidBodies, _prepared
+from quad_env.physics.dynamics import Dynamics, DynamicsTerms, _prepared
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Payload
 from quad_env.seeding import episode_seeds
@@ -33,7 +33,7 @@ def state() -> dict[str, np.ndarray]:
     }
 
 
-def with_point_mass(state: dict[str, np.ndarray]) -> RigidBodies:
+def with_point_mass(state: dict[str, np.ndarray]) -> DynamicsTerms:
     """MuJoCo's dynamics of the robot with a point of MASS at PLACE on its trunk."""
     spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
     tiny = 1e-9
@@ -41,10 +41,10 @@ def with_point_mass(state: dict[str, np.ndarray]) -> RigidBodies:
     spec.body("base_link").add_body(ipos=[0.0, 0.0, 0.0], **load)
     carrying = Dynamics(SIMPLE_QUAD)
     carrying.__dict__["_compiled"] = _prepared(mujoco, spec.compile(), SIMPLE_QUAD.leg_names)
-    return carrying.at(**state)
+    return carrying.compute(**state)
 
 
-def moving(bodies: RigidBodies, rotation: np.ndarray, generalised: np.ndarray) -> Motion:
+def moving(bodies: DynamicsTerms, rotation: np.ndarray, generalised: np.ndarray) -> Motion:
     """Of what a load does not depend on there is nothing."""
     others = dict.fromkeys(Motion._fields)
     return Motion(**others | {"bodies": bodies, "rotation": rotation, "generalised": generalised})  # type: ignore
@@ -55,7 +55,7 @@ def test_a_load_changes_the_bodies_as_mujoco_says(state: dict[str, np.ndarray]) 
     mujoco.mju_quat2Mat(rotation, state["orientation"][0])
     generalised = np.concatenate((state["velocity"], state["turning"], state["speeds"]), axis=1)
     load = Load(np.array([MASS]), PLACE[None])
-    found = loaded(moving(DYNAMICS.at(**state), rotation.reshape(1, 3, 3), generalised), load).bodies
+    found = loaded(moving(DYNAMICS.compute(**state), rotation.reshape(1, 3, 3), generalised), load).bodies
     for name, value in with_point_mass(state)._asdict().items():
         np.testing.assert_allclose(getattr(found, name), value, atol=1e-6, err_msg=name)
 

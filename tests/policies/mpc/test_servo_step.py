@@ -26,7 +26,7 @@ def test_feet_on_the_ground_rest_at_the_end_of_the_period() -> None:
     now, targets = moving(), np.tile(SIMPLE_QUAD.home_pose, (1, 1, 1))
     standing = np.array([[True, False, False, True]])
     velocity = response(SIMPLE_QUAD, now, standing, np.zeros((1, 6)), PERIOD).velocities(targets)[0]
-    changed = PERIOD * now.bodies.drift[0]
+    changed = PERIOD * now.bodies.foot_bias_acceleration[0]
     left = np.abs((now.bodies.jacobians[0] @ velocity[0]) + changed)
     assert np.abs(changed[[0, 3]]).max() > 0.01
     assert left[[0, 3]].max() < 1e-3

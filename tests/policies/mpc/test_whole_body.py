@@ -7,7 +7,7 @@ from policies.mpc.quadratic_program import solve
 from policies.mpc.rigid_body import Friction
 from policies.mpc.whole_body import Torques, Wish, leg_torques, programs, torques
 from quad_env.config import GRAVITY
-from quad_env.physics.dynamics import Dynamics, RigidBodies
+from quad_env.physics.dynamics import Dynamics, DynamicsTerms
 from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT
 
 COUNT = 6
@@ -18,16 +18,16 @@ FRICTION = Friction(np.full(COUNT, 0.6), np.full(COUNT, 1.5 * WEIGHT))
 NOTHING = np.zeros((COUNT, 6))
 
 
-def bodies(speed: float = 0.5) -> RigidBodies:
+def bodies(speed: float = 0.5) -> DynamicsTerms:
     """Robots near the home pose that move a little."""
     random = np.random.default_rng(7)
     level = np.tile([1.0, 0.0, 0.0, 0.0], (COUNT, 1))
     angles = ROBOT.home_pose + 0.1 * random.normal(size=(COUNT, 12))
     velocity, turning = speed * random.normal(size=(2, COUNT, 3))
-    return Dynamics(ROBOT).at(level, velocity, turning, angles, speed * random.normal(size=(COUNT, 12)))
+    return Dynamics(ROBOT).compute(level, velocity, turning, angles, speed * random.normal(size=(COUNT, 12)))
 
 
-def wish(of: RigidBodies) -> Wish:
+def wish(of: DynamicsTerms) -> Wish:
     """Some stand on all feet, some on two, one on three; the standing feet rest."""
     standing = np.ones((COUNT, 4), np.bool_)
     standing[1:4, 1:3] = standing[4, 0] = False
@@ -38,7 +38,7 @@ def wish(of: RigidBodies) -> Wish:
     return Wish(0.5 * random.normal(size=(COUNT, 3)), feet, forces * standing[..., None], standing)
 
 
-def whole(of: RigidBodies, wished: Wish, wrench: np.ndarray = NOTHING, friction: Friction = FRICTION) -> Torques:
+def whole(of: DynamicsTerms, wished: Wish, wrench: np.ndarray = NOTHING, friction: Friction = FRICTION) -> Torques:
     return torques(of, wished, wrench, friction, LIMITS, PRIORITIES)
 
 
@@ -54,7 +54,7 @@ def test_the_torques_are_those_of_the_equations_of_motion() -> None:
             forces[wished.standing[robot]] = x[18:].reshape(-1, 3)
             pushed = np.concatenate((wrench[robot], found.torque[robot]))
             pushed += np.einsum("lxk,lx->k", of.jacobians[robot], forces)
-            np.testing.assert_allclose(of.inertia[robot] @ x[:18] + of.bias[robot], pushed, atol=1e-6)
+            np.testing.assert_allclose(of.inertia[robot] @ x[:18] + of.bias_force[robot], pushed, atol=1e-6)
             np.testing.assert_array_equal(found.acceleration[robot], x[6:18])
             assert (np.abs(forces[:, :2]) <= 0.6 * forces[:, 2:] + 1e-6).all()
 
@@ -71,7 +71,7 @@ def test_the_program_s_cost_is_what_is_missed_of_the_wish_by_its_priorities() ->
             stands = wished.standing[robot]
 
             def cost(x: np.ndarray, robot: int = robot, stands: np.ndarray = stands) -> float:
-                feet = of.jacobians[robot] @ x[:18] + of.drift[robot] - wished.feet[robot]
+                feet = of.jacobians[robot] @ x[:18] + of.foot_bias_acceleration[robot] - wished.feet[robot]
                 priority = np.where(stands, p.standing_priority, p.swinging_priority)
                 turning = x[3:6] - wished.turning[robot]
                 forces = x[18:].reshape(-1, 3) - wished.forces[robot, stands]
@@ -127,7 +127,7 @@ def test_legs_move_the_feet_as_wished() -> None:
     found = leg_torques(of, wished, wrench, LIMITS)
     trunk = (wished.forces.sum(axis=1) + wrench[:, :3]) / ROBOT.mass - [0.0, 0.0, GRAVITY]
     motion = np.concatenate((trunk, wished.turning, found.acceleration), axis=1)
-    feet = np.einsum("nlxk,nk->nlx", of.jacobians, motion) + of.drift
+    feet = np.einsum("nlxk,nk->nlx", of.jacobians, motion) + of.foot_bias_acceleration
     np.testing.assert_allclose(feet, wished.feet, atol=0.3)  # legs that are nearly straight miss a little
 
 
@@ -152,7 +152,7 @@ def test_legs_hold_a_robot_that_stands() -> None:
     forces[..., 2] = WEIGHT / 4.0
     wished = wished._replace(forces=forces, feet=np.zeros((COUNT, 4, 3)))
     found = leg_torques(of, wished, NOTHING, LIMITS)
-    held = of.bias[:, 6:] - np.einsum("nlxk,nlx->nk", of.jacobians, forces)[:, 6:]
+    held = of.bias_force[:, 6:] - np.einsum("nlxk,nlx->nk", of.jacobians, forces)[:, 6:]
     np.testing.assert_allclose(found.torque, held, atol=1e-9)
     np.testing.assert_allclose(found.acceleration, 0.0, atol=1e-9)
 

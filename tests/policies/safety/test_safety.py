@@ -11,7 +11,7 @@ from policies.base import CONTROL_PERIOD
 from policies.safety import Mode, Safe, SafetyLimits
 from quad_env import OBSERVATION
 from quad_env.actuation.models import Actuator, TorqueSpeed
-from quad_env.columns import of_robots
+from quad_env.columns import to_components
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.evaluate.measures.uneventful import uneventful
@@ -56,7 +56,7 @@ def drive(policy, steps=STEPS, count=3, before_step=None):
         if before_step is not None:
             before_step(step)
         observation, *_ = env.step(policy.act(observation))
-        state = env.simulation.state(of_robots(np.zeros((count, 3))))
+        state = env.simulation.state(to_components(np.zeros((count, 3))))
         torque = max(torque, np.abs(state.joint_torque).max())
         tilt = np.arccos(np.clip(-observation[:, OBSERVATION["projected_gravity"]][:, 2], -1.0, 1.0))
         rows.append((np.asarray(state.height), tilt, observation[:, OBSERVATION["joint_velocity"]]))

@@ -103,7 +103,7 @@ def test_feet_bear_against_a_lasting_push() -> None:
     pushed = np.array([[0.8, -0.5, -1.0, 0.0, 0.0, 0.0]])
     borne = policy._borne(now, ALL, aim, ground, pushed, friction)
     assert borne.forces[0].sum(axis=0) == pytest.approx(SIMPLE_QUAD.mass * np.array([-0.8, 0.5, 10.81]), rel=2e-3)
-    np.testing.assert_allclose(borne.arms, now.bodies.feet - now.bodies.centre[:, None])
+    np.testing.assert_allclose(borne.arms, now.bodies.feet - now.bodies.com_position[:, None])
     turned = policy._borne(now, ALL, aim, ground, np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 2.0]]), friction)
     moment = np.cross(turned.arms[0], turned.forces[0]).sum(axis=0)
     acceleration = np.linalg.solve(now.bodies.rotational_inertia[0], moment)
@@ -115,7 +115,7 @@ def test_two_feet_keep_the_trunk_level_or_brake_it_by_priority(priority: float, 
     now, diagonal = standing(), np.array([[True, False, False, True]])
     p = replace(P, planar_priority=1.0, tilt_priority=priority)
     found = forces(now, [-2.0, 0.0, 0.0, 0.0, 0.0, 0.0], diagonal, p)
-    moment = np.cross(now.bodies.feet[0] - now.bodies.centre[0], found).sum(axis=0)
+    moment = np.cross(now.bodies.feet[0] - now.bodies.com_position[0], found).sum(axis=0)
     braked = found[:, 0].sum() / now.bodies.mass[0]
     assert (np.abs(moment[:2]).max() < 0.5, braked < -1.5) == (upright, not upright)
     assert not found[[1, 2]].any()
@@ -135,7 +135,7 @@ def test_forces_are_the_smallest_that_come_nearest_to_the_weighted_accelerations
     weights = np.array([0.7, 0.7, 1.0, 0.4, 0.4, 0.15])
     effects = np.zeros((6, 6))
     for column, foot in enumerate((0, 3)):
-        arm = now.bodies.feet[0, foot] - now.bodies.centre[0]
+        arm = now.bodies.feet[0, foot] - now.bodies.com_position[0]
         for axis in range(3):
             moment = np.cross(arm, np.eye(3)[axis])
             effects[:3, 3 * column + axis] = np.eye(3)[axis] / now.bodies.mass[0]
@@ -163,7 +163,7 @@ def test_each_robot_s_feet_are_held_to_its_own_friction_and_its_largest_force() 
 def test_the_velocity_that_is_damped_is_that_of_the_centre_of_mass() -> None:
     """It is 0.0365 m behind the trunk's centre and swings to the right of one that turns to the left at 2 rad/s."""
     now = standing(angular_velocity=(0.0, 0.0, 2.0))
-    assert now.bodies.centre[0, :2] == pytest.approx([-0.0364633, 0.0], abs=1e-6)
+    assert now.bodies.com_position[0, :2] == pytest.approx([-0.0364633, 0.0], abs=1e-6)
     assert pull(now)[:2] == pytest.approx([0.0, P.lateral_damping * 2.0 * 0.0364633], abs=1e-6)
 
 

@@ -188,11 +188,11 @@ def test_the_trot_walks_on_the_default_motor() -> None:
     ],
 )
 def test_shares_of_past_targets_in_what_motors_go_by(parts: dict[str, float], shares: list[float]) -> None:
-    np.testing.assert_allclose(Actuator(**parts).shares(0.002, 0.01), shares, atol=1e-3)
+    np.testing.assert_allclose(Actuator(**parts).target_weights(0.002, 0.01), shares, atol=1e-3)
 
 
 def test_a_motor_that_turns_has_less_torque_left_ahead_than_back() -> None:
-    line = TorqueSpeed(stall_torque=100.0, no_load_speed=10.0, peak_torque=80.0).on(SIMPLE_QUAD)
+    line = TorqueSpeed(stall_torque=100.0, no_load_speed=10.0, peak_torque=80.0).resolve(SIMPLE_QUAD)
     least, most = line.limits(np.array([0.0, 5.0, -5.0, 12.0] * 3))
     np.testing.assert_allclose(most[:4], [80.0, 50.0, 80.0, -20.0])
     np.testing.assert_allclose(least[:4], [-80.0, -80.0, -50.0, -80.0])

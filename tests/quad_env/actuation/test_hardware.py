@@ -15,7 +15,7 @@ from quad_env.physics.model import compile_model
 from quad_env.robots.named import ROBOTS
 from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.scenario import Scenario
-from quad_env.serialisation import from_plain, to_plain
+from quad_env.serialisation import from_plain, to_json_values
 from tests.robot_models import NEEDS_MODELS
 
 PER_JOINT = TorqueSpeed((20.0, 30.0, 40.0), (10.0, 20.0, 5.0), (15.0, 30.0, 35.0))
@@ -32,8 +32,8 @@ def test_three_figures_are_those_of_hip_thigh_and_calf_and_twelve_of_every_joint
     np.testing.assert_array_equal(limits(PER_JOINT), np.tile((15.0, 30.0, 35.0), 4))
     np.testing.assert_array_equal(limits(PER_JOINT, 32.0), np.tile((15.0, 30.0, 32.0), 4))
     np.testing.assert_array_equal(limits(TorqueSpeed(tuple(range(1, 13)))), np.arange(1.0, 13.0))
-    np.testing.assert_array_equal(PER_JOINT.on(SIMPLE_QUAD).slope, np.tile((2.0, 1.5, 8.0), 4))
-    assert from_plain(to_plain(Actuator(PER_JOINT))) == Actuator(PER_JOINT)
+    np.testing.assert_array_equal(PER_JOINT.resolve(SIMPLE_QUAD).slope, np.tile((2.0, 1.5, 8.0), 4))
+    assert from_plain(to_json_values(Actuator(PER_JOINT))) == Actuator(PER_JOINT)
 
 
 def test_each_joints_torque_lies_on_its_own_line_within_its_own_peak() -> None:
@@ -88,7 +88,7 @@ def test_other_hardware_beside_the_profile_is_refused_in_a_line(given) -> None:
 def test_simple_quad_has_the_articles_motor_and_what_motor_has() -> None:
     actuator, sensors, _ = hardware_profile(SIMPLE_QUAD)
     assert actuator == Actuator(TorqueSpeed(), 66.0, 0.006, ACTUATORS["motor"].thermal)
-    line = actuator.curve.on(SIMPLE_QUAD)
+    line = actuator.curve.resolve(SIMPLE_QUAD)
     assert {*line.stall_torque, *line.peak_torque} == {100.0}
     assert {*line.no_load_speed} == {10.0}
     assert sensors == "typical"
@@ -98,7 +98,7 @@ def test_a_users_robot_has_its_rated_torque_and_speed_whatever_it_is_called() ->
     mine = quad_env.Robot.from_mjcf(SIMPLE_QUAD.mjcf, "go1", home_pose=SIMPLE_QUAD.home_pose, rated_torque=50.0)
     actuator = hardware_profile(mine).actuator
     assert (actuator.curve, actuator.thermal) == (TorqueSpeed(), None)
-    assert set(actuator.curve.on(mine).peak_torque) == {50.0}
+    assert set(actuator.curve.resolve(mine).peak_torque) == {50.0}
 
 
 @NEEDS_MODELS
@@ -107,7 +107,7 @@ def test_a_named_robot_has_the_motors_that_its_maker_publishes(name: str) -> Non
     """20.2 N·m at 13.5 rad/s, between the peak of the current and standing without load at 30 rad/s."""
     env = SimpleQuadEnv(scenario="flat+hardware", robot=name)
     np.testing.assert_array_equal(env.simulation.model.actuator_forcerange[:3, 1], (23.7, 23.7, 35.55))
-    line = CURVES[name].on(ROBOTS[name])
+    line = CURVES[name].resolve(ROBOTS[name])
     hip = line.stall_torque[0] * (1.0 - 13.5 / line.no_load_speed[0])
     assert hip == pytest.approx(20.2, rel=0.01)
     np.testing.assert_allclose(line.stall_torque[2] / line.stall_torque[0], 1.5, rtol=1e-2)

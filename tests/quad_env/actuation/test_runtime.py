@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from quad_env.actuation.models import Line, Thermal
-from quad_env.actuation.runtime import ActionDelay, Lag, Windings, action_delay_of
+from quad_env.actuation.models import ResolvedTorqueSpeed, Thermal
+from quad_env.actuation.runtime import ActionDelay, FirstOrderFilter, MotorThermalModel, action_delay_of
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Latency
-from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.scenario import Scenario
 
@@ -21,12 +21,12 @@ LATE = Scenario("made", latency=Latency(action=0.02))
 VARIED = replace(LOST, latency=Latency(action=0.01), randomisation=DomainRandomisation(delay=0.03))
 
 
-def delays(scenario: Scenario, seeds: list[int]) -> tuple[ActionDelay, list[Episode]]:
+def delays(scenario: Scenario, seeds: list[int]) -> tuple[ActionDelay, list[EpisodeSample]]:
     """The way of the targets to the servos of robots that begin the episodes of these seeds."""
     delay = action_delay_of(SIMPLE_QUAD, scenario, len(seeds), DT)
     assert delay is not None
-    episodes = [Episode(SIMPLE_QUAD, scenario, seed, 0, DT) for seed in seeds]
-    delay.begin(np.arange(len(seeds)), episodes)
+    episodes = [EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, DT) for seed in seeds]
+    delay.reset(np.arange(len(seeds)), episodes)
     return delay, episodes
 
 
@@ -84,7 +84,7 @@ def test_targets_of_the_episode_before_never_arrive_in_the_next() -> None:
     for step in range(5):
         received = delay.received(targets[step], np.full(2, step), both)
         np.testing.assert_array_equal(received, np.tile(HOME, (2, 1)) if step < 2 else targets[step - 2])
-    delay.begin(np.array([1]), [Episode(SIMPLE_QUAD, LATE, 2, 1, DT)])
+    delay.reset(np.array([1]), [EpisodeSample(SIMPLE_QUAD, LATE, 2, 1, DT)])
     for step in range(3):
         received = delay.received(targets[5 + step], np.array([5 + step, step]), both)
         np.testing.assert_array_equal(received[0], targets[3 + step, 0])
@@ -98,23 +98,23 @@ def test_targets_have_no_way_to_go_where_nothing_delays_them() -> None:
 
 def test_a_lag_follows_the_targets_of_those_robots_that_move_and_begins_at_home() -> None:
     """Of 1 / (2π) Hz in steps of 0.1 s: 1 - e^-0.1 = 0.0951626 of the way in each, seen a step later."""
-    lag, share = Lag(1.0 / (2.0 * math.pi), 0.1, 3, HOME), 0.0951626
+    lag, share = FirstOrderFilter(1.0 / (2.0 * math.pi), 0.1, 3, HOME), 0.0951626
     targets, moving = np.tile(HOME + 1.0, (2, 1)), np.array([0, 2])
     for reached in (0.0, share, share + (1.0 - share) * share):
         np.testing.assert_allclose(lag.follow(targets, moving), HOME + np.full((2, 12), reached), atol=1e-6)
     np.testing.assert_array_equal(lag.follow(targets[:1], np.array([1])), HOME[None])
-    lag.begin(np.array([2]))
+    lag.reset(np.array([2]))
     now = lag.follow(targets, moving)
     np.testing.assert_array_equal(now[1], HOME)
     assert (now[0] > HOME + 0.25).all()
 
 
-def windings(robots: int = 3) -> tuple[Windings, np.ndarray]:
+def windings(robots: int = 3) -> tuple[MotorThermalModel, np.ndarray]:
     """Of 2 K/W and 1 s, in steps of 0.1 s, which derate from 40 °C and switch off at 60 °C; 10 N·m at most."""
     thermal = Thermal(2.0, 1.0, ambient=20.0, derating=40.0, shutdown=60.0, derated=0.25)
-    line = Line(np.full(12, 10.0), np.full(12, 5.0), np.full(12, 10.0))  # a slope of 2 N·m·s/rad
+    line = ResolvedTorqueSpeed(np.full(12, 10.0), np.full(12, 5.0), np.full(12, 10.0))  # a slope of 2 N·m·s/rad
     limits = np.tile([-10.0, 10.0], (robots, 12, 1))
-    return Windings(thermal, line, 0.1, limits), limits
+    return MotorThermalModel(thermal, line, 0.1, limits), limits
 
 
 def test_windings_heat_by_their_own_torque_and_leave_less_the_hotter_they_are() -> None:
@@ -145,7 +145,7 @@ def test_a_winding_that_was_too_hot_is_off_until_its_robot_begins_again() -> Non
     assert (drive.temperature < 30.0).all()
     assert not limits[:, 5].any()
     assert (limits[:, 4, 1] == 10.0).all()
-    drive.begin(np.array([1]))
+    drive.reset(np.array([1]))
     assert limits[:, 5, 1].tolist() == [0.0, 10.0]
     assert (drive.temperature[1] == 20.0).all()
     drive.heat(np.zeros((2, 12)), both)

@@ -85,7 +85,7 @@ def test_a_process_that_ignores_ctrl_c_goes_on_ignoring_it() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with Interrupt() as interrupt:
         signal.raise_signal(signal.SIGINT)
-        assert not interrupt.asked
+        assert not interrupt.requested
     assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
 
 
@@ -94,7 +94,7 @@ def test_in_another_thread_it_is_left_to_the_first() -> None:
 
     def work() -> None:
         with Interrupt() as interrupt:
-            asked.append(interrupt.asked)
+            asked.append(interrupt.requested)
 
     thread = threading.Thread(target=work)
     thread.start()

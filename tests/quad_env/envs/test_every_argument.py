@@ -22,7 +22,7 @@ import pytest
 
 import quad_env
 from quad_env import OBSERVATION, OBSERVATION_SIZE, TaskConfig
-from quad_env.envs.base import Parts
+from quad_env.envs.base import EnvKwargs
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -537,7 +537,7 @@ AT_50_HZ = [
 def test_every_argument_has_an_effect_that_is_tested() -> None:
     for kind, own in ((SimpleQuadEnv, ALONE), (SimpleQuadVectorEnv, BATCHED)):
         of_test_drake = "simulator"
-        given = {*inspect.signature(kind).parameters, *Parts.__annotations__, "max_episode_steps"} - {"parts"}
+        given = {*inspect.signature(kind).parameters, *EnvKwargs.__annotations__, "max_episode_steps"} - {"parts"}
         assert given == {*ARGUMENTS, *own, of_test_drake}
 
 

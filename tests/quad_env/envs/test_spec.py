@@ -70,5 +70,5 @@ def test_a_specification_from_before_there_was_a_term_of_the_feet_is_read_with_i
 
 def test_no_two_kinds_of_settings_have_the_same_fields() -> None:
     """Gymnasium's JSON holds the fields of a setting and not its type."""
-    kinds = serialisation._KINDS.values()
+    kinds = serialisation._TYPE_BY_NAME.values()
     assert len({frozenset(field.name for field in fields(kind)) for kind in kinds}) == len(kinds)

@@ -8,7 +8,7 @@ import policies
 import quad_env
 from evaluate.rollouts import battery
 from quad_env.files.paths import ENDINGS, missing_file
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 
 
 @pytest.mark.parametrize("ending", sorted(ENDINGS))
@@ -46,7 +46,7 @@ def test_policies_robots_and_scenarios_call_a_missing_path_so() -> None:
     with pytest.raises(policies.PolicyError, match=r"^there is no file or folder models/nix$"):
         policies.resolve("safe:models/nix")
     with pytest.raises(ValueError, match=r"^there is no file or folder robots/nix$"):
-        robot_of("robots/nix")
+        get_robot("robots/nix")
     with pytest.raises(ValueError, match=r"^there is no file hill.png$"):
         quad_env.scenario("hill.png")
     for name in ("hills/nix", "hills/nix+hardware", "hills/nix:3"):

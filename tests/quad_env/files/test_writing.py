@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from quad_env.files.writing import FolderInUse, sole_use
+from quad_env.files.writing import FolderInUse, exclusive_lock
 
 HOLDER = """
 import sys, time
@@ -18,36 +18,36 @@ with sole_use(Path(sys.argv[1])):
 
 
 def test_a_folder_in_use_is_refused_at_once_and_free_afterwards(tmp_path) -> None:
-    with sole_use(tmp_path):
+    with exclusive_lock(tmp_path):
         for _ in range(2):  # a refusal frees nothing
-            with pytest.raises(FolderInUse, match="--out"), sole_use(tmp_path):
+            with pytest.raises(FolderInUse, match="--out"), exclusive_lock(tmp_path):
                 pass
         (tmp_path / "other").mkdir()
-        with sole_use(tmp_path / "other"):
+        with exclusive_lock(tmp_path / "other"):
             pass
-    with pytest.raises(KeyError), sole_use(tmp_path):
+    with pytest.raises(KeyError), exclusive_lock(tmp_path):
         raise KeyError
-    with sole_use(tmp_path / "other" / ".."):
+    with exclusive_lock(tmp_path / "other" / ".."):
         assert [path.name for path in tmp_path.iterdir()] == ["other"]
 
 
 def test_the_lock_ends_with_its_process_however_that_ends(tmp_path, running) -> None:
     with running([sys.executable, "-c", HOLDER, str(tmp_path)]) as holder:
         assert holder.stdout.readline() == "locked\n"
-        with pytest.raises(FolderInUse), sole_use(tmp_path):
+        with pytest.raises(FolderInUse), exclusive_lock(tmp_path):
             pass
         holder.kill()
         holder.wait()
-    with sole_use(tmp_path):
+    with exclusive_lock(tmp_path):
         pass
 
 
 def test_a_process_that_the_user_begins_does_not_keep_the_folder(tmp_path) -> None:
     """As a worker or a player does that outlives the command."""
-    with sole_use(tmp_path):
+    with exclusive_lock(tmp_path):
         sleeper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
     try:
-        with sole_use(tmp_path):
+        with exclusive_lock(tmp_path):
             pass
     finally:
         sleeper.kill()
@@ -59,10 +59,10 @@ def test_where_the_system_has_no_locks_no_process_is_kept_out(tmp_path, monkeypa
         raise OSError(95, "Operation not supported")
 
     monkeypatch.setattr("filelock.FileLock.acquire", unsupported)
-    with sole_use(tmp_path), sole_use(tmp_path):
+    with exclusive_lock(tmp_path), exclusive_lock(tmp_path):
         pass
 
 
 def test_a_folder_that_is_not_there_is_no_folder_in_use(tmp_path) -> None:
-    with pytest.raises(FileNotFoundError), sole_use(tmp_path / "nowhere"):
+    with pytest.raises(FileNotFoundError), exclusive_lock(tmp_path / "nowhere"):
         pass

@@ -12,10 +12,10 @@ from quad_env.physics import batch
 from quad_env.physics.batch import check_simulator
 from quad_env.physics.model import compile_model
 from quad_env.physics.simulation import Simulation
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
-from quad_env.scenarios.scenario import on_hardware
+from quad_env.scenarios.scenario import with_hardware_profile
 
 pytest.importorskip("pydrake")
 from quad_env.physics.drake.batch import DrakeBatch
@@ -30,7 +30,7 @@ MODELS = [
 
 @pytest.mark.parametrize(("name", "on"), MODELS)
 def test_mass_matrix_is_mujocos(name: str, on: str) -> None:
-    robot = robot_of(name)
+    robot = get_robot(name)
     model = compile_model(robot, scenario(on, robot))
     rng, data, mass = np.random.default_rng(0), mujoco.MjData(model), np.zeros((model.nv, model.nv))
     robots = DrakeBatch(model, 1)
@@ -128,7 +128,7 @@ def test_anything_else_is_refused_in_a_line(asked: dict[str, str], named: str) -
 
 def test_the_hardware_profile_and_own_servo_gains_are_refused() -> None:
     with pytest.raises(ValueError, match="hardware profile"):
-        SimpleQuadEnv(on_hardware(scenario("flat")), simulator="drake")
+        SimpleQuadEnv(with_hardware_profile(scenario("flat")), simulator="drake")
     with pytest.raises(ValueError, match="servo gains"):
         SimpleQuadVectorEnv(2, servo=(np.array([[300.0] * 12, [200.0] * 12]), 10.0), simulator="drake")
 

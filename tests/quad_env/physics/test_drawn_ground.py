@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from quad_env.physics.model import compile_model
-from quad_env.physics.rendering import NEAR, Ground
+from quad_env.physics.rendering import NEAR, TerrainPatch
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
@@ -32,7 +32,7 @@ def field(name: str, folder: Path) -> HeightField:
     return HeightField.from_toml(folder / "hill.toml")
 
 
-def drawn_height(ground: Ground, data: mujoco.MjData, x: float, y: float) -> float:
+def drawn_height(ground: TerrainPatch, data: mujoco.MjData, x: float, y: float) -> float:
     """World height of the drawn surface, by a ray from above, m."""
     geom = np.flatnonzero(ground.model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)[0]
     down = np.array((0.0, 0.0, -1.0))
@@ -45,14 +45,14 @@ def drawn_height(ground: Ground, data: mujoco.MjData, x: float, y: float) -> flo
 def test_the_drawn_surface_is_that_of_the_terrain(name: str, tmp_path: Path) -> None:
     terrain = field(name, tmp_path)
     model = compile_model(SIMPLE_QUAD, Scenario("made", terrain=terrain))
-    ground = Ground(model)
+    ground = TerrainPatch(model)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     rng = np.random.default_rng(1)
     half = np.array(terrain.half)
     for corner in ((0.0, 0.0), (0.9, 0.9), (-0.9, 0.9), (0.9, -0.9)):
         target = corner * half
-        assert ground.come_near((*target, 0.0)) or corner != (0.0, 0.0)
+        assert ground.recenter((*target, 0.0)) or corner != (0.0, 0.0)
         ground.move(data)
         for _ in range(20):
             x, y = np.clip(target + rng.uniform(-0.7, 0.7, 2) * NEAR / 2.0, -0.999 * half, 0.999 * half)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from quad_env.config import GRAVITY
-from quad_env.physics.dynamics import Dynamics, RigidBodies
+from quad_env.physics.dynamics import Dynamics, DynamicsTerms
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 DYNAMICS = Dynamics(SIMPLE_QUAD)
@@ -24,10 +24,10 @@ class State:
         self.speeds = 2.0 * random.normal(size=12)
         self.position = np.zeros(3)
 
-    def bodies(self) -> RigidBodies:
+    def bodies(self) -> DynamicsTerms:
         """What the dynamics say of it, without the first axis."""
         parts = (self.orientation, self.velocity, self.turning, self.angles, self.speeds)
-        return RigidBodies(*(each[0] for each in DYNAMICS.at(*(part[None] for part in parts))))
+        return DynamicsTerms(*(each[0] for each in DYNAMICS.compute(*(part[None] for part in parts))))
 
     def moved(self, step: float) -> "State":
         """The same, a little later, at the same generalised velocity."""
@@ -60,7 +60,7 @@ def test_jacobians_give_the_velocities_of_the_feet(state: State) -> None:
 
 def test_drift_is_the_change_of_the_feet_s_velocities_at_a_constant_generalised_one(state: State) -> None:
     after, before = (state.moved(step).bodies().jacobians @ state.generalised for step in (STEP, -STEP))
-    np.testing.assert_allclose(state.bodies().drift, (after - before) / (2.0 * STEP), atol=1e-6)
+    np.testing.assert_allclose(state.bodies().foot_bias_acceleration, (after - before) / (2.0 * STEP), atol=1e-6)
 
 
 def test_the_centre_of_mass_moves_as_it_says(state: State) -> None:
@@ -69,7 +69,7 @@ def test_the_centre_of_mass_moves_as_it_says(state: State) -> None:
 
 def test_the_bias_at_rest_is_the_weight(state: State) -> None:
     state.velocity, state.turning, state.speeds = np.zeros(3), np.zeros(3), np.zeros(12)
-    bias = state.bodies().bias
+    bias = state.bodies().bias_force
 
     def height(index: int, step: float) -> float:
         other = State.__new__(State)
@@ -77,7 +77,7 @@ def test_the_bias_at_rest_is_the_weight(state: State) -> None:
         rates = np.eye(18)[index]
         other.velocity, other.turning, other.speeds = rates[:3], rates[3:6], rates[6:]
         later = other.moved(step)
-        return float(later.bodies().centre[2] + later.position[2])
+        return float(later.bodies().com_position[2] + later.position[2])
 
     slope = [(height(index, STEP) - height(index, -STEP)) / (2.0 * STEP) for index in range(18)]
     np.testing.assert_allclose(bias, SIMPLE_QUAD.mass * GRAVITY * np.array(slope), atol=1e-4)
@@ -93,13 +93,13 @@ def test_the_inertia_is_that_of_the_bodies(state: State) -> None:
     mujoco.mju_quat2Mat(rotation, state.orientation)
     turn = rotation.reshape(3, 3)
     about_centre = locked.rotational_inertia @ (turn @ state.turning)
-    carried = np.cross(locked.centre, SIMPLE_QUAD.mass * locked.centre_velocity)
+    carried = np.cross(locked.com_position, SIMPLE_QUAD.mass * locked.centre_velocity)
     angular = turn.T @ (about_centre + carried)
     np.testing.assert_allclose((locked.inertia @ state.generalised)[3:6], angular, atol=1e-9)
 
 
 def test_joint_damping_is_part_of_the_bias(state: State) -> None:
     """0.2 N·m·s/rad of the MJCF's joints: power lost where nothing else changes with the sign of the motion."""
-    bias = state.bodies().bias[6:]
+    bias = state.bodies().bias_force[6:]
     state.velocity, state.turning, state.speeds = -state.velocity, -state.turning, -state.speeds
-    np.testing.assert_allclose(0.5 * (bias - state.bodies().bias[6:]), -0.2 * state.speeds, atol=1e-9)
+    np.testing.assert_allclose(0.5 * (bias - state.bodies().bias_force[6:]), -0.2 * state.speeds, atol=1e-9)

@@ -8,10 +8,10 @@ import pytest
 
 from quad_env.actuation.models import Actuator, TorqueSpeed
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.physics.energy import OF_JOINTS, Meter
+from quad_env.physics.energy import JOINT_READINGS, MotorMeter
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-MEASURED = (*OF_JOINTS, "foot_impulse")
+MEASURED = (*JOINT_READINGS, "foot_impulse")
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
 
 
@@ -29,7 +29,7 @@ class Batch:
         return SimpleNamespace(data=self.touch)
 
 
-def metered(actuator: Actuator) -> tuple[Batch, Meter]:
+def metered(actuator: Actuator) -> tuple[Batch, MotorMeter]:
     """Physics steps of 0.1 s; the joints' own damping is 0.5 N·m·s/rad, the motors' 2."""
     batch = Batch()
     batch.fields["qDeriv"][:, 6:] = -2.5
@@ -40,7 +40,7 @@ def metered(actuator: Actuator) -> tuple[Batch, Meter]:
         D_rowadr=np.arange(18),
         D_diag=np.zeros(18, int),
     )
-    return batch, Meter(SIMPLE_QUAD, batch, model, actuator)
+    return batch, MotorMeter(SIMPLE_QUAD, batch, model, actuator)
 
 
 def test_a_control_step_by_hand() -> None:
@@ -51,7 +51,7 @@ def test_a_control_step_by_hand() -> None:
     def step(ids: Any, _: int) -> None:
         batch.fields["actuator_force"][0, 0], batch.fields["qvel"][0, 6], batch.touch[0] = next(steps)
 
-    meter.begin(np.arange(2))
+    meter.reset(np.arange(2))
     meter.advance(np.array([0]), 2, step)
     meter.finish(np.array([0]))
     found = {name: reading[0, 0] for name, reading in meter.readings.items()}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from quad_env.physics.footsteps import Footsteps, touching
+from quad_env.physics.footsteps import FootContactTracker, touching
 
 FEET, SITES = [1, 3, 4, 6], 8
 
@@ -14,7 +14,7 @@ class Robots:
     def __init__(self) -> None:
         self.contacts = [[np.zeros((3, 1)), np.zeros((3, 1))] for _ in FEET]
         self.places = np.zeros((3, SITES, 3))
-        self.steps = Footsteps(0.01, self.contacts, self.places, FEET)
+        self.steps = FootContactTracker(0.01, self.contacts, self.places, FEET)
         self.steps.begin(slice(None))
 
     def step(self, contact: list[int], height: float, robots: list[int] | None = None) -> None:

@@ -19,7 +19,7 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics import batch
 from quad_env.physics.batch import check_simulator
 from quad_env.physics.model import compile_model
-from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.episode import EpisodeSample
 from quad_env.seeding import EpisodeStreams
 
 SEEDS = (3, 4, 5)
@@ -82,7 +82,7 @@ def test_constants_follow_from_mass_and_centre_of_mass() -> None:
 
 def test_nothing_else_is_drawn_otherwise() -> None:
     plain, randomised = (
-        Episode(SIMPLE_QUAD, scenario(name), 3, 0, 0.01) for name in ("surprise", "surprise+randomised")
+        EpisodeSample(SIMPLE_QUAD, scenario(name), 3, 0, 0.01) for name in ("surprise", "surprise+randomised")
     )
     for drawn in ("start", "force", "load", "dropouts"):
         np.testing.assert_array_equal(getattr(plain, drawn), getattr(randomised, drawn))
@@ -101,13 +101,13 @@ def test_a_figure_is_drawn_alike_whatever_else_is_randomised() -> None:
 
 def test_delays_of_the_scenario_and_of_the_draw_add_up() -> None:
     late = replace(scenario("latency=0.03"), randomisation=DomainRandomisation(delay=0.05))
-    delays = [Episode(SIMPLE_QUAD, late, seed, 0, 0.01).action_delay for seed in range(60)]
+    delays = [EpisodeSample(SIMPLE_QUAD, late, seed, 0, 0.01).action_delay for seed in range(60)]
     assert set(delays) == {3, 4, 5, 6, 7, 8}
     with robots(late) as env:
         targets = SIMPLE_QUAD.home_pose + 0.01 * np.arange(1, 12)[:, None, None] * np.ones((3, 12))
         received = np.array([env.step(each) and env.simulation.batch.bind("ctrl")[:, 0].copy() for each in targets])
         for row, seed in enumerate(SEEDS):
-            assert np.count_nonzero(received[:, row] < 0.005) == Episode(SIMPLE_QUAD, late, seed, 0, 0.01).action_delay
+            assert np.count_nonzero(received[:, row] < 0.005) == EpisodeSample(SIMPLE_QUAD, late, seed, 0, 0.01).action_delay
 
 
 def test_figures_stay_within_their_ranges_and_fill_them() -> None:
@@ -122,7 +122,7 @@ def test_warm_motors_are_derated_from_the_torque_of_their_own_strength() -> None
     """Until they are switched off; an episode that starts has all of its own torque again."""
     hot = replace(ACTUATORS["motor"], thermal=Thermal(4.0, 0.05))
     with robots(actuator=hot, terminate_on_fall=False) as env:
-        strength = Episode(SIMPLE_QUAD, env.scenario, SEEDS[1], 0, 0.01).randomised.motor_strength
+        strength = EpisodeSample(SIMPLE_QUAD, env.scenario, SEEDS[1], 0, 0.01).randomised.motor_strength
         np.testing.assert_allclose(figures(env, 1)["actuator_forcerange"][:, 1], 100.0 * strength)
         for _ in range(30):
             env.step(np.tile(SIMPLE_QUAD.joint_upper, (3, 1)))
@@ -137,7 +137,7 @@ def test_observations_have_the_offset_of_the_encoders_once(options: dict[str, An
     calm = Scenario("calm", start=quad_env.StartNoise(0, 0, 0, 0, 0, 0), randomisation=DomainRandomisation())
     env = SimpleQuadVectorEnv(2, replace(calm, noise=quad_env.SensorNoise(0.0)), **options)
     seen, infos = env.reset(seed=3)
-    offset = Episode(SIMPLE_QUAD, env.scenario, 4, 0, 0.01).randomised.encoder_offset
+    offset = EpisodeSample(SIMPLE_QUAD, env.scenario, 4, 0, 0.01).randomised.encoder_offset
     np.testing.assert_allclose(seen[1, OBSERVATION["joint_position"]], offset, atol=1e-6)
     if options:
         np.testing.assert_allclose(infos["sensor_joint_position"][1], SIMPLE_QUAD.home_pose + offset)
@@ -156,7 +156,7 @@ def test_servo_gains_of_each_robot_are_randomised_about_its_own() -> None:
     servo = np.array([100.0, 200.0, 300.0])[:, None] * np.ones(12), np.full((3, 12), 5.0)
     with robots(servo=servo) as env:
         for row, seed in enumerate(SEEDS):
-            drawn = Episode(SIMPLE_QUAD, env.scenario, seed, 0, 0.01).randomised
+            drawn = EpisodeSample(SIMPLE_QUAD, env.scenario, seed, 0, 0.01).randomised
             own = figures(env, row)
             np.testing.assert_allclose(own["actuator_gainprm"][:, 0], 100.0 * (row + 1) * drawn.stiffness)
             np.testing.assert_allclose(
@@ -193,9 +193,9 @@ def test_every_figure_of_a_robot_is_the_usual_one_times_its_own_factor() -> None
     for seeds, mask in (([3, 4], [True, True]), ([8, 9], [False, True])):
         env.reset(seed=seeds, options={"reset_mask": np.array(mask)})
         for robot, seed in enumerate((3, seeds[1])):
-            drawn = Episode(SIMPLE_QUAD, scenario, seed, 0, env.dt).randomised
+            drawn = EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, env.dt).randomised
             assert drawn is not None
-            env.simulation.show_load(robot)
+            env.simulation.sync_model(robot)
             model = env.simulation.model
             strength = usual.actuator_forcerange * drawn.motor_strength[:, None]
             np.testing.assert_allclose(model.actuator_forcerange, strength)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import Rotation, heading_velocity, rotation_matrix, to_body, to_heading
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.episode import Episode, at_reset
+from quad_env.scenarios.episode import EpisodeSample, stack_initial_conditions
 from quad_env.scenarios.named import SCENARIOS, scenario
 
 angle = st.floats(-3.0, 3.0)
@@ -53,7 +53,7 @@ def test_a_pitched_trunk_keeps_its_heading_and_yaw_rate_is_about_the_worlds_vert
 def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(name: str) -> None:
     rng, touches = np.random.default_rng(0), 0
     simulation = Simulation(SIMPLE_QUAD, scenario(name), 1, 1, 100.0)
-    start, *others = at_reset([Episode(SIMPLE_QUAD, scenario(name), 0, 0, 0.01)])
+    start, *others = stack_initial_conditions([EpisodeSample(SIMPLE_QUAD, scenario(name), 0, 0, 0.01)])
     start[0, 3] = 3.0  # rad of roll: it lies on its back
     simulation.reset(np.arange(1), start, *others)
     data = simulation.snapshot(0)

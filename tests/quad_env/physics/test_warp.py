@@ -36,7 +36,7 @@ SUPPORTED = (
 @pytest.fixture(autouse=True)
 def newton(monkeypatch: pytest.MonkeyPatch) -> None:
     """MuJoCo's models with that solver."""
-    stepped_model = simulation.stepped_model
+    stepped_model = simulation.make_stepping_model
 
     def solved(*args: Any) -> mujoco.MjModel:
         model = stepped_model(*args)

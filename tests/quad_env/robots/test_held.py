@@ -45,7 +45,7 @@ def test_an_arm_is_where_the_keyframe_has_it_and_the_legs_are_those_of_the_robot
     np.testing.assert_allclose(*places, atol=1e-9)
     said = f"held at their reference: {', '.join(NAMES)}"
     assert sum(line.endswith(said) for line in text(robot)) == 1
-    assert doctor_reads(Subject(robot)).seen.endswith(said)
+    assert doctor_reads(Subject(robot)).observed.endswith(said)
     standing(robot)
 
 

@@ -14,7 +14,7 @@ from quad_env import OBSERVATION, ModelError, Robot
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.kinematics import foot_positions
-from quad_env.robots.named import ROBOTS, robot_of
+from quad_env.robots.named import ROBOTS, get_robot
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.made import ANKLE, ARM, PLACES, Made
@@ -64,7 +64,7 @@ def test_feet_are_where_mujoco_has_them_and_inverse_kinematics_undo_that(robot: 
 def test_it_stands_marches_on_the_spot_and_walks_ahead(robot: Robot) -> None:
     """By a policy with feedback: the first of two robots is commanded to stay, the second to go ahead at 0.3 m/s."""
     policy = policies.make("trot_feedback", robot=robot)
-    env = SimpleQuadVectorEnv(2, robot=robot.stiffer, nthread=1)
+    env = SimpleQuadVectorEnv(2, robot=robot.with_stiff_servos, nthread=1)
     env.reset(seed=0, options={"command": np.zeros((2, 3))})
     for _ in range(100):
         observation, _, terminated, _, _ = env.step(np.tile(robot.home_pose, (2, 1)).astype(np.float32))
@@ -138,7 +138,7 @@ def test_a_robot_turned_round_is_the_same_in_its_own_terms(tmp_path: Path) -> No
     robots = [Robot.from_mjcf(each.write(tmp_path, f"{n}.xml"), "either") for n, each in enumerate(made)]
     rng = np.random.default_rng(0)
     state = np.tile((1.0, 0.0, 0.0, 0.0), (5, 1)), *(rng.normal(0.0, 0.3, (5, n)) for n in (3, 3, 12, 12))
-    plain, turned = (Dynamics(robot).at(*state) for robot in robots)
+    plain, turned = (Dynamics(robot).compute(*state) for robot in robots)
     for name in ("inertia", "bias", "feet", "jacobians", "centre"):
         np.testing.assert_allclose(getattr(plain, name), getattr(turned, name), atol=1e-9, err_msg=name)
     for limits in ("joint_lower", "joint_upper", "home_pose"):
@@ -205,7 +205,7 @@ def test_a_robot_is_called_after_the_file_that_was_given(tmp_path: Path) -> None
 
 def test_robots_by_name_are_told_and_an_unknown_one_lists_them(tmp_path: Path) -> None:
     assert next(iter(ROBOTS)) == SIMPLE_QUAD.name
-    assert ROBOTS["simple_quad"] is robot_of("simple_quad") is SIMPLE_QUAD
+    assert ROBOTS["simple_quad"] is get_robot("simple_quad") is SIMPLE_QUAD
     assert {"go1", "go2", "mini_cheetah", "a2", "spot"} <= set(ROBOTS)
     with pytest.raises(ValueError, match=r"unknown robot 'go3'; there are simple_quad, .*go1, go2"):
         gym.make("quad_env:SimpleQuad-v0", robot="go3")
@@ -216,7 +216,7 @@ def test_figures_from_a_file_come_before_what_is_inferred(tmp_path: Path) -> Non
     Made(limits=()).write(tmp_path)
     told = tmp_path / "mine.toml"
     told.write_text('mjcf = "made.xml"\nknee_direction = 1\nrated_torque = 12.5\n', encoding="utf-8")
-    robot = robot_of(str(told))
+    robot = get_robot(str(told))
     assert (robot.name, robot.knee_direction.tolist(), robot.rated_torque) == ("mine", 4 * [1.0], 12.5)
     assert robot.home_pose[2] > 0.0
     for line, said in {
@@ -228,4 +228,4 @@ def test_figures_from_a_file_come_before_what_is_inferred(tmp_path: Path) -> Non
     }.items():
         told.write_text(f'mjcf = "made.xml"\n{line}\n', encoding="utf-8")
         with pytest.raises(ModelError, match=said):
-            robot_of(str(told))
+            get_robot(str(told))

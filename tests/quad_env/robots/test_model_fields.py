@@ -13,7 +13,7 @@ from quad_env.describe import main as describe
 from quad_env.doctor.check import Subject
 from quad_env.doctor.model import model as doctor_reads
 from quad_env.doctor.standing import stands
-from quad_env.physics.batch import batch_of
+from quad_env.physics.batch import make_batch
 from quad_env.robots.model_fields import KEPT, MODEL_FIELDS, NAMED, OPTION_FIELDS
 from quad_env.robots.model_file import omitted_from
 from quad_env.robots.named import ROBOTS
@@ -234,7 +234,7 @@ def test_springs_of_joints_are_the_cause_where_they_pull_the_robot_down(stiffnes
 def test_drake_refuses_springs_that_it_has_not(attribute: str, tmp_path: Path) -> None:
     robot = robot_of_text(tmp_path, PLAIN.replace('<joint name="A1"', f'<joint name="A1" {attribute}'))
     with pytest.raises(ValueError, match="not springs and not quadratic or cubic damping"):
-        batch_of("drake", robot.model, 1, 1)
+        make_batch("drake", robot.model, 1, 1)
 
 
 def test_the_digest_tells_quadratic_springs_apart(tmp_path: Path) -> None:

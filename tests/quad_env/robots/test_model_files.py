@@ -116,7 +116,7 @@ def test_every_option_of_the_compiler_is_kept(
     rows = [[model.joint(name).dofadr[0] for name in names] for model in (ours, theirs)]
     for angles in np.random.default_rng(0).uniform(-0.3, 0.3, (3, 12)):
         masses, passive = [], []
-        for model, moved, place in ((ours, angles, rows[0]), (theirs, found.signs * (angles - found.zeros), rows[1])):
+        for model, moved, place in ((ours, angles, rows[0]), (theirs, found.signs * (angles - found.joint_offsets), rows[1])):
             data, inertia = mujoco.MjData(model), np.empty((model.nv, model.nv))
             data.qpos[7:] = moved if model is ours else moved + own.qpos0[7:]
             mujoco.mj_forward(model, data)
@@ -125,7 +125,7 @@ def test_every_option_of_the_compiler_is_kept(
             passive.append(data.qfrc_passive[place])
         np.testing.assert_allclose(masses[0], np.outer(found.signs, found.signs) * masses[1], atol=1e-9)
         np.testing.assert_allclose(passive[0], found.signs * passive[1], atol=1e-9)
-    for name, sign, zero in zip(names, found.signs, found.zeros, strict=True):
+    for name, sign, zero in zip(names, found.signs, found.joint_offsets, strict=True):
         one, other = ours.joint(name), theirs.joint(name)
         np.testing.assert_allclose(one.range, np.sort(zero + sign * (other.range - other.qpos0)), atol=1e-9)
         forces = ours.jnt_actfrcrange[one.id], np.sort(sign * theirs.jnt_actfrcrange[other.id])

@@ -10,7 +10,7 @@ from quad_env import ModelError, Robot
 from quad_env.doctor.check import Subject
 from quad_env.doctor.standing import stands
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.named import robot_of
+from quad_env.robots.named import get_robot
 from tests.quad_env.robots.made import PLACES, Made
 
 LEGS = "fl", "fr", "hl", "hr"
@@ -71,7 +71,7 @@ def written(folder: Path, model: str) -> Path:
 
 @pytest.mark.parametrize("kind", WRITTEN)
 def test_it_is_read_as_an_mjcf_is_and_stands(kind: str, tmp_path: Path) -> None:
-    robot, made = robot_of(str(written(tmp_path, WRITTEN[kind]))), Robot.from_mjcf(Made().write(tmp_path))
+    robot, made = get_robot(str(written(tmp_path, WRITTEN[kind]))), Robot.from_mjcf(Made().write(tmp_path))
     assert robot.joint_names == tuple(f"{leg}_{number}_joint" for leg in LEGS for number in range(3))
     for figure in ("mass", "hip_offset", "thigh_length", "trunk_size", "rated_torque", "joint_lower", "joint_upper"):
         np.testing.assert_allclose(getattr(robot, figure), getattr(made, figure), atol=1e-9, err_msg=figure)

@@ -22,7 +22,7 @@ from policies.virtual_model.parameters import VirtualParameters
 from quad_env import OBSERVATION, scenario
 from quad_env.robots import similarity
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import ratio, servo_gains
+from quad_env.robots.similarity import scale_factor, servo_gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
@@ -40,7 +40,7 @@ def test_servos_pose_and_speed_of_an_imported_robot_are_those_of_a_simple_quad_o
     assert small.leg_length == pytest.approx(LONGER * SIMPLE_QUAD.leg_length)
     assert small.mass == pytest.approx(HEAVIER * SIMPLE_QUAD.mass)
     for name, unit in (("servo_stiffness", "N·m"), ("rated_torque", "N·m"), ("rated_speed", "rad/s")):
-        assert getattr(small, name) == pytest.approx(ratio(small, unit) * getattr(SIMPLE_QUAD, name)), name
+        assert getattr(small, name) == pytest.approx(scale_factor(small, unit) * getattr(SIMPLE_QUAD, name)), name
     assert small.servo_stiffness == pytest.approx(servo_gains(small)[0])
     assert small.servo_damping == pytest.approx(servo_gains(small)[1])
     np.testing.assert_allclose(small.home_pose, SIMPLE_QUAD.home_pose, atol=1e-6)
@@ -70,17 +70,17 @@ MADE_OF = {
 
 def test_a_unit_goes_as_what_it_is_made_of_and_the_froude_number_stays(small: Robot) -> None:
     for unit, product in MADE_OF.items():
-        made = np.prod([ratio(small, each) ** power for each, power in product.items()])
-        assert ratio(small, unit) == pytest.approx(made), unit
-        assert ratio(SIMPLE_QUAD, unit) == 1.0
-    assert ratio(small, "m/s²") == 1.0
-    assert ratio(small, "m/s") ** 2 / ratio(small, "m") == pytest.approx(1.0)
+        made = np.prod([scale_factor(small, each) ** power for each, power in product.items()])
+        assert scale_factor(small, unit) == pytest.approx(made), unit
+        assert scale_factor(SIMPLE_QUAD, unit) == 1.0
+    assert scale_factor(small, "m/s²") == 1.0
+    assert scale_factor(small, "m/s") ** 2 / scale_factor(small, "m") == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("name", ["trot", "trot_integral"])
 def test_a_trot_moves_both_robots_alike_in_their_own_time(name: str, small: Robot) -> None:
     """Every parameter with a wrong unit, and every bare number in the code that has one, is another angle."""
-    time = ratio(small, "s")
+    time = scale_factor(small, "s")
     ours, theirs = (
         policies.make(name, robot=r, control_period=0.01 * t) for r, t in ((SIMPLE_QUAD, 1.0), (small, time))
     )
@@ -95,8 +95,8 @@ def test_a_trot_moves_both_robots_alike_in_their_own_time(name: str, small: Robo
         for term, (unit, size) in table.items():
             part = OBSERVATION[term]
             seen[:, part] = size * np.sin(0.05 * tick + np.arange(part.stop - part.start))
-            felt[:, part] = ratio(small, unit) * seen[:, part]
-        felt[:, OBSERVATION["command"]] *= [ratio(small, unit) for unit in ("m/s", "m/s", "rad/s")]
+            felt[:, part] = scale_factor(small, unit) * seen[:, part]
+        felt[:, OBSERVATION["command"]] *= [scale_factor(small, unit) for unit in ("m/s", "m/s", "rad/s")]
         np.testing.assert_allclose(theirs.act(felt), ours.act(seen), atol=2e-6)
 
 
@@ -109,10 +109,10 @@ def test_simple_quads_own_parameters_are_left_alone() -> None:
 def test_feet_that_stand_under_their_hips_do_so_on_every_robot(tmp_path: Path) -> None:
     robot = Robot.from_mjcf(Made().write(tmp_path))
     straight, apart = 0.5 * (SIMPLE_QUAD.hip_positions[0, 1] + SIMPLE_QUAD.hip_offset), 0.1 + 0.08
-    assert similarity.scaled(robot, 4.0 * straight, similarity.WIDE) == pytest.approx(2.0 * apart)
-    beyond = similarity.scaled(robot, 4.0 * straight + 0.1, similarity.WIDE) - 2.0 * apart
+    assert similarity.scaled(robot, 4.0 * straight, similarity.LATERAL_LENGTH) == pytest.approx(2.0 * apart)
+    beyond = similarity.scaled(robot, 4.0 * straight + 0.1, similarity.LATERAL_LENGTH) - 2.0 * apart
     assert beyond == pytest.approx(0.1 * robot.leg_length / SIMPLE_QUAD.leg_length)
-    assert similarity.scaled(robot, 0.5, similarity.LONG) == pytest.approx(0.4)
+    assert similarity.scaled(robot, 0.5, similarity.LONGITUDINAL_LENGTH) == pytest.approx(0.4)
 
 
 def test_a_robot_that_stands_lower_walks_lower_and_steps_as_fast_as_animals_of_its_mass(tmp_path: Path) -> None:
@@ -138,7 +138,7 @@ def test_what_hangs_on_the_knees_is_the_other_way_round_where_they_bend_forward(
 
 
 UNIT = re.compile(r"[, ](Hz per m/s|m/s²|rad/s²|m/s|rad/s|rad/m|1/s²|1/s|1/m|s⁴/m²|s⁴/rad²|1/N²|Hz|N|s|m)(?=[.:;,]|$)")
-SAME = {"rad/m": "1/m", "Hz per m/s": "1/m", "s⁴/rad²": "s⁴", similarity.WIDE: "m", similarity.LONG: "m"} | {
+SAME = {"rad/m": "1/m", "Hz per m/s": "1/m", "s⁴/rad²": "s⁴", similarity.LATERAL_LENGTH: "m", similarity.LONGITUDINAL_LENGTH: "m"} | {
     similarity.HIGH: "m"
 }
 """Units of one dimension."""

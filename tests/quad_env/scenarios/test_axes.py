@@ -13,7 +13,7 @@ from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.disturbances import Dropouts, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
-from quad_env.scenarios.episode import Episode, at_reset
+from quad_env.scenarios.episode import EpisodeSample, stack_initial_conditions
 from quad_env.scenarios.named import SCENARIOS, scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs
@@ -42,7 +42,7 @@ def test_each_axis_has_levels_in_order_and_a_nominal_scenario_within() -> None:
 def test_slow_goes_straight_ahead_down_to_where_the_rule_of_success_begins() -> None:
     """Every level is above MOVING as policies see and records hold it, so that no level is one on which to stand."""
     axis = AXES["slow"]
-    assert (axis.levels, axis.falling, axis.nominal) == ((0.2, 0.1, 0.05), True, 0.2)
+    assert (axis.levels, axis.harder_when_smaller, axis.nominal) == ((0.2, 0.1, 0.05), True, 0.2)
     for number, speed in enumerate(axis.levels, 1):
         env = SimpleQuadVectorEnv(2, scenario=axis.level(number), max_episode_steps=None)
         observation, _ = env.reset(seed=4)
@@ -63,7 +63,7 @@ def test_the_first_three_scenarios_are_as_ever() -> None:
 def started(scenario: Scenario) -> Simulation:
     """Eight robots at the start of an episode."""
     simulation = Simulation(SIMPLE_QUAD, scenario, 8, 1, 100.0)
-    simulation.reset(np.arange(8), *at_reset([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(8)]))
+    simulation.reset(np.arange(8), *stack_initial_conditions([EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(8)]))
     return simulation
 
 
@@ -71,7 +71,7 @@ def test_steady_is_the_same_half_metre_a_second_for_every_robot_and_of_no_axis()
     for robot in (SIMPLE_QUAD, replace(SIMPLE_QUAD, thigh_length=0.1, calf_length=0.1)):
         found = scenario("steady", robot)
         assert (found.axis, found.terrain, found.pushes) == ("", Flat(), None)
-        episode = Episode(robot, found, 3, 0, 0.01)
+        episode = EpisodeSample(robot, found, 3, 0, 0.01)
         assert [episode.next_command().tolist() for _ in range(3)] == [[0.5, 0.0, 0.0]] * 3
 
 
@@ -84,7 +84,7 @@ def test_one_foot_starts_just_on_the_ground_and_nothing_deep_in_it(name: str) ->
         depths = [-contact.dist for contact in data.contact]
         assert max(depths, default=0.0) < 0.006
         feet = np.array([data.site(f"{leg}_foot").xpos for leg in ("fl", "fr", "hl", "hr")])
-        above = feet[:, 2] - scenario.terrain.ball_height(feet[:, 0], feet[:, 1], 0.02)
+        above = feet[:, 2] - scenario.terrain.sphere_center_height(feet[:, 0], feet[:, 1], 0.02)
         assert above.min() == pytest.approx(0.0, abs=1e-6)
 
 

@@ -16,7 +16,7 @@ import quad_env
 from quad_env import ENV_ID
 from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.episode import EpisodeSample
 
 RAMP = np.tile(np.arange(9), (5, 1))  # up towards +x
 CORNERED = RAMP.copy()
@@ -76,7 +76,7 @@ def test_a_robot_is_put_on_the_ground_wherever_that_is(tmp_path, level) -> None:
 
 def test_without_a_start_each_seed_draws_a_place_in_the_middle(tmp_path) -> None:
     hill = quad_env.scenario(written(tmp_path, RAMP))
-    places = np.array([Episode(SIMPLE_QUAD, hill, seed, 0, 0.01).start[:2] for seed in range(50)])
+    places = np.array([EpisodeSample(SIMPLE_QUAD, hill, seed, 0, 0.01).start[:2] for seed in range(50)])
     assert len(np.unique(places)) == 100
     assert 0.45 < np.abs(places).max() < 0.5, "a quarter of the shorter side"
 

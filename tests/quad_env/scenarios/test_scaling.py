@@ -14,10 +14,10 @@ from evaluate.rollouts.hardware import Hardware
 from quad_env import SCENARIOS, SIMPLE_QUAD, Robot, Scenario, scenario
 from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv
-from quad_env.scenarios.axes import AS_THE_ROBOT, AXES, axes_of
+from quad_env.scenarios.axes import ROBOT_SCALED_UNITS, AXES, axes_of
 from quad_env.scenarios.named import scaled_name, scenarios_of
 from quad_env.scenarios.scenario import scaled
-from quad_env.task.terminations import fall_code
+from quad_env.task.terminations import fall_reason_code
 from tests.batches import begun
 from tests.quad_env.robots.alike import alike
 from train import validation
@@ -80,9 +80,9 @@ def test_severities_are_physical(small: Robot) -> None:
     for name, ours in AXES.items():
         theirs = axes_of(small)[name]
         ratio = theirs.level(2).severity / ours.level(2).severity
-        assert (ratio == 1.0) == (ours.unit not in AS_THE_ROBOT or not ours.scales)
+        assert (ratio == 1.0) == (ours.unit not in ROBOT_SCALED_UNITS or not ours.scales)
         assert theirs.level(2).severity_unit == ours.unit
-        assert theirs.falling == ours.falling
+        assert theirs.harder_when_smaller == ours.harder_when_smaller
     push = axes_of(small)["push"].level(2)
     assert push.pushes.impulse == pytest.approx(push.severity)
 
@@ -96,7 +96,7 @@ def test_slow_commands_are_those_of_the_rule_of_success_for_every_robot(small: R
 
 def test_simple_quads_scenarios_are_the_very_ones_that_they_were(small: Robot) -> None:
     assert all(scaled(each, SIMPLE_QUAD) is each for each in SCENARIOS.values())
-    assert all(axis.of(SIMPLE_QUAD) is axis for axis in AXES.values())
+    assert all(axis.for_robot(SIMPLE_QUAD) is axis for axis in AXES.values())
     scenarios_of.cache_clear()  # as after scenarios of many robots
     assert scenario("push") is SCENARIOS["push"]
     assert scenario("push").pushes.impulse == 35.0
@@ -171,5 +171,5 @@ def test_a_fall_is_judged_by_the_robots_own_height(small: Robot) -> None:
     env.reset(seed=0)
     for height, code in ((0.9, 3), (1.1, 0)):
         state = env.simulation.state((0.0, 0.0, 0.0), None)._replace(height=height * 0.2 * small.leg_length)
-        assert fall_code(state, env.config.fall_rule, env._lowest) == code
+        assert fall_reason_code(state, env.config.fall_rule, env._min_trunk_height) == code
     env.close()

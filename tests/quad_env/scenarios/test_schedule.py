@@ -6,9 +6,9 @@ import pytest
 from quad_env.config import CommandRanges
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Pushes
-from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.schedule import Schedule
+from quad_env.scenarios.schedule import EpisodeSchedule
 
 DT = 0.01
 PUSHED = Scenario(
@@ -17,14 +17,14 @@ PUSHED = Scenario(
 ALL = np.arange(3)
 
 
-def schedule(seeds: list[int | None] | int = [4, 5, 6], scenario: Scenario = PUSHED) -> Schedule:  # noqa: B006
-    found = Schedule(SIMPLE_QUAD, scenario, 3, DT)
+def schedule(seeds: list[int | None] | int = [4, 5, 6], scenario: Scenario = PUSHED) -> EpisodeSchedule:  # noqa: B006
+    found = EpisodeSchedule(SIMPLE_QUAD, scenario, 3, DT)
     found.reseed(seeds, np.ones(3, np.bool_))  # type: ignore[arg-type]
     return found
 
 
-def episode(seed: int, number: int) -> Episode:
-    return Episode(SIMPLE_QUAD, PUSHED, seed, number, DT)
+def episode(seed: int, number: int) -> EpisodeSample:
+    return EpisodeSample(SIMPLE_QUAD, PUSHED, seed, number, DT)
 
 
 def test_each_robot_has_the_episodes_of_its_own_seed_one_after_the_other() -> None:
@@ -53,13 +53,13 @@ def test_a_new_command_comes_where_one_has_been_followed_for_its_time() -> None:
     found, drawn = schedule(), [episode(4 + robot, 0) for robot in range(3)]
     found.begin(ALL, None)
     commands = [each.next_command() for each in drawn]
-    found.clock[:] = 10, 9, 20
-    found.redraw(slice(None))
+    found.step_count[:] = 10, 9, 20
+    found.resample_commands(slice(None))
     for robot in (0, 2):
         commands[robot] = drawn[robot].next_command()
     np.testing.assert_array_equal(found.command, commands)
-    found.clock[:] = 20, 10, 30
-    found.redraw(np.array([1]))
+    found.step_count[:] = 20, 10, 30
+    found.resample_commands(np.array([1]))
     commands[1] = drawn[1].next_command()
     np.testing.assert_array_equal(found.command, commands)
 
@@ -69,15 +69,15 @@ def test_a_command_that_is_given_holds_to_the_end_of_the_episode() -> None:
     found, held = schedule(), np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
     found.begin(ALL, held)
     np.testing.assert_array_equal(found.command, held)
-    found.clock[:] = 10
-    found.redraw(slice(None))
+    found.step_count[:] = 10
+    found.resample_commands(slice(None))
     np.testing.assert_array_equal(found.command, held)
     found.begin(np.array([1]), None)
     np.testing.assert_array_equal(found.command[1], episode(5, 1).next_command())
     np.testing.assert_array_equal(found.command[[0, 2]], held[[0, 2]])
     found.steer(held[::-1])
-    found.clock[:] = 20
-    found.redraw(slice(None))
+    found.step_count[:] = 20
+    found.resample_commands(slice(None))
     np.testing.assert_array_equal(found.command, held[::-1])
 
 
@@ -97,25 +97,25 @@ def test_pushes_act_for_their_time_and_those_by_hand_on_top_of_them() -> None:
 
     seen = 0
     for step in range(45):
-        found.clock[:] = step, step + 3, step + 11
+        found.step_count[:] = step, step + 3, step + 11
         force = found.force()
         assert force is not None
-        np.testing.assert_allclose(force, planned(found.clock))
+        np.testing.assert_allclose(force, planned(found.step_count))
         seen += int(np.abs(force).any(axis=1).sum())
     assert seen > 20
-    found.clock[:] = [plan.first_step[0] for plan in plans]
-    found.shove(np.ones((3, 2)), 1)
-    np.testing.assert_allclose(found.force(), planned(found.clock) + 1.0)
-    found.clock[:] = 100, 200, 300
+    found.step_count[:] = [plan.first_step[0] for plan in plans]
+    found.apply_push(np.ones((3, 2)), 1)
+    np.testing.assert_allclose(found.force(), planned(found.step_count) + 1.0)
+    found.step_count[:] = 100, 200, 300
     by_hand = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
-    found.shove(by_hand, 2)
+    found.apply_push(by_hand, 2)
     for _ in range(2):
         np.testing.assert_allclose(found.force(), by_hand)
-        found.clock += 1
+        found.step_count += 1
     assert not found.force().any()  # type: ignore[union-attr]
-    found.shove(by_hand, 5)
+    found.apply_push(by_hand, 5)
     found.begin(np.array([1]), None)
-    found.clock[0], found.clock[2] = 102, 302
+    found.step_count[0], found.step_count[2] = 102, 302
     force = found.force()
     assert force is not None
     np.testing.assert_allclose(force[[0, 2]], by_hand[[0, 2]])
@@ -127,5 +127,5 @@ def test_where_nothing_pushes_there_is_no_force_before_the_first_push_by_hand() 
     found = schedule(scenario=Scenario("made"))
     found.begin(ALL, None)
     assert found.force() is None
-    found.shove(np.ones((3, 2)), 1)
+    found.apply_push(np.ones((3, 2)), 1)
     np.testing.assert_array_equal(found.force(), np.ones((3, 2)))

@@ -9,7 +9,7 @@ import pytest
 from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
-from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.named import SCENARIOS
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs, Terrain
@@ -41,7 +41,7 @@ def test_every_episode_has_a_surface_of_its_own_drawn_by_its_seed_alone(name: st
     scenario, seeds = SCENARIOS[name], episode_seeds("evaluation", 0, 64).tolist()
     terrain = scenario.terrain
     assert isinstance(terrain, SmoothRandom)
-    x, y = np.transpose([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01).start[:2] for seed in seeds])
+    x, y = np.transpose([EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, 0.01).start[:2] for seed in seeds])
     width = terrain.spawn_radius / 4  # of a place: eight a side
     assert width >= 6 * terrain.correlation_length
     places = {(i, j) for i, j in zip(np.floor(x / width).tolist(), np.floor(y / width).tolist(), strict=True)}
@@ -92,9 +92,9 @@ def test_stairs_have_treads_of_the_stated_run_and_vertical_risers_of_the_stated_
 
 
 def test_a_ball_on_gravel_touches_it_and_a_ball_on_a_slope_rests_on_its_normal() -> None:
-    assert Slope(0.4).ball_height(np.zeros(1), np.zeros(1), 0.02) == pytest.approx(0.02 / np.cos(0.4))
+    assert Slope(0.4).sphere_center_height(np.zeros(1), np.zeros(1), 0.02) == pytest.approx(0.02 / np.cos(0.4))
     x, y = np.random.default_rng(0).uniform(-5, 5, (2, 200))
-    centre = GRAVEL.ball_height(x, y, 0.02)
+    centre = GRAVEL.sphere_center_height(x, y, 0.02)
     angle = np.linspace(0, 2 * np.pi, 24)
     for radius in np.linspace(0, 0.02, 9):
         under = GRAVEL.height(x[:, None] + radius * np.cos(angle), y[:, None] + radius * np.sin(angle))

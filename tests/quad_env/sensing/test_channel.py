@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from quad_env.sensing.channel import BLOCK, Channel, Noise, steps_late
+from quad_env.sensing.channel import BLOCK, Channel, Noise, delay_to_steps
 
 
 def seen(rate: float, delay: float, steps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -11,8 +11,8 @@ def seen(rate: float, delay: float, steps: int) -> tuple[np.ndarray, np.ndarray,
     channel, rows, out = Channel(1, 1, rate, delay, 100.0), np.zeros(1, np.intp), []
     for step in range(steps):
         clock = np.array([step])
-        channel.take(np.array([[float(step)]]), clock, rows)
-        out.append((channel.value(clock, rows)[0, 0], channel.before(clock, rows)[0, 0], channel.time(clock)[0]))
+        channel.record(np.array([[float(step)]]), clock, rows)
+        out.append((channel.value(clock, rows)[0, 0], channel.previous(clock, rows)[0, 0], channel.time(clock)[0]))
     value, before, time = np.array(out).T
     return value, before, time
 
@@ -30,22 +30,22 @@ def test_it_is_the_newest_sample_that_has_arrived(rate: float, delay: float) -> 
 
 
 def test_what_arrives_between_two_control_steps_is_seen_at_the_next() -> None:
-    assert [steps_late(delay, 100.0) for delay in (0.0, 0.001, 0.01, 0.011, 0.07)] == [0, 1, 1, 2, 7]
+    assert [delay_to_steps(delay, 100.0) for delay in (0.0, 0.001, 0.01, 0.011, 0.07)] == [0, 1, 1, 2, 7]
 
 
 def test_a_robot_that_starts_anew_forgets_what_it_saw() -> None:
     channel, rows = Channel(2, 1, 100.0, 0.02, 100.0), np.arange(2)
     for step in range(5):
-        channel.take(np.full((2, 1), step + 1.0), np.full(2, step), rows)
-    channel.take(np.array([[9.0]]), np.zeros(1, np.int64), rows[1:])
+        channel.record(np.full((2, 1), step + 1.0), np.full(2, step), rows)
+    channel.record(np.array([[9.0]]), np.zeros(1, np.int64), rows[1:])
     assert channel.value(np.array([4, 0]), rows)[:, 0].tolist() == [3.0, 9.0]
-    assert channel.before(np.array([4, 0]), rows)[:, 0].tolist() == [2.0, 9.0]
+    assert channel.previous(np.array([4, 0]), rows)[:, 0].tolist() == [2.0, 9.0]
 
 
 def test_noise_goes_on_from_block_to_block_of_each_robot_s_own_stream() -> None:
     noise, deviation, robots = Noise(2, np.array([1.0, 3.0], np.float32)), np.array([1.0, 3.0]), np.arange(2)
     for robot in robots:
-        noise.begin(robot, np.random.default_rng(robot))
+        noise.reset(robot, np.random.default_rng(robot))
     found = np.array([noise.at(np.full(2, step), robots) for step in range(2 * BLOCK + 3)])
     for robot in robots:
         drawn = np.random.default_rng(robot).standard_normal((3 * BLOCK, 2), dtype=np.float32)

@@ -7,10 +7,10 @@ import pytest
 
 from quad_env import SENSORS, Encoders, FootContact, Imu, JointTorque, Scenario, SensorSuite
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.sensing.channel import BLOCK, Channel, Noise
-from quad_env.sensing.instruments import Instruments
+from quad_env.sensing.instruments import SensorModels
 
 WIDTHS = {"gyro": 3, "accelerometer": 3, "joint_position": 12, "foot_contact": 4, "joint_torque": 12}
 SIZE = sum(WIDTHS.values())
@@ -20,10 +20,10 @@ ALL = np.arange(4)
 
 def instruments(
     suite: SensorSuite, seeds: tuple[int, ...] = (1, 2, 3, 4), scenario: Scenario = PLAIN
-) -> tuple[Instruments, list[Episode]]:
+) -> tuple[SensorModels, list[EpisodeSample]]:
     """Make four robots at the start of the episodes of these seeds, 100 Hz."""
-    found = Instruments(SIMPLE_QUAD, suite, 4, 100.0)
-    episodes = [Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in seeds]
+    found = SensorModels(SIMPLE_QUAD, suite, 4, 100.0)
+    episodes = [EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in seeds]
     found.begin(ALL, episodes)
     return found, episodes
 
@@ -33,7 +33,7 @@ def measured(values: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip(WIDTHS, np.split(values, np.cumsum([*WIDTHS.values()])[:-1], axis=1), strict=True))
 
 
-def read(of: Instruments, step: int, rows: np.ndarray = ALL) -> np.ndarray:
+def read(of: SensorModels, step: int, rows: np.ndarray = ALL) -> np.ndarray:
     """Return the sensor readings of those robots, (k, 34)."""
     clock = np.full(len(rows), step)
     return np.concatenate([of.channels[name].value(clock, rows) for name in WIDTHS], axis=1)
@@ -55,7 +55,7 @@ def test_each_sensor_is_sampled_and_seen_by_its_own_rate_and_delay() -> None:
     timing = {"gyro": (2, 2), "accelerometer": (2, 2), "joint_position": (4, 1), "foot_contact": (1, 3)}
     timing["joint_torque"] = (5, 6)
     of, _ = instruments(suite)
-    assert of.aligned == 3  # of motion and contact; a torque may be later
+    assert of.alignment_delay == 3  # of motion and contact; a torque may be later
     for step in range(40):
         of.read(measured(numbered(step)), np.full(4, step), ALL)
         shown = measured(read(of, step))
@@ -84,7 +84,7 @@ def test_each_entry_has_its_own_bias_and_noise_of_its_robot_s_stream(randomised:
     moving = np.array([1, 3])
     bias, noise = np.zeros((4, SIZE)), np.zeros((4, BLOCK, SIZE))
     for row, seed in enumerate((1, 2, 3, 4)):
-        stream = Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01).streams.sensors
+        stream = EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, 0.01).streams.sensors
         bias[row] = BIAS * stream.standard_normal(SIZE)
         noise[row] = NOISE * stream.standard_normal((BLOCK, SIZE), dtype=np.float32)
         if randomised:
@@ -128,38 +128,38 @@ def test_readings_saturate_at_each_sensor_s_range_and_angles_come_in_steps() -> 
 
 def test_a_sample_is_new_in_the_step_in_which_it_is_first_seen() -> None:
     """Of every fourth control step, asked for as it was two steps ago: first at 2, then at 6 and 10."""
-    channel, clock = Channel(1, 1, 25.0, 0.0, 100.0, oldest=2), np.arange(12)
-    assert np.flatnonzero(channel.fresh(clock, 2)).tolist() == [2, 6, 10]
-    assert np.flatnonzero(channel.fresh(clock, 0)).tolist() == [0, 4, 8]
+    channel, clock = Channel(1, 1, 25.0, 0.0, 100.0, max_delay_steps=2), np.arange(12)
+    assert np.flatnonzero(channel.is_new(clock, 2)).tolist() == [2, 6, 10]
+    assert np.flatnonzero(channel.is_new(clock, 0)).tolist() == [0, 4, 8]
 
 
 def test_a_sample_of_longer_ago_than_the_delay_can_be_asked_for() -> None:
-    channel, row = Channel(1, 1, 50.0, 0.01, 100.0, oldest=5), np.zeros(1, np.intp)
+    channel, row = Channel(1, 1, 50.0, 0.01, 100.0, max_delay_steps=5), np.zeros(1, np.intp)
     for step in range(12):
         clock = np.array([step])
-        channel.take(np.array([[float(step)]]), clock, row)
+        channel.record(np.array([[float(step)]]), clock, row)
         for late in (None, 0, 1, 3, 5):
             number = max((step - (1 if late is None else late)) // 2, 0)
             assert channel.value(clock, row, late) == 2 * number
-            assert channel.before(clock, row, late) == 2 * max(number - 1, 0)
+            assert channel.previous(clock, row, late) == 2 * max(number - 1, 0)
 
 
 def test_samples_are_taken_of_those_robots_alone_for_which_one_is_due() -> None:
     """Every fourth control step of each robot's own clock: 3, 4 and 8."""
     channel, rows = Channel(4, 1, 25.0, 0.0, 100.0), np.array([3, 0, 2])
-    channel.take(np.array([[1.0], [2.0], [3.0]]), np.zeros(3, np.int64), rows)
-    channel.take(np.array([[4.0], [5.0], [6.0]]), np.array([3, 4, 8]), rows)
+    channel.record(np.array([[1.0], [2.0], [3.0]]), np.zeros(3, np.int64), rows)
+    channel.record(np.array([[4.0], [5.0], [6.0]]), np.array([3, 4, 8]), rows)
     assert channel.value(np.array([3, 4, 8]), rows)[:, 0].tolist() == [1.0, 5.0, 6.0]
 
 
 def test_noise_of_a_robot_that_begins_again_is_of_its_new_stream_from_the_first_step_on() -> None:
     noise, deviation, both = Noise(2, np.ones(3, np.float32)), np.ones(3), np.arange(2)
     for robot in both:
-        noise.begin(robot, np.random.default_rng(robot))
+        noise.reset(robot, np.random.default_rng(robot))
     first = [np.random.default_rng(robot).standard_normal((BLOCK, 3), dtype=np.float32) for robot in (0, 1, 9)]
     for step in range(4):
         np.testing.assert_allclose(noise.at(np.full(2, step), both), deviation * [first[0][step], first[1][step]])
-    noise.begin(1, np.random.default_rng(9))
+    noise.reset(1, np.random.default_rng(9))
     for step in range(3):
         found = noise.at(np.array([4 + step, step]), both)
         np.testing.assert_allclose(found, [first[0][4 + step], first[2][step]])

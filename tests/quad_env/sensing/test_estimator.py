@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.sensing.estimator import TILT_TIME, VELOCITY_TIME, ComplementaryFilter, Read, leg_velocity
+from quad_env.sensing.estimator import TILT_TIME, VELOCITY_TIME, ComplementaryFilter, AlignedReadings, leg_odometry_velocity
 
 DT, ROW = 0.01, np.zeros(1, np.intp)
 DOWN, STILL = np.array([[0.0, 0.0, -1.0]]), np.zeros((1, 3))
@@ -12,10 +12,10 @@ ALL, NONE = np.ones((1, 4), bool), np.zeros((1, 4), bool)
 REST = np.array([[0.0, 0.0, 9.81]])
 
 
-def read(gyro=STILL, force=REST, joints=SIMPLE_QUAD.home_pose, before=None, standing=ALL) -> Read:
+def read(gyro=STILL, force=REST, joints=SIMPLE_QUAD.home_pose, before=None, standing=ALL) -> AlignedReadings:
     joints = np.reshape(joints, (1, 12))
     before = joints if before is None else before.reshape(1, 12)
-    return Read(np.array(gyro), np.array(force), joints, before, standing, standing, np.ones(1, bool))
+    return AlignedReadings(np.array(gyro), np.array(force), joints, before, standing, standing, np.ones(1, bool))
 
 
 def estimator(at_rest=REST, gyro=STILL) -> ComplementaryFilter:
@@ -31,7 +31,7 @@ def moving(thigh: float, calf: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def by_legs(joints: np.ndarray, before: np.ndarray, turning=STILL, standing=ALL) -> np.ndarray:
-    velocity, known = leg_velocity(
+    velocity, known = leg_odometry_velocity(
         SIMPLE_QUAD, read(joints=joints, before=before, standing=standing), np.array(turning), DOWN, DT
     )
     assert known.all()
@@ -76,12 +76,12 @@ def test_a_hip_that_turns_moves_the_trunk_sideways_over_the_foot() -> None:
 
 
 def test_without_a_standing_foot_nothing_is_known_and_the_accelerometer_goes_on() -> None:
-    velocity, known = leg_velocity(SIMPLE_QUAD, read(standing=NONE), STILL, DOWN, DT)
+    velocity, known = leg_odometry_velocity(SIMPLE_QUAD, read(standing=NONE), STILL, DOWN, DT)
     assert not known.any()
     assert (velocity == 0).all()
     flying = estimator()
     for _ in range(10):
-        flying.move_on(read(force=[[1.0, 0.0, 9.81]], standing=NONE), ROW)
+        flying.update(read(force=[[1.0, 0.0, 9.81]], standing=NONE), ROW)
     np.testing.assert_allclose(flying.velocity, [[0.1, 0.0, 0.0]], atol=3e-3)
 
 
@@ -89,7 +89,7 @@ def test_standing_feet_take_a_wrong_velocity_away_in_the_stated_time() -> None:
     standing = estimator()
     standing.velocity[:] = (0.4, -0.2, 0.1)
     for _ in range(round(VELOCITY_TIME / DT)):
-        standing.move_on(read(), ROW)
+        standing.update(read(), ROW)
     share = (1 - DT / VELOCITY_TIME) ** round(VELOCITY_TIME / DT)
     np.testing.assert_allclose(standing.velocity[0], share * np.array((0.4, -0.2, 0.1)), atol=2e-3)
 
@@ -102,7 +102,7 @@ def test_the_gyroscope_turns_gravity_the_other_way(axis: int, expected: tuple[fl
     turn = np.eye(3)[[axis]]
     turning = estimator(gyro=turn)
     for _ in range(50):
-        turning.move_on(read(gyro=turn, force=-9.81 * turning.gravity, standing=NONE), ROW)
+        turning.update(read(gyro=turn, force=-9.81 * turning.gravity, standing=NONE), ROW)
         turning.velocity[:] = 0.0
     np.testing.assert_allclose(turning.gravity[0], expected, atol=6e-3)
 
@@ -111,7 +111,7 @@ def test_the_accelerometer_takes_a_wrong_tilt_away_in_the_stated_time() -> None:
     tilted = estimator(at_rest=np.array([[0.1, 0.0, 9.81]]))
     before = tilted.gravity[0, 0]
     for _ in range(round(TILT_TIME / DT)):
-        tilted.move_on(read(), ROW)
+        tilted.update(read(), ROW)
     assert tilted.gravity[0, 0] / before == pytest.approx(np.exp(-1), abs=0.02)
 
 
@@ -120,7 +120,7 @@ def test_a_circle_walked_at_constant_speed_is_no_tilt() -> None:
     circling = estimator(gyro=[[0.0, 0.0, 1.0]])
     circling.velocity[:] = (1.0, 0.0, 0.0)
     for _ in range(300):
-        circling.move_on(read(gyro=[[0.0, 0.0, 1.0]], force=[[0.0, 1.0, 9.81]], standing=NONE), ROW)
+        circling.update(read(gyro=[[0.0, 0.0, 1.0]], force=[[0.0, 1.0, 9.81]], standing=NONE), ROW)
     np.testing.assert_allclose(circling.gravity, DOWN, atol=0.01)
     np.testing.assert_allclose(circling.velocity, [[1.0, 0.0, 0.0]], atol=0.03)
 
@@ -129,14 +129,14 @@ def test_a_turn_is_the_mean_of_two_samples_of_the_gyroscope() -> None:
     """From rest at 1 rad/s: by 5 mrad in the first 10 ms, and by 10 in each further one."""
     turning = estimator()
     for angle in (0.005, 0.015, 0.025):
-        turning.move_on(read(gyro=[[1.0, 0.0, 0.0]], force=-9.81 * turning.gravity, standing=NONE), ROW)
+        turning.update(read(gyro=[[1.0, 0.0, 0.0]], force=-9.81 * turning.gravity, standing=NONE), ROW)
         turning.velocity[:] = 0.0
         np.testing.assert_allclose(turning.gravity[0], [0.0, -np.sin(angle), -np.cos(angle)], atol=2e-4)
 
 
-def both(one: Read, other: Read) -> Read:
+def both(one: AlignedReadings, other: AlignedReadings) -> AlignedReadings:
     """Readings of two robots."""
-    return Read._make(np.concatenate(pair) for pair in zip(one, other, strict=True))
+    return AlignedReadings._make(np.concatenate(pair) for pair in zip(one, other, strict=True))
 
 
 def test_each_robot_is_estimated_by_its_own_readings_and_begins_by_itself() -> None:
@@ -148,8 +148,8 @@ def test_each_robot_is_estimated_by_its_own_readings_and_begins_by_itself() -> N
     alone = estimator()
     alone.velocity[0] = 0.4, 0.0, 0.0
     for _ in range(10):
-        two.move_on(both(read(), flying), rows)
-        alone.move_on(read(), ROW)
+        two.update(both(read(), flying), rows)
+        alone.update(read(), ROW)
     np.testing.assert_array_equal(two.velocity[0], alone.velocity[0])
     np.testing.assert_array_equal(two.gravity[0], alone.gravity[0])
     assert np.hypot(*two.velocity[1, :2]) == pytest.approx(0.1, abs=0.01)
@@ -159,5 +159,5 @@ def test_each_robot_is_estimated_by_its_own_readings_and_begins_by_itself() -> N
     np.testing.assert_allclose(two.gravity[1], -np.array([0.0, 3.0, 9.0]) / np.hypot(3.0, 9.0))
     turned = read(gyro=[[1.0, 0.0, 0.0]], force=-9.81 * two.gravity[1:], standing=NONE)
     before = two.gravity[1].copy()
-    two.move_on(turned, rows[1:])
+    two.update(turned, rows[1:])
     assert np.arccos(before @ two.gravity[1]) == pytest.approx(0.005, abs=2e-4)  # from rest: not from its turn before

@@ -11,8 +11,8 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.kinematics import foot_jacobians, foot_positions
 from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT
 from quad_env.sensing import error_state
-from quad_env.sensing.error_state import FEET, BodyMotion, Samples, rotation
-from quad_env.sensing.estimator import Read, unit
+from quad_env.sensing.error_state import FEET, NominalState, StepMeasurements, exp_so3
+from quad_env.sensing.estimator import AlignedReadings, unit
 from quad_env.sensing.estimators import ESTIMATORS, KALMAN
 from quad_env.sensing.kalman import KalmanFilter
 from quad_env.sensing.suite import Encoders, Imu, SensorSuite
@@ -23,19 +23,19 @@ AHEAD = {"command": (0.8, 0.0, 0.3)}
 GRAVITY_SEEN, VELOCITY_SEEN = OBSERVATION["projected_gravity"], OBSERVATION["linear_velocity"]
 
 
-def motion(random: np.random.Generator) -> BodyMotion:
+def motion(random: np.random.Generator) -> NominalState:
     gravity = unit(np.array([[0.2, -0.3, -1.0]]))
     feet = ROBOT.hip_positions + foot_positions(ROBOT, ROBOT.home_pose.reshape(1, 4, 3))
-    return BodyMotion(gravity, *(0.5 * random.normal(size=(3, 1, 3))), feet)
+    return NominalState(gravity, *(0.5 * random.normal(size=(3, 1, 3))), feet)
 
 
-def samples(random: np.random.Generator) -> Samples:
+def samples(random: np.random.Generator) -> StepMeasurements:
     joints = ROBOT.home_pose.reshape(1, 4, 3)
     later = joints + 0.05 * random.normal(size=joints.shape)
-    return Samples(random.normal(size=(1, 3)), GRAVITY * np.array([[0.1, 0.2, 1.0]]), joints, later)
+    return StepMeasurements(random.normal(size=(1, 3)), GRAVITY * np.array([[0.1, 0.2, 1.0]]), joints, later)
 
 
-def error_between(truth: BodyMotion, estimate: BodyMotion) -> np.ndarray:
+def error_between(truth: NominalState, estimate: NominalState) -> np.ndarray:
     """The small error for which `corrected` leads from the estimate to the truth."""
     tilt = np.cross(estimate.gravity, truth.gravity)
     feet = (truth.feet - estimate.feet).reshape(1, -1)
@@ -45,16 +45,16 @@ def error_between(truth: BodyMotion, estimate: BodyMotion) -> np.ndarray:
 def test_the_transition_is_the_derivative_of_the_prediction() -> None:
     random = np.random.default_rng(0)
     start, seen = motion(random), samples(random)
-    to = error_state.turned(start, seen, DT)
-    found = error_state.transition(ROBOT, start, seen, to, DT)[0]
-    after = error_state.predicted(ROBOT, start, to, DT)
-    for entry in range(error_state.size(ROBOT)):
-        error = np.zeros((1, error_state.size(ROBOT)))
+    to = error_state.rotate_state(start, seen, DT)
+    found = error_state.error_transition_matrix(ROBOT, start, seen, to, DT)[0]
+    after = error_state.predict(ROBOT, start, to, DT)
+    for entry in range(error_state.error_dim(ROBOT)):
+        error = np.zeros((1, error_state.error_dim(ROBOT)))
         error[0, entry] = SMALL
         if entry < 3:  # a turn about gravity itself is no error of it
             error[0, :3] -= start.gravity[0] * (start.gravity[0] @ error[0, :3])
-        off = error_state.corrected(start, error)
-        moved = error_state.predicted(ROBOT, off, error_state.turned(off, seen, DT), DT)
+        off = error_state.inject_error(start, error)
+        moved = error_state.predict(ROBOT, off, error_state.rotate_state(off, seen, DT), DT)
         expected = found @ error[0]
         expected[:3] -= after.gravity[0] * (after.gravity[0] @ expected[:3])
         np.testing.assert_allclose(error_between(moved, after) / SMALL, expected / SMALL, atol=3e-5)
@@ -72,7 +72,7 @@ def test_the_jacobians_of_the_feet_are_derivatives() -> None:
 def test_a_turn_takes_the_world_the_other_way() -> None:
     """A trunk that has rolled to its right by Exp(-ω dt) sees gravity on its right, where y is left."""
     roll = np.array([[0.5, 0.0, 0.0]])
-    gravity = error_state.times(rotation(-roll), np.array([[0.0, 0.0, -1.0]]))
+    gravity = error_state.matvec(exp_so3(-roll), np.array([[0.0, 0.0, -1.0]]))
     np.testing.assert_allclose(gravity, [[0.0, -np.sin(0.5), -np.cos(0.5)]], atol=1e-12)
 
 
@@ -149,18 +149,18 @@ def test_a_reset_forgets_one_robot_alone() -> None:
     assert not filter_.velocity[0].any()
 
 
-def read(gyro: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Read:
+def read(gyro: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> AlignedReadings:
     """Of one robot in the home pose, level, on all feet, whose gyroscope shows that, rad/s."""
     feet, joints = np.ones((1, 4), np.bool_), ROBOT.home_pose[None]
     force = np.array([[0.0, 0.0, GRAVITY]])
-    return Read(np.array([gyro]), force, joints, joints, feet, feet, np.ones(1, np.bool_))
+    return AlignedReadings(np.array([gyro]), force, joints, joints, feet, feet, np.ones(1, np.bool_))
 
 
 def after_one_sample(suite: SensorSuite, late: int = 0, gyro: tuple[float, float, float] = (0.0, 0.0, 0.0)):
     """A filter that has begun with a robot that stands and has seen one sample."""
     filter_, robot = KalmanFilter(ROBOT, suite, 1, DT, late), np.arange(1)
-    filter_.begin(robot, read().accelerometer, read(gyro))
-    filter_.move_on(read(gyro), robot)
+    filter_.reset(robot, read().accelerometer, read(gyro))
+    filter_.update(read(gyro), robot)
     return filter_
 
 
@@ -182,11 +182,11 @@ def test_the_trunk_turns_on_as_it_does_over_the_delay_of_the_readings(axis: int,
 def test_feet_that_swing_fast_do_not_pull_the_velocity() -> None:
     """Two legs swing back at 4 m/s for 0.1 s in free fall, as after a push; along the ground the trunk has no speed."""
     filter_, robot = KalmanFilter(ROBOT, SensorSuite(), 1, DT, 0), np.arange(1)
-    filter_.begin(robot, read().accelerometer, read())
+    filter_.reset(robot, read().accelerometer, read())
     lifted = read()._replace(accelerometer=np.zeros((1, 3)), contact=np.zeros((1, 4), np.bool_))
     for sample in range(10):
         swung = np.outer((1, 0, 0, 1), (0.0, 0.1, 0.0)).ravel() * sample
-        filter_.move_on(lifted._replace(joints=lifted.joints + swung), robot)
+        filter_.update(lifted._replace(joints=lifted.joints + swung), robot)
     assert np.abs(filter_.velocity[0, :2]).max() < 0.05
 
 
@@ -194,11 +194,11 @@ def test_resting_feet_that_are_taken_for_swinging_correct_a_wrong_velocity() -> 
     """1 m/s, believed within 3 mm/s, of a robot that stands: the feet's sensors raise the doubt in 0.4 s."""
     filter_, robot = after_one_sample(SensorSuite()), np.arange(1)
     for _ in range(20):
-        filter_.move_on(read(), robot)
+        filter_.update(read(), robot)
     filter_.motion.velocity[:], filter_.standing[:], filter_._read[:] = (1.0, 0.0, 0.0), 0.0, 0.0
     assert np.sqrt(filter_.covariance[0, 3, 3]) < 0.01
     for _ in range(40):
-        filter_.move_on(read(), robot)
+        filter_.update(read(), robot)
     assert np.abs(filter_.velocity).max() < 0.05
 
 
@@ -224,7 +224,7 @@ def moved_on(filter_: KalmanFilter, times: int = 1, *, fresh: bool = True, **fie
     """So many control steps with these readings, the others as of a robot at rest."""
     now = read()._replace(fresh=np.array([fresh]), **fields)
     for _ in range(times):
-        filter_.move_on(now, np.arange(1))
+        filter_.update(now, np.arange(1))
 
 
 IN_THE_AIR = {"contact": np.zeros((1, 4), np.bool_), "standing": np.zeros((1, 4), np.bool_)}
@@ -232,7 +232,7 @@ IN_THE_AIR = {"contact": np.zeros((1, 4), np.bool_), "standing": np.zeros((1, 4)
 
 def begun(late: int = 0) -> KalmanFilter:
     filter_ = KalmanFilter(ROBOT, SensorSuite(), 1, DT, late)
-    filter_.begin(np.arange(1), read().accelerometer, read())
+    filter_.reset(np.arange(1), read().accelerometer, read())
     return filter_
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from quad_env.columns import of_robots
+from quad_env.columns import to_components
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.state import QuadState
@@ -84,7 +84,7 @@ def test_an_environment_shows_the_targets_of_the_step_that_it_has_made(make: Any
 def test_one_robot_and_a_batch_have_the_same_bits() -> None:
     rows = {name: np.asarray(value) for name, value in state_of()._asdict().items() if value is not None}
     both = {
-        name: of_robots(np.stack((value, value))) if value.ndim == 1 else np.stack((value, value))
+        name: to_components(np.stack((value, value))) if value.ndim == 1 else np.stack((value, value))
         for name, value in rows.items()
         if name not in ("rotation", "standing_height")
     }

@@ -6,7 +6,7 @@ import pytest
 
 import policies
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.physics.energy import OF_JOINTS
+from quad_env.physics.energy import JOINT_READINGS
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import Scenario
@@ -28,7 +28,7 @@ WIDTHS = {
     "leg_contact": (),
     "trunk_contact": (),
     "push": (2,),
-    **dict.fromkeys(OF_JOINTS, (12,)),
+    **dict.fromkeys(JOINT_READINGS, (12,)),
     "foot_impulse": (4,),
 }
 

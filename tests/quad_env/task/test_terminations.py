@@ -10,7 +10,7 @@ from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState, rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import Scenario
-from quad_env.task.terminations import fall_code
+from quad_env.task.terminations import fall_reason_code
 
 TILT, HEIGHT = FALL_REASONS.index("tilt"), FALL_REASONS.index("height")
 
@@ -30,25 +30,25 @@ def tilted(state: QuadState[float], degrees: float, axis: int) -> QuadState[floa
 
 
 def test_a_standing_robot_has_not_fallen(standing: QuadState) -> None:
-    assert fall_code(standing, FallRule(), 0.12) == 0
-    assert fall_code(tilted(standing, 179.0, 2), FallRule(), 0.12) == 0  # yaw is no tilt
+    assert fall_reason_code(standing, FallRule(), 0.12) == 0
+    assert fall_reason_code(tilted(standing, 179.0, 2), FallRule(), 0.12) == 0  # yaw is no tilt
 
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_tilt_counts_from_70_degrees_in_roll_and_pitch_alike(standing: QuadState, axis: int) -> None:
-    assert fall_code(tilted(standing, 69.9, axis), FallRule(), 0.12) == 0
-    assert fall_code(tilted(standing, 70.1, axis), FallRule(), 0.12) == TILT
+    assert fall_reason_code(tilted(standing, 69.9, axis), FallRule(), 0.12) == 0
+    assert fall_reason_code(tilted(standing, 70.1, axis), FallRule(), 0.12) == TILT
 
 
 def test_height_counts_below_12_cm_above_the_terrain(standing: QuadState) -> None:
-    assert fall_code(standing._replace(height=0.121), FallRule(), 0.12) == 0
-    assert fall_code(standing._replace(height=0.119), FallRule(), 0.12) == HEIGHT
+    assert fall_reason_code(standing._replace(height=0.121), FallRule(), 0.12) == 0
+    assert fall_reason_code(standing._replace(height=0.119), FallRule(), 0.12) == HEIGHT
 
 
 def test_of_two_reasons_the_first_counts_for_one_robot_and_in_a_batch(standing: QuadState[float]) -> None:
     low, tilted_and_low = standing._replace(height=0.1), tilted(standing, 80.0, 0)._replace(height=0.1)
     states = (standing, low, tilted_and_low, tilted_and_low._replace(trunk_contact=True))
-    codes = [fall_code(state, FallRule(), 0.12) for state in states]
+    codes = [fall_reason_code(state, FallRule(), 0.12) for state in states]
     assert [FALL_REASONS[code] for code in codes] == ["none", "height", "tilt", "trunk_contact"]
     batch = QuadState(*(np.moveaxis(np.array(readings), 0, -1) for readings in zip(*states, strict=True)))
-    assert fall_code(batch, FallRule(), 0.12).tolist() == codes
+    assert fall_reason_code(batch, FallRule(), 0.12).tolist() == codes
