@@ -24,7 +24,7 @@ from evaluate.records.provenance import REPOSITORY, git_revision
 from evaluate.rollouts.hardware import IDEAL
 from policies import bundle
 from policies.network import Network
-from policies.parameters import limits_of, number
+from policies.parameters import limits_of, parameter
 from policies.residual import ResidualPolicy
 from quad_env.cli.command_line import check_numbers, parse
 from quad_env.cli.program import exit_code
@@ -53,17 +53,17 @@ Report = Callable[[int, float], None]
 class Options:
     """What is trained."""
 
-    steps: int = number(300_000, limits=(1, 10**12))
+    steps: int = parameter(300_000, limits=(1, 10**12))
     """Steps of all robots together, rounded up to whole rollouts."""
     base: BaseName = "trot"
     """Base policy that the correction is added to."""
-    seed: int = number(0, limits=(0, 2**32 - 1))
+    seed: int = parameter(0, limits=(0, 2**32 - 1))
     """Seed of networks, noise and episodes."""
     out: Path = Path("runs/residual-ppo")
     """Folder that gets the bundle; one that is there is replaced."""
-    envs: int = number(256, limits=(1, 65_536))
+    envs: int = parameter(256, limits=(1, 65_536))
     """Robots side by side."""
-    threads: int = number(2, limits=(1, 256))
+    threads: int = parameter(2, limits=(1, 256))
     """Threads of the simulation."""
 
 

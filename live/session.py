@@ -104,7 +104,7 @@ class Session:
         self.env.close()
 
     def _check(self, policy: Policy) -> None:
-        policy.check_fits(self.env.robot, self.env.dt)
+        policy.check_compatible(self.env.robot, self.env.dt)
         if policy.height_scan != self.policy.height_scan:
             raise PolicyError(f"{policy.name} needs other ground heights than {self.policy.name}")
 

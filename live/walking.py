@@ -12,10 +12,10 @@ from evaluate.rollouts import diagnosis
 from evaluate.rollouts.hardware import Hardware
 from evaluate.rollouts.walking_test import Walk
 from evaluate.rollouts.walking_test import walks as walks_of
-from policies import Foreign, PolicyError
+from policies import ExternalPolicy, PolicyError
 from policies.base import CONTROL_PERIOD, Policy
 from policies.foreign.described import with_gains
-from policies.foreign.description import PolicyDescription, Term
+from policies.foreign.description import PolicySpec, Term
 from policies.foreign.mistakes import order_of
 from quad_env.doctor.causes import self_contacts
 from quad_env.doctor.check import Finding, Subject, ok, problem
@@ -126,7 +126,7 @@ def walking(subject: Subject) -> Finding:
     return _finding(subject, tuple(way for way in diagnosis.COMMANDS if way != diagnosis.STAND))
 
 
-def understood(described: PolicyDescription, robot: Robot) -> Iterator[str]:
+def understood(described: PolicySpec, robot: Robot) -> Iterator[str]:
     """What a description says, in lines."""
     yield f"rate    {described.control_rate:g} Hz"
     yield f"joints  {order_of(described.joints, robot)}: {' '.join(described.joints)}"
@@ -162,11 +162,11 @@ def _finding(subject: Subject, ways: tuple[str, ...]) -> Finding:
 
 
 @lru_cache(maxsize=1)
-def _loaded(subject: Subject) -> Foreign:
+def _loaded(subject: Subject) -> ExternalPolicy:
     """The policy. Raises PolicyError."""
     assert subject.policy is not None
     reference = subject.policy.removeprefix(policies.SAFE)
-    return Foreign(reference, robot=subject.robot, control_period=CONTROL_PERIOD, trust=subject.trust)
+    return ExternalPolicy(reference, robot=subject.robot, control_period=CONTROL_PERIOD, trust=subject.trust)
 
 
 @lru_cache(maxsize=1)

@@ -16,12 +16,12 @@ from policies import shipped
 from policies.base import CONTROL_PERIOD, Policy, PolicyError
 from policies.behaviour import Behaviour
 from policies.bundle import DESCRIPTION, load
-from policies.foreign import Foreign, is_reference, unsupported
+from policies.foreign import ExternalPolicy, is_reference, unsupported
 from policies.mpc.parameters import OTHER_GAITS
 from policies.mpc.policy import MpcWbc
 from policies.poses import Stand
 from policies.residual import ResidualPolicy
-from policies.residual_bases import BASES, made
+from policies.residual_bases import BASES, make_base
 from policies.safety import Safe, SafetyLimits
 from policies.summaries import SUMMARIES
 from policies.trot.open_loop import Trot
@@ -50,7 +50,7 @@ def _shipped(name: str, *, robot: Robot, control_period: float, late: int, actua
 def _loaded(folder: str | Path, robot: Robot, control_period: float, late: int, actuator: Actuator) -> Policy:
     """The policy of a bundle, which was trained for one robot and one control period."""
     policy = load(folder, robot, late=late, actuator=actuator)
-    if misfit := policy.misfit(robot, control_period):
+    if misfit := policy.mismatch(robot, control_period):
         raise PolicyError(f"the policy in {folder} was {misfit}", "take another policy")
     return policy
 
@@ -62,13 +62,13 @@ def is_missing(name: str, robot: Robot) -> bool:
 
 _OTHER_GAITS = {f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in OTHER_GAITS}
 _MAKERS: dict[str, Callable[..., Policy]] = {
-    **{name: partial(made, base) for name, base in BASES.items()},
+    **{name: partial(make_base, base) for name, base in BASES.items()},
     "behaviour": Behaviour,
     **_OTHER_GAITS,
     **{name: partial(_shipped, name) for name in TRAINED},
 }
 """What makes a policy for a `robot` and a `control_period`, s, by its name."""
-_PREDICTING = (*(name for name, base in BASES.items() if base.predicts), *_OTHER_GAITS, *TRAINED)
+_PREDICTING = (*(name for name, base in BASES.items() if base.is_model_based), *_OTHER_GAITS, *TRAINED)
 """Those that are given by how many control steps the observed joints are `late`, and the actuator."""
 
 SAFE = "safe:"
@@ -131,7 +131,7 @@ def resolve(
         )
         return Safe(policy, SafetyLimits.of(robot, actuator))
     if is_reference(text):
-        return Foreign(text, robot=robot, control_period=control_period, trust=trust)
+        return ExternalPolicy(text, robot=robot, control_period=control_period, trust=trust)
     suite = sensor_suite(sensors)
     late = 0 if suite is None else delay_to_steps(suite.encoders.delay, 1.0 / control_period)
     if text in _MAKERS:
@@ -152,7 +152,7 @@ def resolve(
 __all__ = [
     "TRAINED",
     "Behaviour",
-    "Foreign",
+    "ExternalPolicy",
     "Policy",
     "PolicyError",
     "ResidualPolicy",

@@ -11,10 +11,10 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import Actions, GaitedPolicy, MadeFor, flat_joints, to_actions
+from policies.base import Actions, GaitedPolicy, PolicyKwargs, flat_joints, to_actions
 from policies.gait_cycle import TROT_OFFSETS, Floats, leg_phases
 from policies.legs.kinematics import joint_angles, shortest_leg
-from policies.parameters import Parameters, number
+from policies.parameters import Parameters, parameter
 from quad_env.robots.robot import Robot
 
 
@@ -22,15 +22,15 @@ from quad_env.robots.robot import Robot
 class PrintedGait(Parameters):
     """The document's gait parameters, with the values it prints."""
 
-    frequency: float = number(2.0, limits=(0.1, 50.0))
+    frequency: float = parameter(2.0, limits=(0.1, 50.0))
     """Steps of one leg a second, Hz."""
-    step_height: float = number(0.15, limits=(-1.0, 1.0))
+    step_height: float = parameter(0.15, limits=(-1.0, 1.0))
     """Lift of the foot at mid-swing, m."""
-    step_length: float = number(0.1, limits=(-1.0, 1.0))
+    step_length: float = parameter(0.1, limits=(-1.0, 1.0))
     """Length of a stride, m."""
-    body_height: float = number(0.25, limits=(-1.0, 1.0))
+    body_height: float = parameter(0.25, limits=(-1.0, 1.0))
     """Hip joint above the standing foot, m."""
-    foot_line: float = number(0.15, limits=(-1.0, 1.0))
+    foot_line: float = parameter(0.15, limits=(-1.0, 1.0))
     """Lateral distance of the foot from the hip joint, outboard, m."""
 
     def feet(self, robot: Robot, phase: ArrayLike, stance_start: float) -> Floats:
@@ -67,7 +67,7 @@ class Document(GaitedPolicy):
 
     name = "document"
 
-    def __init__(self, parameters: PrintedGait | None = None, **made_for: Unpack[MadeFor]) -> None:
+    def __init__(self, parameters: PrintedGait | None = None, **made_for: Unpack[PolicyKwargs]) -> None:
         super().__init__(**made_for)
         self.parameters = parameters or PrintedGait()
         self.frequency = self.parameters.frequency

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.gait_cycle import Floats as Floats
 from policies.gait_cycle import advance, smoothstep
-from policies.memory import begin, begin_again, per_robot, take_over
+from policies.memory import allocate, reset_rows, per_robot, take_over
 from quad_env.cli.command_line import UserError
 from quad_env.config import TaskConfig
 from quad_env.robots.named import get_robot
@@ -32,7 +32,7 @@ class PolicyError(UserError, ValueError):
         self.fault, self.remedy = fault, remedy
 
 
-class MadeFor(TypedDict, total=False):
+class PolicyKwargs(TypedDict, total=False):
     """Arguments that all policies share; see `Policy`."""
 
     robot: str | Robot
@@ -63,19 +63,19 @@ class Policy(ABC):
         self.control_period = control_period
         self.num_envs = 1
 
-    def misfit(self, robot: Robot, control_period: float) -> str:
+    def mismatch(self, robot: Robot, control_period: float) -> str:
         """What else than that robot and that control period, s, it was made for, in words; empty if for these."""
         if self.robot == robot and math.isclose(self.control_period, control_period):
             return ""
         own = f"made for {self.robot.name} with a control period of {self.control_period:g} s"
         return f"{own}, not for {robot.name} with one of {control_period:g} s"
 
-    def check_fits(self, robot: Robot, control_period: float) -> None:
+    def check_compatible(self, robot: Robot, control_period: float) -> None:
         """Raise ValueError, which names the remedy, unless it was made for that robot, its servo gains and that control
         period, s."""
-        if misfit := self.misfit(robot, control_period):
+        if mismatch := self.mismatch(robot, control_period):
             raise ValueError(
-                f"{self.name} was {misfit}: make it for its environment, "
+                f"{self.name} was {mismatch}: make it for its environment, "
                 f'policies.make("{self.name}", robot=env.unwrapped.robot, control_period=env.unwrapped.dt)'
             )
         own, theirs = ((each.servo_stiffness, each.servo_damping) for each in (self.robot, robot))
@@ -94,12 +94,12 @@ class Policy(ABC):
 
     def reset_where(self, mask: ArrayLike) -> None:
         """Restart the robots where `mask`, shape (num_envs,) of bool, is true; the others go on."""
-        self._restart(chosen(np.asarray(mask), self.num_envs))
+        self._reset_rows(validate_mask(np.asarray(mask), self.num_envs))
 
-    def take_over(self, mask: Mask, other: "Policy") -> None:
+    def copy_state_from(self, mask: Mask, other: "Policy") -> None:
         """Go on where the mask, (n,), is true with the robots of another policy made alike, as many as these. For bases
         of a residual: a policy that holds other policies does not hand these over."""
-        take_over(self, chosen(mask, self.num_envs), other)
+        take_over(self, validate_mask(mask, self.num_envs), other)
 
     def act(self, observation: ArrayLike) -> Actions:
         """Joint targets in rad, float32, within the limits: (n, 12) for observations (n, k), (12,) for one (k,)."""
@@ -119,10 +119,10 @@ class Policy(ABC):
                 f"reset(num_envs=n) sets the number of robots, and {self.name} knows {scan}"
             )
         if not np.isfinite(rows).all():
-            rows = self._mended(rows)
+            rows = self._replace_nonfinite(rows)
         return rows, single
 
-    def _mended(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _replace_nonfinite(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
         """What a policy makes of observations (n, k) that are not finite; one that can do without does so here."""
         raise ValueError("observation must be finite")
 
@@ -132,11 +132,11 @@ class Policy(ABC):
 
     def _allocate(self, num_envs: int) -> None:
         """Make fresh state for `num_envs` robots: of the fields `per_robot`."""
-        begin(self, num_envs)
+        allocate(self, num_envs)
 
-    def _restart(self, mask: Mask) -> None:
+    def _reset_rows(self, mask: Mask) -> None:
         """Put the state of the masked robots back to its start."""
-        begin_again(self, mask)
+        reset_rows(self, mask)
 
 
 class GaitedPolicy(Policy):
@@ -171,7 +171,7 @@ class GaitedPolicy(Policy):
         return weight * targets + (1.0 - weight) * self.robot.home_pose
 
 
-def chosen(mask: ArrayLike | None, num_envs: int) -> Mask:
+def validate_mask(mask: ArrayLike | None, num_envs: int) -> Mask:
     """The mask of robots, (num_envs,) of bool, all of them for None; ValueError for another shape or type."""
     rows = np.ones(num_envs, np.bool_) if mask is None else np.asarray(mask)
     if rows.dtype != np.bool_ or rows.shape != (num_envs,):

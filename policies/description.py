@@ -20,7 +20,7 @@ from policies.base import CONTROL_PERIOD, PolicyError
 from policies.history import Inputs
 from policies.network import ACTIVATION, Network
 from policies.residual import ResidualPolicy
-from policies.residual_bases import describe, described
+from policies.residual_bases import describe, base_from_json
 from quad_env import ENV_ID
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.config import Bounds, Settings
@@ -145,7 +145,7 @@ def assembled(
     robot = _made_for(place, description, robot)
     authority = np.array(description.authority, dtype=np.float32)
     try:
-        base = described(description.base, robot, float(description.control_period), late, actuator)
+        base = base_from_json(description.base, robot, float(description.control_period), late, actuator)
         for name, here in _of_environment(robot, base.height_scan).items():
             if (there := getattr(description, name)) != here:
                 raise ValueError(f"{name} differs from that of this {ENV_ID} with {robot.name}: {there!r:.80}")

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.memory import Memory, per_robot
+from policies.memory import PerRobotState, per_robot
 from quad_env.config import Bounds, Settings
 
 Frames = NDArray[np.float32]
@@ -32,7 +32,7 @@ class Inputs(Settings):
         return len(self.lags) + len(self.averages)
 
 
-class History(Memory):
+class History(PerRobotState):
     """The past frames of n robots, each of so many numbers. A robot's first frame stands for all before it."""
 
     _past: Frames = per_robot(lambda history: np.zeros((history._longest + 1, history._size), np.float32), axis=1)
@@ -55,10 +55,10 @@ class History(Memory):
 
         Each history has its own index of the newest frame.
         """
-        super().take_over(mask, other)
+        super().copy_state_from(mask, other)
         self._past[:, mask] = np.roll(other._past, self._now - other._now, axis=0)
 
-    def see(self, frame: Frames) -> Frames:
+    def update(self, frame: Frames) -> Frames:
         """Take in a frame (n, k) and give what is remembered, (n, `width`): the lagged frames, then the averages."""
         if self._new.any():
             self._past[:, self._new] = self._averages[:, self._new] = frame[self._new]

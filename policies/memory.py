@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Field:
+class PerRobotArray:
     """An array of robots along an axis, each of which starts with a value, or with what a function of the object gives.
 
     Read before the first `reset` of its object, it has one robot.
@@ -27,49 +27,49 @@ class Field:
         owner.reset(1)
         return vars(owner)[self.name]
 
-    def of_one(self, owner: Any) -> NDArray[Any]:
+    def initial_value(self, owner: Any) -> NDArray[Any]:
         """The array of one robot at its start."""
         return np.expand_dims(self._start(owner) if callable(self._start) else self._start, self.axis)
 
 
-_FIELDS = defaultdict[type, list[Field]](list)
+_FIELDS = defaultdict[type, list[PerRobotArray]](list)
 """By the class that has them."""
 
 
 def per_robot(start: Any, axis: int = 0) -> Any:
     """A field of a class that has `reset`, see `Field`; `start` gives the array's type and the rest of its shape."""
-    return Field(start, axis)
+    return PerRobotArray(start, axis)
 
 
-class Memory:
+class PerRobotState:
     """What has fields `per_robot`; its attributes that are such, and those in its dictionaries, begin with it."""
 
     def reset(self, num_envs: int) -> None:
         """Fresh memory of so many robots."""
-        begin(self, num_envs)
+        allocate(self, num_envs)
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
         """Fresh memory of the robots where the mask, (n,), is true."""
-        begin_again(self, mask)
+        reset_rows(self, mask)
 
-    def take_over(self, mask: NDArray[np.bool_], other: Any) -> None:
+    def copy_state_from(self, mask: NDArray[np.bool_], other: Any) -> None:
         """Go on where the mask, (n,), is true with the robots of another one of the same kind, as many as these."""
         take_over(self, mask, other)
 
 
-def begin(owner: Any, num_envs: int) -> None:
+def allocate(owner: Any, num_envs: int) -> None:
     """Fresh fields of an object for so many robots."""
     for field in _fields(owner):
-        setattr(owner, field.name, np.repeat(field.of_one(owner), num_envs, field.axis))
-    for part in _parts(owner):
+        setattr(owner, field.name, np.repeat(field.initial_value(owner), num_envs, field.axis))
+    for part in _children(owner):
         part.reset(num_envs)
 
 
-def begin_again(owner: Any, mask: NDArray[np.bool_]) -> None:
+def reset_rows(owner: Any, mask: NDArray[np.bool_]) -> None:
     """Fresh fields of an object for the robots where the mask, (n,), is true; arrays handed out stay what they were."""
     for field in _fields(owner):
-        _put(owner, field, mask, field.of_one(owner))
-    for part in _parts(owner):
+        _put(owner, field, mask, field.initial_value(owner))
+    for part in _children(owner):
         part.reset_where(mask)
 
 
@@ -77,34 +77,34 @@ def take_over(owner: Any, mask: NDArray[np.bool_], other: Any) -> None:
     """Put the fields of another object of the same kind where the mask, (n,), is true, as many robots as it has."""
     for field in _fields(owner):
         _put(owner, field, mask, getattr(other, field.name))
-    for part, theirs in zip(_parts(owner), _parts(other), strict=True):
-        part.take_over(mask, theirs)
+    for part, theirs in zip(_children(owner), _children(other), strict=True):
+        part.copy_state_from(mask, theirs)
 
 
-def _put(owner: Any, field: Field, mask: NDArray[np.bool_], values: NDArray[Any]) -> None:
+def _put(owner: Any, field: PerRobotArray, mask: NDArray[np.bool_], values: NDArray[Any]) -> None:
     now = getattr(owner, field.name).copy()
     now[(*[slice(None)] * field.axis, mask)] = values
     setattr(owner, field.name, now)
 
 
-def _fields(owner: Any) -> list[Field]:
+def _fields(owner: Any) -> list[PerRobotArray]:
     return [field for kind in reversed(type(owner).__mro__) for field in _FIELDS.get(kind, ())]
 
 
-def _parts(owner: Any) -> Iterator[Memory]:
+def _children(owner: Any) -> Iterator[PerRobotState]:
     for value in vars(owner).values():
         for each in value.values() if isinstance(value, dict) else (value,):
-            if isinstance(each, Memory):
+            if isinstance(each, PerRobotState):
                 yield each
 
 
-def taken_in(control_period: float, time_constant: float) -> float:
+def lowpass_gain(control_period: float, time_constant: float) -> float:
     """Share of a change that a first-order filter of that time constant takes in within a control period, both s."""
     return control_period / (control_period + time_constant)
 
 
-def at_first_a_mean(share: float | NDArray[np.float64], looks: NDArray[Any]) -> NDArray[np.float64]:
+def warm_start_gain(share: float | NDArray[np.float64], sample_count: NDArray[Any]) -> NDArray[np.float64]:
     """Share that such a filter takes in at its k-th look, counted in `looks`, where until there are many it is their
     mean: at least 1 / k."""
-    larger: NDArray[np.float64] = np.maximum(share, 1.0 / np.maximum(looks, 1))
+    larger: NDArray[np.float64] = np.maximum(share, 1.0 / np.maximum(sample_count, 1))
     return larger

@@ -23,7 +23,7 @@ P = TypeVar("P", bound="Parameters")
 T = TypeVar("T")
 
 
-def number(default: N, *, limits: Range, search: Range | None = None, unit: str = "") -> N:
+def parameter(default: N, *, limits: Range, search: Range | None = None, unit: str = "") -> N:
     """A field: its default, what it must lie within, bounds within which a search of it makes sense, and its unit where
     it is another number for a larger robot, one of `quad_env.robots.similarity`."""
     return field(default=default, metadata={"limits": limits, "search": search, "unit": unit})
@@ -53,15 +53,15 @@ class Parameters:
 class CommandMap(Parameters):
     """What to ask of a gait so that the robot achieves its command; see `policies.gait_cycle.mapped`."""
 
-    forward_gain: float = number(1.0, limits=(-100.0, 100.0))
+    forward_gain: float = parameter(1.0, limits=(-100.0, 100.0))
     """Gait's forward velocity per commanded."""
-    forward_bias: float = number(0.0, limits=(-100.0, 100.0), unit="m/s ahead")
+    forward_bias: float = parameter(0.0, limits=(-100.0, 100.0), unit="m/s ahead")
     """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
-    lateral_gain: float = number(1.0, limits=(-100.0, 100.0))
+    lateral_gain: float = parameter(1.0, limits=(-100.0, 100.0))
     """Gait's lateral velocity per commanded."""
-    yaw_gain: float = number(1.0, limits=(-100.0, 100.0))
+    yaw_gain: float = parameter(1.0, limits=(-100.0, 100.0))
     """Gait's yaw rate per commanded."""
-    yaw_per_lateral: float = number(0.0, limits=(-100.0, 100.0), unit="1/m ahead")
+    yaw_per_lateral: float = parameter(0.0, limits=(-100.0, 100.0), unit="1/m ahead")
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
 
 
@@ -129,7 +129,7 @@ class ParameterFile(Generic[P]):
         """Parameters from a file like it; PolicyError where it is missing or damaged, or does not name them all."""
         return read(path, lambda values: from_json(self.kind, values), self.search)
 
-    def in_force(self, robot: Robot = SIMPLE_QUAD) -> P:
+    def load_for_robot(self, robot: Robot = SIMPLE_QUAD) -> P:
         """The robot's parameters: those of a file of that name in its own folder, with gains of other servos first in
         `soft_servos` there, or without one SimpleQuad's by dynamic similarity. PolicyError for a damaged file."""
         own = folder_of(robot) / self.path.name

@@ -5,13 +5,13 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Floats, GaitedPolicy, Policy, within_limits
 from policies.history import History, Inputs
-from policies.memory import Memory, per_robot
+from policies.memory import PerRobotState, per_robot
 from policies.network import Network
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import UNSEEN, table_with
 from quad_env.task.observations import observation_table
 
-PRESENT = Inputs()
+NO_HISTORY = Inputs()
 """Those of a network that sees the present observation and its base alone."""
 
 
@@ -20,7 +20,7 @@ def authority_of(robot: Robot, hip: float = 0.6, joint: float = 1.0) -> Actions:
     return np.tile(np.array([hip, joint, joint], np.float32), len(robot.leg_names))
 
 
-class Features(Memory):
+class Features(PerRobotState):
     """What the network over a base sees of n robots, about unit size.
 
     The scaled observation, of a height scan how far the ground is above where it is in the home pose, zero where
@@ -32,7 +32,7 @@ class Features(Memory):
     ticks: Floats = per_robot(0.0)
     """Observations that each robot has been seen with since it began, (n,)."""
 
-    def __init__(self, base: Policy, inputs: Inputs = PRESENT) -> None:
+    def __init__(self, base: Policy, inputs: Inputs = NO_HISTORY) -> None:
         self.base, self.inputs = base, inputs
         self._table = table_with(base.robot, base.height_scan)
         self._own = observation_table(base.robot).size
@@ -43,7 +43,7 @@ class Features(Memory):
         self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
         """Numbers of a row."""
 
-    def see(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
+    def update(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
         """Features (n, `width`) of observations (n, k) that the base has just answered with its action, (n, 12)."""
         self.ticks += 1.0
         scaled = observation * self._table.scale
@@ -51,22 +51,22 @@ class Features(Memory):
         scaled[:, self._own :][observation[:, self._own :] <= UNSEEN] = 0.0
         seen = [scaled]
         if isinstance(self.base, GaitedPolicy):
-            seen += [_hands(self.base.phase), base_action - _home(self.base.robot)]
+            seen += [_phase_features(self.base.phase), base_action - _home(self.base.robot)]
         if self.inputs.clock:
-            seen += [_hands(2.0 * np.pi * self.inputs.clock * self.base.control_period * self.ticks)]
+            seen += [_phase_features(2.0 * np.pi * self.inputs.clock * self.base.control_period * self.ticks)]
         if self._history.width:
-            seen += [self._history.see(scaled[:, : self._own])]
+            seen += [self._history.update(scaled[:, : self._own])]
         return np.concatenate(seen, axis=-1) if len(seen) > 1 else scaled
 
 
-def compose(robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions) -> Actions:
+def apply_correction(robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions) -> Actions:
     """The base's action (n, 12) plus authority (12,), rad, times the correction in [-1, 1], within the joint limits,
     rad."""
     one = np.float32(1.0)
     return within_limits(robot, base_action + authority * np.clip(correction, -one, one))
 
 
-def _hands(phase: Floats) -> NDArray[np.float32]:
+def _phase_features(phase: Floats) -> NDArray[np.float32]:
     return np.stack([np.sin(phase), np.cos(phase)], axis=-1).astype(np.float32)
 
 
@@ -88,7 +88,7 @@ class ResidualPolicy(Policy):
         network: Network,
         authority: Actions | None = None,
         name: str = "residual",
-        inputs: Inputs = PRESENT,
+        inputs: Inputs = NO_HISTORY,
         hold: int = 1,
     ) -> None:
         robot = base.robot
@@ -119,13 +119,13 @@ class ResidualPolicy(Policy):
         self.base.reset(num_envs, seed)
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
-        super()._restart(mask)
+        super()._reset_rows(mask)
         self.base.reset_where(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self.base_action = self.base.act(observation)
-        seen = self.features.see(observation, self.base_action)
+        seen = self.features.update(observation, self.base_action)
         if (due := (self.features.ticks - 1.0) % self.hold == 0.0).any():
             corrected = np.clip(self.network(seen), np.float32(-1.0), np.float32(1.0))
             self.correction = np.where(due[:, None], corrected, self.correction)
-        return compose(self.robot, self.base_action, self.correction, self.authority)
+        return apply_correction(self.robot, self.base_action, self.correction, self.authority)

@@ -43,7 +43,7 @@ class Base(NamedTuple):
         return kind
 
     @property
-    def predicts(self) -> bool:
+    def is_model_based(self) -> bool:
         """Whether it is made with an `actuator` and by how many control steps the observed joints are `late`."""
         return issubclass(self.kind, ModelBased)
 
@@ -84,8 +84,8 @@ def describe(policy: Policy) -> dict[str, Any]:
     return {"name": policy.name, "parameters": parameters, "sha256": _digest(parameters), **scan}
 
 
-def described(
-    description: Any, robot: Robot, control_period: float, late: int = 0, actuator: Actuator = IDEAL
+def base_from_json(
+    description: Any, robot: Robot, control_period: float, joint_delay_steps: int = 0, actuator: Actuator = IDEAL
 ) -> Policy:
     """The policy of a description, for that robot and control period, s, and where it predicts for joints that are read
     so many control steps `late` and driven by that actuator. Raises ValueError, one line."""
@@ -105,12 +105,12 @@ def described(
         raise ValueError(f"the base's height_scan: {error}") from None
     if scan is None and BASES[name].kind is SightedMpcWbc:
         raise ValueError("mpc_wbc_sighted needs a height_scan")
-    if BASES[name].predicts:
-        arguments |= {"late": late, "actuator": actuator}
-    return made(BASES[name], scan, robot=robot, control_period=control_period, **arguments)
+    if BASES[name].is_model_based:
+        arguments |= {"late": joint_delay_steps, "actuator": actuator}
+    return make_base(BASES[name], scan, robot=robot, control_period=control_period, **arguments)
 
 
-def made(base: Base, height_scan: HeightScan | None = None, **arguments: Any) -> Policy:
+def make_base(base: Base, height_scan: HeightScan | None = None, **arguments: Any) -> Policy:
     """A base made with these arguments, for an environment with that height scan if one is given; mpc_wbc_sighted alone
     looks at it."""
     if base.kind is SightedMpcWbc and height_scan is not None:

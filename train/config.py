@@ -10,7 +10,7 @@ import tyro
 from evaluate.rollouts import hardware
 from evaluate.rollouts.hardware import Hardware
 from policies.history import Inputs
-from policies.parameters import limits_of, number
+from policies.parameters import limits_of, parameter
 from quad_env.actuation.models import actuator
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.config import RewardWeights
@@ -62,31 +62,31 @@ MEMORY = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
 class PpoConfig:
     """The learner."""
 
-    envs: int = number(2048, limits=(1, 65_536))
+    envs: int = parameter(2048, limits=(1, 65_536))
     """Robots simulated together."""
-    rollout_steps: int = number(12, limits=(1, 65_536))
+    rollout_steps: int = parameter(12, limits=(1, 65_536))
     """Steps of the learner between two updates, each of `hold` control steps of 10 ms."""
-    minibatch: int = number(8192, limits=(2, 2**24))  # advantages are normalised within one
+    minibatch: int = parameter(8192, limits=(2, 2**24))  # advantages are normalised within one
     """Samples in one gradient step; must divide envs x rollout-steps."""
-    epochs: int = number(3, limits=(1, 1000))
+    epochs: int = parameter(3, limits=(1, 1000))
     """Passes over each rollout."""
-    learning_rate: float = number(1e-3, limits=(1e-9, 1.0))
+    learning_rate: float = parameter(1e-3, limits=(1e-9, 1.0))
     """Adam's step size at the start."""
     learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "adaptive"
     """linear: down to zero at the last step; adaptive: halved or raised to keep the KL divergence near target-kl."""
-    target_kl: float = number(0.012, limits=(1e-6, 10.0))
+    target_kl: float = parameter(0.012, limits=(1e-6, 10.0))
     """KL divergence of one update that the adaptive schedule steers towards, nat."""
-    hold: int = number(2, limits=(1, 1000))
+    hold: int = parameter(2, limits=(1, 1000))
     """Control steps for which a correction is held, in training and in the policy."""
-    gamma: float = number(0.98, limits=(0.0, 1.0))
+    gamma: float = parameter(0.98, limits=(0.0, 1.0))
     """Discount a step of the learner."""
-    gae_lambda: float = number(0.95, limits=(0.0, 1.0))
+    gae_lambda: float = parameter(0.95, limits=(0.0, 1.0))
     """Lambda of the generalised advantage estimate."""
-    entropy: float = number(0.0, limits=(0.0, 10.0))
+    entropy: float = parameter(0.0, limits=(0.0, 10.0))
     """Weight of the entropy bonus."""
-    log_std_init: float = number(-2.0, limits=_LOG_STD)
+    log_std_init: float = parameter(-2.0, limits=_LOG_STD)
     """Logarithm of the exploration noise at the start, in units of the authority."""
-    log_std_final: float | None = number(None, limits=_LOG_STD)
+    log_std_final: float | None = parameter(None, limits=_LOG_STD)
     """Its value at the last step, reached linearly; the noise is learned when not given."""
     actor: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTHS)
     """Hidden layer widths of the policy's network."""
@@ -98,9 +98,9 @@ class PpoConfig:
 class ValidationConfig:
     """Evaluation during training, by the code of `evaluate`, on episodes of its own."""
 
-    interval: int = number(1_000_000, limits=(0, 10**12))
+    interval: int = parameter(1_000_000, limits=(0, 10**12))
     """Steps between two validations; 0 for none but the last."""
-    episodes: int = number(12, limits=(1, 100_000))
+    episodes: int = parameter(12, limits=(1, 100_000))
     """Episodes a scenario."""
     scenarios: tuple[str, ...] = ()
     """Scenarios of the validation; those trained on when not given."""
@@ -114,10 +114,10 @@ class TrainConfig:
     """residual: a correction of --base. end-to-end: the same learner on a pose, crouch or stand."""
     base: BaseName = "trot_reference"
     """Base policy that the correction is added to."""
-    steps: int = number(10_000_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
+    steps: int = parameter(10_000_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
     """Steps of the learner, all robots together, such as 3e6. With --resume a larger number than before extends the
     run; its schedules continue as in a run of that length, though the weights are not that run's to the bit."""
-    seed: int = number(0, limits=(0, LARGEST_SEED))  # NumPy's global generator, which SB3 seeds, takes no other
+    seed: int = parameter(0, limits=(0, LARGEST_SEED))  # NumPy's global generator, which SB3 seeds, takes no other
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
     out: Path | None = None
     """Run folder, new or empty unless --resume; runs/POLICY-SEED when not given, for another robot than SimpleQuad
@@ -128,14 +128,14 @@ class TrainConfig:
     scenarios."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in --out from its last checkpoint."""
-    threads: int = number(2, limits=(1, 256))
+    threads: int = parameter(2, limits=(1, 256))
     """Threads of the simulation; the learner needs one."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Processor of simulation and network; cuda: an NVIDIA GPU, by MuJoCo Warp (pip install -e ".[warp]"). Validation
     is MuJoCo's on the CPU."""
-    joint_authority: float = number(1.0, limits=(1e-3, 3.0))
+    joint_authority: float = parameter(1.0, limits=(1e-3, 3.0))
     """Largest correction of a thigh or calf joint, rad."""
-    hip_authority: float = number(0.6, limits=(0.0, 3.0))
+    hip_authority: float = parameter(0.6, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
     inputs: Inputs = MEMORY
     sighted: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -144,13 +144,13 @@ class TrainConfig:
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too, as is flat+randomised,
     with domain randomisation."""
-    curriculum: float = number(0.1, limits=(0.0, 1.0))
+    curriculum: float = parameter(0.1, limits=(0.0, 1.0))
     """Share of its severity, from the mildest level of its axis, with which each scenario of the mixture begins; it
     grows where the robots track their commands and shrinks where they do not. 1: full severity from the start."""
-    effort_ramp: float = number(0.25, limits=(0.0, 1.0))
+    effort_ramp: float = parameter(0.25, limits=(0.0, 1.0))
     """Share of the run over which the reward weights of effort (action rate, torque, power, touch-down speed) grow
     from zero, after each episode of all robots (by default a million steps); 0: in full from the start."""
-    max_episode_steps: int = number(1000, limits=(1, 1_000_000))
+    max_episode_steps: int = parameter(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
     robot: str = "simple_quad"
     """Robot that is trained: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""

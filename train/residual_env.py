@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from policies.base import Policy
 from policies.history import Inputs
-from policies.residual import PRESENT, Features, authority_of, compose
+from policies.residual import NO_HISTORY, Features, authority_of, apply_correction
 
 FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
@@ -57,7 +57,7 @@ class BaseOf:
         """Answer observations of all robots of the environment, (n, m)."""
         own = observation[self.rows]
         self.action = self.base.act(own)
-        self.seen = self._features.see(own, self.action)
+        self.seen = self._features.update(own, self.action)
 
     def begin(self, robots: BoolArray, observation: FloatArray) -> None:
         """Answer the first observations, (n, m), of the robots in the mask, (n,), which begin an episode."""
@@ -67,9 +67,9 @@ class BaseOf:
         self._fresh.reset(count)
         self._fresh_features.reset(count)
         action = self._fresh.act(first)
-        seen = self._fresh_features.see(first, action)
-        self.base.take_over(own, self._fresh)
-        self._features.take_over(own, self._fresh_features)
+        seen = self._fresh_features.update(first, action)
+        self.base.copy_state_from(own, self._fresh)
+        self._features.copy_state_from(own, self._fresh_features)
         self.action, self.seen = self.action.copy(), self.seen.copy()
         self.action[own], self.seen[own] = action, seen
 
@@ -99,7 +99,7 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         base: Policy | Sequence[tuple[Policy, int]],
         authority: FloatArray | None = None,
         hold: int = 1,
-        inputs: Inputs = PRESENT,
+        inputs: Inputs = NO_HISTORY,
     ) -> None:
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
@@ -110,7 +110,7 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         if not each or ends[-1] != env.num_envs:
             raise ValueError(f"{env.num_envs} robots need as many rows of bases, not {sum(count for _, count in each)}")
         for policy, _ in each:
-            policy.check_fits(robots.robot, robots.dt)
+            policy.check_compatible(robots.robot, robots.dt)
         self.bases = [
             BaseOf(policy, slice(end - count, end), inputs) for (policy, count), end in zip(each, ends, strict=True)
         ]
@@ -154,7 +154,7 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
     def _move(self, correction: FloatArray) -> Step:
         """One control step of the robots, their joints corrected."""
         base_action = np.concatenate([each.action for each in self.bases])
-        return self.env.step(compose(self.bases[0].base.robot, base_action, correction, self.authority))
+        return self.env.step(apply_correction(self.bases[0].base.robot, base_action, correction, self.authority))
 
     def _restart(self, finished: BoolArray, infos: Infos) -> Infos:
         """Restart the finished robots; the infos with the end of their episodes."""

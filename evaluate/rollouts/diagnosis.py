@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from evaluate.rollouts.hardware import Hardware
 from evaluate.rollouts.walking_test import Command, Walk, walks
 from policies.base import Actions, Policy
-from policies.foreign import Foreign
-from policies.foreign.described import DescribedPolicy
-from policies.foreign.mistakes import MISTAKES, ORDERS, Correction, corrections, twofold
+from policies.foreign import ExternalPolicy
+from policies.foreign.described import NetworkPolicy
+from policies.foreign.mistakes import COMMON_ERRORS, ORDERS, Correction, corrections, twofold
 from quad_env.robots.robot import Robot
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.height_scan import table_with
@@ -94,7 +94,7 @@ def failed(found: Sequence[Walk]) -> bool:
     return any(walk.failure and "not finite" not in walk.failure for walk in found)
 
 
-def cause(policy: Foreign, robot: str) -> str:
+def cause(policy: ExternalPolicy, robot: str) -> str:
     """Return the explanation of a policy's failure, in words: the correction with the best walk.
 
     The search undoes one mistake, then several in the order of the joints, then a second one on top of the best
@@ -116,7 +116,7 @@ def cause(policy: Foreign, robot: str) -> str:
     for _, first in sorted(singles, key=_rank)[:NEAREST]:
         if words := _best(_deviations(policy, robot, twofold(first, own))):
             return words
-    return f"no usual mistake alone explains it; tried: {', '.join(MISTAKES)}"
+    return f"no usual mistake alone explains it; tried: {', '.join(COMMON_ERRORS)}"
 
 
 def _rank(scored: tuple[float, Correction]) -> float:
@@ -134,7 +134,7 @@ def _best(scored: Sequence[tuple[float, Correction]]) -> str:
     return f"it walks with {correction.words}: check {correction.keys}"
 
 
-def _deviations(policy: Foreign, robot: str, candidates: Iterable[Correction]) -> list[tuple[float, Correction]]:
+def _deviations(policy: ExternalPolicy, robot: str, candidates: Iterable[Correction]) -> list[tuple[float, Correction]]:
     """Return the worst command deviation of a policy with each of the corrections that screen best.
 
     Args:
@@ -145,7 +145,7 @@ def _deviations(policy: Foreign, robot: str, candidates: Iterable[Correction]) -
     own = Hardware(robot=robot).quadruped
     tried_out = list(candidates)
     policies = [
-        DescribedPolicy(each.description, robot=own, control_period=policy.control_period) for each in tried_out
+        NetworkPolicy(each.description, robot=own, control_period=policy.control_period) for each in tried_out
     ]
     screened = _worst_deviations(policies, robot, SCREENED, SEEDS[:1], SCREENING)
     best = [
@@ -183,7 +183,7 @@ def warning(policy: Policy, robot: str) -> str | None:
     """Return a line about a foreign policy that does not stand or walk; None for others."""
     inner: Any = getattr(policy, "policy", policy)  # within a safety layer
     is_described = getattr(inner, "description", None) is not None
-    if not is_described and not isinstance(inner, Foreign):
+    if not is_described and not isinstance(inner, ExternalPolicy):
         return None
     found = tried(inner, robot)
     inner.close()
@@ -195,7 +195,7 @@ def warning(policy: Policy, robot: str) -> str | None:
     return f"{first}; {cause(inner, robot) if is_described else which_observation(inner)}"
 
 
-def which_observation(policy: Foreign) -> str:
+def which_observation(policy: ExternalPolicy) -> str:
     """Return the question on a policy that does not walk and whose file does not describe its observation."""
     table = table_with(policy.robot, policy.height_scan)
     names = ", ".join(f"{name} {part.stop - part.start}" for name, part in table.slices.items())

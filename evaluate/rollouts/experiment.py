@@ -17,7 +17,7 @@ from evaluate.measures.outcomes import OFF_COMMAND, SUCCEEDED, SuccessRule
 from evaluate.rollouts import rollout
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from policies.base import Policy
-from policies.foreign import Foreign
+from policies.foreign import ExternalPolicy
 from quad_env.cli.progress import CellProgress
 from quad_env.scenarios.named import Scenario
 from quad_env.seeding import episode_seeds
@@ -59,7 +59,7 @@ def labelled(
     real = {scenario.hardware for scenario in scenarios if not only_on or scenario.name in only_on}
     policy = hardware.policy(label, trust, real=real == {True})
     # A policy from outside has a process, and commands its own gains everywhere.
-    twice = len(real) > 1 and not isinstance(policy, Foreign)
+    twice = len(real) > 1 and not isinstance(policy, ExternalPolicy)
     other = hardware.policy(label, trust, real=True) if twice else None
     return LabelledPolicy(label, policy, tuple(only_on), other)
 

@@ -82,7 +82,7 @@ def _steps(
 ) -> Generator[Step]:
     """The start and the control steps of one episode for each seed; the environment is closed at the end."""
     with closing(env):
-        policy.check_fits(env.robot, env.dt)
+        policy.check_compatible(env.robot, env.dt)
         step, ended = begin(env, seeds, command), False
         policy.reset(num_envs=len(seeds), seed=0)
         yield step

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import CONTROL_PERIOD, Mask, chosen
+from policies.base import CONTROL_PERIOD, Mask, validate_mask
 from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, conditions
-from policies.memory import Memory, per_robot
+from policies.memory import PerRobotState, per_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -15,7 +15,7 @@ for _number, _row in enumerate(TRANSITIONS):
 _TARGET = np.array([row.target for row in TRANSITIONS], np.int8)
 
 
-class BehaviourMachine(Memory):
+class BehaviourMachine(PerRobotState):
     """States of n robots. `request` asks, `observe` looks and lets happen what happens by itself."""
 
     ticks: NDArray[np.int64] = per_robot(0)
@@ -43,7 +43,7 @@ class BehaviourMachine(Memory):
         """
         if name not in REQUESTS:
             raise ValueError(f"unknown request {name!r}; valid: {', '.join(REQUESTS)}")
-        asked = chosen(mask, len(self._state))
+        asked = validate_mask(mask, len(self._state))
         return asked & ~self._take(name, asked)
 
     def observe(self, observation: NDArray[np.float32]) -> None:

@@ -8,14 +8,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.base import Floats, Mask
 from policies.legs.kinematics import joint_angles, joint_targets, leg_height
-from policies.memory import Memory, per_robot
+from policies.memory import PerRobotState, per_robot
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
 Floating = NDArray[np.floating[Any]]
 
 
-class Motion(Memory, ABC):
+class Motion(PerRobotState, ABC):
     """Joint targets over time for n robots; one robot's depend on its own starts and readings alone."""
 
     _target: Floats = per_robot(lambda motion: motion._robot.home_pose)
@@ -34,7 +34,7 @@ class Motion(Memory, ABC):
         """One control step of the robots `rows`, (k,): targets (k, 12), rad, for those robots' observations (k, m)."""
 
 
-def approach(current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLike, control_period: float) -> Floats:
+def interpolate_toward(current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLike, control_period: float) -> Floats:
     """The next target on the way to `goal` (k, 12), which takes `duration` s, `elapsed` s of which are over."""
     steps_left = np.maximum((np.asarray(duration) - elapsed) / control_period, 0.0) + 1.0
     nearer: Floats = current + (goal - current) / steps_left[:, None]
@@ -115,7 +115,7 @@ class Poses(Motion):
         time = self._ticks[rows] * self._period
         frame = np.searchsorted(self._begins, time + 1e-9, side="right") - 1
         elapsed, duration = time - self._begins[frame], self._durations[frame]
-        target = approach(self._target[rows], self._poses[frame], elapsed, duration, self._period)
+        target = interpolate_toward(self._target[rows], self._poses[frame], elapsed, duration, self._period)
         self._target[rows] = target
         self._ticks[rows] += 1
         return target

@@ -5,7 +5,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import Actions, Floats, MadeFor, Mask, Policy, to_actions
+from policies.base import Actions, Floats, PolicyKwargs, Mask, Policy, to_actions
 from policies.behaviour.machine import BehaviourMachine
 from policies.behaviour.motion import Damp, Motion, hold, jump
 from policies.behaviour.recovery import Recovery
@@ -39,7 +39,7 @@ class Behaviour(Policy):
     _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
     _was_moving: Mask = per_robot(False)
 
-    def __init__(self, start: State = State.STAND, follow: bool = True, **made_for: Unpack[MadeFor]) -> None:
+    def __init__(self, start: State = State.STAND, follow: bool = True, **made_for: Unpack[PolicyKwargs]) -> None:
         super().__init__(**made_for)
         robot, control_period = self.robot, self.control_period
         self._gait = Trot(robot=robot, control_period=control_period)
@@ -67,7 +67,7 @@ class Behaviour(Policy):
         self._gait.reset(num_envs)
 
     def _restart(self, mask: Mask) -> None:
-        super()._restart(mask)
+        super()._reset_rows(mask)
         self._gait.reset_where(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:

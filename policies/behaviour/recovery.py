@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, Mask
-from policies.behaviour.motion import Motion, approach
+from policies.behaviour.motion import Motion, interpolate_toward
 from policies.behaviour.transitions import POSE_TOLERANCE
 from policies.memory import per_robot
 from quad_env import OBSERVATION
@@ -122,7 +122,7 @@ class Recovery(Motion):
         self.phase[rows] = phase
         elapsed = self._ticks[rows] * self._period
         goal = self._poses[phase, self._left_lower[rows]]
-        target = approach(self._target[rows], goal, elapsed, self._blends[phase], self._period)
+        target = interpolate_toward(self._target[rows], goal, elapsed, self._blends[phase], self._period)
         target = np.where((phase == Phase.SETTLE)[:, None], joints, target)
         self._target[rows] = target
         return target

@@ -5,11 +5,11 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Actions, Floats, MadeFor, Policy, PolicyError, to_actions
+from policies.base import Actions, Floats, PolicyKwargs, Policy, PolicyError, to_actions
 from policies.foreign import networks
-from policies.foreign.description import PolicyDescription
+from policies.foreign.description import PolicySpec
 from policies.foreign.joints import action_joints, joints_of
-from policies.foreign.terms import Terms
+from policies.foreign.terms import ObservationAdapter
 from policies.memory import per_robot
 from quad_env.robots.robot import Robot
 
@@ -17,7 +17,7 @@ TOLERANCE = 1e-6
 """Largest difference of two instants that count as equal, as a share of a control period."""
 
 
-class DescribedPolicy(Policy):
+class NetworkPolicy(Policy):
     """Policy of a description; each target is held until the next, from the start of its robot.
 
     Args:
@@ -32,7 +32,7 @@ class DescribedPolicy(Policy):
     _ticks: NDArray[np.int64] = per_robot(0)
     _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
 
-    def __init__(self, description: PolicyDescription, **made_for: Unpack[MadeFor]) -> None:
+    def __init__(self, description: PolicySpec, **made_for: Unpack[PolicyKwargs]) -> None:
         super().__init__(**made_for)
         self.name, self.robot = description.network.name, with_gains(self.robot, description)
         self._description = description
@@ -40,14 +40,14 @@ class DescribedPolicy(Policy):
         self._joints = action_joints(description, self.robot)
         offset = description.action_offset or description.default_position
         self._offset, self._scale = np.array(offset), np.array(description.action_scale)
-        self._terms = Terms(description, self.robot, self.control_period)
+        self._terms = ObservationAdapter(description, self.robot, self.control_period)
         self.height_scan = self._terms.height_scan
         self._networks = networks.load(description)
         self._allocate(1)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         rows = observation.astype(np.float64)
-        self._terms.track(rows)
+        self._terms.update_state(rows)
         periods = np.floor(self._ticks * self._share + TOLERANCE)
         before = np.floor((self._ticks - 1) * self._share + TOLERANCE)
         due = np.flatnonzero((periods > before) | (self._ticks == 0))
@@ -65,17 +65,17 @@ class DescribedPolicy(Policy):
         return to_actions(self.robot, self._targets)
 
 
-def with_gains(robot: Robot, description: PolicyDescription) -> Robot:
+def with_gains(robot: Robot, description: PolicySpec) -> Robot:
     """The robot with the servo gains of a description. Raises PolicyError for joints or gains that it cannot have."""
     joints = joints_of(description.joints, robot)
-    gains = (joints.in_place(np.array(each, float)) for each in (description.stiffness, description.damping))
+    gains = (joints.to_robot_order(np.array(each, float)) for each in (description.stiffness, description.damping))
     try:
         return robot.with_servo(*gains)
     except ValueError as error:
         raise PolicyError(f"the servos of {description.network} cannot be had: {error}") from None
 
 
-def period_share(description: PolicyDescription, control_period: float) -> float:
+def period_share(description: PolicySpec, control_period: float) -> float:
     """Return the environment's control period, s, as a share of the policy's.
 
     The policy acts in the first control step of the environment that is not before its own. Each target is held until

@@ -141,7 +141,7 @@ class Term(_Checked):
 
 
 @dataclass(frozen=True)
-class PolicyDescription(_Checked):
+class PolicySpec(_Checked):
     """All that a policy's files say of what it reads and commands."""
 
     network: Path

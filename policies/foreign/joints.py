@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, PolicyError
-from policies.foreign.description import PolicyDescription
+from policies.foreign.description import PolicySpec
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LINK_WORDS
 from quad_env.robots.leg_words import leg_of, words_of
 from quad_env.robots.model_file import read
@@ -29,7 +29,7 @@ LINKS = LINK_WORDS | {
 
 
 @dataclass(frozen=True)
-class Joints:
+class JointMapping:
     """Joints of a robot in the order of a policy; arrays (12,)."""
 
     places: NDArray[np.intp]
@@ -48,39 +48,39 @@ class Joints:
 
     def to_robot(self, angles: Floats) -> Floats:
         """The robot's angles, (n, 12), rad, of the policy's."""
-        return self.in_place(self.zeros + self.signs * angles)
+        return self.to_robot_order(self.zeros + self.signs * angles)
 
-    def in_place(self, values: Floats) -> Floats:
+    def to_robot_order(self, values: Floats) -> Floats:
         """Values (…, 12) in the order of the robot's joints."""
         found = np.empty_like(values)
         found[..., self.places] = values
         return found
 
 
-def joints_of(names: Sequence[str], robot: Robot) -> Joints:
+def joints_of(names: Sequence[str], robot: Robot) -> JointMapping:
     """A robot's joints of these names: its own, in any case, or others that say leg and link. Raises PolicyError."""
     places = np.array(_exact(names, robot) or _by_words(names, robot))
     signs, zeros = _convention(robot)
-    return Joints(places, signs[places], zeros[places])
+    return JointMapping(places, signs[places], zeros[places])
 
 
-def action_joints(description: PolicyDescription, robot: Robot) -> Joints:
+def action_joints(description: PolicySpec, robot: Robot) -> JointMapping:
     """Return the robot's joints in the order of a policy's actions. Raises PolicyError."""
     return _of_description(description.joints, description, robot)
 
 
-def observed_joints(description: PolicyDescription, robot: Robot) -> Joints:
+def observed_joints(description: PolicySpec, robot: Robot) -> JointMapping:
     """Return the robot's joints in the order in which a policy observes them. Raises PolicyError."""
     return _of_description(description.observed_joints or description.joints, description, robot)
 
 
-def _of_description(names: Sequence[str], description: PolicyDescription, robot: Robot) -> Joints:
+def _of_description(names: Sequence[str], description: PolicySpec, robot: Robot) -> JointMapping:
     """Return joints of those names with the description's signs and zeros on top of the robot file's."""
     found = joints_of(names, robot)
     order = [description.joints.index(name) for name in names]
     signs = np.ones(len(order)) if description.signs is None else np.array(description.signs)[order]
     zeros = np.zeros(len(order)) if description.zeros is None else np.array(description.zeros)[order]
-    return Joints(found.places, found.signs * signs, found.zeros + found.signs * zeros)
+    return JointMapping(found.places, found.signs * signs, found.zeros + found.signs * zeros)
 
 
 def _exact(names: Sequence[str], robot: Robot) -> list[int]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.foreign.described import with_gains
-from policies.foreign.description import OF_JOINTS, Numbers, PolicyDescription, Term
+from policies.foreign.description import OF_JOINTS, Numbers, PolicySpec, Term
 from policies.foreign.joints import joints_of
 from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.robot import Robot
@@ -20,7 +20,7 @@ Order = NDArray[np.intp]
 Names = tuple[str, ...]
 
 ORDERS = SIDES, ENDS, GROUPING = "left and right", "fore and hind", "joints by kind or by leg"
-MISTAKES = (
+COMMON_ERRORS = (
     *ORDERS,
     FRAMES := "frame of velocities",
     GRAVITY := "sign of gravity",
@@ -83,7 +83,7 @@ class Correction:
     """What the policy then runs with."""
     keys: str
     """What to correct in the description."""
-    description: PolicyDescription
+    description: PolicySpec
     doubt: float = 0.0
     """Added to the deviation of its walk before corrections are compared."""
 
@@ -108,7 +108,7 @@ ROBOTS_DOUBT = 0.1
 """Added for the robot's own gains, which often suit a policy as well as its own."""
 
 
-def corrections(described: PolicyDescription, robot: Robot, count: int = 1) -> Iterator[Correction]:
+def corrections(described: PolicySpec, robot: Robot, count: int = 1) -> Iterator[Correction]:
     """Each of MISTAKES undone; or so many of ORDERS together, by which Isaac Lab's order differs from Unitree's."""
     seen = [described]
     for correction in _all(described, robot, count):
@@ -130,7 +130,7 @@ def twofold(first: Correction, robot: Robot) -> Iterator[Correction]:
             )
 
 
-def _all(described: PolicyDescription, robot: Robot, count: int) -> Iterator[Correction]:
+def _all(described: PolicySpec, robot: Robot, count: int) -> Iterator[Correction]:
     for mistakes in combinations(ORDERS, count):
         yield from _reordered(described, mistakes, robot)
     if count > 1:
@@ -179,7 +179,7 @@ def _changed(joints: Names, mistakes: Iterable[str], robot: Robot) -> Names:
     return tuple(joints[np.flatnonzero(before == place)[0]] for place in order)
 
 
-def _reordered(described: PolicyDescription, mistakes: Names, robot: Robot) -> Iterator[Correction]:
+def _reordered(described: PolicySpec, mistakes: Names, robot: Robot) -> Iterator[Correction]:
     """Other names for the joints; and then their figures in the order of their names, where that is another."""
     joints, observed = _changed(described.joints, mistakes, robot), described.observed_joints
     observed = observed and _changed(observed, mistakes, robot)
@@ -194,7 +194,7 @@ def _reordered(described: PolicyDescription, mistakes: Names, robot: Robot) -> I
         yield Correction(kind, words, "`joints` and what is in its order", together)
 
 
-def _with_other_observed_order(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
+def _with_other_observed_order(described: PolicySpec, robot: Robot) -> Iterator[Correction]:
     """Yield other orders of the observed joints alone: the actions' order, or one without a mistake in an order."""
     own = described.observed_joints or described.joints
     orders = [described.joints, *(_changed(own, (mistake,), robot) for mistake in ORDERS)]
@@ -204,12 +204,12 @@ def _with_other_observed_order(described: PolicyDescription, robot: Robot) -> It
         yield Correction(OBSERVED, words, "`observed_joints`", replace(described, observed_joints=observed))
 
 
-def _with_terms(described: PolicyDescription, change: Callable[[Term], Term]) -> PolicyDescription:
+def _with_terms(described: PolicySpec, change: Callable[[Term], Term]) -> PolicySpec:
     """Return the description with each of its terms changed."""
     return replace(described, terms=tuple(map(change, described.terms)))
 
 
-def _reframed(described: PolicyDescription) -> Iterator[Correction]:
+def _reframed(described: PolicySpec) -> Iterator[Correction]:
     """The velocities in the body's frame and in the world's, both of them and each alone."""
     both = "linear_velocity", "angular_velocity"
     for frame in _FRAMES:
@@ -221,7 +221,7 @@ def _reframed(described: PolicyDescription) -> Iterator[Correction]:
                 yield Correction(FRAMES, words, keys, replace(described, terms=changed))
 
 
-def _turned(described: PolicyDescription) -> Iterator[Correction]:
+def _turned(described: PolicySpec) -> Iterator[Correction]:
     """Gravity the other way."""
 
     def turned(term: Term) -> Term:
@@ -233,7 +233,7 @@ def _turned(described: PolicyDescription) -> Iterator[Correction]:
     yield Correction(GRAVITY, words, keys, _with_terms(described, turned))
 
 
-def _with_other_scales(described: PolicyDescription) -> Iterator[Correction]:
+def _with_other_scales(described: PolicySpec) -> Iterator[Correction]:
     """Yield each scale of an observation as in legged_gym, as 1, or times a factor; and all of them together."""
     for name, theirs in LEGGED_GYM_SCALES.items():
         for term in described.terms:
@@ -273,7 +273,7 @@ def _numbers(values: Numbers) -> str:
     return " ".join(f"{value:g}" for value in values)
 
 
-def _with_other_actions(described: PolicyDescription) -> Iterator[Correction]:
+def _with_other_actions(described: PolicySpec) -> Iterator[Correction]:
     """Yield other action scales, and actions without the default position as an offset."""
     for factor in ACTION_FACTORS:
         scale = tuple(factor * each for each in described.action_scale)
@@ -289,7 +289,7 @@ def _with_other_actions(described: PolicyDescription) -> Iterator[Correction]:
         yield Correction(POSITIONS, words, "`action_offset`", replace(described, action_offset=offset))
 
 
-def _with_other_timing(described: PolicyDescription) -> Iterator[Correction]:
+def _with_other_timing(described: PolicySpec) -> Iterator[Correction]:
     """Yield other control rates, and a history in another direction or layout."""
     for rate in dict.fromkeys((*RATES, 0.5 * described.control_rate, min(2.0 * described.control_rate, RATES[-1]))):
         words = f"a control rate of {rate:.4g} Hz"
@@ -309,7 +309,7 @@ def _with_other_timing(described: PolicyDescription) -> Iterator[Correction]:
         yield Correction(HISTORY, f"{by} and {words}", f"`history_layout` and {keys}", together)
 
 
-def _with_other_numbers(described: PolicyDescription) -> Iterator[Correction]:
+def _with_other_numbers(described: PolicySpec) -> Iterator[Correction]:
     """Yield the other meaning of the previous action, another zero of joint positions, and other clock settings."""
     names = {term.name for term in described.terms}
     if "previous_action" in names:
@@ -335,13 +335,13 @@ def _with_other_numbers(described: PolicyDescription) -> Iterator[Correction]:
                 yield Correction(CLOCK, f"a clock of {clock:g} Hz", "`clock` of gait_clock", changed)
 
 
-def _with_clock(described: PolicyDescription, clock: float, zero_below: float) -> PolicyDescription:
+def _with_clock(described: PolicySpec, clock: float, zero_below: float) -> PolicySpec:
     """Return the description with another clock."""
     change = partial(replace, clock=clock, zero_below=zero_below)
     return _with_terms(described, lambda term: change(term) if term.name == "gait_clock" else term)
 
 
-def _with_other_term_order(described: PolicyDescription) -> Iterator[Correction]:
+def _with_other_term_order(described: PolicySpec) -> Iterator[Correction]:
     """Yield the terms in another project's order, or with two neighbours swapped."""
     terms = described.terms
     orders = [_sorted_by(layout, terms) for layout in LAYOUTS]
@@ -357,7 +357,7 @@ def _sorted_by(layout: Names, terms: tuple[Term, ...]) -> tuple[Term, ...]:
     return tuple(next(known) if term.name in layout else term for term in terms)
 
 
-def _with_other_signs(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
+def _with_other_signs(described: PolicySpec, robot: Robot) -> Iterator[Correction]:
     """Yield reversed joints by link, on all legs or on one side; the default position turns with them or stays."""
     legs, links = np.divmod(joints_of(described.joints, robot).places, JOINTS_PER_LEG)
     is_right = np.array([robot.leg_names[leg].endswith("r") for leg in legs])
@@ -384,7 +384,7 @@ def _with_other_signs(described: PolicyDescription, robot: Robot) -> Iterator[Co
         yield Correction(SIGNS, words, keys, both, MIRRORED_DOUBT)
 
 
-def _with_other_gains(described: PolicyDescription, robot: Robot) -> Iterator[Correction]:
+def _with_other_gains(described: PolicySpec, robot: Robot) -> Iterator[Correction]:
     """Yield the described gains with one of them far off, the robot's own, and both far off."""
     own, gains = joints_of(described.joints, robot).places, np.array((described.stiffness, described.damping))
     robots = np.array((robot.servo_stiffness, robot.servo_damping))[:, own]

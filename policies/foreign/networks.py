@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Mask, PolicyError
-from policies.foreign.description import PolicyDescription
+from policies.foreign.description import PolicySpec
 from policies.foreign.network_kind import check_is_network, is_onnx
 from policies.foreign.onnx_file import acting, session_of
 from policies.foreign.onnx_roles import roles_of
 from policies.foreign.packages import package
 from policies.foreign.python_file import Act
-from policies.memory import Memory
+from policies.memory import PerRobotState
 from quad_env.columns import EnvIndices
 from quad_env.files.text import format_exception
 
@@ -28,7 +28,7 @@ Weights = NDArray[np.float32]
 LONGEST_REASON = 300
 
 
-class Networks(Memory):
+class Networks(PerRobotState):
     """The network of a description, for n robots.
 
     Args:
@@ -55,7 +55,7 @@ class Networks(Memory):
         return np.array([np.ravel(self._acts[robot](row)) for row, robot in pairs])
 
 
-def load(description: PolicyDescription) -> Networks:
+def load(description: PolicySpec) -> Networks:
     """The description's network, which has its process to itself. Raises PolicyError, one line."""
     make, remembers = (_onnx if is_onnx(description.network) else _torch)(description)
     row = np.random.default_rng(0).standard_normal(description.width).astype(np.float32)
@@ -70,7 +70,7 @@ def load(description: PolicyDescription) -> Networks:
     return Networks(make, remembers or any(found.tobytes() != each.tobytes() for each in again))
 
 
-def _failure(description: PolicyDescription, error: Exception) -> PolicyError:
+def _failure(description: PolicySpec, error: Exception) -> PolicyError:
     """What an error of a network says; where it is of matrices that do not fit, the width that it reads."""
     if found := re.search(r"and (\d+)x\d+\)|Expected (\d+), got|mat \(\d+x(\d+)\)", str(error)):
         return _other_width(description, int(next(filter(None, found.groups()))))
@@ -78,14 +78,14 @@ def _failure(description: PolicyDescription, error: Exception) -> PolicyError:
     return PolicyError(f"{description.network} fails: {reason[:LONGEST_REASON]}")
 
 
-def _other_width(description: PolicyDescription, reads: int) -> PolicyError:
+def _other_width(description: PolicySpec, reads: int) -> PolicyError:
     terms = [(each.name, each.width, each.history) for each in description.terms]
     widths = " + ".join(f"{name} {width}{f' x {shown}' if shown > 1 else ''}" for name, width, shown in terms)
     fault = f"{description.network} reads {reads} numbers and its description gives {description.width}: {widths}"
     return PolicyError(fault, "correct the terms")
 
 
-def _onnx(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
+def _onnx(description: PolicySpec) -> tuple[Callable[[], Act], bool]:
     """What makes the network of an ONNX file, and whether it has a memory."""
     session = session_of(description.network)
     made = acting(session, description.network)
@@ -95,7 +95,7 @@ def _onnx(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
     return made
 
 
-def _torch(description: PolicyDescription) -> tuple[Callable[[], Act], bool]:
+def _torch(description: PolicySpec) -> tuple[Callable[[], Act], bool]:
     """What makes the network of a TorchScript file, and whether it says that it has a memory."""
     file = description.network
     check_is_network(file)

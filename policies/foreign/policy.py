@@ -11,13 +11,13 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Actions, MadeFor, Mask, Policy, PolicyError, within_limits
+from policies.base import Actions, PolicyKwargs, Mask, Policy, PolicyError, within_limits
 from policies.foreign.described import with_gains
-from policies.foreign.description import PolicyDescription
+from policies.foreign.description import PolicySpec
 from policies.foreign.reference import checked
-from policies.foreign.served import PATIENCE_AT_FIRST, SIGNALS, Answer, Served, serve
+from policies.foreign.served import FIRST_CALL_TIMEOUT_FACTOR, SIGNALS, StepResult, PolicyServer, serve
 from policies.foreign.terms import scan_of
-from policies.foreign.watched import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
+from policies.foreign.watched import START_TIMEOUT, DeadlineMissed, PolicyProcessError, PolicyProcess
 
 DEADLINE = 5.0
 """Longest time that one call may take, s; six times as long for the first."""
@@ -25,11 +25,11 @@ LOAD_TIMEOUT = "QUAD_ENV_LOAD_TIMEOUT"
 """Environment variable: limit in place of START_TIMEOUT, s."""
 ACT_TIMEOUT = "QUAD_ENV_ACT_TIMEOUT"
 """Environment variable: limit in place of DEADLINE, s."""
-GRACE = 2.0
+KILL_GRACE_PERIOD = 2.0
 """Added to the deadline before a process without an answer is ended, s; the episodes of all its robots then fail."""
 
 
-class Foreign(Policy):
+class ExternalPolicy(Policy):
     """The policy of `my_file.py:NAME`, or of another file; robots that it fails hold the home pose.
 
     Args:
@@ -43,12 +43,12 @@ class Foreign(Policy):
 
     failure: NDArray[np.object_]
     """Why the policy failed each robot, (n,); None where it has not."""
-    description: PolicyDescription | None = None
+    description: PolicySpec | None = None
     """How its network is run; None of a policy that acts on our observation by itself."""
     remarks: tuple[str, ...]
     """Assumptions where its files are incomplete, a line each."""
 
-    def __init__(self, reference: str | Path, *, trust: bool = False, **made_for: Unpack[MadeFor]) -> None:
+    def __init__(self, reference: str | Path, *, trust: bool = False, **made_for: Unpack[PolicyKwargs]) -> None:
         super().__init__(**made_for)
         found = checked(reference, trust)
         if found.description is not None:
@@ -59,7 +59,7 @@ class Foreign(Policy):
         self.sha256 = found.sha256
         served = partial(serve, found, self.robot, self.control_period, _seconds(ACT_TIMEOUT, DEADLINE))
         load_time = _seconds(LOAD_TIMEOUT, START_TIMEOUT)
-        self._process = Watched(partial(_on_stderr, served), load_time)
+        self._process = PolicyProcess(partial(_on_stderr, served), load_time)
         self._stepped = False
         self._try_out()
         self._allocate(1)
@@ -71,7 +71,7 @@ class Foreign(Policy):
     def _try_out(self) -> None:
         """Raise PolicyError where the policy cannot be loaded, or gives no actions."""
         try:
-            self._process.ask(("reset", 1, None), _seconds(LOAD_TIMEOUT, START_TIMEOUT))
+            self._process.call(("reset", 1, None), _seconds(LOAD_TIMEOUT, START_TIMEOUT))
         except (DeadlineMissed, PolicyProcessError) as error:
             reason = str(error).removeprefix("PolicyError: ")
             raise PolicyError(reason if reason != str(error) else f"cannot load {self.name}: {reason}") from None
@@ -98,7 +98,7 @@ class Foreign(Policy):
         self._note(self._asked("reset_where", mask) or {})
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        answer: Answer | None = None
+        answer: StepResult | None = None
         if any(reason is None for reason in self.failure):
             answer = self._asked("step", observation)
         home = np.tile(self.robot.home_pose.astype(np.float32), (self.num_envs, 1))
@@ -111,13 +111,13 @@ class Foreign(Policy):
 
     def _asked(self, call: str, *arguments: object) -> Any:
         """What its process answers; None, and no robot has a policy any more, if the process is gone."""
-        patience = _seconds(ACT_TIMEOUT, DEADLINE) * (1 if self._stepped else PATIENCE_AT_FIRST)
+        timeout = _seconds(ACT_TIMEOUT, DEADLINE) * (1 if self._stepped else FIRST_CALL_TIMEOUT_FACTOR)
         try:
-            answer = self._process.ask((call, *arguments), patience + GRACE)
+            answer = self._process.call((call, *arguments), timeout + KILL_GRACE_PERIOD)
             self._stepped |= call == "step"
             return answer
         except DeadlineMissed:
-            reason = f"gave no answer within {patience:g} s"
+            reason = f"gave no answer within {timeout:g} s"
         except PolicyProcessError as error:
             reason = f"gave no answer: {error}"
         self._stepped = False
@@ -136,7 +136,7 @@ def _seconds(variable: str, otherwise: float) -> float:
     return float(given) if re.fullmatch(r"[0-9]{1,6}(\.[0-9]+)?", given) and float(given) > 0 else otherwise
 
 
-def _on_stderr(make: Callable[[], Served]) -> Served:
+def _on_stderr(make: Callable[[], PolicyServer]) -> PolicyServer:
     """What `make` gives, in a process that from now on prints on stderr."""
     sys.stdout = sys.stderr
     return make()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from policies.base import PolicyError
 from policies.foreign import readers
-from policies.foreign.description import PolicyDescription
+from policies.foreign.description import PolicySpec
 from policies.foreign.network_kind import TORCH_ENDS, check_is_network, is_onnx
 from policies.foreign.packages import check_package
 from policies.foreign.readers.settings import BY_HAND
@@ -21,7 +21,7 @@ DESCRIBED = ".onnx", ".pt", ".jit", ".toml", ".yaml", ".yml", ".json"
 """Ends of the names of files that may describe a policy, or that one next to them describes."""
 KINDS = ".py", ".zip", *DESCRIBED
 """How the names of files end that are read."""
-BESIDE = ".toml", ".yaml", ".json"
+SIDECAR_SUFFIXES = ".toml", ".yaml", ".json"
 """Endings of files that describe the .pt or .jit of their name."""
 _NEEDED = {".onnx": "onnx", ".yaml": "yaml", ".yml": "yaml"}
 """Packages that read files of these kinds."""
@@ -45,7 +45,7 @@ class Reference:
     name: str = ""
     normaliser: Path | None = None
     """Statistics of the observations of a model of Stable-Baselines3, its VecNormalize, None if there are none."""
-    description: PolicyDescription | None = None
+    description: PolicySpec | None = None
     """How its network is run; None of a policy that acts on our observation by itself."""
     remarks: tuple[str, ...] = ()
     """Assumptions, a line each."""
@@ -155,16 +155,16 @@ def _check_file(file: Path) -> None:
         raise PolicyError(f"cannot read {file} ({error.strerror})") from None
 
 
-def _description(file: Path) -> PolicyDescription | None:
+def _description(file: Path) -> PolicySpec | None:
     """What a file says of the policy, or of a .pt the file of its name next to it; None of an ONNX that says nothing.
 
     Raises PolicyError.
     """
     if file.suffix.lower() in TORCH_ENDS:
-        found_at = [place for end in BESIDE if (place := file.with_suffix(end)).is_file()]
+        found_at = [place for end in SIDECAR_SUFFIXES if (place := file.with_suffix(end)).is_file()]
         found = _read_description(found_at[0]) if found_at else None
         if found is None:
-            name = file.with_suffix(BESIDE[0]).name
+            name = file.with_suffix(SIDECAR_SUFFIXES[0]).name
             fault = f"{file} does not say how its network is run"
             remedy = f"{BY_HAND} next to it as {name}"
             raise readers.Incomplete("a network", {"network": file.absolute()}, fault=fault, remedy=remedy)
@@ -173,7 +173,7 @@ def _description(file: Path) -> PolicyDescription | None:
     return None if found is None else replace(found, network=found.network.absolute())
 
 
-def _read_description(file: Path) -> PolicyDescription | None:
+def _read_description(file: Path) -> PolicySpec | None:
     """Read a file's description in a limited process, since it may take all time or memory. Raises PolicyError."""
     if (needed := _NEEDED.get(file.suffix.lower())) is not None:
         check_package(needed)
@@ -183,7 +183,7 @@ def _read_description(file: Path) -> PolicyDescription | None:
         raise PolicyError(f"{file}: {error}") from None
 
 
-def _whole(found: PolicyDescription) -> PolicyDescription:
+def _whole(found: PolicySpec) -> PolicySpec:
     """Check a description with the network next to it in a limited process. Raises PolicyError."""
     try:
         return call(readers.whole, found, True)  # type: ignore[no-any-return]

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Mask, Policy, PolicyError
 from policies.foreign import onnx_file, python_file, sb3_file
-from policies.foreign.described import DescribedPolicy
+from policies.foreign.described import NetworkPolicy
 from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
-from policies.foreign.watched import still_at_work
+from policies.foreign.watched import send_heartbeat
 from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import table_with
@@ -20,7 +20,7 @@ from quad_env.sensing.height_scan import table_with
 SIGNALS = ("phase", "correction", "base_action", "stopped")
 """Signals that some policies report: phase of the clock, rad, (n,); of a residual the correction, in shares of its
 authority, and its base's joint targets, rad, (n, 12) each; which robots it has stopped itself, (n,)."""
-PATIENCE_AT_FIRST = 6
+FIRST_CALL_TIMEOUT_FACTOR = 6
 """How many deadlines the first call may last, in which some compile themselves."""
 LONGEST_REASON = 200
 REPORT_PERIOD = 1.0
@@ -28,7 +28,7 @@ REPORT_PERIOD = 1.0
 
 
 @dataclass(frozen=True)
-class Answer:
+class StepResult:
     """What came of a control step of n robots."""
 
     actions: Actions
@@ -39,23 +39,23 @@ class Answer:
     """Those of SIGNALS that there are."""
 
 
-def serve(reference: Reference, robot: Robot, control_period: float, deadline: float) -> "Served":
+def serve(reference: Reference, robot: Robot, control_period: float, deadline: float) -> "PolicyServer":
     """The policy of a reference, loaded and tried. Raises PolicyError."""
     loaded: Policy | Maker
     if reference.description is not None:
-        loaded = DescribedPolicy(reference.description, robot=robot, control_period=control_period)
+        loaded = NetworkPolicy(reference.description, robot=robot, control_period=control_period)
     elif reference.suffix == ".py":
         loaded = python_file.load(reference, robot, control_period)
     else:
         loaded = (sb3_file if reference.suffix == ".zip" else onnx_file).load(reference, robot)
-    if isinstance(loaded, Policy) and (misfit := loaded.misfit(robot, control_period)):
+    if isinstance(loaded, Policy) and (misfit := loaded.mismatch(robot, control_period)):
         raise PolicyError(f"{reference} is {misfit}")
-    served = Served(loaded, robot, deadline)
-    served.try_out(reference)
+    served = PolicyServer(loaded, robot, deadline)
+    served.smoke_test(reference)
     return served
 
 
-class Served:
+class PolicyServer:
     """Robots' actions, and what went wrong instead: a `Policy` is asked for all robots, a callable for each."""
 
     def __init__(self, loaded: Policy | Maker, robot: Robot, deadline: float) -> None:
@@ -66,7 +66,7 @@ class Served:
         """Of a `Policy` its own alone, else one a robot; None where none could be made."""
         self._failed = np.zeros(0, np.bool_)
 
-    def try_out(self, reference: Reference) -> None:
+    def smoke_test(self, reference: Reference) -> None:
         """Raise PolicyError unless it gives an action for an upright robot at rest."""
         policy = self._loaded if isinstance(self._loaded, Policy) else None
         table = table_with(self._robot, None if policy is None else policy.height_scan)
@@ -100,7 +100,7 @@ class Served:
             failures |= self._fail([robot], reason)
         return failures
 
-    def step(self, observation: NDArray[np.float32]) -> Answer:
+    def step(self, observation: NDArray[np.float32]) -> StepResult:
         """Actions for the observations (n, k) of all robots."""
         count, joints = len(observation), self._robot.num_joints
         actions, failures = np.zeros((count, joints), np.float32), dict[int, str]()
@@ -114,9 +114,9 @@ class Served:
             answer, reason = self._ask(self._acts[0], observation, actions.shape)
             failures |= self._fail(range(count), reason)
             actions = actions if answer is None else answer
-        wild = np.flatnonzero(~np.isfinite(actions).all(axis=1) & ~self._failed).tolist()
-        failures |= self._fail(wild, "gave targets that are not finite")
-        return Answer(actions, failures, self.signals())
+        nonfinite = np.flatnonzero(~np.isfinite(actions).all(axis=1) & ~self._failed).tolist()
+        failures |= self._fail(nonfinite, "gave targets that are not finite")
+        return StepResult(actions, failures, self.signals())
 
     def signals(self) -> dict[str, NDArray[Any]]:
         """Those of SIGNALS that the policy has, each of n robots."""
@@ -156,4 +156,4 @@ class Served:
         finally:
             if (now := time.monotonic()) - self._reported > min(REPORT_PERIOD, 0.2 * self._deadline):
                 self._reported = now
-                still_at_work()
+                send_heartbeat()

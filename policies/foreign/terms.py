@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, Mask, PolicyError
-from policies.foreign.description import HeightGrid, PolicyDescription, Term
+from policies.foreign.description import HeightGrid, PolicySpec, Term
 from policies.foreign.joints import action_joints, observed_joints
 from policies.legs.level_frame import level_frame
-from policies.memory import Memory, per_robot
-from policies.mpc.contact import ContactSense
+from policies.memory import PerRobotState, per_robot
+from policies.mpc.contact import ContactEstimator
 from policies.mpc.motion import motion
 from policies.mpc.parameters import TROT, parameters_of
 from quad_env.columns import EnvIndices
@@ -36,7 +36,7 @@ Seen = dict[str, Floats]
 reset, 0 at the first; `action`, the previous one; `contact` of the robot's feet."""
 
 
-class Terms(Memory):
+class ObservationAdapter(PerRobotState):
     """Observations of n robots.
 
     Args:
@@ -53,22 +53,22 @@ class Terms(Memory):
     _history: Floats = per_robot(lambda terms: np.zeros(_shape(terms._description)))
     _contact: Mask = per_robot(np.zeros(4, np.bool_))
 
-    def __init__(self, description: PolicyDescription, robot: Robot, control_period: float) -> None:
+    def __init__(self, description: PolicySpec, robot: Robot, control_period: float) -> None:
         self._description, self._robot, self._period = description, robot, control_period
         self._joints = action_joints(description, robot)
         self._observed = observed_joints(description, robot)
-        default = self._joints.in_place(np.array(description.default_position, dtype=np.float64))
+        default = self._joints.to_robot_order(np.array(description.default_position, dtype=np.float64))
         self._default = default[self._observed.places]
         self.height_scan = scan_of(description)
         self._slices = table_with(robot, self.height_scan).slices
         self._order = _layout(description)
-        self._contacts: ContactSense | None = None
+        self._contacts: ContactEstimator | None = None
         self._tracks = any(term.frame == "world" or term.name == "foot_contact" for term in description.terms)
         if any(term.name == "foot_contact" for term in description.terms):
-            self._contacts = ContactSense(robot, parameters_of(TROT, robot), control_period)
+            self._contacts = ContactEstimator(robot, parameters_of(TROT, robot), control_period)
             self._dynamics = Dynamics(robot)
 
-    def track(self, observation: Floats) -> None:
+    def update_state(self, observation: Floats) -> None:
         """Take in the control step that led to the environment's observations, (n, k): turns and contacts."""
         if not self._tracks:
             return
@@ -157,12 +157,12 @@ def _limited(values: Floats, term: Term) -> Floats:
     return np.multiply(clipped, term.scale)
 
 
-def _shape(description: PolicyDescription) -> tuple[int, int]:
+def _shape(description: PolicySpec) -> tuple[int, int]:
     """Control steps of the longest history, and numbers of all terms in one of them."""
     return max(term.history for term in description.terms), sum(term.width for term in description.terms)
 
 
-def _layout(description: PolicyDescription) -> NDArray[np.intp]:
+def _layout(description: PolicySpec) -> NDArray[np.intp]:
     """Places of the policy's observation in the flattened history of steps, the oldest first, each of all terms."""
     shape, first = _shape(description), description.history_newest == "first"
     steps = np.arange(np.prod(shape)).reshape(shape)[:: -1 if first else 1]
@@ -180,7 +180,7 @@ def _points(grid: HeightGrid) -> Floats:
     return np.stack((x.ravel(), y.ravel()), axis=1)
 
 
-def scan_of(description: PolicyDescription) -> HeightScan | None:
+def scan_of(description: PolicySpec) -> HeightScan | None:
     """The environment's height scan in which the points of the policy's are; None without one. Raises PolicyError."""
     grids = [_points(term.grid) for term in description.terms if term.grid is not None]
     if not grids:

@@ -26,7 +26,7 @@ class PolicyProcessError(RuntimeError):
     """The policy raised an exception in its process, or the process is gone; the message says which."""
 
 
-class Watched:
+class PolicyProcess:
     """Object in a subprocess, with a timeout on every call.
 
     Args:
@@ -64,9 +64,9 @@ class Watched:
         with without_ctrl_c(), without_main(bytes(ForkingPickler.dumps(self._make))):
             self._process.start()
         theirs.close()
-        self.ask(("__repr__",), IMPORT_TIMEOUT, self._load_time)  # waits until it is made
+        self.call(("__repr__",), IMPORT_TIMEOUT, self._load_time)  # waits until it is made
 
-    def ask(self, question: tuple[object, ...], patience: float, patience_then: float | None = None) -> Any:
+    def call(self, question: tuple[object, ...], timeout: float, patience_then: float | None = None) -> Any:
         """Call the method named by the first part of `question` with the other parts; start the process if needed.
 
         The process is killed if the answer is late. Waits for a processor do not count.
@@ -81,17 +81,17 @@ class Watched:
         connection, process = self._connection, self._process
         assert connection is not None
         # From a thread of its own, since a large question to a process that does not listen blocks as well.
-        watchdog = Watchdog(process, patience)
+        watchdog = Watchdog(process, timeout)
         try:
             connection.send(question)
             while (reply := connection.recv()) is None:  # still at work
                 watchdog.call_off()
-                patience = patience if patience_then is None else patience_then
-                watchdog = Watchdog(process, patience)
+                timeout = timeout if patience_then is None else patience_then
+                watchdog = Watchdog(process, timeout)
         except (EOFError, OSError) as error:
             self.close()
             if watchdog.has_bitten:
-                raise DeadlineMissed(f"no answer within {patience * 1e3:g} ms") from None
+                raise DeadlineMissed(f"no answer within {timeout * 1e3:g} ms") from None
             raise PolicyProcessError("the policy's process has ended") from error
         finally:
             watchdog.call_off()
@@ -101,7 +101,7 @@ class Watched:
         return answer
 
 
-def still_at_work() -> None:
+def send_heartbeat() -> None:
     """Have the process that waits for a policy's answer wait on; nothing where no process does."""
     if _asking is not None:
         _asking.send(None)

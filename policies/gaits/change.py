@@ -4,14 +4,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.gait_cycle import TURN, Floats, smoothstep
-from policies.memory import Memory, per_robot
+from policies.memory import PerRobotState, per_robot
 
 CHANGE_TIME = 1.0
 """From one gait to another, s."""
 _ROUNDING = 1e-9
 
 
-class GaitChange(Memory):
+class GaitTransition(PerRobotState):
     """Values (n, k) and phase offsets (n, 4), rad, that go smoothly from old ones to new ones; all start settled at
     `values`, (k,), and `offsets`, (4,)."""
 

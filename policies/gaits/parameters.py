@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from policies.gait_cycle import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
-from policies.parameters import CommandMap, from_json, number, read, scaled_parameters
+from policies.parameters import CommandMap, from_json, parameter, read, scaled_parameters
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import LATERAL_LENGTH
@@ -28,7 +28,7 @@ STAND = "stand"
 GAITS = (*OFFSETS, STAND)
 """The names of all gaits."""
 
-BEYOND = 10.0
+UNLIMITED = 10.0
 """A limit of commands that none reaches, m/s or rad/s."""
 
 
@@ -36,41 +36,41 @@ BEYOND = 10.0
 class GaitParameters(CommandMap):
     """Numbers of one gait; a robot that changes gait goes through all values between."""
 
-    frequency: float = number(3.0, limits=(0.05, 50.0), unit="Hz")
+    frequency: float = parameter(3.0, limits=(0.05, 50.0), unit="Hz")
     """Gait cycles a second at rest, Hz."""
-    frequency_rise: float = number(0.5, limits=(0.0, 50.0), unit="Hz")
+    frequency_rise: float = parameter(0.5, limits=(0.0, 50.0), unit="Hz")
     """Added to the frequency at Froude number 1, Hz; in proportion to the root of the Froude number."""
-    duty: float = number(0.6, limits=(0.1, 0.95))
+    duty: float = parameter(0.6, limits=(0.1, 0.95))
     """Share of the cycle that a foot is on the ground, at rest."""
-    duty_fall: float = number(0.05, limits=(0.0, 0.5))
+    duty_fall: float = parameter(0.05, limits=(0.0, 0.5))
     """Taken off the duty factor at Froude number 1; in proportion to the root of the Froude number."""
-    body_height: float = number(0.32, limits=(0.01, 5.0), unit="m")
+    body_height: float = parameter(0.32, limits=(0.01, 5.0), unit="m")
     """Hip joints above the centres of the standing feet, m."""
-    step_height: float = number(0.08, limits=(0.0, 2.0), unit="m")
+    step_height: float = parameter(0.08, limits=(0.0, 2.0), unit="m")
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = number(0.5, limits=(0.005, 10.0), unit=LATERAL_LENGTH)
+    stance_width: float = parameter(0.5, limits=(0.005, 10.0), unit=LATERAL_LENGTH)
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
-    stance_shift: float = number(0.0, limits=(-2.0, 2.0), unit="m ahead")
+    stance_shift: float = parameter(0.0, limits=(-2.0, 2.0), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""
-    bounce: float = number(0.0, limits=(0.0, 2.0))
+    bounce: float = parameter(0.0, limits=(0.0, 2.0))
     """How far each hip is thrown up while its leg swings, per free flight of that time."""
-    sway: float = number(0.0, limits=(-2.0, 2.0), unit="m")
+    sway: float = parameter(0.0, limits=(-2.0, 2.0), unit="m")
     """How far the trunk leans over to the side of the standing feet while those of the other side swing, m."""
-    stance_load: float = number(0.8, limits=(0.0, 3.0))
+    stance_load: float = parameter(0.8, limits=(0.0, 3.0))
     """Share of its mean load whose give in the joint servos the targets of a standing leg make up for."""
-    servo_lead: float = number(0.01, limits=(0.0, 1.0), unit="s")
+    servo_lead: float = parameter(0.01, limits=(0.0, 1.0), unit="s")
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
-    forward_limit: float = number(BEYOND, limits=(0.01, 100.0), unit="m/s")
+    forward_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
     """Fastest forward command that the gait follows, m/s; asked for more it goes the same way more slowly: `slowed`."""
-    backward_limit: float = number(BEYOND, limits=(0.01, 100.0), unit="m/s")
+    backward_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
     """Fastest backward command, m/s."""
-    lateral_limit: float = number(BEYOND, limits=(0.01, 100.0), unit="m/s")
+    lateral_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
     """Fastest sideways command, m/s."""
-    yaw_limit: float = number(BEYOND, limits=(0.01, 100.0), unit="rad/s")
+    yaw_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="rad/s")
     """Fastest yaw rate command, rad/s."""
 
 
-NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), BEYOND)
+NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), UNLIMITED)
 """Limits of the commands, by field name: ahead, back, sideways and turning, in that order."""
 SLOWEST, FASTEST = 0.3, 15.0
 """Bounds of the frequency at any speed, Hz."""
@@ -102,7 +102,7 @@ def froude(robot: Robot, command: Floats, body_height: Floats) -> Floats:
     return speed * speed / (GRAVITY * body_height)
 
 
-def slowed(values: Floats, command: Floats) -> Floats:
+def limit_command(values: Floats, command: Floats) -> Floats:
     """The velocity commands (n, 3) that robots with parameters (n, len(NAMES)) follow: beyond the ellipsoid whose half
     axes are the gait's limits they go the same way, and turn as tightly, on its surface.
     """

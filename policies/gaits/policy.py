@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, Mask, chosen, flat_joints, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, Mask, validate_mask, flat_joints, to_actions
 from policies.gait_cycle import TURN, Floats, LegCycle, mapped, places
-from policies.gaits.change import GaitChange
+from policies.gaits.change import GaitTransition
 from policies.gaits.parameters import (
     GAITS,
     INDEX,
@@ -24,12 +24,12 @@ from policies.gaits.parameters import (
     GaitParameters,
     row,
     searched_parameters,
-    slowed,
+    limit_command,
     stand_parameters,
     stepping,
 )
 from policies.legs.foot_path import cycloid, hip_height, load
-from policies.legs.kinematics import held_up, leg_angles
+from policies.legs.kinematics import compensate_servo_load, leg_angles
 from policies.memory import per_robot
 from quad_env import OBSERVATION
 from quad_env.config import GRAVITY
@@ -47,7 +47,7 @@ CLOSE = 0.005
 _ACCELERATION = np.array([LINEAR_ACCELERATION, LINEAR_ACCELERATION, YAW_ACCELERATION])
 
 
-class Columns:
+class ParameterView:
     """Parameters of n robots by name, each (n, 1)."""
 
     def __init__(self, values: Floats) -> None:
@@ -57,7 +57,7 @@ class Columns:
         return self._values[:, INDEX[name], None]
 
 
-class Beat(NamedTuple):
+class GaitState(NamedTuple):
     """Where n robots are in their gaits."""
 
     cycle: LegCycle
@@ -112,7 +112,7 @@ class Gaits(GaitedPolicy):
         self._first = gait
         stand = row(self.parameters[STAND])
         self._foot_y = robot.side * stand[INDEX["stance_width"]] / 2.0 - robot.hip_positions[:, 1]
-        self._change = GaitChange(stand, _offsets(robot, "walk"), control_period)
+        self._change = GaitTransition(stand, _offsets(robot, "walk"), control_period)
         self._allocate(1)
 
     @property
@@ -138,14 +138,14 @@ class Gaits(GaitedPolicy):
         Raises ValueError for a gait that does not exist.
         """
         _known(gait)
-        self._send(gait, chosen(mask, self.num_envs))
+        self._send(gait, validate_mask(mask, self.num_envs))
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
         self._set_out(np.ones(num_envs, np.bool_))
 
     def _restart(self, mask: Mask) -> None:
-        super()._restart(mask)
+        super()._reset_rows(mask)
         self._set_out(mask)
 
     def _set_out(self, mask: Mask) -> None:
@@ -171,11 +171,11 @@ class Gaits(GaitedPolicy):
         self._change.advance()
         values = self._change.values
         # In a change the narrower of the limits now and those to come hold.
-        slower = slowed(np.minimum(values, self._change.goal), command)
+        slower = limit_command(np.minimum(values, self._change.goal), command)
         command = np.where(self._standing[:, None], 0.0, slower)
         reach = self.control_period * _ACCELERATION
         self._command = self._command + np.clip(command - self._command, -reach, reach)
-        p, robot = Columns(values), self.robot
+        p, robot = ParameterView(values), self.robot
         beat = self._beat(values)
         self._move_feet(beat, p, mapped(p, *(self._command[:, i, None] for i in range(3))))
         _, lift = cycloid(beat.cycle.progress)
@@ -185,12 +185,12 @@ class Gaits(GaitedPolicy):
         hip, thigh, calf = leg_angles(robot, self._x, y, z)
         share = load(LegCycle(self.swing, beat.cycle.progress))
         force = share * p.stance_load * (robot.mass * GRAVITY / len(robot.leg_names) / self.duty[:, None])
-        joints = flat_joints(np.stack(held_up(robot, hip, thigh, calf, self._x, y, force), axis=-1))
+        joints = flat_joints(np.stack(compensate_servo_load(robot, hip, thigh, calf, self._x, y, force), axis=-1))
         ahead = p.servo_lead / self.control_period * (joints - self._joints)
         self._joints = joints
         return to_actions(robot, joints + ahead)
 
-    def _beat(self, values: Floats) -> Beat:
+    def _beat(self, values: Floats) -> GaitState:
         """Advance the clock by a tick, and lift and put down the feet that are due."""
         self.clock_rate, self.duty = stepping(self.robot, values, self._command)
         self._phase = (self._phase + TURN * self.control_period * self.clock_rate) % TURN
@@ -207,15 +207,15 @@ class Gaits(GaitedPolicy):
         self._window, self.swing = window, swing
         to_side = self.robot.side * np.cos(TURN * (phases / TURN - 0.5 * (1.0 - duty)))
         sway = 0.5 * (to_side[:, 0] + to_side[:, 1] + to_side[:, 2] + to_side[:, 3])
-        return Beat(cycle, (1.0 - duty) / rate, duty / rate, sway[:, None])
+        return GaitState(cycle, (1.0 - duty) / rate, duty / rate, sway[:, None])
 
     def _in_place(self, values: Floats) -> Mask:
         """Which feet are where they belong at rest, (n, 4)."""
-        p = Columns(values)
+        p = ParameterView(values)
         x, y = _middle(self.robot, p)
         return (np.abs(self._x - x) < CLOSE) & (np.abs(self._y - y) < CLOSE)
 
-    def _move_feet(self, beat: Beat, p: Columns, velocity: tuple[Floats, Floats, Floats]) -> None:
+    def _move_feet(self, beat: GaitState, p: ParameterView, velocity: tuple[Floats, Floats, Floats]) -> None:
         """Carry the feet on by a tick: on the ground at -(v + ω × r), through the air to the next foothold."""
         forward, lateral, yaw_rate = velocity
         hip_x, hip_y = self.robot.hip_positions[:, 0], self.robot.hip_positions[:, 1]
@@ -237,7 +237,7 @@ class Gaits(GaitedPolicy):
         self._y = np.clip(y, middle_y - LONGEST_REACH, middle_y + LONGEST_REACH)
 
 
-def _middle(robot: Robot, p: Columns) -> tuple[Floats, Floats]:
+def _middle(robot: Robot, p: ParameterView) -> tuple[Floats, Floats]:
     """Middle of the strides in the hip frames, m: (n, 1) and (n, 4)."""
     return p.stance_shift, robot.side * (p.stance_width / 2.0) - robot.hip_positions[:, 1]
 

@@ -61,7 +61,7 @@ def hip_height(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce:
     return height
 
 
-def swung(start: Floats, end: Floats, slope: Floats, progress: Floats) -> Floats:
+def cubic_swing(start: Floats, end: Floats, slope: Floats, progress: Floats) -> Floats:
     """Cubic from start to end that leaves and arrives with the same slope, per unit of progress: the ground's."""
     t = progress
     return start + smoothstep(t) * (end - start) + slope * (t * (1.0 - t) * (1.0 - 2.0 * t))

@@ -9,7 +9,7 @@ from policies.gait_cycle import Floats
 from policies.legs.level_frame import Vector
 from quad_env.columns import ordered_sum
 
-STEEPEST = 1.2
+MAX_SLOPE = 1.2
 """Largest slope that a fit gives, m/m."""
 _NARROW = 1e-6
 """Added to the spread of the footprints, m²: what would make a plane of footprints on one line."""
@@ -18,7 +18,7 @@ Plane = tuple[Floats, Floats, Floats]
 """Height at the trunk's x, y (relative to the trunk's centre, m) and rise per metre forward and to the left; (n,)."""
 
 
-def carried(prints: Floats, velocity: Vector | Floats, yaw_rate: Floats, period: float) -> Floats:
+def advect_footprints(prints: Floats, velocity: Vector | Floats, yaw_rate: Floats, period: float) -> Floats:
     """Footprints, (3, 4, n), m, one period of `period` s later: they pass under a trunk that moves and turns."""
     x, y, _ = prints
     forward, lateral, passed = velocity[0], velocity[1], np.empty_like(prints)
@@ -26,7 +26,7 @@ def carried(prints: Floats, velocity: Vector | Floats, yaw_rate: Floats, period:
     return prints - period * passed
 
 
-def fitted(prints: Floats) -> Plane:
+def fit_plane(prints: Floats) -> Plane:
     """Least-squares plane through the footprints."""
     legs = prints.swapaxes(0, 1)
     mean_x, mean_y, mean_z = mean = 0.25 * ordered_sum(legs)
@@ -34,8 +34,8 @@ def fitted(prints: Floats) -> Plane:
     xx, yy, xy, xz, yz = ordered_sum(apart[:, [0, 1, 0, 0, 1]] * apart[:, [0, 1, 1, 2, 2]])
     xx, yy = xx + _NARROW, yy + _NARROW
     determinant = np.maximum(xx * yy - xy * xy, _NARROW * _NARROW)
-    forward = ((xz * yy - yz * xy) / determinant).clip(-STEEPEST, STEEPEST)
-    lateral = ((yz * xx - xz * xy) / determinant).clip(-STEEPEST, STEEPEST)
+    forward = ((xz * yy - yz * xy) / determinant).clip(-MAX_SLOPE, MAX_SLOPE)
+    lateral = ((yz * xx - xz * xy) / determinant).clip(-MAX_SLOPE, MAX_SLOPE)
     return mean_z - forward * mean_x - lateral * mean_y, forward, lateral
 
 

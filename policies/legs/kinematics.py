@@ -62,7 +62,7 @@ def joint_targets(robot: Robot, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Flo
     return np.clip(angles, robot.joint_lower, robot.joint_upper)
 
 
-def held_up(
+def compensate_servo_load(
     robot: Robot, hip: Floats, thigh: Floats, calf: Floats, x: Floats, y: Floats, force: Floats, leg_axis: int = -1
 ) -> tuple[Floats, Floats, Floats]:
     """Targets whose joints rest at the given angles under an upward force, N, on a foot at x, y in its hip frame.

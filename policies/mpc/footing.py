@@ -8,38 +8,38 @@ from typing import NamedTuple
 import numpy as np
 
 from policies.gait_cycle import Floats, smoothstep
-from policies.legs.foot_path import swung
-from policies.legs.ground_plane import above, at, carried, fitted
-from policies.memory import Memory, per_robot, taken_in
-from policies.mpc.motion import Motion
+from policies.legs.foot_path import cubic_swing
+from policies.legs.ground_plane import above, at, advect_footprints, fit_plane
+from policies.memory import PerRobotState, per_robot, lowpass_gain
+from policies.mpc.motion import MotionState
 from policies.mpc.parameters import ModelParameters
 from quad_env.columns import Mask, ordered_sum
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 
-LARGEST_REACH = 0.35
+MAX_FOOTHOLD_OFFSET = 0.35
 """Farthest that a foothold is off its neutral point, m."""
 LARGEST_SHIFT = 0.2
 """Farthest that a lasting force shifts the feet, m."""
 HIP_ANGLE = 0.42
 """Largest angle of a hip at a foothold, rad: short of its limit."""
-STEEPEST = 0.6
+MAX_SLOPE = 0.6
 """Largest slope that is believed, m/m."""
 ROUGHNESS_TIME = 1.0
 """Time constant with which the roughness of the ground is taken in, s."""
 CROUCH = 0.05
 """How much lower than planned a trunk may be when a foot lands, m."""
 
-_NEAR = 1e-3
+_PHASE_STEP = 1e-3
 """Progress of a swing over which its speed is taken."""
-_QUARTER = np.array([-1.0, 1.0])
+_ROTATE_90 = np.array([-1.0, 1.0])
 """(y, x) times this is (x, y) turned by a quarter."""
 
 Terrain = Callable[[Floats, Floats, Floats], Floats]
 """What feet swing over: height, m, that a swing starts its lift from, by x, y and the swing's progress, (n, 4) each."""
 
 
-class Ground(NamedTuple):
+class TerrainPlane(NamedTuple):
     """The ground under n robots: height under the trunk's centre relative to it, and rise per metre; (n,)."""
 
     height: Floats
@@ -51,7 +51,7 @@ class Ground(NamedTuple):
         return at((self.height[:, None], self.forward[:, None], self.lateral[:, None]), x, y)
 
 
-class Footprints(Memory):
+class TerrainEstimator(PerRobotState):
     """Where the feet of n robots stood last, and the ground that this shows.
 
     Args:
@@ -67,47 +67,47 @@ class Footprints(Memory):
     """Of the footprints now, level frame, (3, 4, n), m."""
 
     def __init__(self, slope_time: float, period: float) -> None:
-        self._share, self._period = taken_in(period, slope_time), period
+        self._share, self._period = lowpass_gain(period, slope_time), period
 
-    def ground(self, now: Motion, landed: Mask) -> Ground:
+    def ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
         """The plane of the slope that the footprints have shown for a while, at the footprints' mean height.
 
         `landed`: feet that show the ground now, (n, 4).
         """
-        former = carried(self.places, now.velocity.T, now.turning[:, 2], self._period)
-        self.places = places = np.where(landed.T, now.bodies.feet.T, former)
-        _, *slope = plane = fitted(places)
+        former = advect_footprints(self.places, state.velocity.T, state.turning[:, 2], self._period)
+        self.places = places = np.where(landed.T, state.bodies.feet.T, former)
+        _, *slope = plane = fit_plane(places)
         apart = np.abs(above(plane, places)).max(axis=0)
-        self.roughness += taken_in(self._period, ROUGHNESS_TIME) * (apart - self.roughness)
-        turned = self._period * now.turning[:, 2] * np.array((self.slope[1], -self.slope[0]))
+        self.roughness += lowpass_gain(self._period, ROUGHNESS_TIME) * (apart - self.roughness)
+        turned = self._period * state.turning[:, 2] * np.array((self.slope[1], -self.slope[0]))
         self.slope = self.slope + turned  # with the level frame, which turns with the robot
-        self.slope = self.slope + self._share * (np.clip(slope, -STEEPEST, STEEPEST) - self.slope)
+        self.slope = self.slope + self._share * (np.clip(slope, -MAX_SLOPE, MAX_SLOPE) - self.slope)
         forward, lateral = self.slope
         under_the_trunk = 0.25 * ordered_sum(above((np.zeros(len(landed)), forward, lateral), places))
-        return Ground(under_the_trunk, forward, lateral)
+        return TerrainPlane(under_the_trunk, forward, lateral)
 
 
-def passing(now: Motion, yaw_rate: Floats) -> Floats:
+def ground_velocity(state: MotionState, yaw_rate: Floats) -> Floats:
     """Velocity of the ground under trunks that turn at a yaw rate, (n,), rad/s, at their feet, (n, 4, 2), m/s."""
-    return -along(now, yaw_rate, now.bodies.feet)
+    return -point_velocity(state, yaw_rate, state.bodies.feet)
 
 
-def along(now: Motion, yaw_rate: Floats, places: Floats) -> Floats:
+def point_velocity(state: MotionState, yaw_rate: Floats, places: Floats) -> Floats:
     """Velocity, (n, 4, 2), m/s, of places, (n, 4, 2 or 3), m, that go with bodies and turn at (n,) rad/s."""
-    turned = yaw_rate[:, None, None] * (places[..., 1::-1] * _QUARTER)
-    velocity: Floats = now.bodies.centre_velocity[:, None, :2] + turned
+    turned = yaw_rate[:, None, None] * (places[..., 1::-1] * _ROTATE_90)
+    velocity: Floats = state.bodies.centre_velocity[:, None, :2] + turned
     return velocity
 
 
 @cache
-def neutral_feet(robot: Robot, p: ModelParameters) -> Floats:
+def nominal_footholds(robot: Robot, p: ModelParameters) -> Floats:
     """Footholds in place relative to the centre of mass, (4, 2), m."""
     before = np.sign(robot.hip_positions[:, 0])
     return np.stack((before * p.length / 2.0 + p.shift, robot.side * p.width / 2.0), axis=-1)
 
 
 def footholds(
-    robot: Robot, p: ModelParameters, motion: Motion, pushed: Floats, stance_time: Floats, height: float
+    robot: Robot, p: ModelParameters, motion: MotionState, disturbance_acceleration: Floats, stance_time: Floats, height: float
 ) -> Floats:
     """Footholds, (n, 4, 2), m: under the body halfway through the stance, further out by the velocity error, and to
     where they bear a lasting acceleration `pushed`, (n, 2), m/s².
@@ -115,22 +115,22 @@ def footholds(
     `stance_time`: (n,), s; `height` that the trunk is to have above the ground, m.
     """
     velocity, centre, command = motion.bodies.centre_velocity, motion.bodies.com_position, motion.command
-    shift = (p.lean_gain * height / GRAVITY * pushed).clip(-LARGEST_SHIFT, LARGEST_SHIFT)
-    place = neutral_feet(robot, p) + (centre[:, :2] + shift)[:, None]
-    reach = 0.5 * stance_time[:, None, None] * along(motion, command[:, 2], place)
+    shift = (p.lean_gain * height / GRAVITY * disturbance_acceleration).clip(-LARGEST_SHIFT, LARGEST_SHIFT)
+    place = nominal_footholds(robot, p) + (centre[:, :2] + shift)[:, None]
+    reach = 0.5 * stance_time[:, None, None] * point_velocity(motion, command[:, 2], place)
     reach = reach + p.step_gain * (velocity[:, :2] - command[:, :2])[:, None]
     size = np.hypot(reach[..., 0], reach[..., 1])
-    aim: Floats = place + reach * np.minimum(1.0, LARGEST_REACH / np.maximum(size, 1e-9))[..., None]
+    foothold_positions: Floats = place + reach * np.minimum(1.0, MAX_FOOTHOLD_OFFSET / np.maximum(size, 1e-9))[..., None]
     below_hip = robot.hip_positions[:, 1] + robot.side * robot.hip_offset
     wide = (height - CROUCH) * math.tan(HIP_ANGLE)
-    aim[..., 1] = aim[..., 1].clip(below_hip - wide, below_hip + wide)
-    return aim
+    foothold_positions[..., 1] = foothold_positions[..., 1].clip(below_hip - wide, below_hip + wide)
+    return foothold_positions
 
 
-def swing(
+def swing_trajectory(
     p: ModelParameters,
     start: Floats,
-    aim: Floats,
+    foothold_positions: Floats,
     passing: Floats,
     progress: Floats,
     time: Floats,
@@ -147,19 +147,19 @@ def swing(
     step = (period / time)[:, None]
 
     def at(t: Floats) -> Floats:
-        place = swung(start, aim, slope, t[..., None])
+        place = cubic_swing(start, foothold_positions, slope, t[..., None])
         arc = 4.0 * t * (1.0 - t)
         z = ground(place[..., 0], place[..., 1], t) + p.step_height * arc * arc - p.landing_depth * smoothstep(t)
         return np.concatenate((place, z[..., None]), axis=-1)
 
-    times = [t + apart for apart in (_NEAR, -_NEAR) for t in (progress, progress + step)]
+    times = [t + apart for apart in (_PHASE_STEP, -_PHASE_STEP) for t in (progress, progress + step)]
     places = at(np.array((progress, *times)))
-    now, then = (places[1:3] - places[3:]) / (2.0 * _NEAR * time[:, None, None])
-    return places[0], now, (then - now) / period
+    state, then = (places[1:3] - places[3:]) / (2.0 * _PHASE_STEP * time[:, None, None])
+    return places[0], state, (then - state) / period
 
 
-def arms(
-    feet: Floats, aim: Floats, centre: Floats, velocity: Floats, stands: Mask, since: Floats, times: Floats, z: Floats
+def moment_arms(
+    feet: Floats, foothold_positions: Floats, centre: Floats, velocity: Floats, stands: Mask, since: Floats, times: Floats, z: Floats
 ) -> Floats:
     """Feet from the centre of mass over a horizon of N steps, (n, N, 4, 3), m.
 
@@ -170,7 +170,7 @@ def arms(
     lasting = np.logical_and.accumulate(stands, axis=1)[..., None]
     away = velocity[:, None, None]
     stood = feet[:, None, :, :2] - away * times[:, None, None]
-    landed = aim[:, None] - away * np.where(stands, since, 0.0)[..., None]
+    landed = foothold_positions[:, None] - away * np.where(stands, since, 0.0)[..., None]
     found = np.empty((*stands.shape, 3))
     found[..., :2], found[..., 2] = np.where(lasting, stood, landed) - centre[:, None, None, :2], z
     return found

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
 from policies.legs.level_frame import level_frame
-from policies.memory import Memory, per_robot
+from policies.memory import PerRobotState, per_robot
 from quad_env import OBSERVATION
 from quad_env.columns import EnvIndices
 from quad_env.config import GRAVITY
@@ -25,7 +25,7 @@ LEAST_LOAD = 0.5
 """kg from which a load is believed to be one; less is what the model is wrong by."""
 
 
-class Motion(NamedTuple):
+class MotionState(NamedTuple):
     """Motion of n robots, in the level frame at the trunk's centre with x ahead."""
 
     tilt: Floats
@@ -49,7 +49,7 @@ class Motion(NamedTuple):
     """(n, 4, 3), m/s."""
 
 
-def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | Floats) -> Motion:
+def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | Floats) -> MotionState:
     """Motion of observations (n, k)."""
     rows = observation.astype(np.float64)
     frame = level_frame(rows[:, OBSERVATION["projected_gravity"]].T)
@@ -61,7 +61,7 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
     speeds = rows[:, OBSERVATION["joint_velocity"]]
     generalised = np.concatenate((velocity, turning, speeds), axis=1)
     bodies = dynamics.compute(orientation, velocity, turning, angles, speeds)
-    return Motion(
+    return MotionState(
         tilt=tilt.T,
         rotation=rotation,
         velocity=velocity,
@@ -75,10 +75,10 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
     )
 
 
-def of_rows(whole: P, rows: EnvIndices) -> P:
+def select_robots(whole: P, rows: EnvIndices) -> P:
     """The parts of a motion of those rows."""
     if isinstance(whole, tuple):
-        return type(whole)(*(of_rows(each, rows) for each in whole))
+        return type(whole)(*(select_robots(each, rows) for each in whole))
     found: P = whole[rows]
     return found
 
@@ -106,7 +106,7 @@ def _attitude(tilt: Floats) -> tuple[Floats, Floats]:
     return quaternion, rotation
 
 
-class Odometer(Memory):
+class PositionErrorIntegrator(PerRobotState):
     """How far n robots are behind their commands since these were given: the integral of the velocity error, in the
     heading frame, as the position set point of convex MPC on robots; see `ConvexMPCLocomotion` of MIT's
     Cheetah-Software.
@@ -117,27 +117,27 @@ class Odometer(Memory):
         fastest: speed that is asked for at most to catch up, m/s; a faster command keeps its own.
     """
 
-    behind: Floats = per_robot(np.zeros(3))
+    position_error: Floats = per_robot(np.zeros(3))
     """Forward, lateral, m, and yaw, rad, (n, 3)."""
     _command: Floats = per_robot(np.zeros(3))
 
     def __init__(self, farthest: float, period: float, fastest: float = np.inf) -> None:
         self._farthest, self._period, self._fastest = farthest, period, fastest
 
-    def catching_up(self, now: Motion, gain: float) -> Motion:
+    def with_position_feedback(self, now: MotionState, gain: float) -> MotionState:
         """The motion with a command that also makes up for the way lost; `gain`: velocity per distance, 1/s."""
         velocity = np.concatenate((now.velocity[:, :2], now.turning[:, 2:]), axis=1)
-        behind = self.behind + self._period * (now.command - velocity)
+        position_error = self.position_error + self._period * (now.command - velocity)
         same = (now.command == self._command).all(axis=1, keepdims=True)
-        self.behind = np.where(same, behind.clip(-self._farthest, self._farthest), 0.0)
+        self.position_error = np.where(same, position_error.clip(-self._farthest, self._farthest), 0.0)
         self._command = now.command
-        wished = now.command + gain * self.behind
+        wished = now.command + gain * self.position_error
         speed, own = (np.hypot(each[:, 0], each[:, 1]) for each in (wished, now.command))
         wished[:, :2] *= np.minimum(1.0, np.maximum(own, self._fastest) / np.maximum(speed, 1e-9))[:, None]
         return now._replace(command=wished)
 
 
-class Load(NamedTuple):
+class PointLoad(NamedTuple):
     """Loads of n robots, each a point of mass fixed to the trunk."""
 
     mass: Floats
@@ -145,7 +145,7 @@ class Load(NamedTuple):
     place: Floats
     """From the trunk's centre, base frame, (n, 3), m."""
 
-    def pressing(self, rotation: Floats) -> Floats:
+    def gravity_wrench(self, rotation: Floats) -> Floats:
         """Its weight as a wrench, (n, 6): force in the level frame, N, moment about the trunk's centre in the base
         frame, N·m. `rotation`: from the base to the level frame, (n, 3, 3)."""
         if not self.mass.any():
@@ -156,17 +156,17 @@ class Load(NamedTuple):
         return np.concatenate((force, moment), axis=1)
 
 
-def estimated_load(wrench: Floats, height: float) -> Load:
+def estimated_load(wrench: Floats, height: float) -> PointLoad:
     """The load whose weight is the downward force of a lasting wrench, (n, 6), `height` m above the trunk's centre."""
     mass = (-wrench[:, 2] / GRAVITY).clip(0.0, LARGEST_LOAD)
     mass = np.where(mass < LEAST_LOAD, 0.0, mass)
     weight, place = GRAVITY * np.maximum(mass, LEAST_LOAD), np.full((len(mass), 3), height)
     place[:, 0], place[:, 1] = wrench[:, 4] / weight, -wrench[:, 3] / weight
     place[:, :2] = place[:, :2].clip(-LOAD_REACH, LOAD_REACH)
-    return Load(mass, place)
+    return PointLoad(mass, place)
 
 
-def loaded(motion: Motion, load: Load) -> Motion:
+def add_load(motion: MotionState, load: PointLoad) -> MotionState:
     """The same motion of robots whose bodies have these loads.
 
     A load is a point fixed to the trunk: with J its Jacobian and a its acceleration at zero generalised acceleration,

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
 from policies.legs.ground_plane import above
-from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
-from policies.mpc.motion import Motion, motion, with_rows
+from policies.memory import PerRobotState, warm_start_gain, per_robot, lowpass_gain
+from policies.mpc.motion import MotionState, motion, with_rows
 from policies.mpc.reading_noise import GROUPS, SENSED, ReadingNoise
-from policies.mpc.servo_step import Servos, landing, response
+from policies.mpc.servo_step import ServoModel, landing, response
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask
@@ -30,7 +30,7 @@ T = TypeVar("T", bound=np.generic)
 
 GRAVITY, TURNING, VELOCITY, ANGLES, SPEEDS = GROUPS
 
-LONGEST = 19
+MAX_DELAY_STEPS = 19
 """Longest delay that is looked for, control steps."""
 DELAY_TIME = 1.0
 """Time constant with which it is taken in how well a delay explains the joints' speeds, s; at first it is a mean."""
@@ -44,62 +44,62 @@ FIRST_PREDICTED = 2
 """Readings until one has been predicted from another predicted one."""
 DELAY_LOOKS = 16
 """Control steps before another delay is believed, but where the legs were bent to see it."""
-LISTENING, BENT = (4, 8), 1.1
+CALIBRATION_STEPS, CALIBRATION_BEND = (4, 8), 1.1
 """Control steps at the start in which the noise of the readings is measured, of little and of more. Then a robot whose
 encoders' delay is not known bends its legs, to so many times the joint angles of the home pose, until these move."""
-UNFORESEEN = np.array([0.004, 0.15, 0.04, 0.003, 0.6])
+PROCESS_STD = np.array([0.004, 0.15, 0.04, 0.003, 0.6])
 """What a control step brings of each group beyond the prediction, standard deviations."""
-ENCODED, ENCODER_NOISE = np.array([0.0005, 0.1]), np.array([0.0011, 1e3])
+ENCODER_PROCESS_STD, ENCODER_NOISE = np.array([0.0005, 0.1]), np.array([0.0011, 1e3])
 """The same of joints that encoders read, whose contacts are known, rad and rad/s, and the standard deviation of these
 readings: of 14 bits, rad, and next to useless, since a difference of two samples is not of the moment of the last."""
-PREDICTED, UNPLANNED = 0.5, 1.0
+PREDICTION_WEIGHT, MAX_PLAN_DEVIATION = 0.5, 1.0
 """Share of the prediction in joints that are planned as well, and what it may differ by from the plan, rad/s: where a
 foot lands otherwise than predicted, joints differ by up to 9 rad/s, and the torques by 100 N·m."""
 BOUNDS = np.repeat([1.0, 10.0, 4.0, 3.0, 30.0], [3, 3, 3, 12, 12])
 """Largest readings that a motion is carried on to."""
-FAR = 10.0
+UNSEEN_GROUND_DEPTH = 10.0
 """How far below an unseen ground is, m."""
-SPEED_GAIN = 90.0
+VELOCITY_OBSERVER_GAIN = 90.0
 """Correction of the speed per error of the angle that was predicted, 1/s; 100 would be that of one control step."""
 
 
-class Observer(Memory):
+class DelayCompensator(PerRobotState):
     """Observes n robots, control step by control step of `period` s.
 
     Args:
         late: control steps by which encoders show the joints late, and speeds as differences; 0: the truth is shown.
     """
 
-    listening: Mask = per_robot(True)
+    calibrating: Mask = per_robot(True)
     """Robots that stand until noise and delay of their readings are known, (n,)."""
     delays: NDArray[np.int64] = per_robot(lambda observer: observer._late)
     """Control steps from the reading on which a target rests to when it takes effect, (n,)."""
-    _moved: Mask = per_robot(False)
-    _unexplained: Floats = per_robot(np.zeros(LONGEST + 1), axis=1)
+    _delay_identified: Mask = per_robot(False)
+    _prediction_error_by_delay: Floats = per_robot(np.zeros(MAX_DELAY_STEPS + 1), axis=1)
     _targets: Floats = per_robot(
-        lambda observer: np.tile(observer._robot.home_pose, (LONGEST + len(observer.servos.shares), 1)), axis=1
+        lambda observer: np.tile(observer._robot.home_pose, (MAX_DELAY_STEPS + len(observer.servos.shares), 1)), axis=1
     )
-    _standing: Mask = per_robot(np.ones((LONGEST + 1, 4), np.bool_), axis=1)
-    _ground: Floats = per_robot(-FAR)
-    _doubt: Floats = per_robot(np.zeros(3))
-    _joint_doubt: Floats = per_robot(np.zeros((2, 2)))
+    _standing: Mask = per_robot(np.ones((MAX_DELAY_STEPS + 1, 4), np.bool_), axis=1)
+    _ground: Floats = per_robot(-UNSEEN_GROUND_DEPTH)
+    _base_variance: Floats = per_robot(np.zeros(3))
+    _joint_covariance: Floats = per_robot(np.zeros((2, 2)))
 
     def __init__(
-        self, robot: Robot, dynamics: Dynamics, period: float, actuator: Actuator = IDEAL, late: int = 0
+        self, robot: Robot, dynamics: Dynamics, period: float, actuator: Actuator = IDEAL, joint_delay_steps: int = 0
     ) -> None:
-        self._robot, self._dynamics, self._period, self._late = robot, dynamics, period, late
-        self.servos = Servos(robot, actuator, period)
+        self._robot, self._dynamics, self._period, self._late = robot, dynamics, period, joint_delay_steps
+        self.servos = ServoModel(robot, actuator, period)
         self._noise = ReadingNoise(period)
         self.reset(1)
 
     def reset(self, num_envs: int) -> None:
         """Fresh memory of so many robots."""
         super().reset(num_envs)
-        self._read: Motion | None = None
+        self._read: MotionState | None = None
 
-    def take_over(self, mask: Mask, other: "Observer") -> None:
+    def copy_state_from(self, mask: Mask, other: "DelayCompensator") -> None:
         """Go on where the mask, (n,), is true with the robots of another observer, as many as these."""
-        super().take_over(mask, other)
+        super().copy_state_from(mask, other)
         assert self._read is not None
         assert other._read is not None
         self._read = with_rows(self._read, mask.nonzero()[0], other._read)
@@ -107,28 +107,28 @@ class Observer(Memory):
     @property
     def looks(self) -> NDArray[np.int64]:
         """Readings that each robot has had since its start, (n,)."""
-        return self._noise.looks
+        return self._noise.sample_count
 
-    def read(self, observation: NDArray[np.float32], wrench: Floats) -> Motion:
+    def read(self, observation: NDArray[np.float32], wrench: Floats) -> MotionState:
         """Motion of the robots when they were read, (n, k), with the targets that led to it; trunks were pushed by
         wrenches, (n, 6). Of joints that encoders read, as they were read: `ahead` has the feet that stood."""
         seen = observation.astype(np.float64)
         # What others make of a policy's targets, a residual or the safety layer, is what the joints follow.
         targets = seen[:, OBSERVATION["previous_action"]] + self._robot.home_pose
         self._targets = np.concatenate((targets[None], self._targets[:-1]))
-        self._effective = self.servos.effective(self._targets)
+        self._effective = self.servos.filtered_targets(self._targets)
         noise = self._noise.variances(seen[:, SENSED])
-        since = self.looks - np.where(noise.any(axis=1), LISTENING[1], LISTENING[0])
-        self._still = since <= 0
-        self.listening = self._still | ~self._moved & (since <= (0 if self._late else LONGEST))
-        self.unsure = self.listening & noise.any(axis=1)
+        since = self.looks - np.where(noise.any(axis=1), CALIBRATION_STEPS[1], CALIBRATION_STEPS[0])
+        self._in_noise_calibration = since <= 0
+        self.calibrating = self._in_noise_calibration | ~self._delay_identified & (since <= (0 if self._late else MAX_DELAY_STEPS))
+        self.noise_unknown = self.calibrating & noise.any(axis=1)
         self._seen, self._variances = seen, noise
         if not self._late:
-            self._correct(self._acted(self._standing), wrench)
+            self._correct(self._at_estimated_delay(self._standing), wrench)
         found = motion(self._robot, self._dynamics, self._seen)
         if not self._late:
             self._read = found
-        return found._replace(targets=self._acted(self._effective))
+        return found._replace(targets=self._at_estimated_delay(self._effective))
 
     def _correct(self, standing: Mask, wrench: Floats) -> None:
         """Correct what was seen with noise by what these feet let it be."""
@@ -136,15 +136,15 @@ class Observer(Memory):
             return
         readings, noise = self._seen[:, SENSED], self._variances
         velocities = response(self._robot, before, standing, wrench, self._period).velocities(self._effective)
-        self._learn_delay(before, velocities, readings, noise)
+        self._update_delay_estimate(before, velocities, readings, noise)
         noisy = noise.any(axis=1) | bool(self._late)
         if noisy.any():
-            corrected = self._corrected(before, self._acted(velocities), readings, self._shares(noise))
+            corrected = self._corrected(before, self._at_estimated_delay(velocities), readings, self._kalman_gains(noise))
             readings[noisy] = corrected[noisy]
-        self._doubt[~noisy], self._joint_doubt[~noisy] = 0.0, 0.0
+        self._base_variance[~noisy], self._joint_covariance[~noisy] = 0.0, 0.0
         _upright(readings)
 
-    def ahead(self, wrench: Floats, touching: Mask, slope: Floats, planned: Floats | None = None) -> Motion:
+    def predict(self, wrench: Floats, touching: Mask, slope: Floats, planned: Floats | None = None) -> MotionState:
         """Motion of the robots when their next targets take effect: after `read`, and knowing which feet touched the
         ground then, (n, 4), and its rise per metre forward and to the left, (2, n). Joints that are no later than they
         usually are keep near to what was `planned`, observations (n, k)."""
@@ -165,32 +165,32 @@ class Observer(Memory):
             gaps = _above(then, slope[:, rows]) - ground[rows, None] - uneven[rows]
             velocity = landing(self._robot, then, gaps, self._effective[steps - 1, rows], wrench[rows], self._period)
             ground[rows] -= 0.5 * self._period * (then.velocity + velocity[:, :3])[:, 2]
-            seen[rows, SENSED] = carried(self._robot, then, velocity, self._period).clip(-BOUNDS, BOUNDS)
+            seen[rows, SENSED] = predict_readings(self._robot, then, velocity, self._period).clip(-BOUNDS, BOUNDS)
         if planned is not None and self._late:
             rows = (self.delays == self._late).nonzero()[0]
-            for group, most in ((ANGLES, self._period * UNPLANNED), (SPEEDS, UNPLANNED)):
+            for group, most in ((ANGLES, self._period * MAX_PLAN_DEVIATION), (SPEEDS, MAX_PLAN_DEVIATION)):
                 plan = planned[rows, group]
-                seen[rows, group] = plan + PREDICTED * np.clip(seen[rows, group] - plan, -most, most)
+                seen[rows, group] = plan + PREDICTION_WEIGHT * np.clip(seen[rows, group] - plan, -most, most)
         if not len(rows := self.delays.nonzero()[0]):
             return now
         then = motion(self._robot, self._dynamics, seen[rows])
         return then if len(rows) == len(seen) else with_rows(now, rows, then)
 
-    def at_first(self, targets: Floats) -> Floats:
+    def calibration_targets(self, targets: Floats) -> Floats:
         """The targets, (n, 12), rad, once noise and delay are known; before, the home pose, and then bent legs."""
-        bent = np.where(self._still, 1.0, BENT)[:, None]
-        return np.where(self.listening[:, None], bent * self._robot.home_pose, targets)
+        bent = np.where(self._in_noise_calibration, 1.0, CALIBRATION_BEND)[:, None]
+        return np.where(self.calibrating[:, None], bent * self._robot.home_pose, targets)
 
     def keep(self, standing: Mask) -> None:
         """Take note of the feet that stand in the control period that begins, (n, 4)."""
-        standing = standing | self.listening[:, None]
+        standing = standing | self.calibrating[:, None]
         self._standing = np.concatenate((standing[None], self._standing[:-1]))
 
-    def _acted(self, kept: NDArray[T]) -> NDArray[T]:
+    def _at_estimated_delay(self, kept: NDArray[T]) -> NDArray[T]:
         """Of what was kept, (LONGEST + 1, n, …), that which led to the readings."""
         return kept[self.delays, np.arange(len(self.delays))]
 
-    def _learn_delay(self, before: Motion, velocities: Floats, readings: Floats, noise: Floats) -> None:
+    def _update_delay_estimate(self, before: MotionState, velocities: Floats, readings: Floats, noise: Floats) -> None:
         """Believe the delay whose targets explain the joints' speeds best, of readings (n, 33) with noise (n, 5): by
         generalised velocities, (LONGEST + 1, n, 18)."""
         speeds = velocities[..., 6:]
@@ -199,35 +199,35 @@ class Observer(Memory):
         missed = speeds - readings[:, SPEEDS]
         missed = (missed * missed).sum(axis=2) / missed.shape[2]
         known = self.looks - FIRST_PREDICTED
-        share = at_first_a_mean(taken_in(self._period, DELAY_TIME), known)
-        self._unexplained += np.where(known > 0, share * (missed - self._unexplained), 0.0)
-        best, left = self._unexplained.argmin(axis=0), self._acted(self._unexplained)
-        by_best, of_noise = self._unexplained.min(axis=0), NOISE_GAIN * noise[:, -1]
-        explained = self._unexplained[-1] - by_best > MODEL_ERROR + of_noise
-        self._moved |= explained & ~self._still & (self._late == 0)
+        share = warm_start_gain(lowpass_gain(self._period, DELAY_TIME), known)
+        self._prediction_error_by_delay += np.where(known > 0, share * (missed - self._prediction_error_by_delay), 0.0)
+        best, left = self._prediction_error_by_delay.argmin(axis=0), self._at_estimated_delay(self._prediction_error_by_delay)
+        by_best, of_noise = self._prediction_error_by_delay.min(axis=0), NOISE_GAIN * noise[:, -1]
+        explained = self._prediction_error_by_delay[-1] - by_best > MODEL_ERROR + of_noise
+        self._delay_identified |= explained & ~self._in_noise_calibration & (self._late == 0)
         least = LEAST_GAIN * np.maximum(left - noise[:, -1], MODEL_ERROR) + of_noise
-        better = (left - by_best > least) & (self._moved | (self.looks > DELAY_LOOKS))
+        better = (left - by_best > least) & (self._delay_identified | (self.looks > DELAY_LOOKS))
         self.delays = np.where(better, best, self.delays)
 
-    def _shares(self, noise: Floats) -> tuple[Floats, Floats]:
+    def _kalman_gains(self, noise: Floats) -> tuple[Floats, Floats]:
         """What to take in of what a prediction misses, by the noise of each group, (n, 5): of gravity, turning and
         velocity, (n, 3), and of angle and speed into angle and speed, (n, 2, 2)."""
-        doubt = self._doubt + UNFORESEEN[:3] ** 2
-        share = doubt / (doubt + noise[:, :3])
+        prior_variance = self._base_variance + PROCESS_STD[:3] ** 2
+        share = prior_variance / (prior_variance + noise[:, :3])
         fresh = self.looks == 1  # nothing was predicted that could be doubted
-        self._doubt = np.where(fresh[:, None], self._doubt, (1.0 - share) * doubt)
+        self._base_variance = np.where(fresh[:, None], self._base_variance, (1.0 - share) * prior_variance)
         # A joint's angle is information on its speed, too; differences of encoders' samples are of no moment.
         step = np.array([[1.0, self._period], [0.0, 1.0]])
-        unforeseen, least = (ENCODED, ENCODER_NOISE) if self._late else (UNFORESEEN[3:], np.zeros(2))
-        joint_doubt = step @ self._joint_doubt @ step.T + np.diag(unforeseen**2)
+        unforeseen, least = (ENCODER_PROCESS_STD, ENCODER_NOISE) if self._late else (PROCESS_STD[3:], np.zeros(2))
+        joint_doubt = step @ self._joint_covariance @ step.T + np.diag(unforeseen**2)
         shares = joint_doubt @ np.linalg.inv(joint_doubt + (noise[:, 3:] + least**2)[:, None] * np.eye(2))
-        self._joint_doubt = np.where(fresh[:, None, None], self._joint_doubt, joint_doubt - shares @ joint_doubt)
+        self._joint_covariance = np.where(fresh[:, None, None], self._joint_covariance, joint_doubt - shares @ joint_doubt)
         return share, shares
 
-    def _corrected(self, before: Motion, velocity: Floats, readings: Floats, shares: tuple[Floats, Floats]) -> Floats:
+    def _corrected(self, before: MotionState, velocity: Floats, readings: Floats, shares: tuple[Floats, Floats]) -> Floats:
         """Readings, (n, 33), as the motion a control step before and the velocity now let them be, corrected by those
         shares of what they are."""
-        out = carried(self._robot, before, velocity, self._period).clip(-BOUNDS, BOUNDS)
+        out = predict_readings(self._robot, before, velocity, self._period).clip(-BOUNDS, BOUNDS)
         out = np.where((self.looks == 1)[:, None], readings, out)
         missed, (share, joint_shares) = readings - out, shares
         for number, group in enumerate(GROUPS[:3]):
@@ -238,7 +238,7 @@ class Observer(Memory):
         return out
 
 
-class JointPrediction(Memory):
+class JointPredictor(PerRobotState):
     """Joints of n robots that are shown `late` control steps late, of `period`, s, each: as planned since.
 
     An encoder's angle of one control step ago, taken for the present one, is off by the joint's speed times 10 ms; a
@@ -252,8 +252,8 @@ class JointPrediction(Memory):
     _speeds: Floats = per_robot(np.zeros(12))
     _planned: Floats = per_robot(lambda joints: np.zeros((joints._late, 12)), axis=1)
 
-    def __init__(self, late: int, period: float) -> None:
-        self._late, self._period = late, period
+    def __init__(self, joint_delay_steps: int, period: float) -> None:
+        self._late, self._period = joint_delay_steps, period
 
     def now(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The observations, (n, k), with joints as they are now; themselves where they are not late."""
@@ -261,7 +261,7 @@ class JointPrediction(Memory):
             return observation
         shown = observation[:, OBSERVATION["joint_position"]].astype(np.float64)
         expected = np.where(self._known[:, None], self._angles, shown)
-        angles, speeds = shown, self._speeds + SPEED_GAIN * (shown - expected)
+        angles, speeds = shown, self._speeds + VELOCITY_OBSERVER_GAIN * (shown - expected)
         for number, acceleration in enumerate(self._planned):
             angles = angles + self._period * speeds + 0.5 * self._period**2 * acceleration
             speeds = speeds + self._period * acceleration
@@ -278,7 +278,7 @@ class JointPrediction(Memory):
             self._planned = np.concatenate((self._planned[1:], acceleration[None]))
 
 
-def carried(robot: Robot, now: Motion, velocity: Floats, period: float) -> Floats:
+def predict_readings(robot: Robot, now: MotionState, velocity: Floats, period: float) -> Floats:
     """Readings, (n, 33), of robots a control period later, whose generalised velocity is this one then, (n, 18)."""
     mean = 0.5 * (now.generalised + velocity)
     turned = period * mean[:, 3:6]
@@ -291,7 +291,7 @@ def carried(robot: Robot, now: Motion, velocity: Floats, period: float) -> Float
     return _upright(out)
 
 
-def _above(now: Motion, slope: Floats) -> Floats:
+def _above(now: MotionState, slope: Floats) -> Floats:
     """Height of the feet above the plane of that slope through the trunk's centre, (n, 4), m."""
     forward, lateral = slope
     return above((np.zeros(len(forward)), forward, lateral), now.bodies.feet.T).T

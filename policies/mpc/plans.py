@@ -7,18 +7,18 @@ do, those share the wrench that the planned forces have about the centre of mass
 import numpy as np
 
 from policies.gait_cycle import Floats
-from policies.memory import Memory, per_robot
+from policies.memory import PerRobotState, per_robot
 from policies.mpc.rigid_body import Friction
 from quad_env.columns import EnvSelection, Mask, EnvIndices
 from quad_env.physics.rotations import cross, skew
 
-_SINGULAR = 1e-4
+_DAMPING = 1e-4
 """Added to the squared arms, m², and to the number of feet: two feet bear no moment about their line."""
 _TICK = 1e-6
 """Rounding of a clock, s."""
 
 
-class Plans(Memory):
+class ForcePlans(PerRobotState):
     """Plans of n robots for N steps of `period` s; at first every foot bears a quarter of `weight`, N, for ever."""
 
     forces: Floats = per_robot(lambda plans: np.tile([0.0, 0.0, 0.25 * plans._weight], (plans._steps, 4, 1)))
@@ -56,7 +56,7 @@ class Plans(Memory):
             return forces
         moment = cross(self._arms[robots, step], forces).sum(axis=1)
         wrench = np.concatenate((forces.sum(axis=1), moment), axis=1)
-        return np.where(as_planned[:, None, None], forces, shared(wrench, standing, arms, friction))
+        return np.where(as_planned[:, None, None], forces, distribute_wrench(wrench, standing, arms, friction))
 
     @property
     def _robots(self) -> EnvIndices:
@@ -68,18 +68,18 @@ class Plans(Memory):
         return np.minimum((self.age + _TICK) / self._period, self._steps - 1).astype(np.intp)
 
 
-def shared(wrench: Floats, standing: Mask, arms: Floats, friction: Friction) -> Floats:
+def distribute_wrench(wrench: Floats, standing: Mask, arms: Floats, friction: Friction) -> Floats:
     """The smallest forces of the standing feet, (n, 4, 3), N, that together have that wrench about the centre of mass,
     (n, 6), N and N·m, as near as may be; then drawn into the friction's bounds."""
     effects = np.concatenate((np.broadcast_to(np.eye(3), (len(arms), 4, 3, 3)), skew(arms)), axis=2)
-    forces = smallest(effects, wrench, standing, _SINGULAR)
-    up = np.clip(forces[..., 2], 0.0, friction.most[:, None])
-    across = friction.share[:, None, None] * up[..., None]
+    forces = min_norm_forces(effects, wrench, standing, _DAMPING)
+    up = np.clip(forces[..., 2], 0.0, friction.max_normal_force[:, None])
+    across = friction.coefficient[:, None, None] * up[..., None]
     drawn = np.concatenate((np.clip(forces[..., :2], -across, across), up[..., None]), axis=-1)
     return np.where(standing[..., None], drawn, 0.0)
 
 
-def smallest(effects: Floats, wanted: Floats, standing: Mask, least: float) -> Floats:
+def min_norm_forces(effects: Floats, wanted: Floats, standing: Mask, least: float) -> Floats:
     """The smallest forces of the standing feet, (n, 4, 3), that together do what is wanted, (n, 6), as near as may be.
 
     `effects`: of each force, (n, 4, 6, 3); `least`: added to their squares, for what the feet cannot do.

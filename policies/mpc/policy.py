@@ -7,14 +7,14 @@ from policies.base import CONTROL_PERIOD
 from policies.gait_cycle import TURN, Floats
 from policies.gaits.parameters import OFFSETS
 from policies.memory import per_robot
-from policies.mpc.footing import Ground, arms
-from policies.mpc.model_based import Borne, ModelBased
-from policies.mpc.motion import Motion
+from policies.mpc.footing import TerrainPlane, moment_arms
+from policies.mpc.model_based import StanceForces, ModelBased
+from policies.mpc.motion import MotionState
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
-from policies.mpc.plans import Plans
+from policies.mpc.plans import ForcePlans
 from policies.mpc.quadratic_program import Solver, solve
-from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
-from policies.mpc.whole_body import Torques, Wish, torques
+from policies.mpc.rigid_body import Body, Friction, CondensedMpc, Reference, Weights
+from policies.mpc.whole_body import Torques, WholeBodyReference, solve_whole_body
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import EnvSelection, Mask
 from quad_env.config import GRAVITY
@@ -47,7 +47,7 @@ class Mpc(ModelBased):
         *,
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
-        late: int = 0,
+        joint_delay_steps: int = 0,
         actuator: Actuator = IDEAL,
     ) -> None:
         super().__init__(robot=robot, control_period=control_period)
@@ -56,37 +56,37 @@ class Mpc(ModelBased):
             self.name = f"{self.name}_{gait}"
         self.parameters = p = parameters_of(gait, robot) if parameters is None else parameters
         self.frequency, self.leg_offsets = p.frequency, robot.in_leg_order(OFFSETS[gait])
-        self._equip(late, actuator)
+        self._build_components(joint_delay_steps, actuator)
         pose = p.roll_weight, p.pitch_weight, p.yaw_weight, 0.0, 0.0, p.height_weight
         turning, velocity = (p.turn_weight, p.turn_weight, p.yaw_rate_weight), (p.velocity_weight, p.velocity_weight)
         weights = Weights(np.array(pose), np.array([*turning, *velocity, p.vertical_weight]), p.force_weight)
-        self._horizon = Horizon(HORIZON, p.horizon_step, weights)
-        self._plans = Plans(HORIZON, p.horizon_step, robot.mass * GRAVITY)
+        self._horizon = CondensedMpc(HORIZON, p.horizon_step, weights)
+        self._plans = ForcePlans(HORIZON, p.horizon_step, robot.mass * GRAVITY)
         self._solver: Solver = solve
 
-    def _borne(
-        self, now: Motion, standing: Mask, aim: Floats, ground: Ground, pushed: Floats, friction: Friction
-    ) -> Borne:
+    def _compute_stance_forces(
+        self, state: MotionState, standing: Mask, aim: Floats, ground: TerrainPlane, pushed: Floats, friction: Friction
+    ) -> StanceForces:
         """The planned forces."""
         stands, since = self._schedule(standing)
-        places = arms(
-            now.bodies.feet,
+        places = moment_arms(
+            state.bodies.feet,
             aim,
-            now.bodies.com_position,
-            now.bodies.centre_velocity[:, :2],
+            state.bodies.com_position,
+            state.bodies.centre_velocity[:, :2],
             stands,
             since,
             self._horizon.middles,
-            self._footing(now, aim, ground, stands) - now.bodies.com_position[:, 2, None, None],
+            self._footing(state, aim, ground, stands) - state.bodies.com_position[:, 2, None, None],
         )
         self._plans.advance(self.control_period)
         due = self._plans.due(standing, self.parameters.plan_period)
         failed = np.zeros(self.num_envs, np.bool_)
         if due.any():
-            failed = self._plan(due, now, ground, pushed, places, stands, friction)
-        return Borne(self._plans.now(standing, places[:, 0], friction), places[:, 0], failed)
+            failed = self._plan(due, state, ground, pushed, places, stands, friction)
+        return StanceForces(self._plans.now(standing, places[:, 0], friction), places[:, 0], failed)
 
-    def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:
+    def _footing(self, state: MotionState, aim: Floats, ground: TerrainPlane, stands: Mask) -> Floats:
         """Height of the ground where each foot stands over the horizon, m, (n, 1 or N, 1 or 4)."""
         return ground.height[:, None, None]
 
@@ -100,16 +100,16 @@ class Mpc(ModelBased):
         return stands, cycle.progress * (self.parameters.duty / self._frequencies)[:, None, None]
 
     def _plan(
-        self, due: Mask, now: Motion, ground: Ground, pushed: Floats, places: Floats, stands: Mask, friction: Friction
+        self, due: Mask, state: MotionState, ground: TerrainPlane, pushed: Floats, places: Floats, stands: Mask, friction: Friction
     ) -> Mask:
         """Renew the plans that are due, (n,); which robots have none, (n,): they go on with the one before."""
-        horizon, bodies, command = self._horizon, now.bodies, now.command
+        horizon, bodies, command = self._horizon, state.bodies, state.command
         pose, speed = np.zeros((2, self.num_envs, 6))
-        pose[:, 0], pose[:, 1] = now.tilt[:, 0] - np.arctan(ground.lateral), now.tilt[:, 1] + np.arctan(ground.forward)
+        pose[:, 0], pose[:, 1] = state.tilt[:, 0] - np.arctan(ground.lateral), state.tilt[:, 1] + np.arctan(ground.forward)
         pose[:, 5] = -(ground.height + self._height)
         speed[:, 2], speed[:, 3:5] = command[:, 2], command[:, :2]
         speed[:, 5] = ground.forward * command[:, 0] + ground.lateral * command[:, 1]
-        rate = np.concatenate((now.turning, bodies.centre_velocity), axis=1)
+        rate = np.concatenate((state.turning, bodies.centre_velocity), axis=1)
         acceleration = np.concatenate((pushed[:, 3:], pushed[:, :3]), axis=1)
         body = Body(pose, rate, bodies.mass, bodies.rotational_inertia, acceleration)
         robots, failed = due.nonzero()[0], due.copy()
@@ -118,9 +118,9 @@ class Mpc(ModelBased):
         wanted = Reference(horizon.times[:, None] * speed, speed)
         for rows, programs in horizon.programs(body, places[these], stands[these], wanted, friction.of(these)):
             solutions = self._solver(programs)
-            good, value = rows[solutions.solved], solutions.value[solutions.solved]
+            good, value = rows[solutions.solved], solutions.x[solutions.solved]
             which = robots[good]
-            self._plans.renew(which, horizon.spread(value, stands[which]), stands[which], places[which])
+            self._plans.renew(which, horizon.scatter_forces(value, stands[which]), stands[which], places[which])
             failed[which] = False
         self.failures += failed
         return failed
@@ -131,14 +131,14 @@ class MpcWbc(Mpc):
 
     name = "mpc_wbc"
 
-    def _torques(self, now: Motion, wish: Wish, push: Floats, friction: Friction) -> Torques:
-        found = torques(now.bodies, wish, push, friction, self._limits(now), self.parameters, self._solver)
-        if (there := found.found[:, None]).all():
+    def _torques(self, state: MotionState, wish: WholeBodyReference, push: Floats, friction: Friction) -> Torques:
+        found = solve_whole_body(state.bodies, wish, push, friction, self._limits(state), self.parameters, self._solver)
+        if (there := found.has_solution[:, None]).all():
             return found
-        self.failures += ~found.found
-        by_leg = super()._torques(now, wish, push, friction)
+        self.failures += ~found.has_solution
+        by_leg = super()._torques(state, wish, push, friction)
         return Torques(
             np.where(there, found.torque, by_leg.torque),
             np.where(there, found.acceleration, by_leg.acceleration),
-            found.found,
+            found.has_solution,
         )

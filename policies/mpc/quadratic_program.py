@@ -19,14 +19,14 @@ MOST_ITERATIONS = 300
 """Of DAQP, ten times what a robot's programs take: one that needs more comes too late. Every machine counts alike."""
 
 
-class Programs(NamedTuple):
+class QpBatch(NamedTuple):
     """g quadratic programs of k variables and m rows; the first `equalities` rows have lower = upper."""
 
     hessian: Floats
     """(g, k, k), positive definite."""
     gradient: Floats
     """(g, k)."""
-    rows: Floats
+    constraint_matrix: Floats
     """(g, m, k)."""
     lower: Floats
     """(g, m)."""
@@ -38,34 +38,34 @@ class Programs(NamedTuple):
 class Solutions(NamedTuple):
     """What came of g programs."""
 
-    value: Floats
+    x: Floats
     """(g, k)."""
     solved: NDArray[np.bool_]
     """Whether the solver says so, and the value is finite and within all bounds; (g,)."""
 
 
-Solver = Callable[[Programs], Solutions]
+Solver = Callable[[QpBatch], Solutions]
 
 
-def solve(programs: Programs) -> Solutions:
+def solve(programs: QpBatch) -> Solutions:
     """The minima, by DAQP's dual active-set method, program by program.
 
     A program without an answer within `MOST_ITERATIONS` is not solved.
     """
-    hessian, gradient, rows, lower, upper = (np.ascontiguousarray(part) for part in programs[:5])
-    value, answers = np.empty_like(gradient), np.empty(len(gradient), np.int64)
+    hessian, gradient, constraint_matrix, lower, upper = (np.ascontiguousarray(part) for part in programs[:5])
+    x, answers = np.empty_like(gradient), np.empty(len(gradient), np.int64)
     sense = np.zeros(lower.shape[1], dtype=np.intc)
     sense[: programs.equalities] = EQUALITY
     for i in range(len(gradient)):
-        value[i], _, answers[i], _ = daqp.solve(
-            hessian[i], gradient[i], rows[i], upper[i], lower[i], sense.copy(), iter_limit=MOST_ITERATIONS
+        x[i], _, answers[i], _ = daqp.solve(
+            hessian[i], gradient[i], constraint_matrix[i], upper[i], lower[i], sense.copy(), iter_limit=MOST_ITERATIONS
         )
-    return Solutions(value, (answers == SOLVED) & _within(programs, value))
+    return Solutions(x, (answers == SOLVED) & _within(programs, x))
 
 
-def _within(programs: Programs, value: Floats) -> NDArray[np.bool_]:
+def _within(programs: QpBatch, value: Floats) -> NDArray[np.bool_]:
     """Whether these values, (g, k), are within the bounds but for `LARGEST_VIOLATION`, and finite; (g,)."""
-    reached = np.matmul(programs.rows, value[..., None])[..., 0]
+    reached = np.matmul(programs.constraint_matrix, value[..., None])[..., 0]
     beyond: Floats = np.maximum(reached - programs.upper, programs.lower - reached).max(axis=1, initial=0.0)
     within = beyond < LARGEST_VIOLATION
     if within.all():

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
-from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
+from policies.memory import PerRobotState, warm_start_gain, per_robot, lowpass_gain
 from quad_env import OBSERVATION
 
 GROUPS = tuple(
@@ -21,7 +21,7 @@ GROUPS = tuple(
 """Readings of one kind each, which share a noise: (1, rad/s, m/s, rad, rad/s)."""
 SENSED = slice(0, GROUPS[-1].stop)
 """Readings in an observation, its first ones."""
-QUIET = np.array([0.001, 0.12, 0.025, 0.0015, 0.4])
+NOISE_FLOOR_STD = np.array([0.001, 0.12, 0.025, 0.0015, 0.4])
 """Standard deviations that the readings of each group seem to have in a walk without noise."""
 TIME = 0.5
 """Time constant of the estimate, s; at first it is a mean."""
@@ -31,7 +31,7 @@ FIRST = 3
 """Looks before there are two second differences."""
 
 
-class ReadingNoise(Memory):
+class ReadingNoise(PerRobotState):
     """Noise of what n robots are shown, control step by control step of `period` s.
 
     Args:
@@ -39,13 +39,13 @@ class ReadingNoise(Memory):
         quiet: standard deviations that these seem to have without noise, (m,).
     """
 
-    looks: NDArray[np.int64] = per_robot(0)
+    sample_count: NDArray[np.int64] = per_robot(0)
     """Readings that each robot has had since its start, (n,)."""
     _last: Floats = per_robot(lambda noise: np.zeros((3, max(group.stop for group in noise._groups))), axis=1)
-    _seeming: Floats = per_robot(lambda noise: np.zeros(len(noise._groups)))
+    _raw_variance: Floats = per_robot(lambda noise: np.zeros(len(noise._groups)))
 
-    def __init__(self, period: float, groups: Sequence[slice] = GROUPS, quiet: Floats = QUIET) -> None:
-        self._share, self._groups, self._quiet = taken_in(period, TIME), tuple(groups), quiet
+    def __init__(self, period: float, groups: Sequence[slice] = GROUPS, quiet: Floats = NOISE_FLOOR_STD) -> None:
+        self._share, self._groups, self._quiet = lowpass_gain(period, TIME), tuple(groups), quiet
         self._starts, self._sizes = [group.start for group in groups], [group.stop - group.start for group in groups]
 
     def variances(self, readings: Floats) -> Floats:
@@ -55,10 +55,10 @@ class ReadingNoise(Memory):
         product = -0.25 * bent * bend
         seeming = np.add.reduceat(product, self._starts, axis=1) / self._sizes
         self._last = np.array((readings, last, bent))
-        self.looks += 1
-        known = self.looks - FIRST
-        share = np.where(known > 0, at_first_a_mean(self._share, known), 0.0)
-        self._seeming += share[:, None] * (seeming - self._seeming)
+        self.sample_count += 1
+        known = self.sample_count - FIRST
+        share = np.where(known > 0, warm_start_gain(self._share, known), 0.0)
+        self._raw_variance += share[:, None] * (seeming - self._raw_variance)
         quiet = self._quiet**2 * (1.0 + EARLY / np.maximum(known, 1))[:, None]
-        variances: Floats = np.maximum(self._seeming - quiet, 0.0)
+        variances: Floats = np.maximum(self._raw_variance - quiet, 0.0)
         return variances

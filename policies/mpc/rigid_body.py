@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
-from policies.mpc.quadratic_program import Programs
+from policies.mpc.quadratic_program import QpBatch
 from quad_env.columns import EnvSelection, Mask, EnvIndices
 from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
@@ -26,7 +26,7 @@ from quad_env.physics.rotations import skew
 LEGS = 4
 _EYE = np.eye(3)
 _FALL = np.array([0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY])
-TOGETHER = 32
+MAX_GROUP_SIZE = 32
 """Robots whose programs are made at once: their matrices fit into a processor's cache."""
 
 
@@ -65,18 +65,18 @@ class Reference(NamedTuple):
 class Friction(NamedTuple):
     """Bounds of the force of a standing foot of each robot."""
 
-    share: Floats
+    coefficient: Floats
     """Largest horizontal force along each axis, per vertical; (n,)."""
-    most: Floats
+    max_normal_force: Floats
     """Vertical, (n,), N."""
 
     def of(self, robots: EnvSelection) -> "Friction":
         """Those of some robots."""
-        return Friction(self.share[robots], self.most[robots])
+        return Friction(self.coefficient[robots], self.max_normal_force[robots])
 
 
 @dataclass(eq=False)
-class Horizon:
+class CondensedMpc:
     """A prediction over `steps` steps of `period` s, and what its cost weighs; all else follows from these."""
 
     steps: int
@@ -103,14 +103,14 @@ class Horizon:
         stacked = np.concatenate((np.sqrt(place) * self.place, np.sqrt(rate) * self.rate))
         return np.linalg.qr(stacked)[1]
 
-    def free(self, body: Body) -> Reference:
+    def free_response(self, body: Body) -> Reference:
         """Where the bodies go by themselves, gravity and what no foot explains included."""
         acceleration, rate, t = (body.acceleration - _FALL)[:, None], body.rate[:, None], self.times[:, None]
         return Reference(body.pose[:, None] + t * rate + 0.5 * t * t * acceleration, rate + t * acceleration)
 
     def programs(
         self, body: Body, arms: Floats, standing: Mask, wanted: Reference, friction: Friction
-    ) -> Iterator[tuple[EnvIndices, Programs]]:
+    ) -> Iterator[tuple[EnvIndices, QpBatch]]:
         """The forces' programs, those of one shape together, with the robots whose they are.
 
         Variables are those of the feet that stand, (step, foot, axis) in order. `arms`: feet from the centre of mass in
@@ -122,14 +122,14 @@ class Horizon:
         turned = np.matmul(skew(-arms).reshape(count, -1, 3), np.linalg.inv(body.inertia))  # which is symmetric
         moved[..., :3] = turned.reshape(count, -1, 3, 3)
         moved[..., 3:] = _EYE / body.mass[:, None, None, None]
-        moved, free = moved.reshape(count, -1, 6), self.free(body)
-        pull = np.matmul(self.place.T, weights.pose * (free.pose - wanted.pose))
-        pull += np.matmul(self.rate.T, weights.rate * (free.rate - wanted.rate))
+        moved, free_response = moved.reshape(count, -1, 6), self.free_response(body)
+        pull = np.matmul(self.place.T, weights.pose * (free_response.pose - wanted.pose))
+        pull += np.matmul(self.rate.T, weights.rate * (free_response.rate - wanted.rate))
         gradient = np.matmul(moved.reshape(count, self.steps, 3 * LEGS, 6), pull[..., None]).reshape(count, -1)
-        share = body.mass[:, None] * GRAVITY / np.maximum(standing.sum(axis=2), 1)
-        gradient.reshape(count, self.steps, LEGS, 3)[..., 2] -= weights.force * share[..., None]
+        coefficient = body.mass[:, None] * GRAVITY / np.maximum(standing.sum(axis=2), 1)
+        gradient.reshape(count, self.steps, LEGS, 3)[..., 2] -= weights.force * coefficient[..., None]
         kept = standing.reshape(count, -1).repeat(3, axis=1)
-        for robots in alike(standing.sum(axis=(1, 2))):
+        for robots in group_by_stance_count(standing.sum(axis=(1, 2))):
             chosen = np.nonzero(kept[robots])[1].reshape(len(robots), -1)
             of_these = robots[:, None]
             roots = self._roots[chosen // (3 * LEGS)] * moved[of_these, chosen][..., None]
@@ -137,20 +137,20 @@ class Horizon:
             hessian = np.matmul(roots, roots.transpose(0, 2, 1))
             hessian.reshape(len(robots), -1)[:, :: chosen.shape[1] + 1] += weights.force  # on the diagonals
             bounds = friction_rows(chosen.shape[1] // 3, friction.of(robots))
-            yield robots, Programs(hessian, gradient[of_these, chosen], *bounds)
+            yield robots, QpBatch(hessian, gradient[of_these, chosen], *bounds)
 
-    def spread(self, solution: Floats, standing: Mask) -> Floats:
+    def scatter_forces(self, solution: Floats, standing: Mask) -> Floats:
         """Forces of every foot in every step, (g, N, 4, 3), N, zero where it does not stand, of solutions (g, k)."""
         forces = np.zeros((*standing.shape, 3))
         forces[standing] = solution.reshape(-1, 3)
         return forces
 
 
-def alike(counts: NDArray[np.int64]) -> Iterator[EnvIndices]:
+def group_by_stance_count(counts: NDArray[np.int64]) -> Iterator[EnvIndices]:
     """Robots with the same count, (n,), of feet that stand, the smallest count first, at most `TOGETHER` at once."""
     for count in sorted(set(counts.tolist())):
         robots = (counts == count).nonzero()[0]
-        yield from (robots[start : start + TOGETHER] for start in range(0, len(robots), TOGETHER))
+        yield from (robots[start : start + MAX_GROUP_SIZE] for start in range(0, len(robots), MAX_GROUP_SIZE))
 
 
 @cache
@@ -165,7 +165,7 @@ def friction_rows(feet: int, friction: Friction) -> tuple[Floats, Floats, Floats
     """Rows of the forces of so many feet of each robot, (n, 5 feet, 3 feet), with their bounds: a pyramid, and the
     vertical force."""
     template, least, places = _pyramids(feet)
-    rows, upper = template[None].repeat(len(friction.share), axis=0), np.zeros((len(friction.share), 5 * feet))
-    rows.reshape(len(rows), -1)[:, places] = -friction.share[:, None]
-    upper[:, 4::5] = friction.most[:, None]
+    rows, upper = template[None].repeat(len(friction.coefficient), axis=0), np.zeros((len(friction.coefficient), 5 * feet))
+    rows.reshape(len(rows), -1)[:, places] = -friction.coefficient[:, None]
+    upper[:, 4::5] = friction.max_normal_force[:, None]
     return rows, least[None].repeat(len(rows), axis=0), upper

@@ -10,26 +10,26 @@ from typing import NamedTuple
 import numpy as np
 
 from policies.gait_cycle import Floats
-from policies.mpc.motion import Motion, of_rows
+from policies.mpc.motion import MotionState, select_robots
 from quad_env.actuation.models import Actuator, ResolvedTorqueSpeed
 from quad_env.columns import Mask, ordered_sum
 from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.robots.robot import Robot
 
-PASSES = 3
+CONTACT_ITERATIONS = 3
 """Looks for the feet that touch the ground: first none, then those that would be below it, then without those that it
 would have to pull."""
 FASTEST_LANDING = 0.5
 """At which a foot comes down to the ground within a step, m/s."""
 SUBSTEPS = 5
 """Implicit steps within a control period: a single one of 10 ms damps the joints, by 5 to 10 % of their speed."""
-_EACH = np.eye(12, 13, 1)[None]
+_UNIT_TARGETS = np.eye(12, 13, 1)[None]
 """Targets of zero, and each target alone at 1 rad."""
-_SOFT = 1e-6
+_CONTACT_REGULARIZATION = 1e-6
 """Velocity of a foot on the ground per impulse, 1/kg: how four feet share a weight is undetermined."""
 
 
-class Servos:
+class ServoModel:
     """The joint servos as their controller knows them: PD law, motors' limits and how late targets act.
 
     Args:
@@ -45,7 +45,7 @@ class Servos:
         self.shares = actuator.target_weights(float(robot.model.opt.timestep), period)
         """As of `Actuator`, (k,)."""
 
-    def effective(self, targets: Floats) -> Floats:
+    def filtered_targets(self, targets: Floats) -> Floats:
         """Mean targets that the motors went by in each of m control periods, newest first, (m, n, 12), rad, of those
         that were sent to them, (m + k - 1, n, 12)."""
         if len(self.shares) == 1:
@@ -59,47 +59,47 @@ class Servos:
         return torque.clip(*self.limits(speed))
 
 
-class Response(NamedTuple):
+class AffineResponse(NamedTuple):
     """Generalised velocity at the end of a control period as it depends on the joint targets."""
 
-    still: Floats
+    offset: Floats
     """With all targets at zero, (n, 18)."""
     per_target: Floats
     """(n, 18, 12), per rad."""
 
     def velocities(self, targets: Floats) -> Floats:
         """By each of these targets, (m, n, 12), rad: (m, n, 18)."""
-        velocities: Floats = self.still[..., None] + self.per_target @ targets.transpose(1, 2, 0)
+        velocities: Floats = self.offset[..., None] + self.per_target @ targets.transpose(1, 2, 0)
         return velocities.transpose(2, 0, 1)
 
 
-def response(robot: Robot, now: Motion, standing: Mask, wrench: Floats, period: float) -> Response:
+def response(robot: Robot, now: MotionState, standing: Mask, wrench: Floats, period: float) -> AffineResponse:
     """Of a control period of `period` s in which these feet stand, (n, 4), and wrenches push the trunks, (n, 6)."""
-    found, _ = _moved(robot, now, standing, wrench, period, _EACH, np.zeros(standing.shape))
-    return Response(found[..., 0], found[..., 1:])
+    found, _ = _integrate(robot, now, standing, wrench, period, _UNIT_TARGETS, np.zeros(standing.shape))
+    return AffineResponse(found[..., 0], found[..., 1:])
 
 
-def landing(robot: Robot, now: Motion, gaps: Floats, targets: Floats, wrench: Floats, period: float) -> Floats:
+def landing(robot: Robot, now: MotionState, gaps: Floats, targets: Floats, wrench: Floats, period: float) -> Floats:
     """Generalised velocity after `period` s by these targets, (n, 18), of robots whose feet are these gaps above the
     ground, (n, 4), m: feet that come down to it stay there."""
     touching, velocity = np.zeros(gaps.shape, np.bool_), now.generalised.copy()
     sinking = (-gaps / period).clip(-FASTEST_LANDING, 0.0)
     rows, some = np.arange(len(gaps)), now
-    for _ in range(PASSES):
+    for _ in range(CONTACT_ITERATIONS):
         before, falling = touching[rows], sinking[rows]
-        found, impulses = _moved(robot, some, before, wrench[rows], period, targets[rows, :, None], falling)
+        found, impulses = _integrate(robot, some, before, wrench[rows], period, targets[rows, :, None], falling)
         velocity[rows] = found[..., 0]
         down = np.matmul(some.bodies.jacobians[:, :, 2], found[..., :1])[..., 0]
         wanted = np.where(before, impulses[:, 2::3] > 0.0, gaps[rows] + period * down < 0.0)
         touching[rows], changed = wanted, (wanted != before).any(axis=1)
         if not changed.any():
             break
-        rows, some = rows[changed], of_rows(some, changed)
+        rows, some = rows[changed], select_robots(some, changed)
     return velocity
 
 
-def _moved(
-    robot: Robot, now: Motion, standing: Mask, wrench: Floats, period: float, targets: Floats, sinking: Floats
+def _integrate(
+    robot: Robot, now: MotionState, standing: Mask, wrench: Floats, period: float, targets: Floats, sinking: Floats
 ) -> tuple[Floats, Floats]:
     """Generalised velocities after `period` s by each of c columns of targets, (n or 1, 12, c), to (n, 18, c), the
     first by all else as well, and its impulses of the feet, (n, 12); standing feet sink at (n, 4), m/s.
@@ -108,25 +108,25 @@ def _moved(
     """
     bodies, step = now.bodies, period / SUBSTEPS
     count, size = now.generalised.shape
-    stands, still, stiffness = standing.repeat(3, axis=1), size + 12, step * robot.servo_stiffness
-    known, drift = np.zeros((count, still, 1)), np.zeros((count, 12, 1))
+    stands, offset, stiffness = standing.repeat(3, axis=1), size + 12, step * robot.servo_stiffness
+    known, drift = np.zeros((count, offset, 1)), np.zeros((count, 12, 1))
     known[:, :size, 0] = -step * bodies.bias_force
     known[:, :6, 0] += step * wrench
     known[:, size + 2 :: 3, 0] = np.where(standing, sinking, 0.0)
     drift[:, :, 0] = np.where(stands, -step * bodies.foot_bias_acceleration.reshape(count, 12), 0.0)
     inverse = _inverse(bodies, step * (robot.servo_damping + stiffness), standing)
-    found = np.empty((count, still, still + 2))
+    found = np.empty((count, offset, offset + 2))
     found[..., :size] = inverse[..., :size] @ bodies.inertia
-    found[..., size:still] = inverse[..., 6:size] * stiffness
-    found[..., still:-1] = inverse @ known
+    found[..., size:offset] = inverse[..., 6:size] * stiffness
+    found[..., offset:-1] = inverse @ known
     found[..., -1:] = inverse[..., size:] @ drift
-    change = np.zeros((count, still + 2, still + 2))
-    change[:, :size], change[:, size:still] = found[:, :size], -step * found[:, 6:size]
-    change.reshape(count, -1)[:, size * (still + 3) :: still + 3] += 1.0  # on the diagonals
-    change[:, -1, still] = 1.0
-    state, passed = np.zeros((count, still + 2, targets.shape[2])), np.zeros((count, still + 2))
-    state[:, :size, 0], state[:, size:still], state[:, still:, 0] = now.generalised, targets, 1.0
-    state[:, size:still, 0] -= now.angles
+    change = np.zeros((count, offset + 2, offset + 2))
+    change[:, :size], change[:, size:offset] = found[:, :size], -step * found[:, 6:size]
+    change.reshape(count, -1)[:, size * (offset + 3) :: offset + 3] += 1.0  # on the diagonals
+    change[:, -1, offset] = 1.0
+    state, passed = np.zeros((count, offset + 2, targets.shape[2])), np.zeros((count, offset + 2))
+    state[:, :size, 0], state[:, size:offset], state[:, offset:, 0] = now.generalised, targets, 1.0
+    state[:, size:offset, 0] -= now.angles
     for _ in range(SUBSTEPS):
         passed += state[..., 0]
         state = change @ state
@@ -139,8 +139,8 @@ def _inverse(bodies: DynamicsTerms, damping: Floats, standing: Mask) -> Floats:
     `damping`: of the servos over a step, (12), N·m·s. Legs touch only the trunk: each is eliminated by itself.
     """
     count, legs = standing.shape
-    one, up, down = _legs(bodies, damping, standing)
-    by_trunk, to_trunk = _product(one, down), _product(up, one)
+    leg_inverse, up, down = _eliminate_legs(bodies, damping, standing)
+    by_trunk, to_trunk = _product(leg_inverse, down), _product(up, leg_inverse)
     trunk = bodies.inertia[:, :6, :6].transpose(1, 2, 0) - ordered_sum(np.moveaxis(_product(up, by_trunk), 2, 0))
     free = np.linalg.inv(trunk.transpose(2, 0, 1))
     back, forth = (each.transpose(3, 2, 0, 1) for each in (by_trunk, to_trunk.swapaxes(0, 1)))
@@ -153,12 +153,12 @@ def _inverse(bodies: DynamicsTerms, damping: Floats, standing: Mask) -> Floats:
     out[:, :6, 6:].reshape(count, 6, 2, legs, 3)[:] = -away.reshape(count, 6, legs, 2, 3).swapaxes(2, 3)
     out[:, 6:, :6].reshape(count, 2, legs, 3, 6)[:] = -(held @ free).reshape(count, legs, 2, 3, 6).swapaxes(1, 2)
     inner = (held @ away).reshape(count, legs, 2, 3, legs, 2, 3)
-    inner[:, range(legs), :, :, range(legs)] += one.transpose(2, 3, 0, 1).reshape(legs, count, 2, 3, 2, 3)
+    inner[:, range(legs), :, :, range(legs)] += leg_inverse.transpose(2, 3, 0, 1).reshape(legs, count, 2, 3, 2, 3)
     out[:, 6:, 6:].reshape(count, 2, legs, 3, 2, legs, 3)[:] = inner.transpose(0, 2, 1, 3, 5, 4, 6)
     return out
 
 
-def _legs(bodies: DynamicsTerms, damping: Floats, standing: Mask) -> tuple[Floats, Floats, Floats]:
+def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, standing: Mask) -> tuple[Floats, Floats, Floats]:
     """Of the joints of each leg and the impulses of its foot: the inverse of their matrix on a trunk that is held,
     (6, 6, 4, n), what they do to the trunk and what the trunk does to them, the same. Robots are on the last axis,
     along which NumPy is fast."""
@@ -176,14 +176,14 @@ def _legs(bodies: DynamicsTerms, damping: Floats, standing: Mask) -> tuple[Float
     inverse = _inverse_3(of_leg)
     moved = _product(inverse, foot_by_leg.swapaxes(0, 1))
     pressed = _product(foot_by_leg, moved)
-    pressed[range(3), range(3)] += np.where(standing.T, _SOFT, 1.0)
+    pressed[range(3), range(3)] += np.where(standing.T, _CONTACT_REGULARIZATION, 1.0)
     yields = _inverse_3(pressed)
     by_foot = _product(moved, yields)
-    one = np.empty((6, 6, legs, count))
-    one[:3, :3] = inverse - _product(by_foot, moved.swapaxes(0, 1))
-    one[:3, 3:], one[3:, :3], one[3:, 3:] = by_foot, -by_foot.swapaxes(0, 1), yields
+    leg_inverse = np.empty((6, 6, legs, count))
+    leg_inverse[:3, :3] = inverse - _product(by_foot, moved.swapaxes(0, 1))
+    leg_inverse[:3, 3:], leg_inverse[3:, :3], leg_inverse[3:, 3:] = by_foot, -by_foot.swapaxes(0, 1), yields
     up = np.concatenate((coupling, -foot_by_trunk.swapaxes(0, 1)), axis=1)
-    return one, up, np.concatenate((coupling.swapaxes(0, 1), foot_by_trunk))
+    return leg_inverse, up, np.concatenate((coupling.swapaxes(0, 1), foot_by_trunk))
 
 
 def _inverse_3(matrices: Floats) -> Floats:

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions
 from policies.gait_cycle import Floats, smoothstep
-from policies.memory import per_robot, taken_in
-from policies.mpc.footing import STEEPEST, Ground, Terrain
-from policies.mpc.motion import Motion
+from policies.memory import per_robot, lowpass_gain
+from policies.mpc.footing import MAX_SLOPE, TerrainPlane, Terrain
+from policies.mpc.motion import MotionState
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from policies.mpc.reading_noise import ReadingNoise
@@ -22,18 +22,18 @@ from quad_env.sensing.height_scan import UNSEEN, HeightScan, table_with
 
 SCAN = HeightScan(ahead=14, behind=14, aside=10, spacing=0.05)
 """The default scan."""
-LEVELLING_TIME = 0.1
+PLANE_FILTER_TIME = 0.1
 """Time constant with which the trunk takes that ground in, s."""
-QUIET = 0.02
+NOISE_FLOOR_STD = 0.02
 """Standard deviation, m, that a scan without noise seems to have where there are steps."""
 _EDGE = 1e-9
-ON_THE_WAY = (0.25, 0.5, 0.75)
+SWING_SAMPLES = (0.25, 0.5, 0.75)
 """Where from foothold to foothold the ground is looked at that a foot is to clear."""
-UNDER_THE_LEGS = 0.45, 0.4
+PLANE_FIT_HALF_SIZE = 0.45, 0.4
 """Half-length and half-width of the ground that the trunk is to be level with, m."""
 
 
-class SeenGround(NamedTuple):
+class ScannedTerrain(NamedTuple):
     """Heights of feet that stand on a grid about n robots, level frame."""
 
     scan: HeightScan
@@ -60,27 +60,27 @@ def mean_plane(scan: HeightScan) -> Floats:
     """What heights on the scan's grid are multiplied with to give the least-squares plane of those under the legs:
     height under the trunk's centre and rise per metre ahead and to the left, (3, rows, columns)."""
     x, y = np.moveaxis(scan.grid, -1, 0)
-    length, width = UNDER_THE_LEGS
+    length, width = PLANE_FIT_HALF_SIZE
     near = (np.abs(x) <= length + _EDGE) & (np.abs(y) <= width + _EDGE)
     shares = np.zeros((3, *x.shape))
     shares[:, near] = np.linalg.pinv(np.stack((np.ones(near.sum()), x[near], y[near]), axis=-1))
     return shares
 
 
-def seen_ground(scan: HeightScan, shown: Floats, ground: Ground, foot_radius: float) -> SeenGround:
+def seen_ground(scan: HeightScan, shown: Floats, ground: TerrainPlane, foot_radius: float) -> ScannedTerrain:
     """The ground that the entries of a scan show, (n, p), m; by the footprints' plane where it is too deep to see."""
     plane = on_grid(scan, ground)
     seen = shown.reshape(plane.shape)
-    return SeenGround(scan, np.where(seen > UNSEEN, seen + foot_radius, plane))
+    return ScannedTerrain(scan, np.where(seen > UNSEEN, seen + foot_radius, plane))
 
 
-def on_grid(scan: HeightScan, ground: Ground) -> Floats:
+def on_grid(scan: HeightScan, ground: TerrainPlane) -> Floats:
     """Heights of the plane at the scan's points, (n, rows, columns), m."""
     grid = scan.grid
     return ground.at(*np.moveaxis(grid, -1, 0).reshape(2, -1)).reshape(-1, *grid.shape[:2])
 
 
-def believed(seen: SeenGround, ground: Ground, noise: Floats) -> tuple[SeenGround, Floats]:
+def denoise_terrain(seen: ScannedTerrain, ground: TerrainPlane, noise: Floats) -> tuple[ScannedTerrain, Floats]:
     """The ground as near to the plane as what is seen off it is noise of that variance, (n,), m²; and what share of
     its distance from the plane is kept, (n,).
 
@@ -92,7 +92,7 @@ def believed(seen: SeenGround, ground: Ground, noise: Floats) -> tuple[SeenGroun
     return seen._replace(heights=plane + share[:, None, None] * apart), share
 
 
-class Steps(NamedTuple):
+class SwingProfile(NamedTuple):
     """What lies under four swings of n robots, (n, 4), m."""
 
     start: Floats
@@ -133,35 +133,35 @@ class SightedMpcWbc(MpcWbc):
         height_scan: HeightScan = SCAN,
     ) -> None:
         self.height_scan = self._scan = height_scan
-        super().__init__(parameters, robot=robot, control_period=control_period, late=late, actuator=actuator)
+        super().__init__(parameters, robot=robot, control_period=control_period, joint_delay_steps=late, actuator=actuator)
         self._shown = table_with(self.robot, height_scan).slices["height_scan"]
         points = slice(0, height_scan.grid[..., 0].size)
-        self._scan_noise = ReadingNoise(control_period, [points], np.array([QUIET]))
+        self._scan_noise = ReadingNoise(control_period, [points], np.array([NOISE_FLOOR_STD]))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._heights = observation[:, self._shown].astype(np.float64)
         return super()._act(observation)
 
-    def _ground(self, now: Motion, landed: Mask) -> Ground:
+    def _ground(self, now: MotionState, landed: Mask) -> TerrainPlane:
         ground = super()._ground(now, landed)
         seen = seen_ground(self._scan, self._heights, ground, self.robot.foot_radius)
         noise = self._scan_noise.variances(seen.heights.reshape(self.num_envs, -1))[:, 0]
-        self._seen_ground, kept = believed(seen, ground, noise)
-        self._trust = np.where((self._heights <= UNSEEN).all(axis=1), 0.0, kept)[:, None]
+        self._seen_ground, kept = denoise_terrain(seen, ground, noise)
+        self._scan_weight = np.where((self._heights <= UNSEEN).all(axis=1), 0.0, kept)[:, None]
         mean = np.einsum("cij,nij->cn", mean_plane(self._scan), self._seen_ground.heights)
-        mean[1:] = np.clip(mean[1:], -STEEPEST, STEEPEST)
-        share = np.where(self._new, 1.0, taken_in(self.control_period, LEVELLING_TIME))
+        mean[1:] = np.clip(mean[1:], -MAX_SLOPE, MAX_SLOPE)
+        share = np.where(self._new, 1.0, lowpass_gain(self.control_period, PLANE_FILTER_TIME))
         self._level = self._level + share * (mean - self._level)
-        return Ground(*np.where(self._trust[:, 0] > 0.0, self._level, ground))
+        return TerrainPlane(*np.where(self._scan_weight[:, 0] > 0.0, self._level, ground))
 
-    def _over(self, aim: Floats, ground: Ground) -> Terrain:
-        x, y, start = self.prints.places.transpose(0, 2, 1)
-        last, end = np.stack((x, y), axis=-1), self._seen_ground.at(aim)
-        between = [self._seen_ground.at(last + share * (aim - last)) for share in ON_THE_WAY]
-        over, steps = super()._over(aim, ground), Steps(start, end, np.max([start, end, *between], axis=0)).over
-        return lambda x, y, t: self._trust * steps(x, y, t) + (1.0 - self._trust) * over(x, y, t)
+    def _swing_terrain(self, foothold_positions: Floats, ground: TerrainPlane) -> Terrain:
+        x, y, start = self.terrain_estimator.places.transpose(0, 2, 1)
+        last, end = np.stack((x, y), axis=-1), self._seen_ground.at(foothold_positions)
+        between = [self._seen_ground.at(last + share * (foothold_positions - last)) for share in SWING_SAMPLES]
+        over, steps = super()._swing_terrain(foothold_positions, ground), SwingProfile(start, end, np.max([start, end, *between], axis=0)).over
+        return lambda x, y, t: self._scan_weight * steps(x, y, t) + (1.0 - self._scan_weight) * over(x, y, t)
 
-    def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:
+    def _footing(self, now: MotionState, foothold_positions: Floats, ground: TerrainPlane, stands: Mask) -> Floats:
         lasting = np.cumprod(stands, axis=1).astype(np.bool_)
-        seen = np.where(lasting, now.bodies.feet[:, None, :, 2], self._seen_ground.at(aim)[:, None])
-        return np.where(self._trust[..., None] > 0.0, seen, super()._footing(now, aim, ground, stands))
+        seen = np.where(lasting, now.bodies.feet[:, None, :, 2], self._seen_ground.at(foothold_positions)[:, None])
+        return np.where(self._scan_weight[..., None] > 0.0, seen, super()._footing(now, foothold_positions, ground, stands))

@@ -12,19 +12,19 @@ import numpy as np
 
 from policies.gait_cycle import Floats
 from policies.mpc.parameters import MpcParameters
-from policies.mpc.quadratic_program import Programs, Solver, solve
-from policies.mpc.rigid_body import Friction, alike, friction_rows
+from policies.mpc.quadratic_program import QpBatch, Solver, solve
+from policies.mpc.rigid_body import Friction, group_by_stance_count, friction_rows
 from quad_env.columns import Mask, EnvIndices
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import DynamicsTerms
 
 TRUNK = slice(3, 6)
 """Angular part of the generalised velocity."""
-OF_JOINTS, OF_BASE = 1e-5, 1e-6
+JOINT_ACCELERATION_WEIGHT, BASE_ACCELERATION_WEIGHT = 1e-5, 1e-6
 """Weights of squared joint accelerations and of the trunk's, which make the program definite."""
 
 
-class Wish(NamedTuple):
+class WholeBodyReference(NamedTuple):
     """What the bodies of n robots are to do now."""
 
     turning: Floats
@@ -44,13 +44,13 @@ class Torques(NamedTuple):
     """(n, 12), N·m."""
     acceleration: Floats
     """Of the joints, (n, 12), rad/s²."""
-    found: Mask
+    has_solution: Mask
     """For which robots there is an answer; the others' is zero, (n,)."""
 
 
-def torques(
+def solve_whole_body(
     bodies: DynamicsTerms,
-    wish: Wish,
+    reference: WholeBodyReference,
     wrench: Floats,
     friction: Friction,
     limits: tuple[Floats, Floats],
@@ -59,46 +59,46 @@ def torques(
 ) -> Torques:
     """The programs of the bodies, solved; see `programs`."""
     count, size = bodies.bias_force.shape
-    torque, acceleration, found = np.zeros((count, size - 6)), np.zeros((count, size - 6)), np.zeros(count, np.bool_)
-    for robots, each in programs(bodies, wish, wrench, friction, limits, p):
+    torque, acceleration, has_solution = np.zeros((count, size - 6)), np.zeros((count, size - 6)), np.zeros(count, np.bool_)
+    for robots, each in programs(bodies, reference, wrench, friction, limits, p):
         solutions = solver(each)
-        needed = np.matmul(each.rows[:, 6:size], solutions.value[..., None])[..., 0]
+        needed = np.matmul(each.constraint_matrix[:, 6:size], solutions.x[..., None])[..., 0]
         torque[robots] = np.where(solutions.solved[:, None], needed + bodies.bias_force[robots, 6:], 0.0)
-        acceleration[robots] = np.where(solutions.solved[:, None], solutions.value[:, 6:size], 0.0)
-        found[robots] = solutions.solved
-    return Torques(torque, acceleration, found)
+        acceleration[robots] = np.where(solutions.solved[:, None], solutions.x[:, 6:size], 0.0)
+        has_solution[robots] = solutions.solved
+    return Torques(torque, acceleration, has_solution)
 
 
 def programs(
-    bodies: DynamicsTerms, wish: Wish, wrench: Floats, friction: Friction, limits: tuple[Floats, Floats], p: MpcParameters
-) -> Iterator[tuple[EnvIndices, Programs]]:
+    bodies: DynamicsTerms, reference: WholeBodyReference, wrench: Floats, friction: Friction, limits: tuple[Floats, Floats], p: MpcParameters
+) -> Iterator[tuple[EnvIndices, QpBatch]]:
     """Programs over generalised acceleration and forces of the standing feet, those of one shape together, with the
     robots whose they are. `wrench` pushes their trunks, (n, 6), N and N·m; `limits`: least and largest torques, N·m."""
     size = bodies.bias_force.shape[1]
     bias = bodies.bias_force.copy()
     bias[:, :6] -= wrench
     feet = bodies.jacobians.reshape(len(bias), -1, size)
-    weight = np.where(wish.standing, p.standing_priority, p.swinging_priority).repeat(3, axis=1)[..., None]
-    aims = (wish.feet - bodies.foot_bias_acceleration).reshape(weight.shape)
+    weight = np.where(reference.standing, p.standing_priority, p.swinging_priority).repeat(3, axis=1)[..., None]
+    aims = (reference.feet - bodies.foot_bias_acceleration).reshape(weight.shape)
     following = np.matmul(feet.transpose(0, 2, 1), np.concatenate((weight * feet, weight * aims), axis=2))
     least, most = -bias, -bias.copy()  # the floating base has no motor
     least[:, 6:] += limits[0]
     most[:, 6:] += limits[1]
-    for robots in alike(wish.standing.sum(axis=1)):
+    for robots in group_by_stance_count(reference.standing.sum(axis=1)):
         group, these = len(robots), slice(None) if len(robots) == len(bias) else robots
-        standing = wish.standing[these]
+        standing = reference.standing[these]
         contact = bodies.jacobians[these][standing].reshape(group, -1, size)
         forces = slice(size, size + contact.shape[1])
         hessian = np.zeros((group, forces.stop, forces.stop))
         hessian[:, :size, :size] = following[these, :, :size]
-        diagonal = np.full(forces.stop, OF_JOINTS)
-        diagonal[:6], diagonal[forces] = OF_BASE, p.force_priority
+        diagonal = np.full(forces.stop, JOINT_ACCELERATION_WEIGHT)
+        diagonal[:6], diagonal[forces] = BASE_ACCELERATION_WEIGHT, p.force_priority
         diagonal[TRUNK] += p.turning_priority
         hessian.reshape(group, -1)[:, :: forces.stop + 1] += diagonal
         gradient = np.zeros((group, forces.stop))
-        gradient[:, TRUNK] = -p.turning_priority * wish.turning[these]
+        gradient[:, TRUNK] = -p.turning_priority * reference.turning[these]
         gradient[:, :size] -= following[these, :, size]
-        gradient[:, forces] = -p.force_priority * wish.forces[these][standing].reshape(group, -1)
+        gradient[:, forces] = -p.force_priority * reference.forces[these][standing].reshape(group, -1)
         pyramid, lower, upper = friction_rows(contact.shape[1] // 3, friction.of(these))
         rows = np.zeros((group, size + pyramid.shape[1], forces.stop))
         rows[:, :size, :size] = bodies.inertia[these]
@@ -106,31 +106,31 @@ def programs(
         rows[:, size:, forces] = pyramid
         lower = np.concatenate((least[these], lower), axis=1)
         upper = np.concatenate((most[these], upper), axis=1)
-        yield robots, Programs(hessian, gradient, rows, lower, upper, equalities=6)
+        yield robots, QpBatch(hessian, gradient, rows, lower, upper, equalities=6)
 
 
-_SINGULAR = 1e-4
+_DAMPING = 1e-4
 """Added to the squared Jacobian of a leg, m²: a straight one does not accelerate along itself."""
 
 
-def leg_torques(bodies: DynamicsTerms, wish: Wish, wrench: Floats, limits: tuple[Floats, Floats]) -> Torques:
+def leg_torques(bodies: DynamicsTerms, reference: WholeBodyReference, wrench: Floats, limits: tuple[Floats, Floats]) -> Torques:
     """Torques without a program: each leg bears its planned force and follows its path; the trunk moves as planned.
 
     τ = M q̈ + h - Jᵀf, with q̈ of the trunk from the planned forces and of each leg such that its foot has the wished
     acceleration. What one leg's motion does to the others is left out; friction is the plan's; torques are clipped to
     `limits`, N·m. `wrench`: on the trunks, (n, 6), N and N·m.
     """
-    forces = np.where(wish.standing[..., None], wish.forces, 0.0)
+    forces = np.where(reference.standing[..., None], reference.forces, 0.0)
     linear = (forces.sum(axis=1) + wrench[:, :3]) / bodies.mass[:, None] - (0.0, 0.0, GRAVITY)
-    trunk = np.concatenate((linear, wish.turning), axis=1)
+    trunk = np.concatenate((linear, reference.turning), axis=1)
     carried = np.einsum("nlxk,nk->nlx", bodies.jacobians[..., :6], trunk)
     legs = bodies.leg_jacobians
     across = legs.swapaxes(2, 3)
-    squares = np.matmul(across, legs) + _SINGULAR * np.eye(3)
-    asked = np.matmul(across, (wish.feet - bodies.foot_bias_acceleration - carried)[..., None])
+    squares = np.matmul(across, legs) + _DAMPING * np.eye(3)
+    asked = np.matmul(across, (reference.feet - bodies.foot_bias_acceleration - carried)[..., None])
     joints = np.linalg.solve(squares, asked)[..., 0].reshape(len(trunk), 12)
     motion = np.concatenate((trunk, joints), axis=1)
     needed = np.einsum("nij,nj->ni", bodies.inertia[:, 6:], motion) + bodies.bias_force[:, 6:]
-    borne = np.matmul(across, forces[..., None])[..., 0].reshape(joints.shape)
-    torque = np.clip(needed - borne, *limits)
+    stance_forces = np.matmul(across, forces[..., None])[..., 0].reshape(joints.shape)
+    torque = np.clip(needed - stance_forces, *limits)
     return Torques(torque, joints, np.isfinite(torque).all(axis=1))

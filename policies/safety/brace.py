@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from policies.base import Floats, Mask
 from policies.gait_cycle import smoothstep
 from policies.legs.kinematics import joint_targets
-from policies.memory import Memory, per_robot
+from policies.memory import PerRobotState, per_robot
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
@@ -26,7 +26,7 @@ RELEASE_TIME = 0.15
 """From the brace to the policy's targets, s."""
 
 
-class Brace(Memory):
+class Brace(PerRobotState):
     """How far each robot is braced while a fall is being caught: wholly until it is at rest, then less and less."""
 
     share: Floats = per_robot(1.0)
@@ -49,7 +49,7 @@ class Brace(Memory):
     def blended(self, rows: NDArray[np.intp], targets: Floats, observation: Floats) -> Floats:
         """Targets (k, 12) of the robots `rows`, (k,): their policy's, turned into the brace as far as is due."""
         weight = smoothstep(self.share[rows])[:, None]
-        return targets + weight * (braced(self._robot, observation) - targets)
+        return targets + weight * (brace_targets(self._robot, observation) - targets)
 
 
 def is_at_rest(observation: Floats) -> Mask:
@@ -61,7 +61,7 @@ def is_at_rest(observation: Floats) -> Mask:
     return at_rest
 
 
-def braced(robot: Robot, observation: Floats) -> Floats:
+def brace_targets(robot: Robot, observation: Floats) -> Floats:
     """Joint targets (k, 12), rad, of observations (k, m)."""
     turning = observation[:, OBSERVATION["angular_velocity"]]
     roll, pitch = DAMPING * turning[:, 0:1], DAMPING * turning[:, 1:2]

@@ -5,7 +5,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import Actions, Floats, Mask, Policy, chosen, to_actions
+from policies.base import Actions, Floats, Mask, Policy, validate_mask, to_actions
 from policies.behaviour.motion import Damp, Motion, Stop
 from policies.memory import per_robot
 from policies.safety.brace import Brace
@@ -87,7 +87,7 @@ class Safe(Policy):
 
     def emergency_stop(self, mask: ArrayLike | None = None, *, damp: bool = False) -> None:
         """Stop those robots, all without a mask, from their next action on until a reset: under control, or damped."""
-        self._enter(chosen(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, "emergency stop requested")
+        self._enter(validate_mask(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, "emergency stop requested")
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
         """Restart the layer and its policy for `num_envs` robots; exceptions of the policy pass through."""
@@ -95,13 +95,13 @@ class Safe(Policy):
         self.policy.reset(num_envs, seed)
 
     def _restart(self, mask: Mask) -> None:
-        super()._restart(mask)
+        super()._reset_rows(mask)
         self.policy.reset_where(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         rows = observation.astype(np.float64)
         joints = rows[:, OBSERVATION["joint_position"]] + self.robot.home_pose
-        self._watch(rows)
+        self._update_mode(rows)
         targets = self._policy_targets(observation)
         caught = np.flatnonzero(self._mode == Mode.CATCH)
         if len(caught):
@@ -114,7 +114,7 @@ class Safe(Policy):
                 targets[members] = motion.targets(members, rows[members], joints[members])
         self._entered[:] = False
         speeds = rows[:, OBSERVATION["joint_velocity"]]
-        self._targets = self._limits.kept(self.robot, self.control_period, targets, self._targets, joints, speeds)
+        self._targets = self._limits.limit_targets(self.robot, self.control_period, targets, self._targets, joints, speeds)
         return to_actions(self.robot, self._targets)
 
     def _policy_targets(self, observation: NDArray[np.float32]) -> Floats:
@@ -151,7 +151,7 @@ class Safe(Policy):
         observation[catching, OBSERVATION["command"]] *= left[:, None]
         return observation
 
-    def _watch(self, rows: Floats) -> None:
+    def _update_mode(self, rows: Floats) -> None:
         """Catch where a fall is predicted, follow again where it is at rest or past catching."""
         velocity, command = (rows[:, OBSERVATION[name]][:, :2] for name in ("linear_velocity", "command"))
         self._reference = self._reference + (command - self._reference) * (self.control_period / RESPONSE_TIME)

@@ -41,7 +41,7 @@ class SafetyLimits(Settings):
         line = servo.curve.resolve(robot)
         return cls(line.peak_torque, no_load_speed=line.no_load_speed, delay=servo.delay)
 
-    def kept(
+    def limit_targets(
         self, robot: Robot, period: float, targets: Floats, previous: Floats, joints: Floats, speeds: Floats
     ) -> Floats:
         """The targets nearest to those given, (n, 12) rad, that keep the limits; joints and speeds are the present

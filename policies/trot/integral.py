@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Floats
 from policies.legs.level_frame import level_frame
-from policies.memory import per_robot, taken_in
-from policies.parameters import ParameterFile, number, search_ranges_of
+from policies.memory import per_robot, lowpass_gain
+from policies.parameters import ParameterFile, parameter, search_ranges_of
 from policies.shipped import folder_of
 from policies.trot.open_loop import FILE as TROT_FILE
 from policies.trot.open_loop import Trot, TrotParameters, searched_parameters
@@ -28,16 +28,16 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 class IntegralParameters(TrotParameters):
     """The trot's, and those of the integral, whose defaults were chosen by hand on search episodes."""
 
-    integral_gain: float = number(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
+    integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
     """Change of the followed velocity per velocity error, 1/s."""
-    yaw_integral_gain: float = number(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
+    yaw_integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
     """Change of the followed yaw rate per error, 1/s."""
-    settling_time: float = number(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
+    settling_time: float = parameter(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
     """Time constant with which the robot is expected to take up a new command, s: until then it makes no error."""
-    largest_error: float = number(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
+    largest_error: float = parameter(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
     """Velocity error that is counted at most, m/s: beyond is a push or a fall, no bias. The same number of SimpleQuad's
     yaw rate, rad/s."""
-    largest_correction: float = number(0.8, limits=(0.0, 100.0), search=(0.2, 2.0), unit="m/s")
+    largest_correction: float = parameter(0.8, limits=(0.0, 100.0), search=(0.2, 2.0), unit="m/s")
     """Of each velocity, m/s: the same number of SimpleQuad's yaw rate, rad/s."""
 
 
@@ -55,7 +55,7 @@ FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralPar
 def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
     """The parameters in force, see `ParameterFile`; of a robot whose trot alone was searched, with that trot's. Raises
     PolicyError where they are missing or damaged."""
-    found, folder = FILE.in_force(robot), folder_of(robot)
+    found, folder = FILE.load_for_robot(robot), folder_of(robot)
     if (folder / FILE.path.name).is_file() or not (folder / TROT_FILE.path.name).is_file():
         return found
     return replace(found, **asdict(searched_parameters(robot)))
@@ -80,7 +80,7 @@ class TrotIntegral(Trot):
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         command = observation[:, OBSERVATION["command"]].astype(np.float64)
         p, period = self.parameters, self.control_period
-        self._expected = self._expected + (command - self._expected) * taken_in(period, p.settling_time)
+        self._expected = self._expected + (command - self._expected) * lowpass_gain(period, p.settling_time)
         terms = (OBSERVATION[name] for name in ("projected_gravity", "linear_velocity", "angular_velocity"))
         gravity, velocity, turn = (observation[:, term].T.astype(np.float64) for term in terms)
         forward, lateral, _ = level_frame(gravity).to_level(velocity)

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
 from policies.gait_cycle import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
-from policies.legs.kinematics import held_up, leg_angles
+from policies.legs.kinematics import compensate_servo_load, leg_angles
 from policies.memory import per_robot
-from policies.parameters import CommandMap, ParameterFile, number, search_ranges_of
+from policies.parameters import CommandMap, ParameterFile, parameter, search_ranges_of
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import HIGH, LATERAL_LENGTH
@@ -26,29 +26,29 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 class TrotParameters(CommandMap):
     """What the search tunes."""
 
-    frequency: float = number(2.8, limits=(0.1, 50.0), search=(2.0, 3.1), unit="Hz")
+    frequency: float = parameter(2.8, limits=(0.1, 50.0), search=(2.0, 3.1), unit="Hz")
     """Gait cycles a second, Hz."""
-    duty: float = number(0.55, limits=(0.01, 0.99), search=(0.5, 0.65))
+    duty: float = parameter(0.55, limits=(0.01, 0.99), search=(0.5, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    body_height: float = number(0.47, limits=(0.01, 5.0), search=(0.45, 0.52), unit=HIGH)
+    body_height: float = parameter(0.47, limits=(0.01, 5.0), search=(0.45, 0.52), unit=HIGH)
     """Hip joints above the centres of the standing feet, m."""
-    step_height: float = number(0.07, limits=(-1.0, 1.0), search=(0.03, 0.14), unit="m")
+    step_height: float = parameter(0.07, limits=(-1.0, 1.0), search=(0.03, 0.14), unit="m")
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = number(0.54, limits=(-10.0, 10.0), search=(0.4, 0.72), unit=LATERAL_LENGTH)
+    stance_width: float = parameter(0.54, limits=(-10.0, 10.0), search=(0.4, 0.72), unit=LATERAL_LENGTH)
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
-    stance_shift: float = number(-0.02, limits=(-1.0, 1.0), search=(-0.1, 0.05), unit="m ahead")
+    stance_shift: float = parameter(-0.02, limits=(-1.0, 1.0), search=(-0.1, 0.05), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""
-    servo_lead: float = number(0.01, limits=(-1.0, 1.0), search=(0.0, 0.05), unit="s")
+    servo_lead: float = parameter(0.01, limits=(-1.0, 1.0), search=(0.0, 0.05), unit="s")
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
-    stance_load: float = number(50.0, limits=(-1e5, 1e5), search=(0.0, 90.0), unit="N")
+    stance_load: float = parameter(50.0, limits=(-1e5, 1e5), search=(0.0, 90.0), unit="N")
     """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
-    blend_time: float = number(0.3, limits=(1e-3, 100.0), unit="s")
+    blend_time: float = parameter(0.3, limits=(1e-3, 100.0), unit="s")
     """From the home pose to the gait at the start of an episode, s."""
-    turn_lead: float = number(0.06, limits=(-10.0, 10.0), search=(0.0, 0.2), unit="s")
+    turn_lead: float = parameter(0.06, limits=(-10.0, 10.0), search=(0.0, 0.2), unit="s")
     """How far ahead the gait's velocity is turned at the commanded yaw rate, s: in a curve the body lags behind."""
-    linear_acceleration: float = number(14.0, limits=(1e-3, 1e6), search=(2.0, 20.0), unit="m/s²")
+    linear_acceleration: float = parameter(14.0, limits=(1e-3, 1e6), search=(2.0, 20.0), unit="m/s²")
     """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
-    yaw_acceleration: float = number(16.0, limits=(1e-3, 1e6), search=(3.0, 40.0), unit="rad/s²")
+    yaw_acceleration: float = parameter(16.0, limits=(1e-3, 1e6), search=(3.0, 40.0), unit="rad/s²")
     """Fastest change of the yaw rate command that the gait follows, rad/s²."""
 
 
@@ -58,7 +58,7 @@ FILE = ParameterFile(Path(__file__).with_name("trot.json"), TrotParameters, "tro
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> TrotParameters:
     """The robot's parameters, see `ParameterFile.in_force`."""
-    return FILE.in_force(robot)
+    return FILE.load_for_robot(robot)
 
 
 class Trot(GaitedPolicy):
@@ -123,4 +123,4 @@ class Trot(GaitedPolicy):
         z = p.step_height * lift(cycle) - p.body_height
         hip, thigh, calf = leg_angles(robot, x, y, z)
         force = load(cycle) * p.stance_load
-        return flat_joints(np.stack(held_up(robot, hip, thigh, calf, x, y, force), axis=-1))
+        return flat_joints(np.stack(compensate_servo_load(robot, hip, thigh, calf, x, y, force), axis=-1))

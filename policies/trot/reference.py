@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from policies.base import CONTROL_PERIOD
-from policies.parameters import ParameterFile, number
+from policies.parameters import ParameterFile, parameter
 from policies.trot.integral import IntegralParameters, TrotIntegral
 from quad_env.robots.named import get_robot
 from quad_env.robots.robot import Robot
@@ -20,11 +20,11 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 class ReferenceParameters(IntegralParameters):
     """The integral trot's, chosen by hand, and the servo gains."""
 
-    body_height: float = number(0.34, limits=(0.01, 5.0), unit="m")
+    body_height: float = parameter(0.34, limits=(0.01, 5.0), unit="m")
     """Hip joints above the centres of the standing feet, m; as much of the leg for every robot."""
-    stiffness: float = number(150.0, limits=(1e-9, 1e9), unit="N·m")
+    stiffness: float = parameter(150.0, limits=(1e-9, 1e9), unit="N·m")
     """Of the servos, N·m/rad."""
-    damping: float = number(7.5, limits=(1e-9, 1e9), unit="N·m·s")
+    damping: float = parameter(7.5, limits=(1e-9, 1e9), unit="N·m·s")
     """Of the servos, N·m·s/rad."""
 
 
@@ -46,6 +46,6 @@ class TrotReference(TrotIntegral):
         control_period: float = CONTROL_PERIOD,
     ) -> None:
         given = get_robot(robot)
-        chosen = parameters if parameters is not None else FILE.in_force(given)
+        chosen = parameters if parameters is not None else FILE.load_for_robot(given)
         own = given if given.servo_fixed else given.with_servo(chosen.stiffness, chosen.damping)
         super().__init__(chosen, robot=own, control_period=control_period)

@@ -8,9 +8,9 @@ out of reach, and the weights say which.
 import numpy as np
 
 from policies.gait_cycle import Floats
-from policies.mpc.footing import Ground
-from policies.mpc.motion import Motion
-from policies.mpc.plans import smallest
+from policies.mpc.footing import TerrainPlane
+from policies.mpc.motion import MotionState
+from policies.mpc.plans import min_norm_forces
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.parameters import VirtualParameters
 from quad_env.columns import Mask
@@ -21,11 +21,11 @@ LARGEST = np.array([5.0, 5.0, 9.0, 60.0, 60.0, 60.0])
 """Largest acceleration that springs and dampers ask for, m/s² and rad/s²..."""
 LEAST = np.array([-5.0, -5.0, -4.0, -60.0, -60.0, -60.0])
 """... and the least: a trunk that falls freely has no feet to stand on."""
-_SINGULAR = 1e-5
+_DAMPING = 1e-5
 """Added to the squared accelerations per force."""
 
 
-def pulled(p: VirtualParameters, now: Motion, ground: Ground, height: float) -> Floats:
+def virtual_acceleration(p: VirtualParameters, now: MotionState, ground: TerrainPlane, height: float) -> Floats:
     """Accelerations by the virtual springs and dampers, level frame, (n, 6), m/s² and rad/s².
 
     `height`: that the trunks are to have above the ground, to which they keep parallel, m.
@@ -42,7 +42,7 @@ def pulled(p: VirtualParameters, now: Motion, ground: Ground, height: float) -> 
     return np.column_stack((linear, tilt, yaw)).clip(LEAST, LARGEST)
 
 
-def shared(p: VirtualParameters, now: Motion, wanted: Floats, standing: Mask, friction: Friction) -> Floats:
+def distribute_wrench(p: VirtualParameters, now: MotionState, wanted: Floats, standing: Mask, friction: Friction) -> Floats:
     """Forces of the standing feet, level frame, (n, 4, 3), N, that together give the wanted acceleration, (n, 6), m/s²
     and rad/s², as near as may be; then drawn into the friction's cone."""
     bodies = now.bodies
@@ -53,8 +53,8 @@ def shared(p: VirtualParameters, now: Motion, wanted: Floats, standing: Mask, fr
     weights = np.array([planar, planar, 1.0, tilt, tilt, yaw])
     effects = np.concatenate((linear, angular), axis=2) * weights[:, None]
     borne = weights * (wanted + np.array([0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0]))
-    forces = smallest(effects, borne, standing, _SINGULAR)
-    up = np.clip(forces[..., 2], 0.0, friction.most[:, None])
+    forces = min_norm_forces(effects, borne, standing, _DAMPING)
+    up = np.clip(forces[..., 2], 0.0, friction.max_normal_force[:, None])
     across = np.hypot(forces[..., 0], forces[..., 1])
-    drawn = np.minimum(1.0, friction.share[:, None] * up / np.maximum(across, 1e-9))
+    drawn = np.minimum(1.0, friction.coefficient[:, None] * up / np.maximum(across, 1e-9))
     return np.concatenate((forces[..., :2] * drawn[..., None], up[..., None]), axis=-1)

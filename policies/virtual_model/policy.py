@@ -4,11 +4,11 @@ import numpy as np
 
 from policies.base import CONTROL_PERIOD, Mask
 from policies.gait_cycle import TROT_OFFSETS, Floats
-from policies.mpc.footing import Ground
-from policies.mpc.model_based import Borne, ModelBased
-from policies.mpc.motion import Motion
+from policies.mpc.footing import TerrainPlane
+from policies.mpc.model_based import StanceForces, ModelBased
+from policies.mpc.motion import MotionState
 from policies.mpc.rigid_body import Friction
-from policies.virtual_model.forces import pulled, shared
+from policies.virtual_model.forces import virtual_acceleration, distribute_wrench
 from policies.virtual_model.parameters import VirtualParameters, searched_parameters
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.robots.robot import Robot
@@ -39,12 +39,12 @@ class TrotFeedback(ModelBased):
         super().__init__(robot=robot, control_period=control_period)
         self.parameters = p = parameters if parameters is not None else searched_parameters(self.robot)
         self.frequency, self.leg_offsets = p.frequency, self.robot.in_leg_order(TROT_OFFSETS)
-        self._equip(late, actuator)
+        self._build_components(late, actuator)
 
-    def _borne(
-        self, now: Motion, standing: Mask, aim: Floats, ground: Ground, pushed: Floats, friction: Friction
-    ) -> Borne:
+    def _compute_stance_forces(
+        self, now: MotionState, standing: Mask, aim: Floats, ground: TerrainPlane, pushed: Floats, friction: Friction
+    ) -> StanceForces:
         """The forces that pull the trunk as its springs and dampers would."""
-        wanted = pulled(self.parameters, now, ground, self._height) - pushed
-        forces = shared(self.parameters, now, wanted, standing, friction)
-        return Borne(forces, now.bodies.feet - now.bodies.com_position[:, None], np.zeros(self.num_envs, np.bool_))
+        wanted = virtual_acceleration(self.parameters, now, ground, self._height) - pushed
+        forces = distribute_wrench(self.parameters, now, wanted, standing, friction)
+        return StanceForces(forces, now.bodies.feet - now.bodies.com_position[:, None], np.zeros(self.num_envs, np.bool_))

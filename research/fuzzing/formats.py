@@ -18,10 +18,10 @@ from policies import bundle
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.foreign import onnx_file, readers
 from policies.foreign.described import period_share, with_gains
-from policies.foreign.description import PolicyDescription
+from policies.foreign.description import PolicySpec
 from policies.foreign.packages import package
 from policies.foreign.reference import Reference, checked
-from policies.foreign.terms import Terms
+from policies.foreign.terms import ObservationAdapter
 from policies.shipped import MODELS
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
@@ -103,10 +103,10 @@ def _read_description(file: Path) -> None:
     robot = with_gains(SIMPLE_QUAD, found)
     period_share(found, CONTROL_PERIOD)
     if found.width * max(term.history for term in found.terms) < 10_000_000:
-        Terms(found, robot, CONTROL_PERIOD)
+        ObservationAdapter(found, robot, CONTROL_PERIOD)
 
 
-def _check_description(found: PolicyDescription) -> None:
+def _check_description(found: PolicySpec) -> None:
     numbers = np.concatenate([np.ravel(getattr(found, name)) for name in ("stiffness", "damping", "action_scale")])
     if not (np.isfinite(numbers).all() and np.abs(numbers).max() <= 1e4 and 1.0 <= found.control_rate <= 1e4):
         raise AbsurdError(f"a description with gains up to {np.abs(numbers).max():g} at {found.control_rate:g} Hz")

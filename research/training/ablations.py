@@ -17,7 +17,7 @@ import numpy as np
 from evaluate.report.plots import drawing
 from evaluate.statistics.intervals import CONFIDENCE
 from policies.base import Floats
-from policies.parameters import limits_of, number
+from policies.parameters import limits_of, parameter
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.files.reading import LARGEST, read_bytes
@@ -61,13 +61,13 @@ class Options:
 
     variants: tuple[str, ...] = tuple(VARIANTS)
     """Names of the variants."""
-    steps: int = number(1_000_000, limits=(1, 10**12 - 1))
+    steps: int = parameter(1_000_000, limits=(1, 10**12 - 1))
     """Steps of each run."""
-    seeds: int = number(5, limits=(2, 1000))
+    seeds: int = parameter(5, limits=(2, 1000))
     """Training seeds of each variant, from 0 on."""
-    episodes: int = number(24, limits=(1, 100_000))
+    episodes: int = parameter(24, limits=(1, 100_000))
     """Validation episodes of each scenario."""
-    threads: int = number(2, limits=(1, 256))
+    threads: int = parameter(2, limits=(1, 256))
     """Threads of the simulation."""
     out: Path = Path("runs/ablations")
     """Folder of the runs; finished ones of the same settings are kept."""

@@ -21,7 +21,7 @@ from evaluate.commands.plan import check
 from evaluate.records.store import read_run
 from policies import bundle
 from policies.network import ACTIVATION
-from policies.parameters import limits_of, number
+from policies.parameters import limits_of, parameter
 from policies.residual_bases import describe
 from policies.shipped import folder_of
 from quad_env.cli.child_process import available_cores
@@ -60,15 +60,15 @@ class Options:
     """Which kind of policy ships."""
     scenarios: tuple[str, ...] | None = None
     """Scenarios of the evaluation; by default every axis where robots begin to fail."""
-    episodes: int = number(512, limits=(1, 1_000_000))
+    episodes: int = parameter(512, limits=(1, 1_000_000))
     """Episodes of each policy on each scenario."""
-    seed: int = number(0, limits=(0, 2**63 - 1))
+    seed: int = parameter(0, limits=(0, 2**63 - 1))
     """Seed of the evaluation's episodes."""
     out: Path = Path("results/publish")
     """Folder of the evaluation, with its report."""
     resume: Flag = False
     """Carry on the interrupted evaluation in --out."""
-    threads: int = number(available_cores(), limits=(1, 256))
+    threads: int = parameter(available_cores(), limits=(1, 256))
     """Processes that simulate side by side (count; default: this machine's cores). No outcome depends on it."""
 
 

@@ -15,7 +15,7 @@ from evaluate.rollouts.hardware import hardware_of
 from evaluate.statistics.significance import sign_flip_test
 from policies.base import Floats
 from policies.mpc import parameters as mpc_parameters
-from policies.parameters import ParameterFile, Parameters, number, scaled_ranges, search_ranges_of
+from policies.parameters import ParameterFile, Parameters, parameter, scaled_ranges, search_ranges_of
 from policies.shipped import folder_of
 from policies.trot import integral
 from policies.virtual_model import parameters as virtual_model
@@ -65,15 +65,15 @@ class Options(Effort):
     """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     policy: Literal["mpc_wbc", "trot_feedback", "trot_integral"] = "trot_feedback"
     """Policy whose gait and gains are searched."""
-    generations: int = number(22, limits=(0, 10_000))
+    generations: int = parameter(22, limits=(0, 10_000))
     """Rounds; 0 only does what follows the search."""
-    candidates: int = number(16, limits=(4, 1000))
+    candidates: int = parameter(16, limits=(4, 1000))
     """Parameter sets tried in a round."""
-    episodes: int = number(1, limits=(1, 10_000))
+    episodes: int = parameter(1, limits=(1, 10_000))
     """Episodes of a candidate in each scenario and round."""
-    steps: int = number(500, limits=(SHORTEST, 100_000))
+    steps: int = parameter(500, limits=(SHORTEST, 100_000))
     """Length of an episode, control steps of 10 ms."""
-    check_episodes: int = number(32, limits=(1, 10_000))
+    check_episodes: int = parameter(32, limits=(1, 10_000))
     """Fresh episodes on which the outcome is compared with the parameters before."""
 
 
@@ -88,7 +88,7 @@ def subject(options: Options) -> Subject[Parameters]:
     robot, searched, file = hardware.quadruped, POLICIES[name], POLICIES[name].file
     exercises = options.exercises or tuple(scaled_name(each, robot) for each in EXERCISES)
     check_scenarios("--exercises", exercises, robot)
-    in_force = file.in_force(robot)
+    in_force = file.load_for_robot(robot)
     start = file.read(options.start) if options.start else in_force
     ranges = scaled_ranges(searched.ranges, file.kind, robot)
 

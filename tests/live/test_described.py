@@ -9,7 +9,7 @@ from evaluate.rollouts import diagnosis, walking_test
 from live.commands.doctor import OF_DESCRIPTION
 from live.walking import understood
 from policies.foreign import mistakes
-from policies.foreign.description import PolicyDescription
+from policies.foreign.description import PolicySpec
 from policies.foreign.readers import write_toml
 from quad_env.__main__ import main
 from quad_env.doctor.check import Finding, Subject, examine
@@ -18,7 +18,7 @@ from tests.policies.foreign import walking_network
 
 
 @pytest.fixture
-def policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PolicyDescription:
+def policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PolicySpec:
     monkeypatch.setattr(diagnosis, "SEEDS", diagnosis.SEEDS[:1])
     monkeypatch.setattr(walking_test, "SECONDS", 2.4)
     monkeypatch.setattr(walking_test, "SETTLING", 1.2)
@@ -26,14 +26,14 @@ def policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PolicyDescription
     return walking_network.write(tmp_path / "trot.onnx")
 
 
-def found(policy: PolicyDescription) -> dict[str, Finding]:
+def found(policy: PolicySpec) -> dict[str, Finding]:
     """Of the checks of a description."""
     file = policy.network.with_suffix(".toml")
     write_toml(policy, file)
     return dict(examine(OF_DESCRIPTION, Subject(policy=str(file))))
 
 
-def test_what_was_understood_is_shown(policy: PolicyDescription) -> None:
+def test_what_was_understood_is_shown(policy: PolicySpec) -> None:
     checks = found(policy)
     assert {name: finding.result for name, finding in checks.items()} == dict.fromkeys(checks, "ok")
     rate, joints, servos, terms = checks["description"].details
@@ -43,14 +43,14 @@ def test_what_was_understood_is_shown(policy: PolicyDescription) -> None:
     assert terms.startswith("reads   linear_velocity 3 × 2, angular_velocity 3 × 0.25, projected_gravity 3, command 3")
 
 
-def test_the_joints_own_damping_is_told_beside_small_gains(policy: PolicyDescription) -> None:
+def test_the_joints_own_damping_is_told_beside_small_gains(policy: PolicySpec) -> None:
     """SimpleQuad's joints have 0.2 N·m·s/rad of their own, next to nothing beside the described 10."""
     soft = replace(policy, damping=tuple(0.5 for _ in policy.joints))
     lines = [line for each in (policy, soft) for line in understood(each, SIMPLE_QUAD) if line.startswith("servos")]
     assert ["the joints' own damping of 0.2 N·m·s/rad" in line for line in lines] == [False, True]
 
 
-def test_the_mistake_is_the_cause(policy: PolicyDescription) -> None:
+def test_the_mistake_is_the_cause(policy: PolicySpec) -> None:
     turned = tuple(replace(term, scale=(-1.0,)) if term.name == "projected_gravity" else term for term in policy.terms)
     checks = found(replace(policy, terms=turned))
     problems = [finding for finding in checks.values() if finding.result == "problem"]
@@ -59,7 +59,7 @@ def test_the_mistake_is_the_cause(policy: PolicyDescription) -> None:
     ]
 
 
-def test_what_cannot_run_is_one_line(policy: PolicyDescription) -> None:
+def test_what_cannot_run_is_one_line(policy: PolicySpec) -> None:
     arms = tuple(f"arm_{number}" for number in range(12))
     for changes, seen in (({"terms": policy.terms[1:]}, "50"), ({"joints": arms}, "arm_0")):
         checks = found(replace(policy, **changes))
@@ -68,7 +68,7 @@ def test_what_cannot_run_is_one_line(policy: PolicyDescription) -> None:
         assert checks["description"].remedy
 
 
-def test_the_description_is_written(policy: PolicyDescription, tmp_path: Path, monkeypatch, refused) -> None:
+def test_the_description_is_written(policy: PolicySpec, tmp_path: Path, monkeypatch, refused) -> None:
     file, written = tmp_path / "trot.toml", tmp_path / "mine.toml"
     write_toml(policy, file)
     monkeypatch.setattr("live.commands.doctor.run", lambda *_: 0)
@@ -78,7 +78,7 @@ def test_the_description_is_written(policy: PolicyDescription, tmp_path: Path, m
 
 
 def test_what_a_file_does_not_say_is_written_as_comments(
-    policy: PolicyDescription, monkeypatch, capsys, refused
+    policy: PolicySpec, monkeypatch, capsys, refused
 ) -> None:
     folder = policy.network.parent
     monkeypatch.setattr("live.commands.doctor.run", lambda *_: 0)

@@ -167,7 +167,7 @@ def points_about(qpos: np.ndarray) -> np.ndarray:
 
 def a_step_ago(patch: pytest.MonkeyPatch) -> None:
     """Networks see the height scan of the control step before."""
-    true_see, before = Features.see, {}
+    true_see, before = Features.update, {}
 
     def see(features: Features, observation: np.ndarray, base_action: np.ndarray) -> np.ndarray:
         late = observation.copy()

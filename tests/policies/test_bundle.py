@@ -18,7 +18,7 @@ from policies.mpc.sighted import SightedMpcWbc
 from policies.network import Network
 from policies.parameters import ParameterFile
 from policies.residual import Features, ResidualPolicy
-from policies.residual_bases import BASES, describe, described
+from policies.residual_bases import BASES, describe, base_from_json
 from policies.shipped import MODELS, folder_of
 from policies.trot.integral import integral_parameters
 from policies.trot.open_loop import Trot, TrotParameters
@@ -89,7 +89,7 @@ def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_sin
     base = policies.make(name)
     policy = ResidualPolicy(base, network(Features(base).width, 8, 12))
     save(tmp_path, policy, training={}, git_revision="")
-    in_force = ParameterFile.in_force
+    in_force = ParameterFile.load_for_robot
     monkeypatch.setattr(ParameterFile, "in_force", lambda *of: replace(in_force(*of), frequency=1.5))
     monkeypatch.setattr("policies.gaits.policy.searched_parameters", lambda *_: pytest.fail("that is another base"))
     loaded = load(tmp_path)
@@ -118,7 +118,7 @@ def test_a_height_scan_is_that_of_the_training(tmp_path):
         assert reason in damaged(tmp_path, lambda f, base=changed: rewrite(f, base=base))
     blind = {key: value for key, value in describe(base).items() if key != "height_scan"}
     with pytest.raises(ValueError, match="mpc_wbc_sighted needs a height_scan"):
-        described(blind, SIMPLE_QUAD, 0.01)
+        base_from_json(blind, SIMPLE_QUAD, 0.01)
 
 
 def test_the_network_over_a_base_without_eyes_may_be_shown_a_scan(tmp_path):

@@ -102,11 +102,11 @@ def test_a_control_period_is_a_time(period):
 
 def test_a_policy_of_another_control_period_or_robot_is_refused_with_the_remedy():
     trot = policies.make("trot")
-    trot.check_fits(SIMPLE_QUAD, 0.01)
+    trot.check_compatible(SIMPLE_QUAD, 0.01)
     with pytest.raises(ValueError, match=r'(?s)0.01 s.*0.02 s.*make\("trot".*control_period=env.unwrapped.dt'):
-        trot.check_fits(SIMPLE_QUAD, 0.02)
+        trot.check_compatible(SIMPLE_QUAD, 0.02)
     with pytest.raises(ValueError, match=r"made for simple_quad.*not for longer.*robot=env.unwrapped.robot"):
-        trot.check_fits(dataclasses.replace(SIMPLE_QUAD, name="longer", calf_length=0.31), 0.01)
+        trot.check_compatible(dataclasses.replace(SIMPLE_QUAD, name="longer", calf_length=0.31), 0.01)
 
 
 def test_policies_within_a_policy_are_of_its_control_period():

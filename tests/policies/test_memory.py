@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from policies.memory import Memory, at_first_a_mean, per_robot, taken_in
+from policies.memory import PerRobotState, warm_start_gain, per_robot, lowpass_gain
 
 
-class Part(Memory):
+class Part(PerRobotState):
     ticks: Any = per_robot(0)
 
 
@@ -50,7 +50,7 @@ def test_some_robots_go_on_as_those_of_another_in_every_part() -> None:
         part.ticks += np.array([10, 20], part.ticks.dtype) + place
     other.past[:] = np.array([4.0, 5.0])[:, None]
     before = own.ticks
-    own.take_over(mask, other)
+    own.copy_state_from(mask, other)
     assert (own.ticks.tolist(), before.tolist()) == ([13, 3, 23], [3, 3, 3])
     assert (own.part.ticks.tolist(), own.parts["other"].ticks.tolist()) == ([11, 0, 21], [12, 0, 22])
     np.testing.assert_array_equal(own.past[:, :, 0], [[4.0, 0.5, 5.0]] * 2)
@@ -60,5 +60,5 @@ def test_some_robots_go_on_as_those_of_another_in_every_part() -> None:
 
 def test_a_filter_takes_in_its_share_and_at_first_the_mean() -> None:
     """0.01 / (0.01 + 0.04) of a change; of the k-th of few looks 1 / k."""
-    np.testing.assert_allclose(taken_in(0.01, 0.04), 0.2)
-    np.testing.assert_allclose(at_first_a_mean(0.2, np.array([0, 1, 2, 4, 5, 9])), [1.0, 1.0, 0.5, 0.25, 0.2, 0.2])
+    np.testing.assert_allclose(lowpass_gain(0.01, 0.04), 0.2)
+    np.testing.assert_allclose(warm_start_gain(0.2, np.array([0, 1, 2, 4, 5, 9])), [1.0, 1.0, 0.5, 0.25, 0.2, 0.2])

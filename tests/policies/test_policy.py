@@ -108,7 +108,7 @@ def test_robots_that_a_base_takes_over_go_on_as_they_would_have_and_leave_the_ot
     expected = [restarted.act(observations[20])]
     policy.act(np.where(mask[:, None], observations[0], observations[20]))  # their last look before the end
     first = actions(fresh, observations[20:21, mask])
-    policy.take_over(mask, fresh)
+    policy.copy_state_from(mask, fresh)
     assert first[0].tobytes() == expected[0][mask].tobytes()
     for row in observations[21:]:
         assert policy.act(row).tobytes() == restarted.act(row).tobytes()

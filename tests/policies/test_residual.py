@@ -4,7 +4,7 @@ import pytest
 import policies
 from policies.history import Inputs
 from policies.network import Network
-from policies.residual import Features, ResidualPolicy, authority_of, compose
+from policies.residual import Features, ResidualPolicy, authority_of, apply_correction
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, HeightScan
@@ -43,7 +43,7 @@ class _AtPhases(policies.Trot):
 def test_features_by_hand_over_a_gaited_base():
     observation = np.ones((2, OBSERVATION_SIZE), np.float32)
     base_action = np.tile(SIMPLE_QUAD.home_pose, (2, 1)).astype(np.float32) + np.float32(0.25)
-    seen = Features(_AtPhases()).see(observation, base_action)
+    seen = Features(_AtPhases()).update(observation, base_action)
     assert seen.dtype == np.float32
     assert seen.shape == (2, OBSERVATION_SIZE + 14)
     np.testing.assert_array_equal(seen[:, :OBSERVATION_SIZE], np.tile(SCALE, (2, 1)))
@@ -56,7 +56,7 @@ def test_what_is_remembered_comes_last():
     features.reset(2)
     action = np.zeros((2, 12), np.float32)
     for value in (1.0, 2.0, 3.0):
-        seen = features.see(np.full((2, OBSERVATION_SIZE), value, np.float32), action)
+        seen = features.update(np.full((2, OBSERVATION_SIZE), value, np.float32), action)
     share = 1.0 - np.exp(-0.1)
     average = 1.0 + share * (2.0 - 1.0)
     average += share * (3.0 - average)
@@ -68,15 +68,15 @@ def test_a_clock_of_its_own_turns_by_its_frequency():
     features.reset(2)
     observation, action = np.zeros((2, OBSERVATION_SIZE), np.float32), np.zeros((2, 12), np.float32)
     for _ in range(10):  # 0.1 s, a quarter of a turn
-        seen = features.see(observation, action)
+        seen = features.update(observation, action)
     np.testing.assert_allclose(seen[:, OBSERVATION_SIZE:], [[1.0, 0.0]] * 2, atol=1e-6)
 
 
 def test_correction_is_bounded_by_the_authority():
     base = np.tile(SIMPLE_QUAD.home_pose, (1, 1)).astype(np.float32)
-    corrected = compose(SIMPLE_QUAD, base, np.full((1, 12), 50.0, np.float32), authority_of(SIMPLE_QUAD, 0.15, 0.3))
+    corrected = apply_correction(SIMPLE_QUAD, base, np.full((1, 12), 50.0, np.float32), authority_of(SIMPLE_QUAD, 0.15, 0.3))
     np.testing.assert_allclose(corrected - base, [[0.15, 0.3, 0.3] * 4], atol=1e-6)
-    halved = compose(SIMPLE_QUAD, base, np.full((1, 12), -0.5, np.float32), authority_of(SIMPLE_QUAD, 0.15, 0.3))
+    halved = apply_correction(SIMPLE_QUAD, base, np.full((1, 12), -0.5, np.float32), authority_of(SIMPLE_QUAD, 0.15, 0.3))
     np.testing.assert_allclose(halved - base, [[-0.075, -0.15, -0.15] * 4], atol=1e-6)
 
 
@@ -87,7 +87,7 @@ def test_a_lost_height_scan_looks_like_level_ground_and_a_step_as_high_as_it_is(
     observation = np.zeros((3, OBSERVATION_SIZE + 2), np.float32)
     observation[:, OBSERVATION_SIZE:] = [[-height, -height], [UNSEEN, UNSEEN], [-height, 0.1 - height]]
     base.reset(3)
-    seen = features.see(observation, base.act(observation))[:, OBSERVATION_SIZE : OBSERVATION_SIZE + 2]
+    seen = features.update(observation, base.act(observation))[:, OBSERVATION_SIZE : OBSERVATION_SIZE + 2]
     np.testing.assert_allclose(seen, 2.5 * np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 0.1]]), atol=1e-6)
 
 
@@ -112,5 +112,5 @@ def test_a_correction_is_held_for_its_control_steps_from_each_robot_s_own_start_
         held = np.where(due[:, None], np.clip((observation * SCALE) @ weights, -1.0, 1.0), held)
         np.testing.assert_allclose(policy.correction, held, atol=1e-5)
         np.testing.assert_array_equal(policy.base_action, np.tile(home, (2, 1)))
-        expected = compose(SIMPLE_QUAD, np.tile(home, (2, 1)), policy.correction, policy.authority)
+        expected = apply_correction(SIMPLE_QUAD, np.tile(home, (2, 1)), policy.correction, policy.authority)
         np.testing.assert_array_equal(action, expected)

@@ -73,11 +73,11 @@ def test_episodes_run_with_the_gains_of_the_policy(soft: quad_env.Robot, monkeyp
 
 def test_an_environment_with_other_gains_is_refused_in_a_line(soft: quad_env.Robot) -> None:
     with pytest.raises(ValueError, match="commands servos of 300 N·m/rad and 10 N·m·s/rad, but"):
-        Stand(robot=soft).check_fits(soft, 0.01)
+        Stand(robot=soft).check_compatible(soft, 0.01)
     rising = np.linspace(100.0, 320.0, 12)
     policy = Soft(robot=soft.with_servo(rising, 5.0))
     with pytest.raises(ValueError, match="but the environment's have"):  # the same least and largest gains
-        policy.check_fits(soft.with_servo(rising[::-1], 5.0), 0.01)
+        policy.check_compatible(soft.with_servo(rising[::-1], 5.0), 0.01)
 
 
 def test_a_bundle_has_the_gains_that_it_was_trained_with(soft: quad_env.Robot, tmp_path: Path) -> None:

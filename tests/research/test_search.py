@@ -51,7 +51,7 @@ def test_the_parameters_in_force_are_those_that_the_account_says(name):
     if account.exists():
         before, after = told(text := account.read_text(encoding="utf-8"), kind)
         said = after if ADOPTED in text else before
-    assert subject.file.in_force() == said == policies.make(name).parameters
+    assert subject.file.load_for_robot() == said == policies.make(name).parameters
 
 
 def searched(folder, name):

@@ -9,7 +9,7 @@ import pytest
 import policies
 from policies.history import Inputs
 from policies.network import Network
-from policies.residual import PRESENT, Features, ResidualPolicy, authority_of, compose
+from policies.residual import NO_HISTORY, Features, ResidualPolicy, authority_of, apply_correction
 from policies.trot.open_loop import Trot, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -26,7 +26,7 @@ def robots(n, steps=1000, scenario="push", mode="DISABLED"):
     )
 
 
-def residual(n, base="trot", hold=1, authority=None, inputs=PRESENT, **options):
+def residual(n, base="trot", hold=1, authority=None, inputs=NO_HISTORY, **options):
     """The environment and its first features."""
     env = ResidualVectorEnv(robots(n, **options), policies.make(base), authority, hold, inputs)
     seen, _ = env.reset(seed=SEEDS[:n])
@@ -49,7 +49,7 @@ def test_the_first_features_after_a_restart_are_those_of_a_fresh_robot_with_the_
     trot.reset(2)
     features = Features(trot, inputs)
     features.reset(2)
-    np.testing.assert_array_equal(seen, features.see(observation, trot.act(observation)))
+    np.testing.assert_array_equal(seen, features.update(observation, trot.act(observation)))
     np.testing.assert_array_equal(infos["command"], fresh["command"])
 
 
@@ -64,7 +64,7 @@ def test_every_robot_that_restarts_begins_with_its_own_first_observation_alone()
     trot.reset(2)
     features = Features(trot, inputs)
     features.reset(2)
-    first, restarts = features.see(observation, trot.act(observation)), []
+    first, restarts = features.update(observation, trot.act(observation)), []
     for step in range(8):
         if step in (3, 6):
             env.unwrapped.simulation.qpos[step // 3 - 1, 3:7] = (0.0, 1.0, 0.0, 0.0)
@@ -103,11 +103,11 @@ def test_a_robot_that_restarts_alone_is_seen_from_then_on_as_one_that_has_just_b
     for step in range(8):
         twin.step(noise(step, 3))
     action = policy.act(observation)
-    features.see(observation, action)
+    features.update(observation, action)
     for step in range(8, 13):
-        observation, *_ = plain.step(compose(SIMPLE_QUAD, action, noise(step, 3), authority_of(SIMPLE_QUAD)))
+        observation, *_ = plain.step(apply_correction(SIMPLE_QUAD, action, noise(step, 3), authority_of(SIMPLE_QUAD)))
         action = policy.act(observation)
-        expected = features.see(observation, action)
+        expected = features.update(observation, action)
         found, uncut = env.step(noise(step, 3))[0], twin.step(noise(step, 3))[0]
         np.testing.assert_array_equal(found[1], expected[1])
         np.testing.assert_array_equal(found[[0, 2]], uncut[[0, 2]])

@@ -21,7 +21,7 @@ import tyro
 
 from evaluate.rollouts.hardware import hardware_of
 from policies import bundle
-from policies.parameters import limits_of, number
+from policies.parameters import limits_of, parameter
 from policies.shipped import folder_of
 from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, check_numbers
@@ -46,7 +46,7 @@ class Options:
     """MJCF or URDF of the robot, a TOML that `python -m quad_env describe` has written, or a name such as go1."""
     base: BaseName = "trot_feedback"
     """Policy that the residual corrects."""
-    steps: int = number(4_000_000, limits=(1, 10**12 - 1))
+    steps: int = parameter(4_000_000, limits=(1, 10**12 - 1))
     """Steps of the training."""
     training: tuple[str, ...] = ()
     """Further options of `python -m train`, in quotes, such as "--ppo.envs 512"."""
@@ -54,13 +54,13 @@ class Options:
     """Policies compared in the end, by name."""
     scenarios: tuple[str, ...] = ("default",)
     """Scenarios that they are compared on."""
-    episodes: int = number(8, limits=(1, 1_000_000))
+    episodes: int = parameter(8, limits=(1, 1_000_000))
     """Episodes of each policy on each scenario."""
-    seed: int = number(0, limits=(0, 2**31))
+    seed: int = parameter(0, limits=(0, 2**31))
     """Seed of search and training, and of the evaluation's episodes."""
     out: Path | None = None
     """Folder for everything; results/ROBOT when not given."""
-    threads: int = number(available_cores(), limits=(1, 256))
+    threads: int = parameter(available_cores(), limits=(1, 256))
     """Threads of the simulation (count; default: this machine's cores)."""
 
     @property

@@ -17,7 +17,7 @@ from evaluate.measures.averages import quotient
 from evaluate.measures.metrics import Measures
 from evaluate.measures.tracking import SETTLING_TIME
 from policies.base import CONTROL_PERIOD, Floats
-from policies.parameters import Parameters, limits_of, number
+from policies.parameters import Parameters, limits_of, parameter
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.files.writing import write_atomically
@@ -41,21 +41,21 @@ P = TypeVar("P", bound=Parameters)
 class Effort:
     """How thoroughly is searched, and where the outcome goes: options of every search."""
 
-    seed: int = number(0, limits=(0, 2**31))
+    seed: int = parameter(0, limits=(0, 2**31))
     """Seed of the search."""
-    generations: int = number(14, limits=(0, 10_000))
+    generations: int = parameter(14, limits=(0, 10_000))
     """Rounds; 0 only does what follows the search."""
-    candidates: int = number(14, limits=(4, 1000))
+    candidates: int = parameter(14, limits=(4, 1000))
     """Parameter sets tried in a round."""
-    episodes: int = number(10, limits=(1, 10_000))
+    episodes: int = parameter(10, limits=(1, 10_000))
     """Episodes of a candidate in each scenario and round."""
-    steps: int = number(750, limits=(SHORTEST, 100_000))
+    steps: int = parameter(750, limits=(SHORTEST, 100_000))
     """Length of an episode, control steps of 10 ms."""
-    check_episodes: int = number(108, limits=(1, 10_000))
+    check_episodes: int = parameter(108, limits=(1, 10_000))
     """Fresh episodes on which the outcome is finished and compared with the parameters before."""
-    spread: float = number(0.15, limits=(1e-6, 0.5))
+    spread: float = parameter(0.15, limits=(1e-6, 0.5))
     """First standard deviation of a parameter, as a share of its range."""
-    threads: int = number(2, limits=(1, 256))
+    threads: int = parameter(2, limits=(1, 256))
     """Threads of the simulation."""
     exercises: tuple[str, ...] = ()
     """Scenarios, all of one weight, such as flat push=42+hardware, instead of the usual ones."""

@@ -138,7 +138,7 @@ def run_each(
         envs = [batch(scenario) for scenario in scenarios]
         for env in envs:
             stack.enter_context(closing(env))
-            policy.check_fits(env.robot, env.dt)
+            policy.check_compatible(env.robot, env.dt)
         now = [begin(env, seeds, None) for env in envs]
         policy.reset(num_envs=len(envs) * len(seeds), seed=0)
         for recorder, step in zip(recorders, now, strict=True):

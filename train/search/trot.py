@@ -17,7 +17,7 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
 from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
 from policies.base import Floats
-from policies.parameters import number, scaled_parameters, scaled_ranges
+from policies.parameters import parameter, scaled_parameters, scaled_ranges
 from policies.shipped import folder_of
 from policies.trot.open_loop import FILE, SEARCH_RANGES, TrotParameters, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -50,9 +50,9 @@ class Options(Effort):
     robot: str | None = None
     """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     # Two command intervals each, enough to fit a response.
-    episodes: int = number(6, limits=(MINIMUM_INTERVALS // 2, 10_000))
+    episodes: int = parameter(6, limits=(MINIMUM_INTERVALS // 2, 10_000))
     """Episodes of a candidate in each scenario and round."""
-    check_episodes: int = number(48, limits=(MINIMUM_INTERVALS // 2, 10_000))
+    check_episodes: int = parameter(48, limits=(MINIMUM_INTERVALS // 2, 10_000))
     """Fresh episodes on which the command map is fitted and the outcome compared with the parameters before."""
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from policies.base import PolicyError
-from policies.foreign.description import PolicyDescription
+from policies.foreign.description import PolicySpec
 from policies.foreign.network_kind import is_onnx
 from policies.foreign.readers import (
     flat_yaml,
@@ -21,7 +21,7 @@ from policies.foreign.readers.toml_file import write_toml
 from quad_env.files.text import one_line
 
 
-def read(path: Path) -> PolicyDescription | None:
+def read(path: Path) -> PolicySpec | None:
     """The description that a file holds, or that it and the files next to it do; None for an ONNX file without one and
     for other kinds of file.
 
@@ -44,7 +44,7 @@ def read(path: Path) -> PolicyDescription | None:
     return None
 
 
-def whole(found: PolicyDescription, corrected: bool = False) -> PolicyDescription:
+def whole(found: PolicySpec, corrected: bool = False) -> PolicySpec:
     """Return the description if its network is in one file and has the same joints.
 
     Args:
@@ -61,7 +61,7 @@ def whole(found: PolicyDescription, corrected: bool = False) -> PolicyDescriptio
     return found
 
 
-def _settings(found: Settings) -> PolicyDescription:
+def _settings(found: Settings) -> PolicySpec:
     """The description by the project whose keys these are."""
     keys = set(found.values)
     if "joint_ids_map" in keys:

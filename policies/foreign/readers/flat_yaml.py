@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from policies.base import PolicyError
-from policies.foreign.description import PolicyDescription
+from policies.foreign.description import PolicySpec
 from policies.foreign.readers import rl_sar
 from policies.foreign.readers.drafts import Incomplete
 from policies.foreign.readers.settings import Settings
@@ -38,7 +38,7 @@ def is_flat(settings: Settings) -> bool:
     return all(any(settings.find(key) is not None for key in keys) for keys in wanted)
 
 
-def describe(settings: Settings) -> PolicyDescription:
+def describe(settings: Settings) -> PolicySpec:
     """Return the policy of flat settings with rl_sar's keys. Raises PolicyError, Incomplete for other flat settings."""
     if settings.find("observations") is not None and settings.find("model_name") is not None:
         named = Settings({settings.file.stem: settings.values}, settings.file)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from policies.base import PolicyError
-from policies.foreign.description import PolicyDescription, Term
+from policies.foreign.description import PolicySpec, Term
 from policies.foreign.readers.drafts import Incomplete
 from policies.foreign.readers.isaac_terms import observed_joints, remarks_on, term
 from policies.foreign.readers.joint_orders import Joints
@@ -28,7 +28,7 @@ def is_descriptor(settings: Settings) -> bool:
     return isinstance(settings.find("actions"), list) and isinstance(settings.find("articulations"), dict)
 
 
-def describe(settings: Settings) -> PolicyDescription:
+def describe(settings: Settings) -> PolicySpec:
     """Return the policy of an IO descriptor. Raises PolicyError; Incomplete without gains."""
     robot = _robot(settings)
     action = _action(settings)
@@ -62,7 +62,7 @@ def describe(settings: Settings) -> PolicyDescription:
         advice = ("the gains are those of its explicit actuators: params/env.yaml of the run has them",)
         raise Incomplete("an IO descriptor of Isaac Lab with explicit actuators", known, advice)
     remarks = remarks_on((each.text("name"), each) for each in given)
-    return PolicyDescription(network=settings.network(), stiffness=stiffness, damping=damping, remarks=remarks, **known)
+    return PolicySpec(network=settings.network(), stiffness=stiffness, damping=damping, remarks=remarks, **known)
 
 
 def joint_order(env: Path) -> Joints | None:

@@ -9,7 +9,7 @@ import re
 from dataclasses import replace
 
 from policies.base import PolicyError
-from policies.foreign.description import HeightGrid, PolicyDescription, Range, Term
+from policies.foreign.description import HeightGrid, PolicySpec, Range, Term
 from policies.foreign.readers.io_descriptor import joint_order
 from policies.foreign.readers.isaac_terms import history_of, observed_joints, remarks_on, term
 from policies.foreign.readers.joint_orders import FAMILIES, Joints, by_kind
@@ -18,7 +18,7 @@ from policies.foreign.readers.settings import BY_HAND, Settings, load, matches
 _NAMES = "joint_names_expr"
 
 
-def describe(settings: Settings) -> PolicyDescription:
+def describe(settings: Settings) -> PolicySpec:
     """The policy of an `env.yaml`. Raises PolicyError."""
     robot, action = settings.inside("scene", "robot"), _action(settings)
     asset = joint_order(settings.file)
@@ -29,7 +29,7 @@ def describe(settings: Settings) -> PolicyDescription:
     terms = {name: _term(settings, group, each) for name, each in group.groups()}
     observed = observed_joints(terms, lambda name: _chosen(group.inside(name).perhaps("params", "asset_cfg"), asset))
     at_default, clip = action.find("use_default_offset") is True, action.perhaps("clip")
-    return PolicyDescription(
+    return PolicySpec(
         network=settings.network(),
         control_rate=1 / (settings.number("decimation") * settings.inside("sim").number("dt")),
         joints=joints,

@@ -9,12 +9,12 @@ OpenRobotLab/HIMLoco, the first of these files: `env.num_one_step_observations`,
 from dataclasses import replace
 
 from policies.base import PolicyError
-from policies.foreign.description import HeightGrid, PolicyDescription, Term
+from policies.foreign.description import HeightGrid, PolicySpec, Term
 from policies.foreign.readers.joint_orders import isaac_gym
 from policies.foreign.readers.settings import BY_HAND, Settings
 
 
-def describe(settings: Settings) -> PolicyDescription:
+def describe(settings: Settings) -> PolicySpec:
     """The policy of such settings. Raises PolicyError."""
     control, normalization = settings.inside("control"), settings.inside("normalization")
     if control.find("control_type") not in (None, "P"):
@@ -31,7 +31,7 @@ def describe(settings: Settings) -> PolicyDescription:
     scale, clip = control.number("action_scale"), normalization.number("clip_actions")
     hip = scale * control.number("hip_reduction", 1.0) * control.number("hip_scale_reduction", 1.0)
     gains_of = [_gains(control, joint) for joint in joints]
-    return PolicyDescription(
+    return PolicySpec(
         network=settings.network(),
         control_rate=1 / (control.number("decimation") * settings.inside("sim").number("dt")),
         joints=joints,

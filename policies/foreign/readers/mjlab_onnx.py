@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from policies.base import PolicyError
-from policies.foreign.description import PolicyDescription, Term
+from policies.foreign.description import PolicySpec, Term
 from policies.foreign.packages import package
 from policies.foreign.readers.isaac_terms import term
 from policies.foreign.readers.settings import BY_HAND, Settings, named
@@ -36,7 +36,7 @@ MAX_LISTED = 20_000
 """Largest number of characters of an entry of the metadata."""
 
 
-def describe(file: Path) -> PolicyDescription | None:
+def describe(file: Path) -> PolicySpec | None:
     """The policy of a file with such metadata; None for one without. Raises PolicyError."""
     metadata = metadata_of(file)
     if not {"joint_names", "observation_names"} <= metadata.keys():
@@ -46,7 +46,7 @@ def describe(file: Path) -> PolicyDescription | None:
     )
     if len(commands := found.texts("command_names")) != 1:
         raise PolicyError(f"the commands are {', '.join(commands)}: one of velocities is read", BY_HAND)
-    return PolicyDescription(
+    return PolicySpec(
         network=named(file.parent, file.name),
         control_rate=CONTROL_RATE,
         joints=found.texts("joint_names"),

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from policies.base import PolicyError
-from policies.foreign.description import OF_JOINTS, PolicyDescription, Range, Term
+from policies.foreign.description import OF_JOINTS, PolicySpec, Range, Term
 from policies.foreign.readers.isaac_terms import scaled, unknown
 from policies.foreign.readers.joint_orders import Joints
 from policies.foreign.readers.settings import BY_HAND, Settings, load, named
@@ -37,7 +37,7 @@ _NEW = "command_mapping", "state_mapping", "joint_mapping", "observations_histor
 """Keys of files from v2.3 on."""
 
 
-def describe(settings: Settings) -> PolicyDescription:
+def describe(settings: Settings) -> PolicySpec:
     """The policy of a `config.yaml`, whose settings lie under the name of its folder. Raises PolicyError."""
     ((_, own),) = settings.groups()
     file = settings.file.parent.parent / "base.yaml"
@@ -49,7 +49,7 @@ def describe(settings: Settings) -> PolicyDescription:
     is_old = _is_before_v2_3(found)
     steps, newest = _history(found, is_old)
     scale = found.numbers("action_scale")
-    described = PolicyDescription(
+    described = PolicySpec(
         network=named(settings.file.parent, found.text("model_name")),
         control_rate=1 / (found.number("dt") * found.number("decimation")),
         joints=_joints(own, base, found),
@@ -78,7 +78,7 @@ def _is_before_v2_3(found: Settings) -> bool:
     return False
 
 
-def _with_settings_before_v2_3(described: PolicyDescription, found: Settings) -> PolicyDescription:
+def _with_settings_before_v2_3(described: PolicySpec, found: Settings) -> PolicySpec:
     """Return the description with the settings of v2.2 and older: the framework's order and the reduction of hips."""
     framework = found.find("framework")
     if framework not in (None, "isaacgym", "isaacsim"):

@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from policies.base import PolicyError
-from policies.foreign.description import OF_JOINTS, HeightGrid, PolicyDescription, Term
+from policies.foreign.description import OF_JOINTS, HeightGrid, PolicySpec, Term
 from policies.foreign.readers.joint_orders import by_leg
 from policies.foreign.readers.settings import Settings, named
 from policies.parameters import is_number
 
-Made = TypeVar("Made", PolicyDescription, Term, HeightGrid)
+Made = TypeVar("Made", PolicySpec, Term, HeightGrid)
 
 
-def describe(settings: Settings) -> PolicyDescription:
+def describe(settings: Settings) -> PolicySpec:
     """The policy of a TOML. Raises PolicyError."""
     found = settings.values
     if "network" in found:
@@ -26,10 +26,10 @@ def describe(settings: Settings) -> PolicyDescription:
     found |= {name: _of_joints(name, found[name], found.get("joints")) for name in OF_JOINTS if name in found}
     if isinstance(terms := found.get("terms"), list):
         found["terms"] = tuple(_term(each) for each in terms)
-    return _made(PolicyDescription, found)
+    return _made(PolicySpec, found)
 
 
-def write_toml(description: PolicyDescription, file: Path) -> None:
+def write_toml(description: PolicySpec, file: Path) -> None:
     """Write a TOML of which `describe` gives the same value, the network relative to its folder."""
     lines = [f"{name} = {value}\n" for name, value in _fields(description, file.absolute().parent)]
     remarks = [f"# {remark}\n" for remark in description.remarks]

@@ -8,13 +8,13 @@ clipped, then scaled, unless `scale_first`; `use_gym_history` puts a history by 
 from dataclasses import replace
 
 from policies.base import PolicyError
-from policies.foreign.description import PolicyDescription, Range, Term
+from policies.foreign.description import PolicySpec, Range, Term
 from policies.foreign.readers.isaac_terms import observed_joints, remarks_on, term
 from policies.foreign.readers.joint_orders import UNITREE_MOTORS, Joints
 from policies.foreign.readers.settings import Settings
 
 
-def describe(settings: Settings) -> PolicyDescription:
+def describe(settings: Settings) -> PolicySpec:
     """The policy of a `deploy.yaml`. Raises PolicyError."""
     actions, motors = settings.inside("actions"), settings.order("joint_ids_map")
     if list(actions.values) != ["JointPositionAction"]:
@@ -29,7 +29,7 @@ def describe(settings: Settings) -> PolicyDescription:
     group = _group(settings)
     terms = {name: _term(name, each, bool(group.find("scale_first"))) for name, each in group.groups()}
     observed = observed_joints(terms, lambda name: _ordered(asset, group.inside(name).perhaps("params", "asset_cfg")))
-    return PolicyDescription(
+    return PolicySpec(
         network=settings.network(),
         control_rate=1 / settings.number("step_dt"),
         joints=joints,

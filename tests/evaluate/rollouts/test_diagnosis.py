@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
-from policies.foreign import Foreign
-from policies.foreign.described import DescribedPolicy
-from policies.foreign.description import PolicyDescription
+from policies.foreign import ExternalPolicy
+from policies.foreign.described import NetworkPolicy
+from policies.foreign.description import PolicySpec
 from policies.foreign.readers import write_toml
 from tests.policies.foreign import planted_mistakes, walking_network
 from tests.policies.foreign.walking_network import STYLES
@@ -34,7 +34,7 @@ REMEDIES = {
 
 
 @pytest.fixture(scope="module")
-def described(tmp_path_factory: pytest.TempPathFactory) -> dict[str, PolicyDescription]:
+def described(tmp_path_factory: pytest.TempPathFactory) -> dict[str, PolicySpec]:
     folder = tmp_path_factory.mktemp("networks")
     names = [each.values[0] for each in NETWORKS if not any(mark.args[0] for mark in each.marks)]
     return {name: walking_network.write(folder / f"{name}.onnx", STYLES[name]) for name in names}
@@ -48,25 +48,25 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(walking_test, "SETTLING", 1.2)
 
 
-def made(described: PolicyDescription, robot: str) -> DescribedPolicy:
+def made(described: PolicySpec, robot: str) -> NetworkPolicy:
     """The policy as it is served, in this process, with what is asked of one that is."""
-    policy = DescribedPolicy(described, robot=robot)
+    policy = NetworkPolicy(described, robot=robot)
     policy.description, policy.close = described, lambda: None
     return policy
 
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_a_policy_that_is_described_as_it_is_raises_no_complaint(
-    name: str, described: dict[str, PolicyDescription], tmp_path: Path
+    name: str, described: dict[str, PolicySpec], tmp_path: Path
 ) -> None:
     write_toml(described[name], tmp_path / "policy.toml")
     robot = STYLES[name].robot
-    assert diagnosis.warning(Foreign(tmp_path / "policy.toml", robot=robot), robot) is None
+    assert diagnosis.warning(ExternalPolicy(tmp_path / "policy.toml", robot=robot), robot) is None
 
 
 @pytest.mark.parametrize("mistake", REMEDIES)
 @pytest.mark.parametrize("name", NETWORKS)
-def test_each_planted_mistake_is_named(name: str, mistake: str, described: dict[str, PolicyDescription]) -> None:
+def test_each_planted_mistake_is_named(name: str, mistake: str, described: dict[str, PolicySpec]) -> None:
     robot = STYLES[name].robot
     wrong = planted_mistakes.MISTAKES[mistake](described[name])
     assert wrong != described[name]
@@ -78,7 +78,7 @@ def test_each_planted_mistake_is_named(name: str, mistake: str, described: dict[
 
 
 @pytest.mark.parametrize("name", NETWORKS[:1])
-def test_the_policys_damping_is_proposed(name: str, described: dict[str, PolicyDescription]) -> None:
+def test_the_policys_damping_is_proposed(name: str, described: dict[str, PolicySpec]) -> None:
     wrong = planted_mistakes.damping(described[name])
     line = diagnosis.warning(made(wrong, STYLES[name].robot), STYLES[name].robot)
     assert line is not None
@@ -87,7 +87,7 @@ def test_the_policys_damping_is_proposed(name: str, described: dict[str, PolicyD
 
 
 @pytest.mark.parametrize(("mistake", "remedy"), [("ends", "check `joints`"), ("order_of_terms", "check `terms`")])
-def test_other_mistakes_on_one_network(mistake: str, remedy: str, described: dict[str, PolicyDescription]) -> None:
+def test_other_mistakes_on_one_network(mistake: str, remedy: str, described: dict[str, PolicySpec]) -> None:
     line = diagnosis.warning(
         made(planted_mistakes.MISTAKES[mistake](described["levelled"]), "simple_quad"), "simple_quad"
     )
@@ -96,7 +96,7 @@ def test_other_mistakes_on_one_network(mistake: str, remedy: str, described: dic
 
 
 @pytest.mark.parametrize("name", NETWORKS[1:2])
-def test_a_history_backwards_is_named(name: str, described: dict[str, PolicyDescription]) -> None:
+def test_a_history_backwards_is_named(name: str, described: dict[str, PolicySpec]) -> None:
     robot = STYLES[name].robot
     line = diagnosis.warning(made(planted_mistakes.history(described[name]), robot), robot)
     assert line is not None
@@ -104,7 +104,7 @@ def test_a_history_backwards_is_named(name: str, described: dict[str, PolicyDesc
 
 
 @pytest.mark.parametrize("name", NETWORKS[:1])
-def test_two_mistakes_at_once_are_named(name: str, described: dict[str, PolicyDescription]) -> None:
+def test_two_mistakes_at_once_are_named(name: str, described: dict[str, PolicySpec]) -> None:
     wrong = planted_mistakes.sides(planted_mistakes.turn_scale(described[name]))
     line = diagnosis.warning(made(wrong, STYLES[name].robot), STYLES[name].robot)
     assert line is not None
@@ -113,7 +113,7 @@ def test_two_mistakes_at_once_are_named(name: str, described: dict[str, PolicyDe
 
 
 def test_what_nothing_explains_is_said_so(
-    described: dict[str, PolicyDescription], monkeypatch: pytest.MonkeyPatch
+    described: dict[str, PolicySpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(diagnosis, "NEAREST", 0)
     wrong = replace(described["levelled"], action_scale=(1e-6,) * 12, default_position=(0.0,) * 12)

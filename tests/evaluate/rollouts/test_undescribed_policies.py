@@ -7,7 +7,7 @@ import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
 from live.commands.doctor import OF_DESCRIPTION
-from policies.foreign import Foreign
+from policies.foreign import ExternalPolicy
 from quad_env import OBSERVATION_SIZE
 from quad_env.doctor.check import Subject, examine
 from tests.policies.foreign.made import Numbers
@@ -28,7 +28,7 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def warning(reference: Path | str, trust: bool = False) -> str | None:
     """The line about a policy on SimpleQuad."""
-    with closing(Foreign(reference, trust=trust)) as policy:
+    with closing(ExternalPolicy(reference, trust=trust)) as policy:
         return diagnosis.warning(policy, "simple_quad")
 
 

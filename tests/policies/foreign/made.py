@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from policies.foreign.description import PolicyDescription, Term
+from policies.foreign.description import PolicySpec, Term
 
 HIDDEN = 16
 JOINTS = tuple(f"{leg}_{link}_joint" for link in ("thigh", "calf", "hip") for leg in ("RL", "FR", "RR", "FL"))
@@ -24,7 +24,7 @@ MIXED = (
 )
 
 
-def described(network: Path, terms: tuple[Term, ...] = MIXED, **fields: Any) -> PolicyDescription:
+def described(network: Path, terms: tuple[Term, ...] = MIXED, **fields: Any) -> PolicySpec:
     """A description whose joints are permuted and whose numbers are all different."""
     numbers = 1.0 + np.arange(12) / 10
     given = {
@@ -36,7 +36,7 @@ def described(network: Path, terms: tuple[Term, ...] = MIXED, **fields: Any) -> 
         "damping": tuple((5.0 * numbers).tolist()),
         "observed_joints": OBSERVED,
     }
-    return PolicyDescription(network=network.absolute(), terms=terms, **given | fields)
+    return PolicySpec(network=network.absolute(), terms=terms, **given | fields)
 
 
 @dataclass

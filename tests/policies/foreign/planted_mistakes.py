@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from policies.foreign.description import PolicyDescription, Term
+from policies.foreign.description import PolicySpec, Term
 
 FIGURES = "default_position", "action_scale", "stiffness", "damping", "signs"
 FRONT_HIND = {"f": "h", "h": "f", "r": "f"}
@@ -17,17 +17,17 @@ def _renamed(name: str, place: int, others: dict[str, str]) -> str:
     return name[:place] + (letter.upper() if name[place].isupper() else letter) + name[place + 1 :]
 
 
-def sides(described: PolicyDescription) -> PolicyDescription:
+def sides(described: PolicySpec) -> PolicySpec:
     """Left and right swapped."""
     return replace(described, joints=tuple(_renamed(name, 1, LEFT_RIGHT) for name in described.joints))
 
 
-def ends(described: PolicyDescription) -> PolicyDescription:
+def ends(described: PolicySpec) -> PolicySpec:
     """Fore and hind swapped."""
     return replace(described, joints=tuple(_renamed(name, 0, FRONT_HIND) for name in described.joints))
 
 
-def grouping(described: PolicyDescription) -> PolicyDescription:
+def grouping(described: PolicySpec) -> PolicySpec:
     """By leg what is by kind, and by kind what is by leg, with the figures in the right places."""
     joints = described.joints
     is_by_kind = joints[0].partition("_")[0] != joints[1].partition("_")[0]
@@ -40,70 +40,70 @@ def grouping(described: PolicyDescription) -> PolicyDescription:
     return replace(described, joints=tuple(moved), **figures)
 
 
-def _terms(described: PolicyDescription, change: Callable[[Term], Term]) -> PolicyDescription:
+def _terms(described: PolicySpec, change: Callable[[Term], Term]) -> PolicySpec:
     return replace(described, terms=tuple(map(change, described.terms)))
 
 
-def frames(described: PolicyDescription) -> PolicyDescription:
+def frames(described: PolicySpec) -> PolicySpec:
     """Velocities of the world."""
     return _terms(described, lambda term: replace(term, frame="world") if "r_velocity" in term.name else term)
 
 
-def gravity(described: PolicyDescription) -> PolicyDescription:
+def gravity(described: PolicySpec) -> PolicySpec:
     """Gravity points up."""
     return _terms(described, lambda term: replace(term, scale=(-1.0,)) if term.name == "projected_gravity" else term)
 
 
-def _other_scale(described: PolicyDescription, name: str, pair: tuple[float, float]) -> PolicyDescription:
+def _other_scale(described: PolicySpec, name: str, pair: tuple[float, float]) -> PolicySpec:
     def change(term: Term) -> Term:
         return replace(term, scale=(pair[pair[0] == term.scale[0]],)) if term.name == name else term
 
     return _terms(described, change)
 
 
-def turn_scale(described: PolicyDescription) -> PolicyDescription:
+def turn_scale(described: PolicySpec) -> PolicySpec:
     """The angular velocity scaled by 0.25 where it is not, and the other way round."""
     return _other_scale(described, "angular_velocity", (0.25, 1.0))
 
 
-def speed_scale(described: PolicyDescription) -> PolicyDescription:
+def speed_scale(described: PolicySpec) -> PolicySpec:
     """The joint velocities scaled by 0.05 where they are not, and the other way round."""
     return _other_scale(described, "joint_velocity", (0.05, 1.0))
 
 
-def action_scale(described: PolicyDescription) -> PolicyDescription:
+def action_scale(described: PolicySpec) -> PolicySpec:
     """Actions that stand for four times as much."""
     return replace(described, action_scale=tuple(4.0 * each for each in described.action_scale))
 
 
-def signs(described: PolicyDescription) -> PolicyDescription:
+def signs(described: PolicySpec) -> PolicySpec:
     """Thighs and calves that turn the other way, the default position as it is in the policy's files."""
     given = described.signs or (1.0,) * 12
     other = tuple(-each if "hip" not in name else each for each, name in zip(given, described.joints, strict=True))
     return replace(described, signs=other)
 
 
-def history(described: PolicyDescription) -> PolicyDescription:
+def history(described: PolicySpec) -> PolicySpec:
     """The history backwards; nothing without one."""
     return replace(described, history_newest="last" if described.history_newest == "first" else "first")
 
 
-def rate(described: PolicyDescription) -> PolicyDescription:
+def rate(described: PolicySpec) -> PolicySpec:
     """Half the control rate."""
     return replace(described, control_rate=described.control_rate / 2)
 
 
-def damping(described: PolicyDescription) -> PolicyDescription:
+def damping(described: PolicySpec) -> PolicySpec:
     """Ten times the damping."""
     return replace(described, damping=tuple(10.0 * each for each in described.damping))
 
 
-def gains(described: PolicyDescription) -> PolicyDescription:
+def gains(described: PolicySpec) -> PolicySpec:
     """Gains of another robot's servos."""
     return replace(described, stiffness=(20.0,) * 12, damping=(0.5,) * 12)
 
 
-def order_of_terms(described: PolicyDescription) -> PolicyDescription:
+def order_of_terms(described: PolicySpec) -> PolicySpec:
     """The command at the end of the observation where it is not, else after gravity."""
     (command,) = (term for term in described.terms if term.name == "command")
     (clock,) = (term for term in described.terms if term.name == "gait_clock")
@@ -114,13 +114,13 @@ def order_of_terms(described: PolicyDescription) -> PolicyDescription:
     return replace(described, terms=(*others[:place], command, *others[place:], clock))
 
 
-def positions(described: PolicyDescription) -> PolicyDescription:
+def positions(described: PolicySpec) -> PolicySpec:
     """Joint positions from zero instead of the default position."""
     other = "absolute_joint_position"
     return _terms(described, lambda term: replace(term, name=other) if term.name == "joint_position" else term)
 
 
-MISTAKES: dict[str, Callable[[PolicyDescription], PolicyDescription]] = {
+MISTAKES: dict[str, Callable[[PolicySpec], PolicySpec]] = {
     each.__name__: each
     for each in (
         sides,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from policies.base import PolicyError
-from policies.foreign.described import DescribedPolicy
-from policies.foreign.description import PolicyDescription, Term
+from policies.foreign.described import NetworkPolicy
+from policies.foreign.description import PolicySpec, Term
 from quad_env import OBSERVATION, SIMPLE_QUAD
 from tests.policies.foreign.made import JOINTS, MIXED, OBSERVED, Numbers, described
 
@@ -32,7 +32,7 @@ def place(joint: str) -> int:
 class Direct:
     """One robot's targets as someone who knows the project writes them down, for MIXED's terms of three steps."""
 
-    def __init__(self, description: PolicyDescription, act: Callable[[np.ndarray], np.ndarray]) -> None:
+    def __init__(self, description: PolicySpec, act: Callable[[np.ndarray], np.ndarray]) -> None:
         self.d, self.act = description, act
         self.tick, self.shown, self.previous = 0, list[list[np.ndarray]](), np.zeros(12)
 
@@ -86,7 +86,7 @@ def restarted(step: int) -> np.ndarray:
     return np.arange(ROBOTS) == {13: 1, 20: 3}.get(step, -1)
 
 
-def acted(policy: DescribedPolicy, rows: np.ndarray, *, restarts: bool = False) -> np.ndarray:
+def acted(policy: NetworkPolicy, rows: np.ndarray, *, restarts: bool = False) -> np.ndarray:
     """Actions over a walk, (steps, n, 12)."""
     policy.reset(rows.shape[1])
     found = []
@@ -122,7 +122,7 @@ def test_it_acts_as_a_direct_computation_and_alone_as_in_a_batch(
     numbers = Numbers(WIDTH, lstm)
     file = network(kind, tmp_path / "policy", numbers)
     description = described(file, action_clip=(-0.8, 0.8), observation_clip=0.9, **fields)
-    policy, rows = DescribedPolicy(description), walk()
+    policy, rows = NetworkPolicy(description), walk()
     found = acted(policy, rows, restarts=True)
     directs = [Direct(description, numbers.fresh()) for _ in range(ROBOTS)]
     for step, observation in enumerate(rows):
@@ -139,7 +139,7 @@ def test_it_acts_as_a_direct_computation_and_alone_as_in_a_batch(
 @pytest.mark.parametrize("period", [0.01, 0.012, 0.015, 0.02, 0.0333])
 def test_each_target_is_held_until_the_next_at_any_period(period: float, tmp_path: Path) -> None:
     file = Numbers(3).onnx(tmp_path / "policy.onnx")
-    policy = DescribedPolicy(described(file, (Term("command"),), control_rate=1.0 / period))
+    policy = NetworkPolicy(described(file, (Term("command"),), control_rate=1.0 / period))
     rows = np.zeros((STEPS, 1, OBSERVATION["command"].stop), np.float32)
     rows[:, :, OBSERVATION["command"]] = np.linspace(-1.0, 1.0, STEPS)[:, None, None]
     actions = acted(policy, rows)[:, 0]
@@ -170,14 +170,14 @@ def test_joints_that_turn_the_other_way_or_are_zero_elsewhere(tmp_path: Path) ->
     for name, scale, value in zip(JOINTS, plain.action_scale, action, strict=True):
         expected[place(name)] = zero[name] + sign[name] * (default[name] + scale * value)
     expected = np.clip(expected, SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
-    np.testing.assert_allclose(acted(DescribedPolicy(turned), row)[0, 0], expected, atol=1e-5)
+    np.testing.assert_allclose(acted(NetworkPolicy(turned), row)[0, 0], expected, atol=1e-5)
     with pytest.raises(PolicyError, match="`signs` must be 1 or -1"):
         replace(plain, signs=(0.5,) * 12)
 
 
 def test_its_robot_has_the_gains_of_the_description_joint_by_joint(tmp_path: Path) -> None:
     description = described(Numbers(WIDTH).onnx(tmp_path / "policy.onnx"))
-    robot = DescribedPolicy(description).robot
+    robot = NetworkPolicy(description).robot
     for joint, stiffness, damping in zip(JOINTS, description.stiffness, description.damping, strict=True):
         assert robot.servo_stiffness[place(joint)] == stiffness
         assert robot.servo_damping[place(joint)] == damping
@@ -191,7 +191,7 @@ def test_targets_are_about_the_offset_of_the_actions_where_that_is_not_the_defau
     file = Numbers(WIDTH).onnx(tmp_path / "policy.onnx")
     offset = tuple(0.01 * (number + 1) + each for number, each in enumerate(described(file).default_position))
     plain, shifted = (
-        DescribedPolicy(described(file, action_offset=each, previous_action=previous)) for each in (None, offset)
+        NetworkPolicy(described(file, action_offset=each, previous_action=previous)) for each in (None, offset)
     )
     rows = walk(2)
     first, other = plain.act(rows[0][:1])[0], shifted.act(rows[0][:1])[0]
@@ -205,7 +205,7 @@ def test_targets_are_about_the_offset_of_the_actions_where_that_is_not_the_defau
 def test_targets_are_limited_in_the_policys_terms(tmp_path: Path) -> None:
     limits = tuple((-0.05 + low, 0.05 + low) for low in described(tmp_path).default_position)
     file = Numbers(WIDTH).onnx(tmp_path / "policy.onnx")
-    free, held = (DescribedPolicy(described(file, target_clip=clip)) for clip in (None, limits))
+    free, held = (NetworkPolicy(described(file, target_clip=clip)) for clip in (None, limits))
     places = [place(joint) for joint in JOINTS]
     rows = 5.0 * walk()
     expected = np.clip(acted(free, rows)[0][:, places], *np.transpose(limits))
@@ -227,4 +227,4 @@ def test_targets_are_limited_in_the_policys_terms(tmp_path: Path) -> None:
 def test_what_does_not_fit_is_refused_in_words(kind: str, fields: dict[str, Any], words: str, tmp_path: Path) -> None:
     file = network(kind, tmp_path / "policy", Numbers(WIDTH))
     with pytest.raises(PolicyError, match=words):
-        DescribedPolicy(described(file, **fields))
+        NetworkPolicy(described(file, **fields))

@@ -10,9 +10,9 @@ import pytest
 
 import policies
 from policies.base import CONTROL_PERIOD, PolicyError
-from policies.foreign import Foreign, is_reference
-from policies.foreign.described import DescribedPolicy
-from policies.foreign.description import HeightGrid, PolicyDescription, Term
+from policies.foreign import ExternalPolicy, is_reference
+from policies.foreign.described import NetworkPolicy
+from policies.foreign.description import HeightGrid, PolicySpec, Term
 from policies.foreign.readers import write_toml
 from policies.foreign.reference import Reference, checked
 from policies.foreign.served import serve
@@ -27,7 +27,7 @@ WIDTH = 15
 
 
 @pytest.fixture
-def description(tmp_path: Path) -> PolicyDescription:
+def description(tmp_path: Path) -> PolicySpec:
     """That of an ONNX, written as policy.toml next to it."""
     made = described(Numbers(WIDTH).onnx(tmp_path / "policy.onnx"), TERMS)
     write_toml(made, tmp_path / "policy.toml")
@@ -48,12 +48,12 @@ def test_endings_of_files_that_describe_policies_are_references() -> None:
     assert not is_reference("policy.pth")
 
 
-def test_the_file_that_describes_a_policy_names_it(description: PolicyDescription, tmp_path: Path) -> None:
+def test_the_file_that_describes_a_policy_names_it(description: PolicySpec, tmp_path: Path) -> None:
     observations = np.random.default_rng(0).normal(0.0, 0.3, (3, OBSERVATION_SIZE)).astype(np.float32)
-    here = DescribedPolicy(description)
+    here = NetworkPolicy(description)
     here.reset(3)
     with closing(policies.resolve(str(tmp_path / "policy.toml"))) as policy:
-        assert isinstance(policy, Foreign)
+        assert isinstance(policy, ExternalPolicy)
         assert policy.description == description
         assert policy.robot.servo == here.robot.servo != SIMPLE_QUAD.servo
         policy.reset(3)
@@ -69,14 +69,14 @@ def test_a_height_scan_is_asked_of_the_environment(tmp_path: Path) -> None:
     terms = (Term("joint_velocity"), Term("height_scan", grid=HeightGrid((-0.1, 0.0, 0.1), (0.0,))))
     file = Numbers(WIDTH).onnx(tmp_path / "policy.onnx")
     write_toml(described(file, terms), tmp_path / "policy.toml")
-    with closing(Foreign(tmp_path / "policy.toml")) as policy:
+    with closing(ExternalPolicy(tmp_path / "policy.toml")) as policy:
         assert policy.height_scan == HeightScan(ahead=1, behind=1, aside=0, spacing=0.1)
         policy.reset(1)
         policy.act(np.zeros((1, OBSERVATION_SIZE + 3), np.float32))
         assert policy.failure.tolist() == [None]
 
 
-def test_torchscript_wants_trust_and_a_description_next_to_it(description: PolicyDescription, tmp_path: Path) -> None:
+def test_torchscript_wants_trust_and_a_description_next_to_it(description: PolicySpec, tmp_path: Path) -> None:
     file = tmp_path / "policy.pt"
     file.write_bytes(b"nothing that is loaded")
     with pytest.raises(PolicyError, match=r"policy\.pt can run code .* --trust"):
@@ -91,7 +91,7 @@ def test_torchscript_wants_trust_and_a_description_next_to_it(description: Polic
         checked(file, trust=True)
 
 
-def test_another_description_or_network_is_another_policy(description: PolicyDescription, tmp_path: Path) -> None:
+def test_another_description_or_network_is_another_policy(description: PolicySpec, tmp_path: Path) -> None:
     file, contents = tmp_path / "policy.toml", set()
     for each in (description, replace(description, action_scale=(0.1,) * 12)):
         write_toml(each, file)
@@ -102,9 +102,9 @@ def test_another_description_or_network_is_another_policy(description: PolicyDes
 
 
 @pytest.mark.parametrize("name", ["policy.ONNX", "policy.bin", "policy", "policy.pt"])
-def test_content_and_no_ending_tells_an_onnx_file(description: PolicyDescription, tmp_path: Path, name: str) -> None:
+def test_content_and_no_ending_tells_an_onnx_file(description: PolicySpec, tmp_path: Path, name: str) -> None:
     row = np.random.default_rng(0).normal(0.0, 0.3, (1, OBSERVATION_SIZE)).astype(np.float32)
-    expected = DescribedPolicy(description).act(row)
+    expected = NetworkPolicy(description).act(row)
     file = description.network.rename(tmp_path / name)
     write_toml(replace(description, network=file), tmp_path / "policy.toml")
     found = checked(tmp_path / "policy.toml", trust=False)
@@ -113,7 +113,7 @@ def test_content_and_no_ending_tells_an_onnx_file(description: PolicyDescription
 
 @pytest.mark.parametrize("name", ["policy.ONNX", "policy.bin", "policy", "policy.pt"])
 def test_weights_in_another_file_are_refused_whatever_the_ending(
-    description: PolicyDescription, tmp_path: Path, name: str
+    description: PolicySpec, tmp_path: Path, name: str
 ) -> None:
     onnx = pytest.importorskip("onnx")
     model = onnx.load(description.network)
@@ -130,11 +130,11 @@ def test_weights_in_another_file_are_refused_whatever_the_ending(
 
 @pytest.mark.parametrize("name", ["policy.pt", "policy.jit", "policy.onnx", "policy.bin"])
 def test_torchscript_of_any_ending_wants_trust_and_runs(
-    description: PolicyDescription, tmp_path: Path, name: str
+    description: PolicySpec, tmp_path: Path, name: str
 ) -> None:
     pytest.importorskip("torch")
     row = np.random.default_rng(0).normal(0.0, 0.3, (1, OBSERVATION_SIZE)).astype(np.float32)
-    expected = DescribedPolicy(description).act(row)
+    expected = NetworkPolicy(description).act(row)
     description.network.unlink()
     file = Numbers(WIDTH).torchscript(tmp_path / name)
     write_toml(replace(description, network=file), tmp_path / "policy.toml")
@@ -145,7 +145,7 @@ def test_torchscript_of_any_ending_wants_trust_and_runs(
     np.testing.assert_allclose(first_actions(found, row), expected, atol=1e-6)
 
 
-def test_a_checkpoint_is_called_what_it_is(description: PolicyDescription, tmp_path: Path) -> None:
+def test_a_checkpoint_is_called_what_it_is(description: PolicySpec, tmp_path: Path) -> None:
     torch = pytest.importorskip("torch")
     content = {"model_state_dict": {"actor.0.weight": torch.zeros(3)}, "optimizer_state_dict": {}, "iter": 5}
     torch.save(content, tmp_path / "model_1500.pt")

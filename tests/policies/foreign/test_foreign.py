@@ -21,9 +21,9 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 import policies
 from live.commands.doctor import check_exists
 from policies.base import CONTROL_PERIOD, PolicyError
-from policies.foreign import Foreign, is_reference, sb3_file
+from policies.foreign import ExternalPolicy, is_reference, sb3_file
 from policies.foreign.reference import Reference, checked
-from policies.foreign.served import Served, serve
+from policies.foreign.served import PolicyServer, serve
 from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD, HomePoseActions, VectorHomePoseActions
 from quad_env.cli.command_line import UsageError
 from train.sb3.vec_env import TrainingVecEnv
@@ -123,11 +123,11 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def served(file: Path, name: str = "", deadline: float = 5.0) -> Served:
+def served(file: Path, name: str = "", deadline: float = 5.0) -> PolicyServer:
     return serve(Reference(file, name), SIMPLE_QUAD, CONTROL_PERIOD, deadline)
 
 
-def third_step(of: Served) -> tuple[np.ndarray, dict[int, str]]:
+def third_step(of: PolicyServer) -> tuple[np.ndarray, dict[int, str]]:
     """Actions and failures of the third control step of three robots, of which the second is commanded forward."""
     assert of.reset(3, 0) == {}
     for _ in range(2):
@@ -245,7 +245,7 @@ def test_a_process_that_gives_no_answer_is_ended_within_a_deadline_whatever_the_
     monkeypatch.setattr("policies.foreign.policy.DEADLINE", 1.0)
     robots = 256
     observations = np.resize(OBSERVATIONS, (robots, OBSERVATION_SIZE))
-    with closing(Foreign(f"{file}:Hangs", robot="simple_quad")) as policy:
+    with closing(ExternalPolicy(f"{file}:Hangs", robot="simple_quad")) as policy:
         policy.reset(robots)
         for _ in range(2):
             policy.act(observations)
@@ -261,7 +261,7 @@ def test_many_robots_that_are_each_answered_for_in_time_may_take_longer_together
     monkeypatch.setattr("policies.foreign.policy.GRACE", 0.2)
     monkeypatch.setattr("policies.foreign.policy.DEADLINE", 1.0)
     robots = 100
-    with closing(Foreign(f"{file}:Slow")) as policy:
+    with closing(ExternalPolicy(f"{file}:Slow")) as policy:
         policy.reset(robots)
         for step in (1, 2):
             action = policy.act(np.zeros((robots, OBSERVATION_SIZE), np.float32))
@@ -324,7 +324,7 @@ def test_what_runs_hidden_code_wants_trust_and_what_is_missing_is_named(
 
 
 def test_in_its_process_a_policy_that_ends_it_loses_its_robots_until_a_reset(file: Path) -> None:
-    policy = pickle.loads(pickle.dumps(Foreign(f"{file}:Ends")))
+    policy = pickle.loads(pickle.dumps(ExternalPolicy(f"{file}:Ends")))
     assert policy.failure.tolist() == [None]
     home = np.tile(SIMPLE_QUAD.home_pose.astype(np.float32), (3, 1))
     try:
@@ -509,12 +509,12 @@ def test_a_policy_that_gets_little_of_the_processor_is_not_taken_for_one_that_ha
     """The clock of the limits stands still while the process waits: here it says so all the time."""
     monkeypatch.setattr("policies.foreign.policy.DEADLINE", 0.02)
     monkeypatch.setattr("policies.foreign.policy.GRACE", 0.0)
-    with closing(Foreign(f"{file}:Sleeps", robot="simple_quad")) as policy:
+    with closing(ExternalPolicy(f"{file}:Sleeps", robot="simple_quad")) as policy:
         policy.reset(1)
         policy.act(OBSERVATIONS[:1])
         assert policy.failure[0] is not None
     monkeypatch.setattr("quad_env.cli.child_process.RunClock.elapsed", lambda clock: 0.0)
-    with closing(Foreign(f"{file}:Sleeps", robot="simple_quad")) as policy:
+    with closing(ExternalPolicy(f"{file}:Sleeps", robot="simple_quad")) as policy:
         policy.reset(1)
         policy.act(OBSERVATIONS[:1])
         assert policy.failure.tolist() == [None]
@@ -524,10 +524,10 @@ def test_limits_of_time_can_be_raised(file: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("policies.foreign.policy.GRACE", 0.0)
     monkeypatch.setenv("QUAD_ENV_LOAD_TIMEOUT", "0.05")
     with pytest.raises(PolicyError, match="no answer within 50 ms"):
-        Foreign(f"{file}:LoadsSlowly", robot="simple_quad")
+        ExternalPolicy(f"{file}:LoadsSlowly", robot="simple_quad")
     monkeypatch.setenv("QUAD_ENV_LOAD_TIMEOUT", "100")
     monkeypatch.setenv("QUAD_ENV_ACT_TIMEOUT", "0.01")
-    with closing(Foreign(f"{file}:LoadsSlowly", robot="simple_quad")) as policy:
+    with closing(ExternalPolicy(f"{file}:LoadsSlowly", robot="simple_quad")) as policy:
         policy.reset(1)
         policy.act(OBSERVATIONS[:1])
         assert policy.failure.tolist() == ["gave no answer within 0.06 s"]

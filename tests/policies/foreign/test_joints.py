@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from policies.base import PolicyError
-from policies.foreign.joints import Joints, joints_of
+from policies.foreign.joints import JointMapping, joints_of
 from quad_env import SIMPLE_QUAD, Robot
 from quad_env.robots.kinematics import foot_positions
 
@@ -77,12 +77,12 @@ def test_angles_speeds_and_targets_go_over_and_back_by_places_signs_and_zeros() 
     """The policy's joint i is the robot's at `places[i]`, whose angle is zero + sign times the policy's."""
     places = np.array([3, 0, 7, 11, 1, 2, 10, 4, 5, 6, 9, 8])  # not its own inverse
     signs, zeros = np.where(np.arange(12) % 3 == 0, -1.0, 1.0), 0.1 * np.arange(12)
-    joints = Joints(places, signs, zeros)
+    joints = JointMapping(places, signs, zeros)
     robots = np.stack((10.0 + np.arange(12), -np.arange(12.0)))
     for row in range(2):
         for own, place in enumerate(places):
             assert joints.angles(robots)[row, own] == pytest.approx(signs[own] * (robots[row, place] - zeros[own]))
             assert joints.rates(robots)[row, own] == signs[own] * robots[row, place]
     np.testing.assert_allclose(joints.to_robot(joints.angles(robots)), robots)
-    moved = joints.in_place(np.arange(12.0))
+    moved = joints.to_robot_order(np.arange(12.0))
     assert [moved[place] for place in places] == list(range(12))

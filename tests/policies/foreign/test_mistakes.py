@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from policies.foreign.description import OF_JOINTS, PolicyDescription, Term
+from policies.foreign.description import OF_JOINTS, PolicySpec, Term
 from policies.foreign.mistakes import (
     ENDS,
     FRAMES,
@@ -32,7 +32,7 @@ TERMS = (
 )
 
 
-def description(joints: tuple[str, ...] = BY_KIND, **fields: object) -> PolicyDescription:
+def description(joints: tuple[str, ...] = BY_KIND, **fields: object) -> PolicySpec:
     given = {
         "default_position": tuple(0.01 * each for each in COUNT),
         "action_scale": tuple(0.1 * each for each in COUNT),
@@ -40,10 +40,10 @@ def description(joints: tuple[str, ...] = BY_KIND, **fields: object) -> PolicyDe
         "damping": tuple(0.5 * each for each in COUNT),
         "target_clip": tuple((-each, each) for each in COUNT),
     }
-    return PolicyDescription(Path("policy.onnx"), 50.0, joints, terms=TERMS, **given | fields)  # type: ignore[arg-type]
+    return PolicySpec(Path("policy.onnx"), 50.0, joints, terms=TERMS, **given | fields)  # type: ignore[arg-type]
 
 
-def undone(described: PolicyDescription, mistake: str, count: int = 1) -> list[Correction]:
+def undone(described: PolicySpec, mistake: str, count: int = 1) -> list[Correction]:
     return [each for each in corrections(described, SIMPLE_QUAD, count) if each.mistake == mistake]
 
 

@@ -9,14 +9,14 @@ import policies
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.foreign import onnx_file
 from policies.foreign.reference import Reference
-from policies.foreign.served import Served, serve
+from policies.foreign.served import PolicyServer, serve
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD
 
 onnx = pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
 
 
-def served(file: Path) -> Served:
+def served(file: Path) -> PolicyServer:
     return serve(Reference(file), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
 
 

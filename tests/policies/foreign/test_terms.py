@@ -11,7 +11,7 @@ from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from policies.base import Floats, PolicyError
 from policies.foreign.description import HeightGrid, Term
-from policies.foreign.terms import Terms, scan_of
+from policies.foreign.terms import ObservationAdapter, scan_of
 from quad_env import OBSERVATION, SIMPLE_QUAD, HeightScan
 from quad_env.sensing.height_scan import table_with
 from tests.policies.foreign.made import described
@@ -20,8 +20,8 @@ HOME, PERIOD = SIMPLE_QUAD.home_pose, 0.01
 NETWORK = Path("policy.onnx")
 
 
-def terms(*wanted: Term, **fields: Any) -> Terms:
-    return Terms(described(NETWORK, wanted, **fields), SIMPLE_QUAD, PERIOD)
+def terms(*wanted: Term, **fields: Any) -> ObservationAdapter:
+    return ObservationAdapter(described(NETWORK, wanted, **fields), SIMPLE_QUAD, PERIOD)
 
 
 def standing(size: int = 48, **readings: Any) -> Floats:
@@ -32,10 +32,10 @@ def standing(size: int = 48, **readings: Any) -> Floats:
     return row
 
 
-def seen(of: Terms, *rows: Floats) -> Floats:
+def seen(of: ObservationAdapter, *rows: Floats) -> Floats:
     """What the policy is shown after those control steps of a robot, (k,)."""
     for row in rows:
-        of.track(row)
+        of.update_state(row)
         shown = of.observe(row, np.array([0]))
     return shown[0].astype(np.float64)
 
@@ -80,13 +80,13 @@ def test_the_world_frame_is_the_heading_at_the_start_of_each_episode() -> None:
 
 
 def test_contacts_are_those_of_the_simulation_in_nine_steps_of_ten() -> None:
-    of = Terms(described(NETWORK, (Term("foot_contact"),)), SIMPLE_QUAD, PERIOD)
+    of = ObservationAdapter(described(NETWORK, (Term("foot_contact"),)), SIMPLE_QUAD, PERIOD)
     of.reset(2)
     agreed: list[Floats] = []
 
     def compare(step: Step) -> None:
         row = step.observation.astype(np.float64)
-        of.track(row)
+        of.update_state(row)
         shown = of.observe(row, np.arange(2))
         true = step.infos["foot_contact"] > 0
         agreed.append(shown == true[:, [2, 1, 3, 0]])  # as `JOINTS` has the legs

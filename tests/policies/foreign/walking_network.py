@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import policies
-from policies.foreign.description import PolicyDescription, Term
+from policies.foreign.description import PolicySpec, Term
 from policies.legs.kinematics import joint_angles
 from quad_env import OBSERVATION, OBSERVATION_SIZE, Robot
 from quad_env.robots.named import get_robot
@@ -115,7 +115,7 @@ HEIGHT = 0.18
 """m for gravity's size, by which the legs reach further."""
 
 
-def write(file: Path, style: Style = LEVELLED) -> PolicyDescription:
+def write(file: Path, style: Style = LEVELLED) -> PolicySpec:
     """Write the network; its description."""
     robot = get_robot(style.robot)
     trot = policies.make("trot", robot=robot)
@@ -123,7 +123,7 @@ def write(file: Path, style: Style = LEVELLED) -> PolicyDescription:
     terms.append(Term("gait_clock", clock=trot.frequency, history=style.history))
     signs = _signs(style)
     default = (signs * (robot.home_pose + style.default))[style.order]
-    found = PolicyDescription(
+    found = PolicySpec(
         network=file,
         control_rate=style.rate,
         joints=tuple(robot.joint_names[joint] for joint in style.order),

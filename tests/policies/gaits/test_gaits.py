@@ -6,7 +6,7 @@ import pytest
 import policies
 from evaluate.rollouts import rollout
 from policies.gaits.change import CHANGE_TIME
-from policies.gaits.parameters import GAITS, OFFSETS, GaitParameters, froude, row, slowed, stepping
+from policies.gaits.parameters import GAITS, OFFSETS, GaitParameters, froude, row, limit_command, stepping
 from policies.gaits.policy import Gaits
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -164,7 +164,7 @@ def test_beyond_its_limits_a_gait_goes_the_same_way_on_the_ellipsoid():
     command = np.array([[0.4, 0.1, 0.2], [1.6, 0.0, 0.0], [-0.4, 0.0, 0.0], [0.8, -0.3, 0.0], [0.0, 0.0, -1.2]])
     half = np.sqrt(0.5)
     expected = [[0.4, 0.1, 0.2], [0.8, 0, 0], [-0.2, 0, 0], [0.8 * half, -0.3 * half, 0], [0, 0, -0.6]]
-    np.testing.assert_allclose(slowed(np.tile(values, (5, 1)), command), expected)
+    np.testing.assert_allclose(limit_command(np.tile(values, (5, 1)), command), expected)
 
 
 ROBOTS = 6

@@ -10,7 +10,7 @@ from policies.legs.foot_path import (
     lift,
     load,
     stride,
-    swung,
+    cubic_swing,
 )
 
 LEG = (0.0, 0.0, 0.0, 0.0)
@@ -74,7 +74,7 @@ def test_a_thrown_hip_has_no_jump_and_no_kink():
 
 def test_a_swing_leaves_and_lands_where_it_should_with_the_speed_of_the_ground():
     start, end, slope, h = -0.1, 0.08, -0.05, 1e-6
-    path = [swung(*(np.array(value) for value in (start, end, slope, t))).item() for t in (0.0, h, 1.0 - h, 1.0)]
+    path = [cubic_swing(*(np.array(value) for value in (start, end, slope, t))).item() for t in (0.0, h, 1.0 - h, 1.0)]
     assert (path[0], path[3]) == pytest.approx((start, end))
     assert (path[1] - path[0]) / h == pytest.approx(slope, abs=1e-4)
     assert (path[3] - path[2]) / h == pytest.approx(slope, abs=1e-4)

@@ -9,8 +9,8 @@ import pytest
 import policies
 from evaluate.rollouts.hardware import Hardware
 from evaluate.rollouts.rollout import roll_out
-from policies.mpc.contact import ContactSense, as_accelerations
-from policies.mpc.motion import Motion, motion
+from policies.mpc.contact import ContactEstimator, wrench_to_acceleration
+from policies.mpc.motion import MotionState, motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from quad_env import OBSERVATION
@@ -58,7 +58,7 @@ class Trotting:
         mujoco.mju_quat2Mat(matrix, self.data.qpos[3:7])
         return matrix.reshape(3, 3)
 
-    def step(self) -> Motion:
+    def step(self) -> MotionState:
         """A control period; `forces` are then the mean ones of the feet, world frame, N."""
         self.target = self.policy.act(self.observation()).astype(np.float64)
         self.data.ctrl[:] = self.target
@@ -88,7 +88,7 @@ class Trotting:
 
 
 def test_forces_of_the_feet_are_felt_without_sensors() -> None:
-    robot, sense = Trotting(yaw=0.7), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
+    robot, sense = Trotting(yaw=0.7), ContactEstimator(SIMPLE_QUAD, MpcParameters(), PERIOD)
     felt, true = [], []
     for step in range(150):
         now = robot.step()
@@ -110,7 +110,7 @@ def test_forces_of_the_feet_are_felt_without_sensors() -> None:
 @pytest.mark.parametrize("force", [(30.0, -10.0, 0.0), (0.0, 0.0, -60.0)])
 def test_a_steady_force_on_the_trunk_is_felt_in_the_robot_s_own_frame(force: tuple[float, float, float]) -> None:
     robot = Trotting(force, yaw=0.7)
-    sense = ContactSense(SIMPLE_QUAD, MpcParameters(disturbance_time=0.3, load_time=0.3), PERIOD)
+    sense = ContactEstimator(SIMPLE_QUAD, MpcParameters(disturbance_time=0.3, load_time=0.3), PERIOD)
     felt, true, accelerations = [], [], []
     for step in range(250):
         now = robot.step()
@@ -118,7 +118,7 @@ def test_a_steady_force_on_the_trunk_is_felt_in_the_robot_s_own_frame(force: tup
         if step >= 150:
             felt.append(sense.wrench[0, :3])
             true.append(robot.turned(np.array(force)))
-            accelerations.append(as_accelerations(now.bodies, now.rotation, sense.wrench)[0, :3])
+            accelerations.append(wrench_to_acceleration(now.bodies, now.rotation, sense.wrench)[0, :3])
     np.testing.assert_allclose(np.mean(felt, axis=0), np.mean(true, axis=0), atol=6.0)
     np.testing.assert_allclose(np.mean(accelerations, axis=0), np.mean(true, axis=0) / SIMPLE_QUAD.mass, atol=0.45)
 
@@ -126,13 +126,13 @@ def test_a_steady_force_on_the_trunk_is_felt_in_the_robot_s_own_frame(force: tup
 @pytest.mark.parametrize("yaw_rate", [1.5, -1.5])
 def test_a_robot_on_a_circle_is_pushed_to_the_centre(yaw_rate: float) -> None:
     """m v ω, though its velocity in the frame that turns with it never changes."""
-    sense, speed = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD), np.array([0.8, 0.3])
+    sense, speed = ContactEstimator(SIMPLE_QUAD, MpcParameters(), PERIOD), np.array([0.8, 0.3])
     sense.reset(1)
     circling = reading(1, linear_velocity=(*speed, 0.0), angular_velocity=(0.0, 0.0, yaw_rate))
-    forces, wrench = sense._explained(motion(SIMPLE_QUAD, DYNAMICS, circling), False)
+    forces, wrench = sense._solve_contact_forces(motion(SIMPLE_QUAD, DYNAMICS, circling), False)
     still = motion(SIMPLE_QUAD, DYNAMICS, reading(1, angular_velocity=(0.0, 0.0, yaw_rate)))
     sense.reset(1)
-    at_rest, left = sense._explained(still, False)
+    at_rest, left = sense._solve_contact_forces(still, False)
     total = (forces - at_rest).sum(axis=1)[0] + (wrench - left)[0, :3]
     expected = SIMPLE_QUAD.mass * yaw_rate * np.array([-speed[1], speed[0], 0.0])
     np.testing.assert_allclose(total, expected, atol=0.5)
@@ -140,7 +140,7 @@ def test_a_robot_on_a_circle_is_pushed_to_the_centre(yaw_rate: float) -> None:
 
 def test_a_push_is_hardly_taken_for_a_lasting_force() -> None:
     """35 N·s within 0.1 s: what is left of it a second later would lean the robot against nothing."""
-    robot, sense = Trotting(), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
+    robot, sense = Trotting(), ContactEstimator(SIMPLE_QUAD, MpcParameters(), PERIOD)
     largest = 0.0
     for step in range(250):
         robot.data.xfrc_applied[robot.trunk, 1] = 350.0 if 100 <= step < 110 else 0.0
@@ -153,24 +153,24 @@ def test_a_push_is_hardly_taken_for_a_lasting_force() -> None:
 
 def test_a_slip_lowers_what_is_relied_on_and_is_forgotten() -> None:
     parameters = MpcParameters(grip_memory=1.0)
-    sense, velocity = ContactSense(SIMPLE_QUAD, parameters, PERIOD), np.zeros((2, 4, 3))
+    sense, velocity = ContactEstimator(SIMPLE_QUAD, parameters, PERIOD), np.zeros((2, 4, 3))
     sense.reset(2)
     forces = np.tile([8.0, 0.0, 80.0], (2, 4, 1))
     velocity[1, 2, 0] = 0.5  # one foot of the second robot slides, at a tenth of its load
     sense._estimate_friction(forces, velocity)
-    assert (sense.grip == parameters.friction).all()  # a foot that lands slides for a moment
+    assert (sense.friction_estimate == parameters.friction).all()  # a foot that lands slides for a moment
     for _ in range(30):
         sense._estimate_friction(forces, velocity)
-    assert sense.grip[0] == parameters.friction
-    assert sense.grip[1] == pytest.approx(0.07, abs=0.03)
+    assert sense.friction_estimate[0] == parameters.friction
+    assert sense.friction_estimate[1] == pytest.approx(0.07, abs=0.03)
     for _ in range(300):
         sense._estimate_friction(forces, 0.0 * velocity)
-    assert sense.grip[1] > 0.9 * parameters.friction
+    assert sense.friction_estimate[1] > 0.9 * parameters.friction
 
 
 def test_what_pushes_stays_where_it_is_in_the_world() -> None:
     yaw_rate = -1.5
-    sense = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
+    sense = ContactEstimator(SIMPLE_QUAD, MpcParameters(), PERIOD)
     sense.wrench[:, :3] = 40.0, 10.0, -20.0
     now = Trotting().step()
     tilted = now._replace(tilt=np.full((1, 2), 0.5), turning=np.array([[0.0, 0.0, yaw_rate]]))  # nothing new is felt
@@ -182,7 +182,7 @@ def test_what_pushes_stays_where_it_is_in_the_world() -> None:
 
 
 def test_zeros_of_encoders_are_known_from_legs_in_the_air() -> None:
-    robot, sense = Trotting(), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD, encoders=True)
+    robot, sense = Trotting(), ContactEstimator(SIMPLE_QUAD, MpcParameters(), PERIOD, encoders=True)
     zero, angles = np.linspace(-0.01, 0.01, 12), robot.data.qpos[7:].copy()
     for _ in range(250):
         robot.step()
@@ -190,8 +190,8 @@ def test_zeros_of_encoders_are_known_from_legs_in_the_air() -> None:
         seen[:, OBSERVATION["joint_velocity"]] = (robot.data.qpos[7:] - angles) / PERIOD
         seen[:, OBSERVATION["joint_position"]] += zero
         angles = robot.data.qpos[7:].copy()
-        sense.estimate(motion(SIMPLE_QUAD, DYNAMICS, sense.calibrated(seen.astype(np.float32))), NO_LOAD)
-    np.testing.assert_allclose(sense.zeros[0], zero, atol=0.004)
+        sense.estimate(motion(SIMPLE_QUAD, DYNAMICS, sense.remove_encoder_offsets(seen.astype(np.float32))), NO_LOAD)
+    np.testing.assert_allclose(sense.encoder_offsets[0], zero, atol=0.004)
 
 
 def test_contact_is_known_on_motors_and_encoders() -> None:
@@ -201,13 +201,13 @@ def test_contact_is_known_on_motors_and_encoders() -> None:
     hardware = Hardware(real.actuator, real.sensors, real.estimator)  # type: ignore[arg-type]
     policy, estimated, true = hardware.policy("mpc_wbc", real=True), [], []
     assert isinstance(policy, MpcWbc)
-    estimate = policy.sense.estimate
+    estimate = policy.contact_estimator.estimate
 
     def noted(*given: Any) -> np.ndarray:
         estimated.append((forces := estimate(*given))[..., 2])
         return forces
 
-    policy.sense.estimate = noted  # type: ignore[method-assign]
+    policy.contact_estimator.estimate = noted  # type: ignore[method-assign]
     seeds = episode_seeds("search", 0, 4)
     watch = lambda step: true.append(step.infos["foot_impulse"] / PERIOD) if step.number else None  # noqa: E731
     roll_out(policy, practice("flat", "search"), seeds, watch, steps=200, hardware=hardware)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from policies.gait_cycle import LegCycle
-from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
-from policies.mpc.motion import Load, Motion, Odometer, estimated_load, motion
+from policies.mpc.contact import ContactEstimator, ContactState, wrench_to_acceleration, contact_states
+from policies.mpc.motion import PointLoad, MotionState, PositionErrorIntegrator, estimated_load, motion
 from policies.mpc.parameters import MpcParameters
 from quad_env import OBSERVATION
 from quad_env.physics.dynamics import Dynamics
@@ -19,7 +19,7 @@ P = MpcParameters(touch_force=15.0, early_force=20.0)
 
 def states(
     legs: list[tuple[bool, float, bool, float, float]], new: bool = False, *, flies: bool = True
-) -> ContactStates:
+) -> ContactState:
     """Of the four legs of one robot: whether each swings and how far it is, the same earlier, and its force."""
     swing, progress, swung, gone, force = (np.array([each]) for each in zip(*legs, strict=True))
     return contact_states(P, LegCycle(swing, progress), LegCycle(swung, gone), force, np.array([new]), flies=flies)
@@ -70,12 +70,12 @@ def test_the_gait_s_feet_bear_a_robot_that_nothing_else_bears_unless_its_gait_fl
     assert found.standing.tolist() == [[True, False, False, True], [True, False, False, False]]
 
 
-class Felt(ContactSense):
+class Felt(ContactEstimator):
     """Robots whose forces of the feet and whose wrenches are given."""
 
     given: tuple[np.ndarray, np.ndarray]
 
-    def _explained(self, motion: Motion, away: Any) -> tuple[np.ndarray, np.ndarray]:
+    def _explained(self, motion: MotionState, away: Any) -> tuple[np.ndarray, np.ndarray]:
         return self.given
 
 
@@ -85,7 +85,7 @@ def felt(robots: int = 2) -> Felt:
     return sense
 
 
-def at(robots: int = 2, **readings: Any) -> Motion:
+def at(robots: int = 2, **readings: Any) -> MotionState:
     return motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(robots, **readings))
 
 
@@ -145,14 +145,14 @@ def test_a_robot_that_does_not_stand_firmly_tells_nothing_and_the_other_does(sil
 def slid(ratios: list[float], speed: float = 0.5, up: float = 80.0, looks: int = 3, **fields: float) -> np.ndarray:
     """What is relied on, (2,), after so many looks at feet of the second robot that slide with that share of their
     vertical force along the ground; of 0.65 at first."""
-    sense = ContactSense(SIMPLE_QUAD, MpcParameters(friction=0.65, **{"grip_memory": 1e6} | fields), 0.01)
+    sense = ContactEstimator(SIMPLE_QUAD, MpcParameters(friction=0.65, **{"grip_memory": 1e6} | fields), 0.01)
     sense.reset(2)
     forces, velocity = np.tile([0.0, 0.0, up], (2, 4, 1)), np.zeros((2, 4, 3))
     for foot, ratio in enumerate(ratios):
         forces[1, foot, :2], velocity[1, foot, :2] = (-0.6 * ratio * up, 0.8 * ratio * up), (0.6 * speed, -0.8 * speed)
     for _ in range(looks):
         sense._estimate_friction(forces, velocity)
-    return sense.grip
+    return sense.friction_estimate
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_accelerations_are_those_of_a_rigid_body_about_its_centre_of_mass() -> N
         rotational_inertia=np.stack((np.diag([1.0, 2.0, 4.0]), np.diag([2.0, 2.0, 2.0]))),
     )
     wrench = np.array([[28.4, 14.2, 0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 56.8, 0.0, 3.0, 0.0]])
-    found = as_accelerations(bodies, now.rotation, wrench)
+    found = wrench_to_acceleration(bodies, now.rotation, wrench)
     # (0.1, 0, -0.2) × (28.4, 14.2, 0) = (2.84, -5.68, 1.42)
     np.testing.assert_allclose(found[0], [2.0, 1.0, 0.0, (1.0 - 2.84) / 1.0, 5.68 / 2.0, -1.42 / 4.0], atol=1e-6)
     # The second is rolled by 0.5 rad: its y axis points up by sin 0.5.
@@ -200,10 +200,10 @@ def test_accelerations_are_those_of_a_rigid_body_about_its_centre_of_mass() -> N
 def test_a_load_presses_with_its_weight_and_its_arm_in_the_trunk_s_axes() -> None:
     """10 kg, 0.1 m to the left and 0.2 m above a trunk that is rolled by 0.3 rad: its weight is (0, -sin, -cos) 0.3."""
     rotation = at(1, projected_gravity=(0.0, -np.sin(0.3), -np.cos(0.3))).rotation
-    found = Load(np.array([10.0]), np.array([[0.0, 0.1, 0.2]])).pressing(rotation)
+    found = PointLoad(np.array([10.0]), np.array([[0.0, 0.1, 0.2]])).gravity_wrench(rotation)
     moment = 98.1 * (-0.1 * np.cos(0.3) + 0.2 * np.sin(0.3))
     np.testing.assert_allclose(found, [[0.0, 0.0, -98.1, moment, 0.0, 0.0]], atol=1e-4)
-    assert not Load(np.zeros(2), np.ones((2, 3))).pressing(np.stack([np.eye(3)] * 2)).any()
+    assert not PointLoad(np.zeros(2), np.ones((2, 3))).gravity_wrench(np.stack([np.eye(3)] * 2)).any()
 
 
 def test_a_load_is_taken_to_be_on_the_trunk() -> None:
@@ -212,37 +212,37 @@ def test_a_load_is_taken_to_be_on_the_trunk() -> None:
     np.testing.assert_allclose(estimated_load(wrench, 0.15).place, [[0.25, 0.25, 0.15], [-0.05, -0.1, 0.15]])
 
 
-def following(velocity: tuple[float, float], command: tuple[float, float, float], turning: float = 0.0) -> Motion:
+def following(velocity: tuple[float, float], command: tuple[float, float, float], turning: float = 0.0) -> MotionState:
     now = at(linear_velocity=(*velocity, 0.0), angular_velocity=(0.0, 0.0, turning))
     return now._replace(command=np.array([command, (0.0, 0.0, 0.0)]))
 
 
 def test_the_way_lost_since_a_command_was_given_is_made_up_for() -> None:
     """0.5 and 0.2 m/s, and 0.4 rad/s, short for 10 ms each; a new command counts anew, of that robot alone."""
-    odometer = Odometer(0.6, 0.01)
+    odometer = PositionErrorIntegrator(0.6, 0.01)
     odometer.reset(2)
     now = following((0.5, -0.2), (1.0, 0.0, 0.4))
-    np.testing.assert_allclose(odometer.catching_up(now, 2.0).command[0], now.command[0])
+    np.testing.assert_allclose(odometer.with_position_feedback(now, 2.0).command[0], now.command[0])
     for looks in (1, 2, 3):
-        found = odometer.catching_up(now, 2.0).command[0]
+        found = odometer.with_position_feedback(now, 2.0).command[0]
         np.testing.assert_allclose(
             found, np.array([1.0, 0.0, 0.4]) + 0.02 * looks * np.array([0.5, 0.2, 0.4]), atol=1e-6
         )
-    behind = odometer.behind[1].copy()
+    behind = odometer.position_error[1].copy()
     np.testing.assert_allclose(behind, [-0.02, 0.008, 0.0], atol=1e-6)  # it should stand, and is moved
     other = now._replace(command=np.array([(1.0, 0.1, 0.4), (0.0, 0.0, 0.0)]))
-    np.testing.assert_allclose(odometer.catching_up(other, 2.0).command[0], [1.0, 0.1, 0.4])
-    np.testing.assert_allclose(odometer.behind[1], behind * 5.0 / 4.0, atol=1e-6)
+    np.testing.assert_allclose(odometer.with_position_feedback(other, 2.0).command[0], [1.0, 0.1, 0.4])
+    np.testing.assert_allclose(odometer.position_error[1], behind * 5.0 / 4.0, atol=1e-6)
 
 
 def test_no_more_than_the_farthest_way_is_made_up_for_and_no_faster_than_the_fastest_return() -> None:
     """0.6 m at 2 / s would be 1.2 m/s on top: of 1.2 m/s in all, of a command of 1.5 m/s that itself."""
     for command, expected in (((1.0, 0.0, 0.0), 1.2), ((1.5, 0.0, 0.0), 1.5), ((0.3, 0.0, 0.0), 1.2)):
-        odometer = Odometer(0.6, 0.01, 1.2)
+        odometer = PositionErrorIntegrator(0.6, 0.01, 1.2)
         odometer.reset(2)
         now = following((-0.5, 0.0), command, -1.0)
         for _ in range(200):
-            found = odometer.catching_up(now, 2.0).command[0]
+            found = odometer.with_position_feedback(now, 2.0).command[0]
         np.testing.assert_allclose(found[:2], [expected, 0.0], atol=1e-6)
         np.testing.assert_allclose(found[2], 1.2, atol=1e-6)  # 0.6 rad at 2 / s, without a limit of their own
 
@@ -257,12 +257,12 @@ class Noted:
         return np.zeros_like(angle)
 
 
-def looks_at(sense: ContactSense, *rows: dict[str, Any], away: Any = False) -> tuple[Motion, np.ndarray, np.ndarray]:
+def looks_at(sense: ContactEstimator, *rows: dict[str, Any], away: Any = False) -> tuple[MotionState, np.ndarray, np.ndarray]:
     """The last of these motions of one robot, its forces of the feet and the wrench that they leave."""
     sense.reset(1)
     for each in rows:
         now = at(1, **each)
-        forces, wrench = sense._explained(now, away)
+        forces, wrench = sense._solve_contact_forces(now, away)
     return now, forces, wrench
 
 
@@ -285,7 +285,7 @@ EARLIER, LATER = (
 def test_servos_are_asked_for_their_torque_over_the_last_control_period(
     encoders: bool, targets: float, angle: float, speed: float
 ) -> None:
-    sense = ContactSense(SIMPLE_QUAD, P, 0.01, encoders=encoders)
+    sense = ContactEstimator(SIMPLE_QUAD, P, 0.01, encoders=encoders)
     sense._servos = servos = Noted()  # type: ignore[assignment]
     looks_at(sense, EARLIER, LATER)
     np.testing.assert_allclose(servos.asked[0][0] - SIMPLE_QUAD.home_pose, targets, atol=1e-6)
@@ -300,7 +300,7 @@ def test_servos_are_asked_for_their_torque_over_the_last_control_period(
 def test_forces_and_wrench_are_what_the_motion_needed_less_what_the_servos_gave(encoders: bool) -> None:
     """M v̇ + h: in the rows of each leg Jᵀ f of its foot, in those of the trunk the wrench and what the feet bear. Of
     encoders the mean over two periods; a force of the ground that would pull is none."""
-    sense = ContactSense(SIMPLE_QUAD, P, 0.01, encoders=encoders)
+    sense = ContactEstimator(SIMPLE_QUAD, P, 0.01, encoders=encoders)
     sense._servos = Noted()  # type: ignore[assignment]
     before, last = {"linear_velocity": (0.1, -0.1, 0.3)}, {"linear_velocity": (0.3, 0.0, -0.6), "joint_velocity": 0.5}
     now, forces, wrench = looks_at(sense, {}, before, last)
@@ -315,40 +315,40 @@ def test_forces_and_wrench_are_what_the_motion_needed_less_what_the_servos_gave(
     explaining = raw if encoders else np.where(raw[:, 2:] < 0.0, 0.0, raw)
     by_feet = np.einsum("lxk,lx->k", now.bodies.jacobians[0, ..., :6], explaining)
     np.testing.assert_allclose(wrench[0], needed[:6] - by_feet, rtol=0.03, atol=0.5)
-    shown = np.where(sense.touching[0][:, None], raw, 0.0) if encoders else explaining
+    shown = np.where(sense.in_contact[0][:, None], raw, 0.0) if encoders else explaining
     np.testing.assert_allclose(forces[0], shown, rtol=0.03, atol=0.5)
     assert raw[:, 2].min() < -1.0  # some would pull
 
 
 def test_a_robot_that_begins_again_has_not_changed_its_motion_at_its_first_look() -> None:
     """Of two that were thrown up: the other has slowed down from 2 m/s in 10 ms."""
-    sense = ContactSense(SIMPLE_QUAD, P, 0.01)
+    sense = ContactEstimator(SIMPLE_QUAD, P, 0.01)
     sense.reset(2)
-    first = sense._explained(at(), False)[1].copy()
-    sense._explained(at(linear_velocity=(0.0, 0.0, 2.0)), False)
+    first = sense._solve_contact_forces(at(), False)[1].copy()
+    sense._solve_contact_forces(at(linear_velocity=(0.0, 0.0, 2.0)), False)
     sense.reset_where(np.array([False, True]))
-    found = sense._explained(at(), False)[1]
+    found = sense._solve_contact_forces(at(), False)[1]
     np.testing.assert_allclose(found[1], first[1], atol=1e-6)
     assert np.abs(found[0] - first[0]).max() > 100.0
 
 
 def test_a_foot_in_mid_swing_touches_nothing_whatever_it_bears() -> None:
-    sense = ContactSense(SIMPLE_QUAD, P, 0.01)
+    sense = ContactEstimator(SIMPLE_QUAD, P, 0.01)
     pressing = {"previous_action": np.tile([0.0, -0.3, 0.3], 4)}
     _, forces, _ = looks_at(sense, pressing)
     assert (forces[0, :, 2] > 2.0 * P.touch_force).all()
-    assert sense.touching.all()
+    assert sense.in_contact.all()
     _, same, _ = looks_at(sense, pressing, away=np.array([[True, False, False, True]]))
-    assert sense.touching[0].tolist() == [False, True, True, False]
+    assert sense.in_contact[0].tolist() == [False, True, True, False]
     np.testing.assert_array_equal(same, forces)
 
 
 def test_a_foot_in_the_air_has_to_press_harder_to_be_taken_to_stand_on_noisy_joints() -> None:
     """By 0.03 N per N·m/rad of 300: 9 N on top of the 15 N of one that stands."""
-    sense = ContactSense(SIMPLE_QUAD, P, 0.01, encoders=True)
+    sense = ContactEstimator(SIMPLE_QUAD, P, 0.01, encoders=True)
     sense.reset(1)
     now = at(1, previous_action=np.tile([0.0, -0.3, 0.3], 4))
-    forces, _ = sense._explained(now, False)
+    forces, _ = sense._solve_contact_forces(now, False)
     pressed = float(forces[0, 0, 2])
     for least, touching in (
         (pressed - 8.0, (True, False)),
@@ -357,25 +357,25 @@ def test_a_foot_in_the_air_has_to_press_harder_to_be_taken_to_stand_on_noisy_joi
     ):
         sense._parameters = MpcParameters(touch_force=least)
         for stood, expected in zip((True, False), touching, strict=True):
-            sense.touching = np.full((1, 4), stood)
-            sense._explained(now, False)
-            assert bool(sense.touching[0, 0]) is expected
+            sense.in_contact = np.full((1, 4), stood)
+            sense._solve_contact_forces(now, False)
+            assert bool(sense.in_contact[0, 0]) is expected
 
 
 def test_what_encoders_show_at_zero_is_learnt_of_feet_in_the_air_and_no_more_than_a_look_tells() -> None:
     """0.01 / 1.01 at each look of the missing torque by the stiffness, of -60 N·m 0.03 rad. The last leg stands,
     and nothing is learnt of it."""
-    sense = ContactSense(SIMPLE_QUAD, P, 0.01, encoders=True)
+    sense = ContactEstimator(SIMPLE_QUAD, P, 0.01, encoders=True)
     sense.reset(1)
     asked = np.concatenate(([0.2, 0.2, 0.2], np.zeros(6), [0.0, -0.3, 0.3]))
     now = at(1, previous_action=asked)
-    sense._explained(now, np.array([[True, True, True, False]]))
-    assert sense.touching[0].tolist() == [False, False, False, True]
+    sense._solve_contact_forces(now, np.array([[True, True, True, False]]))
+    assert sense.in_contact[0].tolist() == [False, False, False, True]
     missing = (now.bodies.bias_force[0, 6:] - 300.0 * asked) / 300.0
-    np.testing.assert_allclose(sense.zeros[0, :3], -0.03 * 0.01 / 1.01, atol=1e-9)
-    np.testing.assert_allclose(sense.zeros[0, 3:9], missing[3:9] * 0.01 / 1.01, atol=1e-6)
+    np.testing.assert_allclose(sense.encoder_offsets[0, :3], -0.03 * 0.01 / 1.01, atol=1e-9)
+    np.testing.assert_allclose(sense.encoder_offsets[0, 3:9], missing[3:9] * 0.01 / 1.01, atol=1e-6)
     assert (np.abs(missing[3:9]) < 0.03).all()
-    assert not sense.zeros[0, 9:].any()
-    shown, joints = sense.calibrated(reading(1, joint_position=0.1)), OBSERVATION["joint_position"]
-    np.testing.assert_allclose(shown[0, joints], 0.1 - sense.zeros[0], atol=1e-6)
-    assert ContactSense(SIMPLE_QUAD, P, 0.01).calibrated(shown) is shown
+    assert not sense.encoder_offsets[0, 9:].any()
+    shown, joints = sense.remove_encoder_offsets(reading(1, joint_position=0.1)), OBSERVATION["joint_position"]
+    np.testing.assert_allclose(shown[0, joints], 0.1 - sense.encoder_offsets[0], atol=1e-6)
+    assert ContactEstimator(SIMPLE_QUAD, P, 0.01).remove_encoder_offsets(shown) is shown

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from policies.mpc.footing import Footprints, along, arms, footholds, neutral_feet, passing, swing
-from policies.mpc.motion import Motion, motion
+from policies.mpc.footing import TerrainEstimator, point_velocity, moment_arms, footholds, nominal_footholds, ground_velocity, swing_trajectory
+from policies.mpc.motion import MotionState, motion
 from policies.mpc.parameters import MpcParameters
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -20,7 +20,7 @@ NEUTRAL = CENTRE + np.array([0.03, 0.0]) + np.array([[0.2, 0.3], [0.2, -0.3], [-
 """Half the length and width off the centre of mass, and 0.03 m ahead."""
 
 
-def moving(velocity: tuple[float, float] = (0.0, 0.0), command: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Motion:
+def moving(velocity: tuple[float, float] = (0.0, 0.0), command: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> MotionState:
     """A robot that stands at rest in the home pose but for these, its centre of mass at CENTRE."""
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1))
     centre, centre_velocity = np.array([[*CENTRE, 0.0]]), np.array([[*velocity, 0.0]])
@@ -28,12 +28,12 @@ def moving(velocity: tuple[float, float] = (0.0, 0.0), command: tuple[float, flo
     return now._replace(bodies=bodies, command=np.array([command]))
 
 
-def aims(now: Motion, pushed: tuple[float, float] = (0.0, 0.0), height: float = HEIGHT) -> np.ndarray:
+def aims(now: MotionState, pushed: tuple[float, float] = (0.0, 0.0), height: float = HEIGHT) -> np.ndarray:
     return footholds(SIMPLE_QUAD, P, now, np.array([pushed]), STANCE, height)[0]
 
 
 def test_feet_of_a_robot_at_rest_are_put_to_their_neutral_places() -> None:
-    np.testing.assert_allclose(neutral_feet(SIMPLE_QUAD, P), NEUTRAL - CENTRE)
+    np.testing.assert_allclose(nominal_footholds(SIMPLE_QUAD, P), NEUTRAL - CENTRE)
     np.testing.assert_allclose(aims(moving()), NEUTRAL)
 
 
@@ -73,16 +73,16 @@ def test_the_ground_passes_under_a_trunk_that_goes_and_turns() -> None:
     """A place (x, y) that goes along has the velocity v + ω (-y, x); the ground under it the opposite one."""
     now, places = moving((0.5, -0.2)), np.array([[[0.3, 0.2], [0.3, -0.2], [-0.3, 0.2], [-0.3, -0.2]]])
     by_hand = [[0.1, 0.4], [0.9, 0.4], [0.1, -0.8], [0.9, -0.8]]
-    np.testing.assert_allclose(along(now, np.array([2.0]), places)[0], by_hand)
+    np.testing.assert_allclose(point_velocity(now, np.array([2.0]), places)[0], by_hand)
     bodies = now.bodies._replace(feet=np.concatenate((places, np.full((1, 4, 1), -0.4)), axis=2))
-    ground = passing(now._replace(bodies=bodies), np.array([1.0]))
+    ground = ground_velocity(now._replace(bodies=bodies), np.array([1.0]))
     np.testing.assert_allclose(ground[0], [[-0.3, -0.1], [-0.7, -0.1], [-0.3, 0.5], [-0.7, 0.5]])
 
 
 def swung(progress: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """One foot that swings in 0.2 s over ground that passes at -0.5 m/s and rises, by x, y and progress."""
     start, aim, passed = (np.tile(each, (1, 4, 1)) for each in ([0.1, 0.2], [0.3, 0.25], [-0.5, 0.0]))
-    found = swing(
+    found = swing_trajectory(
         P,
         start,
         aim,
@@ -133,7 +133,7 @@ def test_arms_of_feet_that_stand_lag_behind_and_those_of_feet_that_land_from_the
     aim = np.array([[[0.3, 0.3], [0.3, -0.3], [-0.1, 0.3], [-0.1, -0.3]]])
     stands = np.array([[[1, 1, 0, 0], [1, 0, 0, 1], [1, 1, 0, 1]]], np.bool_)
     since = np.array([[[9.0, 9.0, 9.0, 9.0], [9.0, 9.0, 9.0, 0.03], [9.0, 0.01, 9.0, 0.07]]])
-    found = arms(
+    found = moment_arms(
         feet,
         aim,
         np.array([[-0.05, 0.02, -0.1]]),
@@ -154,7 +154,7 @@ def test_arms_of_feet_that_stand_lag_behind_and_those_of_feet_that_land_from_the
     np.testing.assert_array_equal(found[..., 2], -0.4)
 
 
-def standing_on(heights: list[float], **readings: tuple[float, ...]) -> Motion:
+def standing_on(heights: list[float], **readings: tuple[float, ...]) -> MotionState:
     """A robot whose feet are ±0.25 m ahead and ±0.2 m aside at these heights."""
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1, **readings))
     feet = np.column_stack(([0.25, 0.25, -0.25, -0.25], [0.2, -0.2, 0.2, -0.2], heights))
@@ -167,7 +167,7 @@ ALL = np.ones((1, 4), np.bool_)
 def test_the_ground_under_the_trunk_is_the_mean_of_the_footprints_and_roughness_their_distance_from_a_plane() -> None:
     """A corner that is 0.04 m high is 0.01 m off the plane of best fit, as every other is; 0.01 / 1.01 of that is taken
     in at once, and 0.01 / 0.21 of the slope: 0.02 m on 0.5 m ahead, on 0.4 m aside."""
-    prints = Footprints(slope_time=0.2, period=0.01)
+    prints = TerrainEstimator(slope_time=0.2, period=0.01)
     ground = prints.ground(standing_on([-0.36, -0.4, -0.4, -0.4]), ALL)
     np.testing.assert_allclose(prints.roughness, 0.01 * 0.01 / 1.01, rtol=1e-4)
     slope = np.array([0.02 / 0.5, 0.02 / 0.4]) * 0.01 / 0.21
@@ -182,14 +182,14 @@ def test_roughness_is_the_largest_distance_from_the_plane() -> None:
     """Feet 0.4 m apart in front and 0.2 m behind leave (1, -1, -2, 2) / 10 of the first's height: 0.01 m at most."""
     now = standing_on([0.0] * 4)
     feet = np.column_stack(([0.3, 0.3, -0.3, -0.3], [0.2, -0.2, 0.1, -0.1], [-0.35, -0.4, -0.4, -0.4]))
-    prints = Footprints(slope_time=0.2, period=0.01)
+    prints = TerrainEstimator(slope_time=0.2, period=0.01)
     prints.ground(now._replace(bodies=now.bodies._replace(feet=feet[None])), ALL)
     np.testing.assert_allclose(prints.roughness, 0.01 * 0.01 / 1.01, rtol=1e-3)
 
 
 def test_footprints_pass_under_the_trunk_until_their_foot_lands_again() -> None:
     """In 10 ms at (1, -0.5, 0.2) m/s, turning at 2 rad/s: a print (x, y) moves by -0.01 (1 - 2 y, -0.5 + 2 x, 0.2)."""
-    prints = Footprints(slope_time=0.2, period=0.01)
+    prints = TerrainEstimator(slope_time=0.2, period=0.01)
     prints.ground(standing_on([-0.4] * 4), ALL)
     moving = standing_on([-0.3] * 4, linear_velocity=(1.0, -0.5, 0.2), angular_velocity=(0.0, 0.0, 2.0))
     prints.ground(moving, np.array([[True, False, False, False]]))
@@ -201,7 +201,7 @@ def test_footprints_pass_under_the_trunk_until_their_foot_lands_again() -> None:
 
 def test_no_slope_beyond_the_steepest_is_believed() -> None:
     """Feet on slopes of 1 ahead and -0.9 to the left show 0.6 and -0.6 in the end."""
-    prints, now = Footprints(slope_time=0.02, period=0.01), standing_on([-0.33, 0.03, -0.83, -0.47])
+    prints, now = TerrainEstimator(slope_time=0.02, period=0.01), standing_on([-0.33, 0.03, -0.83, -0.47])
     for _ in range(60):
         ground = prints.ground(now, ALL)
     np.testing.assert_allclose([ground.forward[0], ground.lateral[0]], [0.6, -0.6], atol=1e-6)
@@ -209,7 +209,7 @@ def test_no_slope_beyond_the_steepest_is_believed() -> None:
 
 def test_the_slope_turns_with_the_heading_frame() -> None:
     """A robot that turns at 1.5 rad/s on a slope: a mean in a frame that turns would be 0.1 off."""
-    prints, yaw_rate, period, rise = Footprints(slope_time=0.3, period=0.01), 1.5, 0.01, 0.25
+    prints, yaw_rate, period, rise = TerrainEstimator(slope_time=0.3, period=0.01), 1.5, 0.01, 0.25
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1, angular_velocity=(0.0, 0.0, yaw_rate)))
     uphill = np.zeros(2)
     for step in range(300):

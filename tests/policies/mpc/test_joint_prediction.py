@@ -5,7 +5,7 @@ import pytest
 
 import policies
 from evaluate.rollouts.hardware import Hardware
-from policies.mpc.observer import JointPrediction
+from policies.mpc.observer import JointPredictor
 from quad_env import OBSERVATION
 from tests.policies.readings import reading
 
@@ -16,7 +16,7 @@ ANGLES, SPEEDS = OBSERVATION["joint_position"], OBSERVATION["joint_velocity"]
 @pytest.mark.parametrize("late", [1, 3])
 def test_joints_that_do_as_planned_are_known_as_they_are_now(late: int) -> None:
     """Joints at rest that are asked for 20 rad/s² all along: ½ a t² and a t."""
-    prediction, acceleration = JointPrediction(late, PERIOD), 20.0
+    prediction, acceleration = JointPredictor(late, PERIOD), 20.0
     for step in range(30):
         seen = max(step - late, 0) * PERIOD
         found = prediction.now(reading(1, joint_position=0.5 * acceleration * seen**2))
@@ -29,7 +29,7 @@ def test_joints_that_do_as_planned_are_known_as_they_are_now(late: int) -> None:
 
 def test_what_no_plan_explains_is_learnt_from_the_readings() -> None:
     """A joint that turns at 3 rad/s though nothing is asked of it."""
-    prediction = JointPrediction(1, PERIOD)
+    prediction = JointPredictor(1, PERIOD)
     for step in range(40):
         found = prediction.now(reading(1, joint_position=3.0 * max(step - 1, 0) * PERIOD))
         prediction.keep(np.zeros((1, 12)))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from evaluate.rollouts.rollout import roll_out
-from policies.mpc.motion import LARGEST_LOAD, LEAST_LOAD, Load, Motion, estimated_load, loaded
-from policies.mpc.observer import LISTENING
+from policies.mpc.motion import LARGEST_LOAD, LEAST_LOAD, PointLoad, MotionState, estimated_load, add_load
+from policies.mpc.observer import CALIBRATION_STEPS
 from policies.mpc.policy import MpcWbc
 from quad_env import Scenario
 from quad_env.config import GRAVITY
@@ -44,25 +44,25 @@ def with_point_mass(state: dict[str, np.ndarray]) -> DynamicsTerms:
     return carrying.compute(**state)
 
 
-def moving(bodies: DynamicsTerms, rotation: np.ndarray, generalised: np.ndarray) -> Motion:
+def moving(bodies: DynamicsTerms, rotation: np.ndarray, generalised: np.ndarray) -> MotionState:
     """Of what a load does not depend on there is nothing."""
-    others = dict.fromkeys(Motion._fields)
-    return Motion(**others | {"bodies": bodies, "rotation": rotation, "generalised": generalised})  # type: ignore
+    others = dict.fromkeys(MotionState._fields)
+    return MotionState(**others | {"bodies": bodies, "rotation": rotation, "generalised": generalised})  # type: ignore
 
 
 def test_a_load_changes_the_bodies_as_mujoco_says(state: dict[str, np.ndarray]) -> None:
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, state["orientation"][0])
     generalised = np.concatenate((state["velocity"], state["turning"], state["speeds"]), axis=1)
-    load = Load(np.array([MASS]), PLACE[None])
-    found = loaded(moving(DYNAMICS.compute(**state), rotation.reshape(1, 3, 3), generalised), load).bodies
+    load = PointLoad(np.array([MASS]), PLACE[None])
+    found = add_load(moving(DYNAMICS.compute(**state), rotation.reshape(1, 3, 3), generalised), load).bodies
     for name, value in with_point_mass(state)._asdict().items():
         np.testing.assert_allclose(getattr(found, name), value, atol=1e-6, err_msg=name)
 
 
 def test_a_level_robots_load_is_told_by_its_weight() -> None:
-    load = Load(np.array([MASS, 0.0]), np.stack((PLACE, (0.0, 0.0, PLACE[2]))))
-    found = estimated_load(load.pressing(np.stack((np.eye(3),) * 2)), PLACE[2])
+    load = PointLoad(np.array([MASS, 0.0]), np.stack((PLACE, (0.0, 0.0, PLACE[2]))))
+    found = estimated_load(load.gravity_wrench(np.stack((np.eye(3),) * 2)), PLACE[2])
     np.testing.assert_allclose(found.mass, load.mass)
     np.testing.assert_allclose(found.place, load.place)
 
@@ -84,7 +84,7 @@ def test_a_walking_robot_feels_what_it_carries() -> None:
     for _ in range(150):
         observation, _, fell, _, _ = env.step(policy.act(observation))
         assert not fell
-        felt.append(estimated_load(policy.sense.wrench, policy.parameters.load_height))
+        felt.append(estimated_load(policy.contact_estimator.wrench, policy.parameters.load_height))
     assert np.mean([load.mass for load in felt[100:]]) == pytest.approx(15.0, rel=0.1)
     assert np.abs(np.mean([load.place[0, :2] for load in felt[100:]], axis=0)).max() < 0.03
 
@@ -92,5 +92,5 @@ def test_a_walking_robot_feels_what_it_carries() -> None:
 def test_noise_is_no_load() -> None:
     """Readings whose noise is not known yet give 100 N and more at the first look."""
     policy = MpcWbc()
-    roll_out(policy, "noise=0.8", episode_seeds("search", 0, 4), steps=LISTENING[1])
-    assert np.abs(policy.sense.wrench[:, 2]).max() < 50.0
+    roll_out(policy, "noise=0.8", episode_seeds("search", 0, 4), steps=CALIBRATION_STEPS[1])
+    assert np.abs(policy.contact_estimator.wrench[:, 2]).max() < 50.0

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from policies.gait_cycle import LegCycle
-from policies.mpc.contact import ContactStates
-from policies.mpc.footing import passing
-from policies.mpc.motion import Motion, motion
+from policies.mpc.contact import ContactState
+from policies.mpc.footing import ground_velocity
+from policies.mpc.motion import MotionState, motion
 from policies.mpc.policy import MpcWbc
 from policies.mpc.whole_body import Torques
 from quad_env.actuation.models import Actuator, TorqueSpeed
@@ -18,7 +18,7 @@ MOTOR = Actuator(TorqueSpeed(stall_torque=100.0, no_load_speed=10.0, peak_torque
 SPEEDS = np.tile([0.0, 5.0, -5.0, 8.0], 3)
 
 
-def turning(robots: int = 1, **readings: object) -> Motion:
+def turning(robots: int = 1, **readings: object) -> MotionState:
     """Robots whose joints turn at SPEEDS."""
     rows = reading(robots, joint_velocity=SPEEDS, **readings)
     return motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
@@ -45,29 +45,29 @@ def found(torque: float = 0.0, acceleration: float = 0.0, robots: int = 1) -> To
 def test_joint_targets_give_the_torques_halfway_through_the_control_period() -> None:
     """k (u - q - 5 ms q̇ - ½ (5 ms)² q̈) - d (q̇ + 5 ms q̈) = τ, with k = 300 and d = 10: for 6 N·m at 40 rad/s²."""
     policy, now = policy_of(), turning()
-    assert not policy._aim(now, found(6.0, 40.0)).any()
+    assert not policy._invert_servo_law(now, found(6.0, 40.0)).any()
     angle = SIMPLE_QUAD.home_pose + 0.005 * SPEEDS + 0.0005
     np.testing.assert_allclose(policy._targets[0], angle + 6.0 / 300.0 + 10.0 / 300.0 * (SPEEDS + 0.2), atol=1e-6)
 
 
 def test_no_joint_is_taken_to_accelerate_faster_than_2000() -> None:
     policy, now = policy_of(robots=2), turning(2)
-    policy._aim(now, found(0.0, 2000.0, 2))
+    policy._invert_servo_law(now, found(0.0, 2000.0, 2))
     fastest = policy._targets.copy()
-    policy._aim(now, found(0.0, 1e6, 2))
+    policy._invert_servo_law(now, found(0.0, 1e6, 2))
     np.testing.assert_array_equal(policy._targets, fastest)
 
 
 def test_a_robot_without_finite_torques_keeps_its_targets_and_the_other_gets_its_own() -> None:
     policy, now = policy_of(robots=2), turning(2)
-    policy._aim(now, found(1.0, robots=2))
+    policy._invert_servo_law(now, found(1.0, robots=2))
     before, broken = policy._targets.copy(), found(2.0, robots=2)
     broken.torque[0, 3] = np.nan
-    assert policy._aim(now, broken).tolist() == [True, False]
+    assert policy._invert_servo_law(now, broken).tolist() == [True, False]
     np.testing.assert_array_equal(policy._targets[0], before[0])
     np.testing.assert_allclose(policy._targets[1] - before[1], 1.0 / 300.0, atol=1e-9)
     broken = found(3.0, robots=2)._replace(found=np.array([True, False]))
-    assert policy._aim(now, broken).tolist() == [False, True]
+    assert policy._invert_servo_law(now, broken).tolist() == [False, True]
 
 
 def test_a_robot_that_is_off_its_command_steps_faster_by_and_by() -> None:
@@ -81,7 +81,7 @@ def test_a_robot_that_is_off_its_command_steps_faster_by_and_by() -> None:
         velocity=np.array([[0.3, 0.0, 0.0], [0.6, -0.8, 0.0], [3.0, 0.0, 0.0]]), command=np.zeros((3, 3))
     )
     phase = policy._phase.copy()
-    policy._hurry(now)
+    policy._advance_gait_clock(now)
     frequencies = [2.5, 2.5 + 0.3 * 1.2, 2.5 + 0.3 * 1.5]
     np.testing.assert_allclose(policy._frequencies, frequencies)
     np.testing.assert_allclose((policy._phase - phase) / (2.0 * np.pi * 0.01), frequencies)
@@ -90,7 +90,7 @@ def test_a_robot_that_is_off_its_command_steps_faster_by_and_by() -> None:
 def test_a_robot_is_stopped_after_a_tenth_of_a_second_without_solutions_in_a_row_and_no_other() -> None:
     policy, observation, angles = policy_of(robots=2), reading(2), np.tile(SIMPLE_QUAD.home_pose, (2, 1))
     for step in range(14):
-        policy._give_way(np.array([True, step % 6 > 0]), observation, angles)
+        policy._stop_failed_robots(np.array([True, step % 6 > 0]), observation, angles)
         assert policy.stopped.tolist() == [step >= 10, False]
 
 
@@ -98,17 +98,17 @@ def test_ground_is_cleared_the_more_the_rougher_the_footprints_are() -> None:
     """At the middle of a swing, by 16 · (¼)² = 1 times the gain and the roughness; at its ends not at all."""
     policy = policy_of()
     policy.parameters = policy.parameters.__class__(roughness_gain=3.0)
-    policy.prints.roughness[:] = 0.02
+    policy.terrain_estimator.roughness[:] = 0.02
     now = turning()
-    ground = policy.prints.ground(now, np.ones((1, 4), np.bool_))
-    rough = float(policy.prints.roughness[0])
+    ground = policy.terrain_estimator.ground(now, np.ones((1, 4), np.bool_))
+    rough = float(policy.terrain_estimator.roughness[0])
     assert rough == pytest.approx(0.02, rel=0.02)
-    over, zero = policy._over(np.zeros((1, 4, 2)), ground), np.zeros((1, 4))
+    over, zero = policy._swing_terrain(np.zeros((1, 4, 2)), ground), np.zeros((1, 4))
     np.testing.assert_allclose(over(zero, zero, zero + 0.5) - ground.at(zero, zero), 3.0 * rough)
     np.testing.assert_allclose(over(zero, zero, zero + np.array([0.0, 1.0, 0.0, 1.0])), ground.at(zero, zero))
 
 
-def moving_feet(robots: int = 1) -> Motion:
+def moving_feet(robots: int = 1) -> MotionState:
     """A robot that goes at (0.4, -0.2, 0.1) m/s and turns at 0.5 rad/s, its joints still."""
     rows = reading(robots, linear_velocity=(0.4, -0.2, 0.1), angular_velocity=(0.0, 0.0, 0.5))
     return motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
@@ -123,7 +123,7 @@ def flat(x: np.ndarray, y: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 def accelerations(
     policy: MpcWbc,
-    now: Motion,
+    now: MotionState,
     progress: float,
     standing: list[int],
     late: list[int],
@@ -131,7 +131,7 @@ def accelerations(
 ) -> np.ndarray:
     """Return the planned feet at that progress of all four, two in swing."""
     cycle = LegCycle(swings, np.full((1, 4), progress))
-    states = ContactStates(*(np.array([each], np.bool_) for each in (standing, late, standing)))
+    states = ContactState(*(np.array([each], np.bool_) for each in (standing, late, standing)))
     return policy._feet(now, cycle, states, now.bodies.feet[..., :2] + 0.1, flat)[0]
 
 
@@ -157,9 +157,9 @@ def test_swinging_feet_follow_their_path_from_where_they_were_lifted() -> None:
     bodies = now.bodies._replace(feet=now.bodies.feet + np.array([0.03, -0.01, 0.05]))
     later = now._replace(bodies=bodies)
     found = accelerations(policy, later, 0.5, [0, 1, 1, 0], [0] * 4)
-    np.testing.assert_allclose(policy._start[0, [0, 3]], lifted[[0, 3]])
+    np.testing.assert_allclose(policy._liftoff_position[0, [0, 3]], lifted[[0, 3]])
     time, feet = (1.0 - 0.6) / 2.0, later.bodies.feet[0]
-    aim, past = feet[:, :2] + 0.1, passing(later, later.command[:, 2])[0]
+    aim, past = feet[:, :2] + 0.1, ground_velocity(later, later.command[:, 2])[0]
     for foot in (0, 3):
         place = np.array([*(lifted[foot] + aim[foot]) / 2.0, -0.4 + 0.1])
         rate = np.array([*(1.5 * (aim[foot] - lifted[foot]) - 0.5 * past[foot] * time) / time, 0.0])
@@ -180,8 +180,8 @@ def test_a_foot_that_is_lifted_again_starts_from_there() -> None:
     for swings in (FIRST_SWINGS, ~FIRST_SWINGS, FIRST_SWINGS):
         now = now._replace(bodies=now.bodies._replace(feet=now.bodies.feet + 0.02))
         accelerations(policy, now, 0.3, [0] * 4, [0] * 4, swings)
-    np.testing.assert_allclose(policy._start[0, [0, 3]], now.bodies.feet[0, [0, 3], :2])
-    np.testing.assert_allclose(policy._start[0, [1, 2]], now.bodies.feet[0, [1, 2], :2] - 0.02)
+    np.testing.assert_allclose(policy._liftoff_position[0, [0, 3]], now.bodies.feet[0, [0, 3], :2])
+    np.testing.assert_allclose(policy._liftoff_position[0, [1, 2]], now.bodies.feet[0, [1, 2], :2] - 0.02)
 
 
 def test_contacts_are_of_where_the_legs_were_when_the_readings_were_taken() -> None:
@@ -191,7 +191,7 @@ def test_contacts_are_of_where_the_legs_were_when_the_readings_were_taken() -> N
     policy.observer.delays = np.array([0, 3])
     phase = 2.0 * np.pi * 0.4
     policy._phase = np.array([phase, phase + 2.0 * np.pi * 0.075])
-    earlier = policy._earlier()
+    earlier = policy._cycle_at_measurement()
     np.testing.assert_allclose(earlier.progress[0], earlier.progress[1], atol=1e-9)
     np.testing.assert_array_equal(earlier.swing[0], policy._gait.legs(np.array(phase)).swing)
 
@@ -204,8 +204,8 @@ def test_robots_that_give_up_stop_from_their_own_targets_at_their_own_joints() -
     rows = reading(2, projected_gravity=[(0.0, 0.0, -1.0), (0.2, 0.1, -0.97)])
     together._targets, alone._targets = angles + 0.05, angles[1:] + 0.05
     for step in range(20):
-        together._give_way(np.array([False, True]), rows, angles)
-        alone._give_way(np.array([True]), rows[1:], angles[1:])
+        together._stop_failed_robots(np.array([False, True]), rows, angles)
+        alone._stop_failed_robots(np.array([True]), rows[1:], angles[1:])
         assert together.stopped.tolist() == [False, step >= 10]
         np.testing.assert_array_equal(together._targets[1], alone._targets[0])
     np.testing.assert_array_equal(together._targets[0], angles[0] + 0.05)

@@ -10,12 +10,12 @@ import pytest
 from evaluate.measures.metrics import Measures, measure
 from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import rollout
-from policies.mpc.contact import ContactSense
-from policies.mpc.model_based import PATIENCE
+from policies.mpc.contact import ContactEstimator
+from policies.mpc.model_based import SOLVER_FAILURE_TIMEOUT
 from policies.mpc.motion import motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import Mpc, MpcWbc
-from policies.mpc.quadratic_program import Programs, Solutions, solve
+from policies.mpc.quadratic_program import QpBatch, Solutions, solve
 from policies.mpc.sighted import SCAN, SightedMpcWbc
 from quad_env import OBSERVATION_SIZE
 from quad_env.physics.dynamics import Dynamics
@@ -40,7 +40,7 @@ def test_it_does_what_it_is_asked_to_do_on_flat_ground(policy: type[Mpc]) -> Non
 
 def test_it_stays_up_on_slippery_ground_by_what_it_feels(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not walked(MpcWbc(), "slippery=0.1").fell.any()
-    monkeypatch.setattr(ContactSense, "_estimate_friction", lambda *_: None)
+    monkeypatch.setattr(ContactEstimator, "_estimate_friction", lambda *_: None)
     assert walked(MpcWbc(), "slippery=0.1").fell.any()
 
 
@@ -52,7 +52,7 @@ def observations(count: int) -> np.ndarray:
     return rows
 
 
-@pytest.mark.parametrize("policy", [Mpc, partial(MpcWbc, late=1), SightedMpcWbc])
+@pytest.mark.parametrize("policy", [Mpc, partial(MpcWbc, joint_delay_steps=1), SightedMpcWbc])
 def test_a_robot_s_actions_are_the_same_in_any_batch_after_a_restart_and_in_another_process(policy: type[Mpc]) -> None:
     together, rows = policy(), observations(3)
     if policy is SightedMpcWbc:  # each higher than the one before, a step up 0.3 m ahead of them
@@ -87,14 +87,14 @@ class Unreliable:
         self.equalities = {"plans": 0, "torques": 6}[kind]
         self.out_of_order, self.asked = False, 0
 
-    def __call__(self, programs: Programs) -> Solutions:
+    def __call__(self, programs: QpBatch) -> Solutions:
         found = solve(programs)
         if programs.equalities != self.equalities:
             return found
         self.asked += len(programs.gradient)
         if not self.out_of_order:
             return found
-        return found._replace(value=np.full_like(found.value, np.nan), solved=np.zeros_like(found.solved))
+        return found._replace(value=np.full_like(found.x, np.nan), solved=np.zeros_like(found.solved))
 
 
 class Interrupted(MpcWbc):
@@ -136,7 +136,7 @@ def test_without_the_whole_body_s_program_each_leg_goes_by_itself() -> None:
     alone._solver, failing._solver = never_asked, unreliable
     alone.reset(num_envs=2)
     failing.reset(num_envs=2)
-    for _ in range(int(PATIENCE / alone.control_period)):
+    for _ in range(int(SOLVER_FAILURE_TIMEOUT / alone.control_period)):
         np.testing.assert_array_equal(alone.act(rows), failing.act(rows))
     assert (unreliable.asked > 0, never_asked.asked) == (True, 0)
     assert not alone.failures.any()
@@ -154,7 +154,7 @@ def test_a_robot_without_solutions_is_stopped_on_its_feet(kind: str) -> None:
             solver.out_of_order = True
         actions = policy.act(rows)
         assert np.isfinite(actions).all()
-        assert policy.stopped.all() == (step >= 100 + int(PATIENCE / policy.control_period))
+        assert policy.stopped.all() == (step >= 100 + int(SOLVER_FAILURE_TIMEOUT / policy.control_period))
         rows, _, terminated, _, infos = vec.step(actions)
         assert not terminated.any()
     assert np.abs(infos["heading_velocity"]).max() < 0.1

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from policies.mpc.motion import motion
-from policies.mpc.observer import JointPrediction, Observer, carried
+from policies.mpc.observer import JointPredictor, DelayCompensator, predict_readings
 from policies.mpc.reading_noise import ReadingNoise
-from policies.mpc.servo_step import Servos, _moved, landing
+from policies.mpc.servo_step import ServoModel, _integrate, landing
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator, TorqueSpeed
 from quad_env.physics.dynamics import Dynamics
@@ -20,20 +20,20 @@ MOTOR = Actuator(TorqueSpeed(stall_torque=100.0, no_load_speed=10.0, peak_torque
 
 def test_servos_give_a_spring_s_and_a_damper_s_torque_within_what_motors_give_at_their_speed() -> None:
     """300 · 0.1 - 10 · 2 = 10 N·m; at 8 rad/s 300 · 0.5 - 80 = 70 N·m, of which 20 are left; at -8 rad/s 80."""
-    servos = Servos(SIMPLE_QUAD, MOTOR, PERIOD)
+    servos = ServoModel(SIMPLE_QUAD, MOTOR, PERIOD)
     speed = np.tile([2.0, 8.0, -8.0], 4)[None]
     targets = np.tile([0.1, 0.5, 0.5], 4)[None]
     np.testing.assert_allclose(servos.torque(targets, np.zeros((1, 12)), speed)[0, :3], [10.0, 20.0, 80.0])
-    ideal = Servos(SIMPLE_QUAD, IDEAL, PERIOD)
+    ideal = ServoModel(SIMPLE_QUAD, IDEAL, PERIOD)
     np.testing.assert_allclose(ideal.torque(targets, np.zeros((1, 12)), speed)[0, :3], [10.0, 70.0, 100.0])
 
 
 def test_late_motors_go_by_the_targets_of_two_control_periods() -> None:
     """6 ms late: 0.4 of a period by its own target and 0.6 by the one before; the newest come first."""
     targets = np.array([3.0, 2.0, 7.0])[:, None, None] * np.ones((1, 2, 12))
-    found = Servos(SIMPLE_QUAD, MOTOR, PERIOD).effective(targets)
+    found = ServoModel(SIMPLE_QUAD, MOTOR, PERIOD).filtered_targets(targets)
     np.testing.assert_allclose(found[:, 1, 5], [0.4 * 3.0 + 0.6 * 2.0, 0.4 * 2.0 + 0.6 * 7.0])
-    np.testing.assert_array_equal(Servos(SIMPLE_QUAD, IDEAL, PERIOD).effective(targets), targets)
+    np.testing.assert_array_equal(ServoModel(SIMPLE_QUAD, IDEAL, PERIOD).filtered_targets(targets), targets)
 
 
 def test_feet_that_come_down_to_the_ground_stay_there_and_each_robot_s_own() -> None:
@@ -72,12 +72,12 @@ def test_a_foot_that_the_ground_would_have_to_pull_is_let_go() -> None:
         targets, still = SIMPLE_QUAD.home_pose[None], np.zeros((1, 6))
         free = landing(SIMPLE_QUAD, now, np.full((1, 4), 9.0), targets, still, PERIOD)
         down = np.matmul(now.bodies.jacobians, free[:, None, :, None])[..., 2, 0] < 0.0
-        stopped, impulses = _moved(SIMPLE_QUAD, now, down, still, PERIOD, targets[..., None], np.zeros((1, 4)))
+        stopped, impulses = _integrate(SIMPLE_QUAD, now, down, still, PERIOD, targets[..., None], np.zeros((1, 4)))
         sinks = np.matmul(now.bodies.jacobians[:, :, 2], stopped)[..., 0] < 0.0
         pulled = down & (impulses[:, 2::3] <= 0.0)
         found = landing(SIMPLE_QUAD, now, np.zeros((1, 4)), targets, still, PERIOD)
         held = np.where(down, ~pulled, sinks)
-        by_hand = _moved(SIMPLE_QUAD, now, held, still, PERIOD, targets[..., None], np.zeros((1, 4)))[0][..., 0]
+        by_hand = _integrate(SIMPLE_QUAD, now, held, still, PERIOD, targets[..., None], np.zeros((1, 4)))[0][..., 0]
         np.testing.assert_array_equal(found, by_hand)
         let_go += int(pulled.sum())
     assert let_go > 5
@@ -102,7 +102,7 @@ def test_readings_a_control_period_later_are_in_the_axes_that_have_turned() -> N
     speeds = np.linspace(-2.0, 2.0, 12)
     now = motion(SIMPLE_QUAD, DYNAMICS, reading(1, angular_velocity=(0.0, 1.0, 0.0), joint_velocity=speeds))
     velocity = np.concatenate(([0.5, 0.0, 0.0], [0.0, 1.0, 0.0], 3.0 * speeds))[None]
-    found = carried(SIMPLE_QUAD, now, velocity, PERIOD)[0]
+    found = predict_readings(SIMPLE_QUAD, now, velocity, PERIOD)[0]
     np.testing.assert_allclose(found[OBSERVATION["projected_gravity"]], [0.01, 0.0, -1.0], atol=1e-4)
     np.testing.assert_allclose(found[OBSERVATION["linear_velocity"]], [0.5, 0.0, 0.005], atol=1e-9)
     np.testing.assert_allclose(found[OBSERVATION["angular_velocity"]], [0.0, 1.0, 0.0], atol=1e-9)
@@ -111,29 +111,29 @@ def test_readings_a_control_period_later_are_in_the_axes_that_have_turned() -> N
 
 
 def test_what_each_robot_was_asked_for_and_stood_on_is_that_of_its_own_delay() -> None:
-    observer = Observer(SIMPLE_QUAD, DYNAMICS, PERIOD)
+    observer = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD)
     observer.reset(2)
     for step in range(5):
         rows = reading(2, previous_action=0.1 * step)
         found = observer.read(rows, np.zeros((2, 6)))
         if step == 3:
             observer.delays = np.array([0, 2])
-        observer.listening[:] = False
+        observer.calibrating[:] = False
         observer.keep(np.array([[True, True, True, step % 2 == 0]] * 2))
     targets = found.targets - SIMPLE_QUAD.home_pose
     np.testing.assert_allclose(targets[:, 0], [0.4, 0.2], atol=1e-6)
     assert observer._standing[:3, 0, 3].tolist() == [True, False, True]
-    assert observer._acted(observer._standing)[:, 3].tolist() == [True, True]
-    observer.listening[:] = True, False
+    assert observer._at_estimated_delay(observer._standing)[:, 3].tolist() == [True, True]
+    observer.calibrating[:] = True, False
     observer.keep(np.zeros((2, 4), np.bool_))
     assert observer._standing[0].all(axis=1).tolist() == [True, False]
 
 
 def test_a_robot_that_listens_stands_and_then_bends_its_legs() -> None:
-    observer = Observer(SIMPLE_QUAD, DYNAMICS, PERIOD)
+    observer = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD)
     observer.reset(3)
-    observer.listening, observer._still = np.array([True, True, False]), np.array([True, False, False])
-    found = observer.at_first(np.full((3, 12), 9.0))
+    observer.calibrating, observer._in_noise_calibration = np.array([True, True, False]), np.array([True, False, False])
+    found = observer.calibration_targets(np.full((3, 12), 9.0))
     np.testing.assert_allclose(found, [SIMPLE_QUAD.home_pose, 1.1 * SIMPLE_QUAD.home_pose, np.full(12, 9.0)])
 
 
@@ -162,14 +162,14 @@ def test_what_seems_to_be_noise_of_a_quiet_walk_is_none() -> None:
 @pytest.mark.parametrize("late", [0, 1])
 def test_an_observer_takes_over_the_robots_of_another(late: int) -> None:
     """Those of the mask; the others keep what they know."""
-    own, other = (Observer(SIMPLE_QUAD, DYNAMICS, PERIOD, late=late) for _ in range(2))
+    own, other = (DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD, joint_delay_steps=late) for _ in range(2))
     own.reset(3)
     other.reset(2)
     for observer, count, shift in ((own, 3, 0.1), (other, 2, -0.2)):
         for _ in range(3):
             observer.read(reading(count, joint_position=shift, previous_action=shift), np.zeros((count, 6)))
-            observer.ahead(np.zeros((count, 6)), np.ones((count, 4), np.bool_), np.zeros((2, count)))
-    own.take_over(np.array([True, False, True]), other)
+            observer.predict(np.zeros((count, 6)), np.ones((count, 4), np.bool_), np.zeros((2, count)))
+    own.copy_state_from(np.array([True, False, True]), other)
     assert own._read is not None
     np.testing.assert_allclose(own._read.angles[:, 0] - SIMPLE_QUAD.home_pose[0], [-0.2, 0.1, -0.2], atol=1e-3)
     np.testing.assert_allclose(own._targets[0, :, 0] - SIMPLE_QUAD.home_pose[0], [-0.2, 0.1, -0.2], atol=1e-6)
@@ -177,7 +177,7 @@ def test_an_observer_takes_over_the_robots_of_another(late: int) -> None:
 
 def test_late_joints_of_a_robot_that_begins_again_are_those_that_it_is_shown() -> None:
     """The other of two, which turns at 3 rad/s, is 0.01 rad farther than expected: 3 + 90 · 0.01 rad/s."""
-    joints = JointPrediction(1, PERIOD)
+    joints = JointPredictor(1, PERIOD)
     joints.reset(2)
     for step in range(40):
         joints.now(reading(2, joint_position=0.03 * step))
@@ -198,12 +198,12 @@ NOISY = np.array([[0.0] * 5, [0.004**2, 0.15**2, 0.08**2, 0.003**2, 0.6**2]])
 def test_a_noisy_reading_counts_by_the_doubt_in_the_prediction_which_it_takes_away() -> None:
     """Doubt grows by what a step brings, u², and the reading's share p of p + n is taken in, which leaves
     n p / (p + n): with n = u² shares of 1/2, again 1/2, for the first look leaves none, and 1.5 / 2.5."""
-    observer = Observer(SIMPLE_QUAD, DYNAMICS, PERIOD)
+    observer = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD)
     observer.reset(2)
     shares = []
     for looks in range(1, 5):
-        observer._noise.looks[:] = looks
-        share, joints = observer._shares(NOISY)
+        observer._noise.sample_count[:] = looks
+        share, joints = observer._kalman_gains(NOISY)
         np.testing.assert_allclose(share[0], 1.0)  # without noise the reading itself
         np.testing.assert_allclose(joints[0], np.eye(2), atol=1e-9)
         shares.append(share[1, :2].tolist())
@@ -218,13 +218,13 @@ def test_a_noisy_reading_counts_by_the_doubt_in_the_prediction_which_it_takes_aw
 
 def test_joints_are_corrected_by_a_kalman_filter_of_angle_and_speed() -> None:
     """P = F P Fᵀ + Q, K = P (P + R)⁻¹, P = (1 - K) P, where an angle goes on by 10 ms of its speed."""
-    observer = Observer(SIMPLE_QUAD, DYNAMICS, PERIOD)
+    observer = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD)
     observer.reset(2)
     step, brought, noise = np.array([[1.0, 0.01], [0.0, 1.0]]), np.diag([0.003**2, 0.6**2]), np.diag(NOISY[1, 3:])
     doubt = np.zeros((2, 2))
     for looks in range(1, 6):
-        observer._noise.looks[:] = looks
-        _, found = observer._shares(NOISY)
+        observer._noise.sample_count[:] = looks
+        _, found = observer._kalman_gains(NOISY)
         doubt = step @ doubt @ step.T + brought
         gain = doubt @ np.linalg.inv(doubt + noise)
         np.testing.assert_allclose(found[1], gain, rtol=1e-9)
@@ -233,7 +233,7 @@ def test_joints_are_corrected_by_a_kalman_filter_of_angle_and_speed() -> None:
 
 def test_only_the_readings_of_noisy_robots_are_corrected() -> None:
     """And towards what was predicted of them: that they rest."""
-    observer = Observer(SIMPLE_QUAD, DYNAMICS, PERIOD)
+    observer = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD)
     observer.reset(2)
     still, standing = np.zeros((2, 6)), np.ones((2, 4), np.bool_)
     for _ in range(3):
@@ -249,8 +249,8 @@ def test_only_the_readings_of_noisy_robots_are_corrected() -> None:
 
 
 def test_joints_of_encoders_are_corrected_though_their_readings_are_quiet() -> None:
-    observer = Observer(SIMPLE_QUAD, DYNAMICS, PERIOD, late=1)
+    observer = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD, joint_delay_steps=1)
     observer.reset(1)
-    _, joints = observer._shares(np.zeros((1, 5)))
+    _, joints = observer._kalman_gains(np.zeros((1, 5)))
     assert 0.0 < joints[0, 0, 0] < 1.0
     assert joints[0, 1, 1] < 1e-3  # a difference of two samples is of no moment

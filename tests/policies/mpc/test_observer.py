@@ -9,10 +9,10 @@ import pytest
 
 from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import roll_out
-from policies.mpc.motion import Motion
-from policies.mpc.observer import LISTENING
+from policies.mpc.motion import MotionState
+from policies.mpc.observer import CALIBRATION_STEPS
 from policies.mpc.policy import MpcWbc
-from policies.mpc.reading_noise import GROUPS, QUIET, SENSED, ReadingNoise
+from policies.mpc.reading_noise import GROUPS, NOISE_FLOOR_STD, SENSED, ReadingNoise
 from quad_env import OBSERVATION
 from quad_env.seeding import episode_seeds
 from tests.policies.readings import reading
@@ -26,17 +26,17 @@ NOISE = {"noise=0.2": (0.05, 0.2, 0.1, 0.01, 1.5), "noise=0.8": (0.2, 0.8, 0.4, 
 class Watched(MpcWbc):
     """The policy, and what its observer said at every control step."""
 
-    read: list[Motion] = field(default_factory=list)
-    ahead: list[Motion] = field(default_factory=list)
+    read: list[MotionState] = field(default_factory=list)
+    ahead: list[MotionState] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         super().__init__()
-        read, ahead = self.observer.read, self.observer.ahead
+        read, ahead = self.observer.read, self.observer.predict
         self.observer.read = lambda *arguments: self._kept(self.read, read(*arguments))  # type: ignore[method-assign]
-        self.observer.ahead = lambda *arguments: self._kept(self.ahead, ahead(*arguments))  # type: ignore[method-assign]
+        self.observer.predict = lambda *arguments: self._kept(self.ahead, ahead(*arguments))  # type: ignore[method-assign]
 
     @staticmethod
-    def _kept(motions: list[Motion], motion: Motion) -> Motion:
+    def _kept(motions: list[MotionState], motion: MotionState) -> MotionState:
         motions.append(motion)
         return motion
 
@@ -50,7 +50,7 @@ def walked(scenario: str) -> Watched:
     return policy
 
 
-def error(ahead: list[Motion], read: list[Motion], late: int, part: str) -> float:
+def error(ahead: list[MotionState], read: list[MotionState], late: int, part: str) -> float:
     """Root mean square of what was foreseen less what was read when it had come, but for the first half second."""
     foreseen, there = (np.array([getattr(each, part) for each in motions]) for motions in (ahead, read))
     return float(np.sqrt(np.mean((foreseen[50:-late] - there[50 + late :]) ** 2)))
@@ -66,8 +66,8 @@ def test_delays_show(scenario: str, delay: int) -> None:
 def test_a_robot_walks_once_it_knows_its_delay(scenario: str, late: int) -> None:
     """It stands, then bends its legs until they move: by then the delay is known."""
     policy = MpcWbc()
-    roll_out(policy, practice(scenario, "search"), SEEDS, steps=LISTENING[0] + late + 3)
-    np.testing.assert_array_equal(policy.observer.listening, False)
+    roll_out(policy, practice(scenario, "search"), SEEDS, steps=CALIBRATION_STEPS[0] + late + 3)
+    np.testing.assert_array_equal(policy.observer.calibrating, False)
     np.testing.assert_array_equal(policy.observer.delays, late)
 
 
@@ -103,7 +103,7 @@ def test_noise_shows(scenario: str) -> None:
     sigma = np.repeat(NOISE[scenario], [group.stop - group.start for group in GROUPS])
     for each in sines:
         found = noise.variances(np.tile(0.2 * each, (2, 1)) + sigma * rng.standard_normal((2, SENSED.stop)))
-    np.testing.assert_allclose(found, np.tile(np.square(NOISE[scenario]) - QUIET**2, (2, 1)), rtol=0.3)
+    np.testing.assert_allclose(found, np.tile(np.square(NOISE[scenario]) - NOISE_FLOOR_STD**2, (2, 1)), rtol=0.3)
 
 
 @pytest.mark.parametrize("scenario", ["latency=0.02", "noise=0.8"])
@@ -121,7 +121,7 @@ def test_a_restart_forgets_one_robot_alone() -> None:
 
 def test_a_restarted_robot_doubts_its_readings_as_a_new_one_does() -> None:
     """The same noisy readings, after others: the same motions to the bit."""
-    rng, (old, new) = np.random.default_rng(1), (MpcWbc(late=1).observer, MpcWbc(late=1).observer)
+    rng, (old, new) = np.random.default_rng(1), (MpcWbc(joint_delay_steps=1).observer, MpcWbc(joint_delay_steps=1).observer)
     noisy = reading(40, joint_position=0.05 * rng.standard_normal((40, 12))).astype(np.float32)
     noisy[:, OBSERVATION["linear_velocity"]] = 0.3 * rng.standard_normal((40, 3))
     for row in noisy:

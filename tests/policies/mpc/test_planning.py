@@ -6,18 +6,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from policies.mpc.footing import Ground
-from policies.mpc.motion import Motion, motion
+from policies.mpc.footing import TerrainPlane
+from policies.mpc.motion import MotionState, motion
 from policies.mpc.policy import Mpc, MpcWbc
-from policies.mpc.quadratic_program import Programs, Solutions, solve
-from policies.mpc.rigid_body import Friction, Horizon
-from policies.mpc.whole_body import Wish, leg_torques
+from policies.mpc.quadratic_program import QpBatch, Solutions, solve
+from policies.mpc.rigid_body import Friction, CondensedMpc
+from policies.mpc.whole_body import WholeBodyReference, leg_torques
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.policies.readings import reading
 
 COMMAND = np.array([[0.0, 0.0, 0.0], [0.5, -0.2, 0.3]])
-GROUND = Ground(np.array([-0.4, -0.45]), np.array([0.0, 0.2]), np.array([0.0, -0.1]))
+GROUND = TerrainPlane(np.array([-0.4, -0.45]), np.array([0.0, 0.2]), np.array([0.0, -0.1]))
 """Level under the first robot; under the second it rises ahead and falls to the left."""
 PUSHED = np.array([[0.0] * 6, [0.1, 0.2, 0.3, 1.0, 2.0, 3.0]])
 """Linear, m/s², then angular, rad/s²."""
@@ -25,14 +25,14 @@ FRICTION = Friction(np.array([0.4, 0.7]), np.array([100.0, 170.0]))
 STANDS = np.array([[True, False, False, True], [False, True, True, False]])
 
 
-def two() -> Motion:
+def two() -> MotionState:
     """The second is tilted and moves."""
     rows = reading(2)
     rows[1] = reading(1, projected_gravity=(0.1, -0.05, -0.99), linear_velocity=(0.3, 0.1, 0.0), command=COMMAND[1])
     return motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
 
 
-class Seen(Horizon):
+class Seen(CondensedMpc):
     """A horizon that keeps what it is asked for."""
 
     asked: tuple[Any, ...] = ()
@@ -88,7 +88,7 @@ def test_only_plans_that_are_due_are_renewed() -> None:
     np.testing.assert_array_equal(policy._plans.forces[1, :, [0, 3]], 0.0)
 
 
-def refusing(programs: Programs) -> Solutions:
+def refusing(programs: QpBatch) -> Solutions:
     return Solutions(np.zeros_like(programs.gradient), np.zeros(len(programs.gradient), np.bool_))
 
 
@@ -129,19 +129,19 @@ def test_without_a_solution_each_leg_goes_by_itself_and_the_other_robots_by_thei
     standing = np.ones((2, 4), np.bool_)
     forces = np.zeros((2, 4, 3))
     forces[..., 2] = SIMPLE_QUAD.mass * 9.81 / 4.0
-    wish, push = Wish(np.zeros((2, 3)), np.zeros((2, 4, 3)), forces, standing), np.zeros((2, 6))
+    wish, push = WholeBodyReference(np.zeros((2, 3)), np.zeros((2, 4, 3)), forces, standing), np.zeros((2, 6))
     whole = policy._torques(now, wish, push, FRICTION)
-    assert whole.found.all()
+    assert whole.has_solution.all()
     assert not policy.failures.any()
 
-    def half(programs: Programs) -> Solutions:
+    def half(programs: QpBatch) -> Solutions:
         found = solve(programs)
         return found._replace(solved=found.solved & np.array([False, True]))
 
     policy._solver = half
     found = policy._torques(now, wish, push, FRICTION)
     by_leg = leg_torques(now.bodies, wish, push, policy._limits(now))
-    assert found.found.tolist() == [False, True]
+    assert found.has_solution.tolist() == [False, True]
     assert policy.failures.tolist() == [1, 0]
     np.testing.assert_array_equal(found.torque[0], by_leg.torque[0])
     np.testing.assert_array_equal(found.acceleration[0], by_leg.acceleration[0])

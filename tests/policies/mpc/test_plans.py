@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from policies.mpc.plans import Plans, shared
+from policies.mpc.plans import ForcePlans, distribute_wrench
 from policies.mpc.rigid_body import Friction
 
 STEPS, PERIOD, WEIGHT = 5, 0.04, 140.0
@@ -12,9 +12,9 @@ FIRST = np.array([True, False, False, True])
 FRICTION = Friction(np.array([0.6]), np.array([170.0]))
 
 
-def planned() -> tuple[Plans, np.ndarray]:
+def planned() -> tuple[ForcePlans, np.ndarray]:
     """One robot's plan: two steps on a pair of feet, three on the other; and its forces, (5, 4, 3)."""
-    plans = Plans(STEPS, PERIOD, WEIGHT)
+    plans = ForcePlans(STEPS, PERIOD, WEIGHT)
     stands = np.array([[FIRST] * 2 + [~FIRST] * 3])
     forces = np.random.default_rng(5).normal([5.0, -3.0, 70.0], 3.0, (1, STEPS, 4, 3)) * stands[..., None]
     plans.renew(np.array([0]), forces, stands, np.tile(FEET, (1, STEPS, 1, 1)))
@@ -41,7 +41,7 @@ def test_a_plan_is_due_where_other_feet_stand_than_planned() -> None:
 
 
 def test_plans_are_due_by_their_age_and_by_their_feet_each_robot_s_alone() -> None:
-    plans, standing = Plans(STEPS, PERIOD, WEIGHT), np.ones((3, 4), np.bool_)
+    plans, standing = ForcePlans(STEPS, PERIOD, WEIGHT), np.ones((3, 4), np.bool_)
     plans.reset(3)
     plans.age[:], standing[1, 0] = (0.2, 0.0, 0.0), False
     assert plans.due(standing, 0.1).tolist() == [True, True, False]
@@ -59,7 +59,7 @@ def test_other_feet_share_the_wrench_that_was_planned() -> None:
 
 def test_a_wrench_is_that_of_the_feet_where_they_were_planned_to_be_and_each_robot_s_own() -> None:
     """Of two robots the first stands as planned; the second on all feet, which have moved since."""
-    plans = Plans(STEPS, PERIOD, WEIGHT)
+    plans = ForcePlans(STEPS, PERIOD, WEIGHT)
     plans.reset(2)
     stands = np.array([[FIRST] * STEPS] * 2)
     forces = np.zeros((2, STEPS, 4, 3))
@@ -75,7 +75,7 @@ def test_a_wrench_is_that_of_the_feet_where_they_were_planned_to_be_and_each_rob
 
 
 def test_at_first_every_foot_bears_a_quarter_of_the_weight() -> None:
-    plans = Plans(STEPS, PERIOD, WEIGHT)
+    plans = ForcePlans(STEPS, PERIOD, WEIGHT)
     plans.reset(2)
     all_four = np.ones((2, 4), np.bool_)
     assert plans.due(all_four, 0.1).all()
@@ -85,10 +85,10 @@ def test_at_first_every_foot_bears_a_quarter_of_the_weight() -> None:
 
 def test_shared_forces_stay_within_friction() -> None:
     wrench = np.array([[300.0, 0.0, 100.0, 200.0, 0.0, 0.0]])
-    found = shared(wrench, FIRST[None], FEET[None], FRICTION)[0]
+    found = distribute_wrench(wrench, FIRST[None], FEET[None], FRICTION)[0]
     assert (found[~FIRST] == 0.0).all()
     assert (found[:, 2] >= 0.0).all()
     assert (np.abs(found[:, :2]) <= 0.6 * found[:, 2:] + 1e-9).all()
     assert found[:, 0].max() > 1.0
     heavy = np.array([[0.0, 0.0, 1000.0, 0.0, 0.0, 0.0]])
-    np.testing.assert_allclose(shared(heavy, FIRST[None], FEET[None], FRICTION)[0, FIRST, 2], 170.0)
+    np.testing.assert_allclose(distribute_wrench(heavy, FIRST[None], FEET[None], FRICTION)[0, FIRST, 2], 170.0)

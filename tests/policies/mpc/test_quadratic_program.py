@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import policies.mpc.quadratic_program as quadratic_program
-from policies.mpc.quadratic_program import SOLVED, Programs, solve
+from policies.mpc.quadratic_program import SOLVED, QpBatch, solve
 
 
-def programs(count: int = 3, size: int = 8) -> Programs:
+def programs(count: int = 3, size: int = 8) -> QpBatch:
     """Random ones of which bounds bind: two equalities, rows with both bounds, and rows with an upper one alone."""
     random = np.random.default_rng(4)
     root = random.normal(size=(count, size, size))
@@ -18,19 +18,19 @@ def programs(count: int = 3, size: int = 8) -> Programs:
     upper[:, 2:] = 0.1
     lower[:, 7:] = -np.inf
     hessian = np.matmul(root, root.transpose(0, 2, 1)) + 0.1 * np.eye(size)
-    return Programs(hessian, 10.0 * random.normal(size=(count, size)), rows, lower, upper, equalities=2)
+    return QpBatch(hessian, 10.0 * random.normal(size=(count, size)), rows, lower, upper, equalities=2)
 
 
-def small(rows: list, lower: list, upper: list, equalities: int = 0) -> Programs:
+def small(rows: list, lower: list, upper: list, equalities: int = 0) -> QpBatch:
     """½ |x|² over two variables."""
     parts = (np.eye(2), np.zeros(2), np.array(rows), np.array(lower), np.array(upper))
-    return Programs(*(part[None] for part in parts), equalities=equalities)
+    return QpBatch(*(part[None] for part in parts), equalities=equalities)
 
 
 def test_equalities_and_one_sided_bounds_hold() -> None:
     found = solve(small([[1.0, 1.0], [1.0, 0.0]], [2.0, -np.inf], [2.0, 0.5], equalities=1))
     assert found.solved.all()
-    np.testing.assert_allclose(found.value, [[0.5, 1.5]], atol=1e-9)
+    np.testing.assert_allclose(found.x, [[0.5, 1.5]], atol=1e-9)
 
 
 def test_a_program_that_contradicts_itself_is_not_solved() -> None:
@@ -60,16 +60,16 @@ def test_of_two_answers_only_the_one_beyond_its_bounds_is_rejected(monkeypatch: 
     monkeypatch.setattr(quadratic_program.daqp, "solve", lambda *_, **__: answer)
     parts = [np.repeat(part, 3, axis=0) for part in small([[1.0, 0.0]], [-np.inf], [1000.0])[:5]]
     parts[4][:, 0] = 1000.0, 2000.0, 999.0
-    assert solve(Programs(*parts)).solved.tolist() == [True, True, False]
+    assert solve(QpBatch(*parts)).solved.tolist() == [True, True, False]
 
 
 def test_each_program_has_its_own_bounds_and_an_answer_below_one_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
     """½ |x|² with x₁ of at least 1, 2 and -5, then at most -3: 1, 2, 0 and -3."""
     parts = [np.repeat(part, 4, axis=0) for part in small([[1.0, 0.0]], [1.0], [9.0])[:5]]
     parts[3][:, 0], parts[4][:, 0] = (1.0, 2.0, -5.0, -9.0), (9.0, 9.0, 9.0, -3.0)
-    found = solve(Programs(*parts))
+    found = solve(QpBatch(*parts))
     assert found.solved.all()
-    np.testing.assert_allclose(found.value, [[1.0, 0.0], [2.0, 0.0], [0.0, 0.0], [-3.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(found.x, [[1.0, 0.0], [2.0, 0.0], [0.0, 0.0], [-3.0, 0.0]], atol=1e-9)
     answer = np.array([1.5, 0.0]), 0.0, SOLVED, {}
     monkeypatch.setattr(quadratic_program.daqp, "solve", lambda *_, **__: answer)
-    assert solve(Programs(*parts)).solved.tolist() == [True, False, True, False]
+    assert solve(QpBatch(*parts)).solved.tolist() == [True, False, True, False]

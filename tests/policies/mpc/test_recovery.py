@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from policies.mpc.motion import Odometer, motion
+from policies.mpc.motion import PositionErrorIntegrator, motion
 from policies.mpc.parameters import MpcParameters, parameters_of
 from policies.mpc.policy import MpcWbc
 from quad_env.physics.dynamics import Dynamics
@@ -20,7 +20,7 @@ def commands(
     seconds: float, p: MpcParameters = P, *, then: tuple[float, float, float] | None = None, **terms: Any
 ) -> np.ndarray:
     """What two robots, the second one as commanded, ask of themselves after so long at these readings."""
-    odometer, asked = Odometer(p.farthest_behind, 0.01, p.fastest_return), np.zeros((2, 3))
+    odometer, asked = PositionErrorIntegrator(p.farthest_behind, 0.01, p.fastest_return), np.zeros((2, 3))
     odometer.reset(2)
     rows = reading(2, command=[0.4, 0.0, 0.2])
     rows[1] = reading(command=[0.4, 0.0, 0.2], linear_velocity=[0.4, 0.0, 0.0], angular_velocity=[0.0, 0.0, 0.2])
@@ -28,10 +28,10 @@ def commands(
         rows[0] = reading(command=[0.4, 0.0, 0.2], **{name: values})
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
     for _ in range(1 + round(100 * seconds)):
-        asked = odometer.catching_up(now, p.position_gain).command
+        asked = odometer.with_position_feedback(now, p.position_gain).command
     if then is None:
         return asked
-    return odometer.catching_up(now._replace(command=np.tile(then, (2, 1))), p.position_gain).command
+    return odometer.with_position_feedback(now._replace(command=np.tile(then, (2, 1))), p.position_gain).command
 
 
 def test_a_second_of_standing_is_made_up_for_in_proportion_to_the_distance_and_the_angle() -> None:
@@ -63,13 +63,13 @@ def test_feet_are_lifted_higher_by_how_far_the_footprints_are_off_their_plane() 
     policy = MpcWbc(replace(P, roughness_gain=4.0))
     policy.reset(num_envs=2)
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
-    policy.prints.places = now.bodies.feet.T.copy()
-    policy.prints.places[2, :, 0] += [0.01, -0.01, -0.01, 0.01]
+    policy.terrain_estimator.places = now.bodies.feet.T.copy()
+    policy.terrain_estimator.places[2, :, 0] += [0.01, -0.01, -0.01, 0.01]
     for _ in range(1000):
-        ground = policy.prints.ground(now, np.zeros((2, 4), np.bool_))
+        ground = policy.terrain_estimator.ground(now, np.zeros((2, 4), np.bool_))
     aim = now.bodies.feet[..., :2]
     x, y = np.moveaxis(aim, -1, 0)
-    lift = [policy._over(aim, ground)(x, y, np.full((2, 4), share)) - ground.at(x, y) for share in (0.0, 0.5, 1.0)]
+    lift = [policy._swing_terrain(aim, ground)(x, y, np.full((2, 4), share)) - ground.at(x, y) for share in (0.0, 0.5, 1.0)]
     np.testing.assert_allclose(
         lift, np.array([0.0, 0.04, 0.0])[:, None, None] * [[[1.0], [0.0]]] * np.ones(4), atol=1e-5
     )

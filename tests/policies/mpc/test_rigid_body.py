@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from policies.mpc.quadratic_program import Programs, solve
-from policies.mpc.rigid_body import TOGETHER, Body, Friction, Horizon, Reference, Weights, alike, friction_rows
+from policies.mpc.quadratic_program import QpBatch, solve
+from policies.mpc.rigid_body import MAX_GROUP_SIZE, Body, Friction, CondensedMpc, Reference, Weights, group_by_stance_count, friction_rows
 from quad_env.config import GRAVITY
 
 STEPS, PERIOD, MASS = 6, 0.04, 14.2
 WEIGHTS = Weights(np.array([10.0, 9.0, 2.0, 1.0, 2.0, 100.0]), np.array([0.1, 0.2, 0.3, 2.0, 3.0, 0.5]), 1e-5)
-HORIZON = Horizon(STEPS, PERIOD, WEIGHTS)
+HORIZON = CondensedMpc(STEPS, PERIOD, WEIGHTS)
 FRICTION = Friction(np.array([0.6]), np.array([170.0]))
 
 
@@ -38,7 +38,7 @@ def wanted() -> Reference:
     return Reference(*(np.tile(aim, (1, STEPS, 1)) for aim in ([0, 0, 0.01, 0.02, 0, 0], [0, 0, 0.2, 0.6, 0, 0])))
 
 
-def of_one() -> Programs:
+def of_one() -> QpBatch:
     """The robot's program."""
     ((robots, programs),) = HORIZON.programs(body(), arms(), standing(), wanted(), FRICTION)
     assert robots.tolist() == [0]
@@ -47,7 +47,7 @@ def of_one() -> Programs:
 
 def predicted(forces: np.ndarray) -> Reference:
     """Where the body goes under these forces, (1, N, 4, 3), N."""
-    free, linear = HORIZON.free(body()), forces.sum(axis=2) / MASS
+    free, linear = HORIZON.free_response(body()), forces.sum(axis=2) / MASS
     angular = np.linalg.solve(body().inertia, np.cross(arms(), forces).sum(axis=2)[..., None])[..., 0]
     acceleration = np.concatenate((angular, linear), axis=-1)
     return Reference(free.pose + HORIZON.place @ acceleration, free.rate + HORIZON.rate @ acceleration)
@@ -83,7 +83,7 @@ def test_the_program_s_cost_is_that_of_the_prediction() -> None:
     for _ in range(5):
         x = random.normal(0.0, 50.0, program.gradient.shape[1])
         value = 0.5 * x @ program.hessian[0] @ x + program.gradient[0] @ x
-        assert value == pytest.approx(cost(HORIZON.spread(x, standing())) - rest, rel=1e-9)
+        assert value == pytest.approx(cost(HORIZON.scatter_forces(x, standing())) - rest, rel=1e-9)
 
 
 def test_friction_holds_a_force_within_its_pyramid() -> None:
@@ -112,7 +112,7 @@ def test_no_foot_pulls_where_pulling_would_be_best() -> None:
         ((_, programs),) = HORIZON.programs(body(), arms(), standing(), down, bounds)
         solutions = solve(programs)
         assert solutions.solved.all()
-        forces = HORIZON.spread(solutions.value, standing())
+        forces = HORIZON.scatter_forces(solutions.x, standing())
         np.testing.assert_allclose(forces[..., 2].min(), 0.0, atol=1e-6)
         assert (forces[..., 2].max(axis=(1, 2)) < 1.0).all()
 
@@ -140,9 +140,9 @@ def test_programs_of_many_robots_are_those_of_each() -> None:
 
 
 def test_programs_are_made_of_few_robots_at_once_and_of_each_robot_once() -> None:
-    counts = np.random.default_rng(0).integers(3, 5, 3 * TOGETHER)
-    groups = list(alike(counts))
+    counts = np.random.default_rng(0).integers(3, 5, 3 * MAX_GROUP_SIZE)
+    groups = list(group_by_stance_count(counts))
     assert sorted(np.concatenate(groups)) == list(range(len(counts)))
     for robots in groups:
-        assert len(robots) <= TOGETHER
+        assert len(robots) <= MAX_GROUP_SIZE
         assert len(set(counts[robots])) == 1

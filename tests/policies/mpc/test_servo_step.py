@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from policies.mpc.motion import Motion, motion
-from policies.mpc.observer import Observer
+from policies.mpc.motion import MotionState, motion
+from policies.mpc.observer import DelayCompensator
 from policies.mpc.servo_step import response
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -14,7 +14,7 @@ PERIOD = 0.01
 DYNAMICS = Dynamics(SIMPLE_QUAD)
 
 
-def moving(count: int = 1) -> Motion:
+def moving(count: int = 1) -> MotionState:
     """Robots whose legs and trunks move fast."""
     speeds = np.random.default_rng(2).normal(0.0, 3.0, 12)
     rows = reading(count, angular_velocity=(1.0, -2.0, 1.5), joint_velocity=speeds)
@@ -38,12 +38,12 @@ def test_a_robot_s_motion_ahead_is_its_own_whatever_the_others_delays(delays: tu
     rows = reading(2, joint_velocity=np.outer((0.5, -1.0), np.ones(12)))
     wrench, touching = np.zeros((2, 6)), np.ones((2, 4), np.bool_)
 
-    def ahead(robots: slice) -> Motion:
-        observer, count = Observer(SIMPLE_QUAD, DYNAMICS, PERIOD), len(range(2)[robots])
+    def ahead(robots: slice) -> MotionState:
+        observer, count = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD), len(range(2)[robots])
         observer.reset(count)
         observer.delays = np.array(delays)[robots]
         observer.read(rows[robots], wrench[robots])
-        return observer.ahead(wrench[robots], touching[robots], np.zeros((2, count)), None)
+        return observer.predict(wrench[robots], touching[robots], np.zeros((2, count)), None)
 
     together = ahead(slice(0, 2))
     for robot in range(2):

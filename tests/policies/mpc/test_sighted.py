@@ -7,16 +7,16 @@ import policies
 from evaluate.measures.metrics import measure
 from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import rollout
-from policies.mpc.footing import Ground
+from policies.mpc.footing import TerrainPlane
 from policies.mpc.motion import motion
 from policies.mpc.policy import MpcWbc
 from policies.mpc.sighted import (
     SCAN,
-    UNDER_THE_LEGS,
-    SeenGround,
+    PLANE_FIT_HALF_SIZE,
+    ScannedTerrain,
     SightedMpcWbc,
-    Steps,
-    believed,
+    SwingProfile,
+    denoise_terrain,
     mean_plane,
     seen_ground,
 )
@@ -29,7 +29,7 @@ from quad_env.sensing.height_scan import UNSEEN
 from tests.policies.readings import reading
 from train.curriculum import practice
 
-TWO = Ground(np.array([-0.3, -0.4]), np.array([0.1, 0.0]), np.array([0.0, -0.2]))
+TWO = TerrainPlane(np.array([-0.3, -0.4]), np.array([0.1, 0.0]), np.array([0.0, -0.2]))
 """Planes under two robots."""
 SMALL = HeightScan(ahead=4, behind=2, aside=3, spacing=0.1)
 
@@ -63,28 +63,28 @@ def test_what_it_does_not_see_is_the_footprints_plane() -> None:
 def test_beyond_the_grid_the_ground_goes_on_as_at_its_edge() -> None:
     heights = np.arange(49.0).reshape(1, 7, 7)
     far = np.array([[[9.0, 0.0], [-9.0, -9.0], [0.4, 9.0], [0.4, 0.3]]])
-    np.testing.assert_allclose(SeenGround(SMALL, heights).at(far), [[45.0, 0.0, 48.0, 48.0]])
+    np.testing.assert_allclose(ScannedTerrain(SMALL, heights).at(far), [[45.0, 0.0, 48.0, 48.0]])
     line = HeightScan(ahead=0, behind=0, aside=0)
-    np.testing.assert_allclose(SeenGround(line, np.ones((1, 1, 1))).at(far), 1.0)
+    np.testing.assert_allclose(ScannedTerrain(line, np.ones((1, 1, 1))).at(far), 1.0)
 
 
 def test_noise_draws_what_is_seen_to_the_footprints_plane() -> None:
     """By the share of it in what lies off the plane: steps of ±0.1 m, and noise of 0.1 m beside the second's."""
     steps = np.where(SMALL.points[:, 0] > 0.0, 0.1, -0.1)
-    rng, flat = np.random.default_rng(0), Ground(*np.zeros((3, 2)))
+    rng, flat = np.random.default_rng(0), TerrainPlane(*np.zeros((3, 2)))
     shown = np.stack((steps, steps + 0.1 * rng.choice((-1.0, 1.0), len(steps))))
     seen = seen_ground(SMALL, shown, flat, 0.0)
-    found, kept = believed(seen, flat, np.array([0.0, 0.01]))
+    found, kept = denoise_terrain(seen, flat, np.array([0.0, 0.01]))
     np.testing.assert_array_equal(found.heights[0], seen.heights[0])
     share = 1.0 - 0.01 / np.square(shown[1]).mean()
     np.testing.assert_allclose(found.heights[1], share * seen.heights[1])
     np.testing.assert_allclose(kept, (1.0, share))
-    np.testing.assert_allclose(believed(seen, flat, np.ones(2))[0].heights, 0.0)
+    np.testing.assert_allclose(denoise_terrain(seen, flat, np.ones(2))[0].heights, 0.0)
 
 
 def test_the_trunk_levels_with_the_plane_under_the_legs_whatever_stands_beyond() -> None:
     x, y = np.moveaxis(SCAN.grid, -1, 0)
-    length, width = UNDER_THE_LEGS
+    length, width = PLANE_FIT_HALF_SIZE
     ground = np.where((np.abs(x) < length + 0.01) & (np.abs(y) < width + 0.01), -0.4 + 0.3 * x - 0.2 * y, 5.0)
     np.testing.assert_allclose(np.einsum("cij,ij->c", mean_plane(SCAN), ground), [-0.4, 0.3, -0.2], atol=1e-9)
     lame = mean_plane(HeightScan(ahead=1, behind=0, aside=0))
@@ -92,7 +92,7 @@ def test_the_trunk_levels_with_the_plane_under_the_legs_whatever_stands_beyond()
 
 
 def test_a_swing_goes_from_foothold_to_foothold_over_the_highest_ground() -> None:
-    steps = Steps(*(np.full((1, 4), z) for z in (-0.4, -0.3, -0.25)))
+    steps = SwingProfile(*(np.full((1, 4), z) for z in (-0.4, -0.3, -0.25)))
     heights = [steps.over(steps.start, steps.start, np.full((1, 4), t))[0, 0] for t in (0.0, 0.5, 1.0)]
     np.testing.assert_allclose(heights, [-0.4, -0.25, -0.3])
 
@@ -171,7 +171,7 @@ def test_one_point_too_deep_to_see_makes_no_robot_blind_and_none_that_is_seen_do
     policy._new[1] = False
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     ground = policy._ground(now, STANDS)
-    assert policy._trust[:, 0].tolist() == [1.0, 0.0]
+    assert policy._scan_weight[:, 0].tolist() == [1.0, 0.0]
     np.testing.assert_allclose(np.array(ground)[:, 1], [now.bodies.feet[1, :, 2].mean(), 0.0, 0.0], atol=1e-9)
     assert ground.height[0] == pytest.approx(-0.35, abs=0.02)
 
@@ -187,7 +187,7 @@ def test_forces_are_planned_for_feet_that_stand_at_their_heights_and_for_those_t
     feet, seen = now.bodies.feet[0, :, 2], np.array([-0.21, -0.17, -0.39, -0.35])
     landed = np.array([[0, 0, 1, 0], [0, 1, 1, 0], [0, 1, 1, 0]], np.bool_)
     np.testing.assert_allclose(policy._footing(now, aim, ground, stands)[0], np.where(landed, seen, feet), atol=1e-9)
-    policy._trust[1] = 0.0
+    policy._scan_weight[1] = 0.0
     np.testing.assert_allclose(policy._footing(now, aim, ground, stands)[1], ground.height[1])
 
 
@@ -204,19 +204,19 @@ def test_a_foot_clears_what_lies_between_its_last_footprint_and_its_next_foothol
     policy = looking(shown(-0.35, 0.0, 0.0))
     heights = np.zeros((2, 7, 7))
     heights[0, 4] = 0.1  # rows are from 0.2 m behind on
-    policy._seen_ground, policy._trust = SeenGround(SMALL, heights), np.ones((2, 1))
+    policy._seen_ground, policy._scan_weight = ScannedTerrain(SMALL, heights), np.ones((2, 1))
     aside = np.array([0.1, -0.1, 0.1, -0.1])
-    policy.prints.places = np.zeros((3, 4, 2))
-    policy.prints.places[1] = aside[:, None]
+    policy.terrain_estimator.places = np.zeros((3, 4, 2))
+    policy.terrain_estimator.places[1] = aside[:, None]
     aim = np.tile(np.column_stack((np.full(4, 0.4), aside)), (2, 1, 1))
-    over, place = policy._over(aim, Ground(*np.zeros((3, 2)))), np.zeros((2, 4))
+    over, place = policy._swing_terrain(aim, TerrainPlane(*np.zeros((3, 2)))), np.zeros((2, 4))
     for progress, expected in ((0.0, 0.0), (0.5, 0.1), (1.0, 0.0)):
         np.testing.assert_allclose(over(place, place, place + progress), [[expected] * 4, [0.0] * 4], atol=1e-9)
-    onto = policy._over(aim - [0.2, 0.0], Ground(*np.zeros((3, 2))))
+    onto = policy._swing_terrain(aim - [0.2, 0.0], TerrainPlane(*np.zeros((3, 2))))
     for progress, expected in ((0.0, 0.0), (0.5, 0.1), (1.0, 0.1)):  # at the highest ground halfway
         np.testing.assert_allclose(onto(place, place, place + progress)[0], expected, atol=1e-9)
     away = aim + np.array([-0.6, 0.0])
-    np.testing.assert_allclose(policy._over(away, Ground(*np.zeros((3, 2))))(place, place, place + 0.5), 0.0, atol=1e-9)
+    np.testing.assert_allclose(policy._swing_terrain(away, TerrainPlane(*np.zeros((3, 2))))(place, place, place + 0.5), 0.0, atol=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -242,11 +242,11 @@ def test_without_its_scan_it_walks_as_one_that_does_not_see() -> None:
 
 def test_the_less_a_scan_is_trusted_the_more_the_feet_are_lifted_for_rough_footprints() -> None:
     """Halfway, on level ground, by the roughness of the footprints times its gain."""
-    policy, flat = SightedMpcWbc(height_scan=SMALL), Ground(*np.zeros((3, 3)))
+    policy, flat = SightedMpcWbc(height_scan=SMALL), TerrainPlane(*np.zeros((3, 3)))
     policy.reset(num_envs=3)
-    policy.prints.roughness[:] = 0.02
-    policy._trust, policy._seen_ground = np.array([[0.0], [0.25], [1.0]]), SeenGround(SMALL, np.zeros((3, 7, 7)))
-    halfway = policy._over(places(3), flat)(np.zeros((3, 4)), np.zeros((3, 4)), np.full((3, 4), 0.5))
+    policy.terrain_estimator.roughness[:] = 0.02
+    policy._scan_weight, policy._seen_ground = np.array([[0.0], [0.25], [1.0]]), ScannedTerrain(SMALL, np.zeros((3, 7, 7)))
+    halfway = policy._swing_terrain(places(3), flat)(np.zeros((3, 4)), np.zeros((3, 4)), np.full((3, 4), 0.5))
     lift = policy.parameters.roughness_gain * 0.02
     assert lift > 0.01
     np.testing.assert_allclose(halfway, np.outer((lift, 0.75 * lift, 0.0), np.ones(4)))

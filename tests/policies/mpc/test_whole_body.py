@@ -5,7 +5,7 @@ import numpy as np
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.quadratic_program import solve
 from policies.mpc.rigid_body import Friction
-from policies.mpc.whole_body import Torques, Wish, leg_torques, programs, torques
+from policies.mpc.whole_body import Torques, WholeBodyReference, leg_torques, programs, solve_whole_body
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics, DynamicsTerms
 from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT
@@ -27,7 +27,7 @@ def bodies(speed: float = 0.5) -> DynamicsTerms:
     return Dynamics(ROBOT).compute(level, velocity, turning, angles, speed * random.normal(size=(COUNT, 12)))
 
 
-def wish(of: DynamicsTerms) -> Wish:
+def wish(of: DynamicsTerms) -> WholeBodyReference:
     """Some stand on all feet, some on two, one on three; the standing feet rest."""
     standing = np.ones((COUNT, 4), np.bool_)
     standing[1:4, 1:3] = standing[4, 0] = False
@@ -35,11 +35,11 @@ def wish(of: DynamicsTerms) -> Wish:
     feet = np.where(standing[..., None], 0.0, 5.0 * random.normal(size=(COUNT, 4, 3)))
     forces = np.zeros((COUNT, 4, 3))
     forces[..., 2] = WEIGHT / standing.sum(axis=1, keepdims=True)
-    return Wish(0.5 * random.normal(size=(COUNT, 3)), feet, forces * standing[..., None], standing)
+    return WholeBodyReference(0.5 * random.normal(size=(COUNT, 3)), feet, forces * standing[..., None], standing)
 
 
-def whole(of: DynamicsTerms, wished: Wish, wrench: np.ndarray = NOTHING, friction: Friction = FRICTION) -> Torques:
-    return torques(of, wished, wrench, friction, LIMITS, PRIORITIES)
+def whole(of: DynamicsTerms, wished: WholeBodyReference, wrench: np.ndarray = NOTHING, friction: Friction = FRICTION) -> Torques:
+    return solve_whole_body(of, wished, wrench, friction, LIMITS, PRIORITIES)
 
 
 def test_the_torques_are_those_of_the_equations_of_motion() -> None:
@@ -47,9 +47,9 @@ def test_the_torques_are_those_of_the_equations_of_motion() -> None:
     of, wrench = bodies(), np.random.default_rng(9).normal(0.0, 5.0, (COUNT, 6))
     wished = wish(of)
     found = whole(of, wished, wrench)
-    assert found.found.all()
+    assert found.has_solution.all()
     for robots, each in programs(of, wished, wrench, FRICTION, LIMITS, PRIORITIES):
-        for robot, x in zip(robots, solve(each).value, strict=True):
+        for robot, x in zip(robots, solve(each).x, strict=True):
             forces = np.zeros((4, 3))
             forces[wished.standing[robot]] = x[18:].reshape(-1, 3)
             pushed = np.concatenate((wrench[robot], found.torque[robot]))
@@ -94,7 +94,7 @@ def test_each_robot_s_forces_are_held_within_its_own_friction() -> None:
     for robots, each in programs(of, wish(of), NOTHING, bounds, LIMITS, PRIORITIES):
         for number, robot in enumerate(robots):
             assert set(each.upper[number, 18 + 4 :: 5]) == {WEIGHT * (1.0 + robot)}
-            assert set(-each.rows[number, 18, 18:][[2]]) == {0.2 + 0.1 * robot}
+            assert set(-each.constraint_matrix[number, 18, 18:][[2]]) == {0.2 + 0.1 * robot}
 
 
 def test_torques_stay_within_the_limits_of_each_joint() -> None:
@@ -103,18 +103,18 @@ def test_torques_stay_within_the_limits_of_each_joint() -> None:
     wished, free = wish(of), whole(of, wish(of)).torque
     most = np.where(free > 0.7 * free.max(), 0.9 * free, 60.0)
     least = np.where(free < 0.7 * free.min(), 0.9 * free, -60.0)
-    found = torques(of, wished, NOTHING, FRICTION, (least, most), PRIORITIES)
-    assert found.found.all()
+    found = solve_whole_body(of, wished, NOTHING, FRICTION, (least, most), PRIORITIES)
+    assert found.has_solution.all()
     assert ((least - 1e-6 <= found.torque) & (found.torque <= most + 1e-6)).all()
     assert (np.abs(found.torque - free).max(axis=1) > 0.1).any()
 
 
 def test_a_robot_without_torques_gets_none_and_the_others_theirs() -> None:
     of = bodies()
-    wished, most = wish(of), FRICTION.most.copy()
+    wished, most = wish(of), FRICTION.max_normal_force.copy()
     most[2] = -1.0  # below the least force
     found = whole(of, wished, friction=FRICTION._replace(most=most))
-    assert found.found.tolist() == [True, True, False, True, True, True]
+    assert found.has_solution.tolist() == [True, True, False, True, True, True]
     assert (found.torque[2] == 0.0).all()
     assert (found.acceleration[2] == 0.0).all()
     np.testing.assert_array_equal(found.torque[3], whole(of, wished).torque[3])
@@ -140,8 +140,8 @@ def test_a_swinging_leg_bears_no_force_and_a_leg_without_a_finite_wish_leaves_it
     feet = wished.feet.copy()
     feet[3, 2, 0] = np.nan
     broken = leg_torques(of, wished._replace(feet=feet), NOTHING, LIMITS)
-    assert broken.found.tolist() == [True, True, True, False, True, True]
-    np.testing.assert_array_equal(broken.torque[broken.found], found.torque[broken.found])
+    assert broken.has_solution.tolist() == [True, True, True, False, True, True]
+    np.testing.assert_array_equal(broken.torque[broken.has_solution], found.torque[broken.has_solution])
 
 
 def test_legs_hold_a_robot_that_stands() -> None:
@@ -169,4 +169,4 @@ def test_legs_ask_for_no_more_than_the_motors_give() -> None:
     np.testing.assert_array_equal(found.torque[below], limits[0][below])
     np.testing.assert_array_equal(found.torque[above], limits[1][above])
     np.testing.assert_array_equal(found.torque[~below & ~above], free[~below & ~above])
-    assert found.found.all()
+    assert found.has_solution.all()

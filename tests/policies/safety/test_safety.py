@@ -109,7 +109,7 @@ def test_limited_targets_ask_for_no_torque_above_the_limit_and_stay_in_range(tar
     joints = np.clip(np.array([previous]) * 0.3, SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
     speeds = np.array([speed])
     limits = SafetyLimits(torque=torque)
-    result = limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, np.array([target]), joints, joints, speeds)
+    result = limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, np.array([target]), joints, joints, speeds)
     asked = SIMPLE_QUAD.servo_stiffness * (result - joints) - SIMPLE_QUAD.servo_damping * speeds
     inside = (result > SIMPLE_QUAD.joint_lower) & (
         result < SIMPLE_QUAD.joint_upper
@@ -124,14 +124,14 @@ def test_the_limits_of_a_weaker_actuator_follow_its_torque_speed_line_and_its_de
     limits = SafetyLimits.of(SIMPLE_QUAD, Actuator(TorqueSpeed(40.0, 10.0), delay=0.01))
     joints, speeds, far = np.zeros((1, 12)), np.full((1, 12), 5.0), np.full((1, 12), 2.0)
     thigh = (0, 1)
-    assert limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, far, far, joints, speeds)[thigh] == pytest.approx(
+    assert limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, far, far, joints, speeds)[thigh] == pytest.approx(
         0.05 + (20.0 + 50.0) / 300.0
     )
-    assert limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, -far, -far, joints, speeds)[thigh] == pytest.approx(
+    assert limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, -far, -far, joints, speeds)[thigh] == pytest.approx(
         0.05 + (-40.0 + 50.0) / 300.0
     )
     # Past the speed without load nothing drives the joint on.
-    assert limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, far, far, joints, 3.0 * speeds)[thigh] == pytest.approx(
+    assert limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, far, far, joints, 3.0 * speeds)[thigh] == pytest.approx(
         0.15 + (0.0 + 150.0) / 300.0
     )
 
@@ -148,10 +148,10 @@ def test_targets_change_no_faster_than_the_limit_and_not_further_along_a_joint_t
     previous = joints = np.tile(SIMPLE_QUAD.home_pose, (1, 1))
     far, still = joints + 0.25, np.zeros((1, 12))
     limits = SafetyLimits(torque=1e6, target_rate=10.0, joint_speed=5.0)
-    np.testing.assert_allclose(limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, still) - joints, 0.1)
+    np.testing.assert_allclose(limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, still) - joints, 0.1)
     fast = np.full((1, 12), 6.0)
-    np.testing.assert_allclose(limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, fast), joints)
-    np.testing.assert_allclose(limits.kept(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, -fast) - joints, 0.1)
+    np.testing.assert_allclose(limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, fast), joints)
+    np.testing.assert_allclose(limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, -fast) - joints, 0.1)
 
 
 def test_undisturbed_trot_passes_the_layer_unchanged():

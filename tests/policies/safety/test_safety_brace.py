@@ -7,7 +7,7 @@ import policies
 from policies.base import CONTROL_PERIOD, Policy
 from policies.behaviour.transitions import TOPPLING_TILT
 from policies.safety import Mode, Safe, SafetyLimits
-from policies.safety.brace import RELEASE_TIME, REST_TIME, braced
+from policies.safety.brace import RELEASE_TIME, REST_TIME, brace_targets
 from policies.safety.layer import RECENT_TIME, RESPONSE_TIME, TOO_FAR, velocity_deviation
 from quad_env import OBSERVATION
 from quad_env.config import FallRule
@@ -45,7 +45,7 @@ def test_predicted_fall_is_braced_for_until_the_robot_is_at_rest_and_then_blende
     policy.reset(1)
     policy.act(moving(command=(0.5, 0.0, 1.0)))
     wide = policy.act(moving(PUSHED, command=(0.5, 0.0, 1.0)))
-    np.testing.assert_allclose(wide, braced(SIMPLE_QUAD, moving(PUSHED)), atol=1e-6)
+    np.testing.assert_allclose(wide, brace_targets(SIMPLE_QUAD, moving(PUSHED)), atol=1e-6)
     assert (policy.mode[0], policy.reason[0]) == (Mode.CATCH, "fall predicted")
     assert not noting.notes[-1].any()
     for _ in range(50):
@@ -112,7 +112,7 @@ def test_robot_that_is_too_far_over_is_the_policys_again():
 
 def test_brace_is_wide_and_low_and_lets_the_side_down_that_rises():
     turning = ((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0))
-    level, rolling, pitching = (feet(braced(SIMPLE_QUAD, moving(turning=rates)))[0] for rates in turning)
+    level, rolling, pitching = (feet(brace_targets(SIMPLE_QUAD, moving(turning=rates)))[0] for rates in turning)
     home = feet(SIMPLE_QUAD.home_pose)
     assert (np.abs(level[:, 1]) > np.abs(home[:, 1])).all()
     assert (level[:, 2] > home[:, 2]).all()

@@ -8,7 +8,7 @@ from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
 from policies.gait_cycle import TROT_OFFSETS, Gait
 from policies.legs.kinematics import foot_positions
-from policies.trot.open_loop import Trot, TrotParameters, held_up, searched_parameters
+from policies.trot.open_loop import Trot, TrotParameters, compensate_servo_load, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from tests.policies.readings import feet, reading
@@ -133,8 +133,8 @@ def test_targets_of_a_loaded_leg_differ_by_the_work_of_the_force():
     stiffness = np.arange(100.0, 220.0, 10.0).reshape(4, 3)
     robot, foot = SIMPLE_QUAD.with_servo(stiffness.ravel(), 10.0), foot_positions(SIMPLE_QUAD, joints)
     arguments = *joints.T, foot[:, 0], foot[:, 1], np.full(4, force)
-    targets = np.stack(held_up(robot, *arguments), axis=-1)
-    legs_first = held_up(robot, *(each[:, None] for each in arguments), leg_axis=0)
+    targets = np.stack(compensate_servo_load(robot, *arguments), axis=-1)
+    legs_first = compensate_servo_load(robot, *(each[:, None] for each in arguments), leg_axis=0)
     np.testing.assert_array_equal(np.stack(legs_first, axis=-1)[:, 0], targets)
     for joint in range(3):
         step = h * np.eye(3)[joint]

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import policies
-from policies.mpc.footing import Ground
+from policies.mpc.footing import TerrainPlane
 from policies.mpc.motion import motion
 from policies.mpc.rigid_body import Friction
-from policies.virtual_model.forces import pulled, shared
+from policies.virtual_model.forces import virtual_acceleration, distribute_wrench
 from policies.virtual_model.parameters import FASTEST, VirtualParameters, searched_parameters
 from policies.virtual_model.policy import TrotFeedback
 from quad_env import OBSERVATION
@@ -30,11 +30,11 @@ def standing(**readings):
 
 def pull(now, height=0.45, forward=0.0, lateral=0.0):
     """By a trunk that stands `height` above ground of that slope, and is to be 0.45 m above it."""
-    return pulled(P, now, Ground(*(np.array([value]) for value in (-height, forward, lateral))), 0.45)[0]
+    return virtual_acceleration(P, now, TerrainPlane(*(np.array([value]) for value in (-height, forward, lateral))), 0.45)[0]
 
 
 def forces(now, wanted, stands=ALL, p=P):
-    return shared(p, now, np.atleast_2d(wanted), stands, Friction(np.array([0.6]), np.array([2.0 * WEIGHT])))[0]
+    return distribute_wrench(p, now, np.atleast_2d(wanted), stands, Friction(np.array([0.6]), np.array([2.0 * WEIGHT])))[0]
 
 
 def test_feet_together_bear_the_weight_and_press_harder_where_the_trunk_is_too_low() -> None:
@@ -98,14 +98,14 @@ def test_feet_bear_against_a_lasting_push() -> None:
     """One of 0.8 m/s² ahead, 0.5 to the right and 1 down: forces of mass · (-0.8, 0.5, 9.81 + 1) N in all."""
     policy, now = TrotFeedback(P), standing()
     policy.reset(1)
-    ground = Ground(*(np.array([value]) for value in (-P.height, 0.0, 0.0)))
+    ground = TerrainPlane(*(np.array([value]) for value in (-P.height, 0.0, 0.0)))
     friction, aim = Friction(np.array([0.6]), np.array([2.0 * WEIGHT])), now.bodies.feet[..., :2]
     pushed = np.array([[0.8, -0.5, -1.0, 0.0, 0.0, 0.0]])
-    borne = policy._borne(now, ALL, aim, ground, pushed, friction)
+    borne = policy._compute_stance_forces(now, ALL, aim, ground, pushed, friction)
     assert borne.forces[0].sum(axis=0) == pytest.approx(SIMPLE_QUAD.mass * np.array([-0.8, 0.5, 10.81]), rel=2e-3)
-    np.testing.assert_allclose(borne.arms, now.bodies.feet - now.bodies.com_position[:, None])
-    turned = policy._borne(now, ALL, aim, ground, np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 2.0]]), friction)
-    moment = np.cross(turned.arms[0], turned.forces[0]).sum(axis=0)
+    np.testing.assert_allclose(borne.moment_arms, now.bodies.feet - now.bodies.com_position[:, None])
+    turned = policy._compute_stance_forces(now, ALL, aim, ground, np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 2.0]]), friction)
+    moment = np.cross(turned.moment_arms[0], turned.forces[0]).sum(axis=0)
     acceleration = np.linalg.solve(now.bodies.rotational_inertia[0], moment)
     assert acceleration == pytest.approx([0.0, 0.0, -2.0], abs=0.02)
 
@@ -152,7 +152,7 @@ def test_each_robot_s_feet_are_held_to_its_own_friction_and_its_largest_force() 
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     friction = Friction(np.array([0.6, 0.1]), np.array([30.0, 500.0]))
     wanted = np.tile([4.0, 0.0, 5.0, 0.0, 0.0, 0.0], (2, 1))
-    found = shared(P, now, wanted, np.ones((2, 4), np.bool_), friction)
+    found = distribute_wrench(P, now, wanted, np.ones((2, 4), np.bool_), friction)
     assert found[0, :, 2].max() == 30.0
     assert 30.0 < found[1, :, 2].max() < 500.0
     slope = np.hypot(found[..., 0], found[..., 1]) / found[..., 2]
@@ -176,7 +176,7 @@ def acted(policy: TrotFeedback, **readings: float) -> TrotFeedback:
 
 
 def test_diagonal_legs_swing_together() -> None:
-    assert acted(TrotFeedback(P))._swinging[0].tolist() in ([True, False, False, True], [False, True, True, False])
+    assert acted(TrotFeedback(P))._was_swing[0].tolist() in ([True, False, False, True], [False, True, True, False])
 
 
 def test_one_robot_has_the_same_targets_alone_and_in_a_batch() -> None:

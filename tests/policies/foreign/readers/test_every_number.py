@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from policies.foreign.description import HeightGrid, PolicyDescription, Term
+from policies.foreign.description import HeightGrid, PolicySpec, Term
 from policies.foreign.readers import read
 
 pytest.importorskip("yaml")
@@ -14,7 +14,7 @@ from tests.policies.foreign.readers import files
 from tests.policies.foreign.readers.files import MOTORS, OF, network, of, written
 
 
-def described(folder: Path, settings: Any, name: str = "settings.yaml") -> PolicyDescription:
+def described(folder: Path, settings: Any, name: str = "settings.yaml") -> PolicySpec:
     network(folder, "policy.pt")
     network(folder)
     found = read(written(folder / name, settings))

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from policies.base import PolicyError
-from policies.foreign.description import HeightGrid, PolicyDescription, Term
+from policies.foreign.description import HeightGrid, PolicySpec, Term
 from policies.foreign.readers import read, write_toml
 
 pytest.importorskip("yaml")
@@ -16,7 +16,7 @@ from tests.policies.foreign.readers import files
 from tests.policies.foreign.readers.files import ISAAC, MOTORS, OF, network, of, permuted, written
 
 
-def described(file: Path) -> PolicyDescription:
+def described(file: Path) -> PolicySpec:
     """What a file says, which its TOML says too."""
     found = read(file)
     assert found is not None

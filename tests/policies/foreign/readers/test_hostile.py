@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from policies.base import PolicyError
-from policies.foreign.description import MAX_OBSERVATION, PolicyDescription, Term
+from policies.foreign.description import MAX_OBSERVATION, PolicySpec, Term
 from policies.foreign.readers import name_patterns, read
 from policies.foreign.readers.settings import load
 from policies.foreign.reference import checked
@@ -273,11 +273,11 @@ def test_an_observation_has_a_largest_width(tmp_path: Path) -> None:
     }
     step = Term("joint_position", history=1000)
     with pytest.raises(PolicyError, match=f"an observation has at most {MAX_OBSERVATION}"):
-        PolicyDescription(**made, terms=(step,) * 20_000)  # type: ignore[arg-type]
+        PolicySpec(**made, terms=(step,) * 20_000)  # type: ignore[arg-type]
     wide = Term("constant", values=(0.0,) * 5_000)
     with pytest.raises(PolicyError, match="show 5012000 numbers"):
-        PolicyDescription(**made, terms=(step, wide))  # type: ignore[arg-type]
-    assert PolicyDescription(**made, terms=(step, step)).width == 24_000  # type: ignore[arg-type]
+        PolicySpec(**made, terms=(step, wide))  # type: ignore[arg-type]
+    assert PolicySpec(**made, terms=(step, step)).width == 24_000  # type: ignore[arg-type]
 
 
 def test_metadata_that_is_no_text_and_long_metadata_are_refused(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from policies.base import PolicyError
-from policies.foreign.description import HeightGrid, PolicyDescription, Term
+from policies.foreign.description import HeightGrid, PolicySpec, Term
 from policies.foreign.readers import read, write_toml
 from policies.foreign.readers.joint_orders import by_leg
 
@@ -16,7 +16,7 @@ TWELVE = tuple(float(each) for each in range(1, 13))
 
 
 @pytest.fixture
-def plain(tmp_path: Path) -> PolicyDescription:
+def plain(tmp_path: Path) -> PolicySpec:
     (tmp_path / "net.onnx").touch()
     terms = (Term("projected_gravity"), Term("command", (2.0, 2.0, 0.25)))
     values = {
@@ -25,10 +25,10 @@ def plain(tmp_path: Path) -> PolicyDescription:
         "stiffness": (35.0,) * 12,
         "damping": (0.5,) * 12,
     }
-    return PolicyDescription(tmp_path / "net.onnx", 50.0, JOINTS, terms=terms, **values)  # type: ignore[arg-type]
+    return PolicySpec(tmp_path / "net.onnx", 50.0, JOINTS, terms=terms, **values)  # type: ignore[arg-type]
 
 
-def test_every_field_is_read_as_it_was_written(tmp_path: Path, plain: PolicyDescription) -> None:
+def test_every_field_is_read_as_it_was_written(tmp_path: Path, plain: PolicySpec) -> None:
     full = replace(
         plain,
         action_offset=TWELVE[::-1],
@@ -53,7 +53,7 @@ def test_every_field_is_read_as_it_was_written(tmp_path: Path, plain: PolicyDesc
 
 
 def test_a_file_moves_with_its_network(
-    tmp_path: Path, plain: PolicyDescription, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, plain: PolicySpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_toml(plain, tmp_path / "policy.toml")
     assert 'network = "net.onnx"' in (tmp_path / "policy.toml").read_text()
@@ -77,7 +77,7 @@ terms = ["projected_gravity", { name = "command", scale = 2, history = 3 }]
 """
 
 
-def test_numbers_stand_for_all_joints_or_for_a_kind(tmp_path: Path, plain: PolicyDescription) -> None:
+def test_numbers_stand_for_all_joints_or_for_a_kind(tmp_path: Path, plain: PolicySpec) -> None:
     (tmp_path / "policy.toml").write_text(SHORT)
     found = read(tmp_path / "policy.toml")
     assert found is not None
@@ -131,7 +131,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("good", "bad", "line"), FAULTS, ids=[line for _, _, line in FAULTS])
-def test_a_fault_is_one_line(tmp_path: Path, plain: PolicyDescription, good: str, bad: str, line: str) -> None:
+def test_a_fault_is_one_line(tmp_path: Path, plain: PolicySpec, good: str, bad: str, line: str) -> None:
     assert good in SHORT
     (tmp_path / "policy.toml").write_text(SHORT.replace(good, bad))
     with pytest.raises(PolicyError, match=re.escape(line)) as error:
