@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts.observers import Observer, Step
 from evaluate.rollouts.rollout import advance, batch_of, begin
 from policies.base import Actions, Policy, PolicyError
@@ -39,7 +39,7 @@ class Session:
         *,
         seed: int = 0,
         command: ArrayLike | None = None,
-        hardware: Hardware = IDEAL,
+        hardware: HardwareConfig = IDEAL,
         observers: Sequence[Observer] = (),
     ) -> None:
         self.env = batch_of(policy, scenario, 1, steps=None, nthread=1, terminate_on_fall=False, hardware=hardware)

@@ -9,7 +9,7 @@ import numpy as np
 
 import policies
 from evaluate.rollouts import diagnosis
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from evaluate.rollouts.walking_test import Walk
 from evaluate.rollouts.walking_test import walks as walks_of
 from policies import ExternalPolicy, PolicyError
@@ -78,7 +78,7 @@ def policy(subject: Subject) -> Finding:
 
 def walk(policy: Policy, subject: Subject) -> tuple[list[str], list[str]]:
     """Words about each of COMMANDS that it follows, such as `forward 0.49 of 0.50 m/s`, and about each other one."""
-    found = walks_of(policy, Hardware(robot=subject.name), COMMANDS, np.arange(1))
+    found = walks_of(policy, HardwareConfig(robot=subject.name), COMMANDS, np.arange(1))
     good, bad = ([each.words for each in found if (each.deviation <= 1.0) is followed] for followed in (True, False))
     return good, bad
 
@@ -107,7 +107,7 @@ def description(subject: Subject) -> Finding:
 def _without_description(subject: Subject) -> Finding:
     """Return whether a policy without a description of its observation walks on this environment's."""
     found = _walks(subject)
-    if not (seen := diagnosis.faults(found)):
+    if not (seen := diagnosis.failure_messages(found)):
         return NO_DESCRIPTION
     words = "; ".join(seen.values())
     if diagnosis.failed(found):
@@ -153,12 +153,12 @@ def _finding(subject: Subject, ways: tuple[str, ...]) -> Finding:
     """What became of the walks at those commands."""
     if _loaded(subject).description is None:
         return NO_DESCRIPTION
-    found = [walk for walk in _walks(subject) if walk.way in ways]
-    if not (seen := diagnosis.faults(found)):
-        return ok("; ".join({walk.way: walk.words for walk in found}.values()))
+    found = [walk for walk in _walks(subject) if walk.command_name in ways]
+    if not (seen := diagnosis.failure_messages(found)):
+        return ok("; ".join({walk.command_name: walk.words for walk in found}.values()))
     if diagnosis.failed(found):
         return problem("; ".join(seen.values()), "the network itself", "export it again")
-    return problem("; ".join(seen.values()), diagnosis.cause(_loaded(subject), subject.name), f"correct that {CORRECT}")
+    return problem("; ".join(seen.values()), diagnosis.diagnose(_loaded(subject), subject.name), f"correct that {CORRECT}")
 
 
 @lru_cache(maxsize=1)
@@ -171,4 +171,4 @@ def _loaded(subject: Subject) -> ExternalPolicy:
 
 @lru_cache(maxsize=1)
 def _walks(subject: Subject) -> list[Walk]:
-    return diagnosis.tried(_loaded(subject), subject.name)
+    return diagnosis.run_walk_tests(_loaded(subject), subject.name)

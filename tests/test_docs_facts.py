@@ -83,7 +83,7 @@ FACTS: list[Fact] = [
     (
         "docs/numbers.md",
         f"in an interval that commands more than {NUMBER} m/s the robot covered less than a quarter",
-        lambda: [outcomes.MOVING * (outcomes.LEAST_SHARE == 0.25)],
+        lambda: [outcomes.MOVING * (outcomes.MIN_PROGRESS == 0.25)],
     ),
     (
         "docs/numbers.md",
@@ -98,7 +98,7 @@ FACTS: list[Fact] = [
     ("docs/numbers.md", f"with a chance of {NUMBER} % at the corrected level", lambda: [100 * ranking.POWER]),
     ("docs/numbers.md", f"Wilson's {NUMBER} % interval", lambda: [100 * intervals.CONFIDENCE]),
     ("docs/numbers.md", f"the chance of any wrong claim on neighbours at {NUMBER} %", lambda: [100 * sequential.LEVEL]),
-    ("docs/numbers.md", rf"predictive power below {NUMBER} %", lambda: [100 * sequential.HOPELESS]),
+    ("docs/numbers.md", rf"predictive power below {NUMBER} %", lambda: [100 * sequential.FUTILITY_POWER]),
     (
         "docs/numbers.md",
         f"simulates a quarter of at most {NUMBER} episodes",
@@ -139,13 +139,13 @@ FACTS: list[Fact] = [
     ("docs/other_software.md", f"authority={NUMBER}.` maps", lambda: [AUTHORITY]),
     ("docs/view.md", f"joint targets blend within {NUMBER} s", lambda: [session.CHANGE]),
     ("docs/view.md", f"direction relative to the robot, impulse, over {NUMBER} s", lambda: [driver.PUSH_TIME]),
-    ("docs/view.md", f"yellow: mean velocity over {NUMBER} s", lambda: [scene.MEAN_OVER]),
+    ("docs/view.md", f"yellow: mean velocity over {NUMBER} s", lambda: [scene.VELOCITY_WINDOW]),
     ("docs/view.md", f"plainly and small, {NUMBER} × {NUMBER}", lambda: [painter.WIDTH, painter.HEIGHT]),
     ("docs/view.md", f"up to {NUMBER} million pixels", lambda: [files.MOST_PIXELS / 1e6]),
     (
         "docs/view.md",
         f"the film, {NUMBER} frames per second until {NUMBER} s after a fall",
-        lambda: [page.LOOK.rate, shooting.AFTERMATH],
+        lambda: [page.LOOK.rate, shooting.POST_FALL_TIME],
     ),
     ("docs/view.md", "a strip of (twelve) frames", lambda: [files.STRIP_FRAMES]),
     (

@@ -11,14 +11,14 @@ from scipy.stats import fisher_exact
 import policies
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from policies.residual_bases import describe
 from quad_env.robots.named import EXTRA, WHEEL
 from quad_env.seeding import episode_seeds
 from train.curriculum import practice
 
 EPISODES = 16
-SHIPPED = [(Hardware.robot, name) for name in policies.TRAINED] + [("go1", "residual"), ("go2", "residual")]
+SHIPPED = [(HardwareConfig.robot, name) for name in policies.TRAINED] + [("go1", "residual"), ("go2", "residual")]
 ASKED = "push"
 """Scenario of a card that is evaluated again."""
 UNLIKELY = 1e-3
@@ -51,9 +51,9 @@ def _share(cell: str) -> float:
     return int(found[1]) / 100.0
 
 
-def succeeded(policy: policies.Policy, scenario: str, hardware: Hardware) -> int:
+def succeeded(policy: policies.Policy, scenario: str, hardware: HardwareConfig) -> int:
     """Episodes of success on ground and seeds that neither training nor the card has seen."""
-    seeds, ground = episode_seeds("search", 3, EPISODES), practice(scenario, "search", robot=hardware.quadruped)
+    seeds, ground = episode_seeds("search", 3, EPISODES), practice(scenario, "search", robot=hardware.robot_model)
     return int(measure(rollout.run(policy, ground, seeds, nthread=1, hardware=hardware)).succeeded.sum())
 
 
@@ -67,10 +67,10 @@ def chance(claimed: float, of: int, seen: int) -> float:
 def test_a_shipped_policy_is_over_the_base_in_force_and_succeeds_as_often_as_its_card_says(
     robot: str, name: str
 ) -> None:
-    if robot != Hardware.robot and find_spec(WHEEL) is None:
+    if robot != HardwareConfig.robot and find_spec(WHEEL) is None:
         pytest.skip(EXTRA)
-    hardware = Hardware(robot=robot)
-    said = card(policies.shipped.folder_of(hardware.quadruped) / name)
+    hardware = HardwareConfig(robot=robot)
+    said = card(policies.shipped.folder_of(hardware.robot_model) / name)
     policy = hardware.policy(name)
     assert isinstance(policy, policies.ResidualPolicy)
     assert describe(policy.base) == describe(hardware.policy(policy.base.name))

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import tyro
 
 from evaluate.rollouts import hardware
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from policies.history import Inputs
 from policies.parameters import limits_of, parameter
 from quad_env.actuation.models import actuator
@@ -171,13 +171,13 @@ class TrainConfig:
     @property
     def folder(self) -> Path:
         """Run folder."""
-        of_robot = "" if self.robot == Hardware.robot else f"{Path(self.robot).stem}-"
+        of_robot = "" if self.robot == HardwareConfig.robot else f"{Path(self.robot).stem}-"
         return self.out if self.out is not None else Path("runs") / f"{of_robot}{self.policy}-{self.seed}"
 
     @property
-    def hardware(self) -> Hardware:
+    def hardware(self) -> HardwareConfig:
         """Hardware of the robots."""
-        return Hardware(self.actuator, self.sensors, self.estimator, self.robot, self.servo)
+        return HardwareConfig(self.actuator, self.sensors, self.estimator, self.robot, self.servo)
 
     @property
     def height_scan(self) -> HeightScan | None:
@@ -223,10 +223,10 @@ def check(config: TrainConfig) -> None:
     _check_mixture(config)
     if config.device == "cuda":
         _check_warp(config)
-    check_scenarios("--validation.scenarios", config.complete_validation.scenarios, config.hardware.quadruped)
+    check_scenarios("--validation.scenarios", config.complete_validation.scenarios, config.hardware.robot_model)
     names = dict.fromkeys((*dict(config.mixture), *config.complete_validation.scenarios))
-    real = ", ".join(name for name in names if scenario(name, config.hardware.quadruped).hardware)
-    if real and config.hardware.chosen:
+    real = ", ".join(name for name in names if scenario(name, config.hardware.robot_model).hardware)
+    if real and config.hardware.is_customized:
         raise UsageError(f"{real}: the profile has its own --actuator, --sensors and --estimator: leave these out")
     if config.policy == "end-to-end" and config.base not in POSES:
         raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
@@ -234,7 +234,7 @@ def check(config: TrainConfig) -> None:
 
 def _check_mixture(config: TrainConfig) -> None:
     shares = [share for _, share in config.mixture]
-    check_scenarios("--mixture", [name for name, _ in config.mixture], config.hardware.quadruped)
+    check_scenarios("--mixture", [name for name, _ in config.mixture], config.hardware.robot_model)
     if not all(0 <= share <= LARGEST_SHARE for share in shares):
         raise UsageError(f"--mixture needs shares that are not negative and at most {LARGEST_SHARE:g}, as in: flat 0.5")
     # Smaller than any share that means something, and the quotients below stay finite.
@@ -246,8 +246,8 @@ def _check_warp(config: TrainConfig) -> None:
     try:
         for name, share in config.mixture:
             if share:
-                each = scenario(name, config.hardware.quadruped)
-                check_simulator(WARP, each, actuator(config.actuator), sensors=config.sensors != Hardware.sensors)
+                each = scenario(name, config.hardware.robot_model)
+                check_simulator(WARP, each, actuator(config.actuator), sensors=config.sensors != HardwareConfig.sensors)
     except ValueError as error:
         raise UsageError(f"--device cuda: {error}") from None
 

@@ -72,7 +72,7 @@ def _run(config: TrainConfig, interrupt: Interrupt, found: checkpoint.Checkpoint
 def _begin_with(model: PPO, config: TrainConfig, start: Path) -> None:
     """Give a new run the network of a bundle or run. Raises UsageError."""
     try:
-        policy = policies.load(start, config.hardware.quadruped)
+        policy = policies.load(start, config.hardware.robot_model)
         if policy.base.name != config.base:
             raise ValueError(f"{start} corrects {policy.base.name}, this run {config.base}")
         set_actor(model, policy.network)

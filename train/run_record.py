@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 from evaluate.analysis.results import without_nan
 from evaluate.records.provenance import model_of, versions
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
@@ -121,7 +121,7 @@ def command(config: TrainConfig) -> str:
 
 def evaluation(config: TrainConfig) -> str:
     """The command that evaluates a run's best policy, next to its base, on robots like those of its training."""
-    chosen = vars(config.hardware).items() - vars(Hardware()).items()
+    chosen = vars(config.hardware).items() - vars(HardwareConfig()).items()
     base = [config.base] if config.policy == "residual" else []
     words = ["python", "-m", "evaluate", "--policies", *base, str(config.folder)]
     words += [word for name, value in sorted(chosen) for word in (f"--{name}", value)]

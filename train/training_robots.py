@@ -243,7 +243,7 @@ def bases_of(config: TrainConfig) -> list[tuple[Policy, int]]:
 
 
 def _real(config: TrainConfig, name: str) -> bool:
-    return find_scenario(name, config.hardware.quadruped).hardware
+    return find_scenario(name, config.hardware.robot_model).hardware
 
 
 def side_by_side(config: TrainConfig) -> bool:
@@ -260,7 +260,7 @@ def effort_at(config: TrainConfig, steps: int) -> float:
 def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1.0) -> SimpleQuadVectorEnv:
     """The batch of a run's scenario of that number, at that share of its severity and of the weights of effort."""
     name, count = list(robots_per_scenario(config).items())[number]
-    robot, base = config.hardware.quadruped, base_of(config)
+    robot, base = config.hardware.robot_model, base_of(config)
     scenario = practice(eased(find_scenario(name, robot), share, robot), "training", config.seed)
     rewards = dataclasses.replace(config.rewards, **{name: effort * getattr(config.rewards, name) for name in EFFORT})
     iterations = SOLVER_ITERATIONS if config.device == "cpu" else None
@@ -268,5 +268,5 @@ def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1
     return SimpleQuadVectorEnv(
         count, scenario, 1 if side_by_side(config) else config.threads, AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps, config=task, height_scan=base.height_scan,
-        **config.hardware.environment(base.robot) | ({"simulator": WARP} if config.device == "cuda" else {}),
+        **config.hardware.env_kwargs(base.robot) | ({"simulator": WARP} if config.device == "cuda" else {}),
     )  # fmt: skip

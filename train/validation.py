@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from functools import partial
 
 from evaluate.measures.metrics import summarise
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from evaluate.rollouts.rollout import run
 from policies.base import Policy
 from quad_env.seeding import episode_seeds
@@ -20,7 +20,7 @@ YAW_WEIGHT = 0.5
 
 
 def validate(
-    policy: Policy, config: ValidationConfig, nthread: int, hardware: Hardware, real: Policy | None = None
+    policy: Policy, config: ValidationConfig, nthread: int, hardware: HardwareConfig, real: Policy | None = None
 ) -> dict[str, dict[str, float]]:
     """Mean metrics of each scenario on robots with that hardware, scenario -> name -> value.
 
@@ -28,7 +28,7 @@ def validate(
     """
     seeds = episode_seeds("validation", VALIDATION_SEED, config.episodes)
     walk = partial(run, seeds=seeds, nthread=nthread, hardware=hardware)
-    scenarios = {name: practice(name, "validation", robot=hardware.quadruped) for name in config.scenarios}
+    scenarios = {name: practice(name, "validation", robot=hardware.robot_model) for name in config.scenarios}
     return {name: summarise(walk(real if real and each.hardware else policy, each)) for name, each in scenarios.items()}
 
 

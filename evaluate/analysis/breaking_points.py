@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 
 from evaluate.analysis.severity_levels import amount, severity_axes
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import PolicyScenarioResult
 from evaluate.statistics.breaking_point import LEAST_LEVELS, Found, breaking_point
 from evaluate.statistics.intervals import Interval
 from quad_env.cli.format import NO_BREAK
 
 Of = Literal["falls", "success"]
-OF: tuple[Of, ...] = ("falls", "success")
+FAILURE_KINDS: tuple[Of, ...] = ("falls", "success")
 """What breaks: half of the episodes fall; half of them no longer succeed."""
 HALF: dict[Of, str] = {"success": "half of the episodes no longer succeed at", "falls": "half of the episodes fall at"}
 """In words, by what breaks."""
@@ -43,19 +43,19 @@ class AxisBreakingPoint:
     """What counts as a failure: a fall, or no success."""
 
 
-def breaking_points(cells: Sequence[Cell]) -> list[AxisBreakingPoint]:
+def breaking_points(cells: Sequence[PolicyScenarioResult]) -> list[AxisBreakingPoint]:
     """Breaking points on every axis with at least three severities; those of falls stand before those of success."""
     ran = {(cell.scenario.name, cell.policy): cell for cell in cells}
     axes = [axis for axis in severity_axes(cells) if axis.scenarios[0].axis]
     found = []
-    for of, axis, policy in product(OF, axes, dict.fromkeys(cell.policy for cell in cells)):
+    for of, axis, policy in product(FAILURE_KINDS, axes, dict.fromkeys(cell.policy for cell in cells)):
         levels = [ran[level.name, policy] for level in axis.levels if (level.name, policy) in ran]
         if len(levels) >= LEAST_LEVELS:
             found.append(_on_axis(axis.name, levels, of))
     return found
 
 
-def _on_axis(axis: str, levels: Sequence[Cell], of: Of) -> AxisBreakingPoint:
+def _on_axis(axis: str, levels: Sequence[PolicyScenarioResult], of: Of) -> AxisBreakingPoint:
     """Breaking point of one policy on that axis, from its cell at each severity, the mildest first."""
     first, mildest, hardest = levels[0], levels[0].scenario, levels[-1].scenario
     if any(not np.array_equal(cell.seeds, first.seeds) for cell in levels):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evaluate.analysis.effort import LIMITS
 from evaluate.measures.catalogue import EFFORT
 from evaluate.measures.tracking import VELOCITY_CAP, YAW_RATE_CAP
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import PolicyScenarioResult
 from evaluate.statistics.intervals import Floats, Interval, difference_interval, share_difference_interval
 from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 
@@ -24,7 +24,7 @@ CAPS = {"velocity_error": VELOCITY_CAP, "yaw_rate_error": YAW_RATE_CAP, "mean_ve
 ERRORS = tuple(CAPS)
 SCORE = "score"
 """Mean success over the axes of a run, of each episode a share."""
-_LARGEST = CAPS | LIMITS | {SCORE: 1.0}
+_METRIC_BOUNDS = CAPS | LIMITS | {SCORE: 1.0}
 METRICS = (*RATES, *ERRORS)
 """What is compared, in the order in which it is shown."""
 SIGNIFICANT = 0.05
@@ -54,7 +54,7 @@ class Comparison:
 
 
 def compare(
-    cells: Sequence[Cell], against: str | None = None, neighbours: Container[frozenset[str]] = ()
+    cells: Sequence[PolicyScenarioResult], against: str | None = None, neighbours: Container[frozenset[str]] = ()
 ) -> list[Comparison]:
     """Every policy with the baseline `against`, which is b, and neighbours in a ranking, on every scenario in every
     metric.
@@ -62,7 +62,7 @@ def compare(
     p-values are corrected by Holm's method over families: the comparisons with the baseline in one metric on every
     scenario of the run, and those of neighbours without it.
     """
-    against = against or usual_baseline([cell.policy for cell in cells])
+    against = against or default_baseline([cell.policy for cell in cells])
     found = list[Comparison]()
     for scenario in dict.fromkeys(cell.scenario.name for cell in cells):
         ran = sorted(
@@ -78,12 +78,12 @@ def compare(
     return found
 
 
-def usual_baseline(policies: Sequence[str]) -> str:
+def default_baseline(policies: Sequence[str]) -> str:
     """The usual baseline: the trot, or without it the policy named first."""
     return BASELINE if BASELINE in policies or not policies else policies[0]
 
 
-def compare_pair(a: Cell, b: Cell, metrics: Sequence[str] = METRICS) -> Iterator[Comparison]:
+def compare_pair(a: PolicyScenarioResult, b: PolicyScenarioResult, metrics: Sequence[str] = METRICS) -> Iterator[Comparison]:
     """Metrics of two cells with the same episodes."""
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
@@ -93,7 +93,7 @@ def compare_pair(a: Cell, b: Cell, metrics: Sequence[str] = METRICS) -> Iterator
         yield Comparison(a.scenario.name, a.policy, b.policy, metric, *found, p_value_holm=found[2], identical=same)
 
 
-def is_identical(a: Cell, b: Cell) -> bool:
+def is_identical(a: PolicyScenarioResult, b: PolicyScenarioResult) -> bool:
     """Return whether every measure of every episode of two cells is bit-identical."""
     if not np.array_equal(a.seeds, b.seeds):
         return False
@@ -108,7 +108,7 @@ def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> bool:
     return a.tolist() == b.tolist() if a.dtype == object else a.tobytes() == b.tobytes()
 
 
-def by_episode(cell: Cell, metric: str) -> Floats:
+def by_episode(cell: PolicyScenarioResult, metric: str) -> Floats:
     """A metric of each episode, (n,); of a rate, 1 or 0."""
     counted = {SUCCESS_RATE: "succeeded", FALL_RATE: "fell"}
     return np.asarray(getattr(cell.measures, counted.get(metric, metric)), np.float64)
@@ -138,7 +138,7 @@ def paired_difference(
     if metric in RATES:
         only_a, only_b = int((a > b).sum()), int((a < b).sum())
         return difference, share_difference_interval(only_a, only_b, len(a)), mcnemar(a > 0, b > 0), test
-    ci = difference_interval(a - b, (-_LARGEST[metric], _LARGEST[metric]))
+    ci = difference_interval(a - b, (-_METRIC_BOUNDS[metric], _METRIC_BOUNDS[metric]))
     return difference, ci, sign_flip_test(a - b), test
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import PolicyScenarioResult
 
 PAGES = "pages"
 """Folder of the pages of episodes, in that of their run."""
@@ -59,7 +59,7 @@ def failures(results: Results) -> Iterator[tuple[str, Failure]]:
                     yield from (("worst", worst), ("typical", typical))
 
 
-def _failed(cells: Sequence[Cell], policy: str, axis: SeverityAxis, run: str) -> Iterator[Failure]:
+def _failed(cells: Sequence[PolicyScenarioResult], policy: str, axis: SeverityAxis, run: str) -> Iterator[Failure]:
     levels, first = axis.scenario_names, 0
     for cell in cells:
         measures, name = cell.measures, cell.scenario.name

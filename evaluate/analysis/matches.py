@@ -54,7 +54,7 @@ def _match(scenario: str, pair: tuple[str, str], a: Stored, b: Stored) -> Match 
     order = places[0].argsort()  # that of A's
     first, second = (each.take(of_it[order]) for each, of_it in zip(rows, places, strict=True))
     weights = (
-        weight(run.hardware.quadruped, next(each for each in run.scenarios if each.name == scenario))
+        weight(run.hardware.robot_model, next(each for each in run.scenarios if each.name == scenario))
         for run, _ in (a, b)
     )
     values = map(_values, (first, second), weights)

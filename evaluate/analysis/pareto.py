@@ -8,12 +8,12 @@ import numpy as np
 from evaluate.analysis.effort import COST, cost_by_episode, mean_and_interval
 from evaluate.analysis.score import Score
 from evaluate.measures.episodes import weight
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import PolicyScenarioResult
 from evaluate.statistics.intervals import Interval
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import HARDWARE
 
-COST_ON = ("steady", "flat", f"steady{HARDWARE}", f"flat{HARDWARE}")
+COST_SCENARIOS = ("steady", "flat", f"steady{HARDWARE}", f"flat{HARDWARE}")
 """Scenarios whose cost counts: the first of them that the run has, else all together."""
 
 
@@ -44,21 +44,21 @@ class Pareto:
     """The most successful first."""
 
 
-def pareto(cells: Sequence[Cell], scores: Sequence[Score], robot: Robot) -> Pareto:
+def pareto(cells: Sequence[PolicyScenarioResult], scores: Sequence[Score], robot: Robot) -> Pareto:
     """The front of policies that have a score; cells all have the hardware profile, or none has."""
-    cost_on, points = place_of_cost({cell.scenario.name for cell in cells}), []
+    cost_on, points = cost_scenario({cell.scenario.name for cell in cells}), []
     for each in scores:
         counted = [cell for cell in cells if cell.policy == each.policy and cost_on in ("", cell.scenario.name)]
         points.append(ParetoPoint(each.policy, each.score, each.ci, *_cost(counted, robot)))
-    return front_of(cost_on, points)
+    return pareto_front(cost_on, points)
 
 
-def place_of_cost(scenarios: Container[str]) -> str:
+def cost_scenario(scenarios: Container[str]) -> str:
     """The scenario of a run whose cost counts; empty for all together."""
-    return next((name for name in COST_ON if name in scenarios), "")
+    return next((name for name in COST_SCENARIOS if name in scenarios), "")
 
 
-def front_of(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
+def pareto_front(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
     """The front of policies whose success and cost are known; one without a cost is neither on it nor dominated."""
     front = [one for one in points if one.cost == one.cost and not any(_dominates(other, one) for other in points)]
     front.sort(key=lambda one: one.cost)
@@ -72,7 +72,7 @@ def _dominates(a: ParetoPoint, b: ParetoPoint) -> bool:
     return no_worse and (a.success > b.success or a.cost < b.cost)
 
 
-def _cost(cells: Sequence[Cell], robot: Robot) -> tuple[float, Interval]:
+def _cost(cells: Sequence[PolicyScenarioResult], robot: Robot) -> tuple[float, Interval]:
     """Cost of transport of these cells together, with its interval over episodes, each with all of its scenarios; NaN
     of none."""
     if not cells:

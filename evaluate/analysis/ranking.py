@@ -8,7 +8,7 @@ import numpy as np
 
 from evaluate.analysis.comparison import NO_INTERVAL, SCORE, SIGNIFICANT, SUCCESS_RATE, Comparison, paired_difference
 from evaluate.analysis.pareto import ParetoPoint
-from evaluate.analysis.score import Counted
+from evaluate.analysis.score import ScoredCells
 from evaluate.statistics.intervals import Floats, Interval
 from evaluate.statistics.sequential import correction
 from evaluate.statistics.significance import holm
@@ -69,7 +69,7 @@ class Ranking:
     neighbours: tuple[Neighbours, ...]
 
 
-def ranking(counted: Counted, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:
+def ranking(counted: ScoredCells, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:
     """Neighbours compared by episode, each with all of its scenarios; nothing is corrected yet."""
     values = {each.policy: counted.by_episode(each.policy) for each in places}
     pairs = pairwise(each.policy for each in places)
@@ -95,7 +95,7 @@ def _neighbours(better: str, worse: str, a: Floats, b: Floats) -> Neighbours:
     return Neighbours(better, worse, difference, deviation, ci, p_value)
 
 
-def claims(ranked: Ranking, comparisons: Sequence[Comparison], limit: int = 0) -> tuple[Ranking, list[Comparison]]:
+def correct_p_values(ranked: Ranking, comparisons: Sequence[Comparison], limit: int = 0) -> tuple[Ranking, list[Comparison]]:
     """The same with one correction for all that a report claims: Holm's method with weights.
 
     The claims are the differences of neighbours, with RANKING_WEIGHT together, and the given ones of success on single
@@ -123,13 +123,13 @@ def claims(ranked: Ranking, comparisons: Sequence[Comparison], limit: int = 0) -
     return replace(
         ranked,
         neighbours=tuple(
-            _judged(each, corrected[key], SIGNIFICANT * weights[key] / max(left, weights[key]), ranked, shown)
+            _with_corrected_p_value(each, corrected[key], SIGNIFICANT * weights[key] / max(left, weights[key]), ranked, shown)
             for key, each in zip(together, ranked.neighbours, strict=True)
         ),
     ), found
 
 
-def _judged(of: Neighbours, p_value: float, level: float, ranked: Ranking, shown: Sequence[Comparison]) -> Neighbours:
+def _with_corrected_p_value(of: Neighbours, p_value: float, level: float, ranked: Ranking, shown: Sequence[Comparison]) -> Neighbours:
     """With its corrected p-value, the episodes that its level takes, and the scenarios that show something alone."""
     on = {each: list[str]() for each in (of.better, of.worse)}
     for c in shown:

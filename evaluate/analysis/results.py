@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from evaluate.analysis.breaking_points import AxisBreakingPoint, breaking_points
-from evaluate.analysis.comparison import Comparison, compare, usual_baseline
+from evaluate.analysis.comparison import Comparison, compare, default_baseline
 from evaluate.analysis.pareto import Pareto, pareto
-from evaluate.analysis.ranking import Ranking, claims, ranking
-from evaluate.analysis.score import Score, counted, scores
+from evaluate.analysis.ranking import Ranking, correct_p_values, ranking
+from evaluate.analysis.score import Score, select_scored_cells, scores
 from evaluate.analysis.summary import Summary, summarise
 from evaluate.records.provenance import versions
-from evaluate.rollouts.experiment import Cell
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.experiment import PolicyScenarioResult
+from evaluate.rollouts.hardware import HardwareConfig
 from quad_env.files.writing import write_atomically
 
 SCHEMA = 1
@@ -44,7 +44,7 @@ class Results:
     """Number in each cell."""
     complete: bool
     """False if the run was interrupted: cells are missing then, but none is half done."""
-    cells: tuple[Cell, ...]
+    cells: tuple[PolicyScenarioResult, ...]
     baseline: str
     """The policy that the others are measured against."""
     ranking: Ranking
@@ -65,7 +65,7 @@ class Results:
     """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
 
     @property
-    def hardware(self) -> Hardware:
+    def hardware(self) -> HardwareConfig:
         """Hardware of the robots; ideal where it is not known."""
         return _hardware(self.provenance)
 
@@ -91,7 +91,7 @@ class Results:
 
 
 def analyse(
-    cells: Sequence[Cell],
+    cells: Sequence[PolicyScenarioResult],
     *,
     seed: int,
     episodes: int,
@@ -101,8 +101,8 @@ def analyse(
 ) -> Results:
     """Summaries, comparisons and breaking points of the cells; without a provenance they were made here and now."""
     made_with = dict(provenance or {"versions": versions()})
-    against = baseline or usual_baseline([cell.policy for cell in cells])
-    robot = _hardware(made_with).quadruped
+    against = baseline or default_baseline([cell.policy for cell in cells])
+    robot = _hardware(made_with).robot_model
     made_by = made_with.pop("versions")
     ideal, real = (tuple(scores(cells, against, hardware=hardware)) for hardware in (False, True))
     fronts = [
@@ -110,9 +110,9 @@ def analyse(
         for each in ((False, ideal), (True, real))
     ]
     profile = not ideal
-    ranked = ranking(counted(cells, hardware=profile), fronts[profile].points, hardware=profile)
+    ranked = ranking(select_scored_cells(cells, hardware=profile), fronts[profile].points, hardware=profile)
     pairs = {frozenset((each.better, each.worse)) for each in ranked.neighbours}
-    ranked, comparisons = claims(ranked, compare(cells, against, pairs), made_with.get("limit", 0))
+    ranked, comparisons = correct_p_values(ranked, compare(cells, against, pairs), made_with.get("limit", 0))
     return Results(
         seed=seed,
         episodes=episodes,
@@ -132,8 +132,8 @@ def analyse(
     )
 
 
-def _hardware(provenance: Mapping[str, Any]) -> Hardware:
-    return Hardware(**provenance.get("hardware", {}))
+def _hardware(provenance: Mapping[str, Any]) -> HardwareConfig:
+    return HardwareConfig(**provenance.get("hardware", {}))
 
 
 def as_json(results: Results) -> dict[str, Any]:

@@ -12,8 +12,8 @@ import numpy as np
 
 from evaluate.analysis.comparison import NO_INTERVAL, is_identical
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
-from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.intervals import Floats, Interval, difference_interval, mean_share_interval, wilson_interval
+from evaluate.rollouts.experiment import PolicyScenarioResult
+from evaluate.statistics.intervals import Floats, Interval, difference_interval, mean_proportion_interval, wilson_interval
 from evaluate.statistics.significance import sign_flip_test
 from quad_env.scenarios.named import STEADY
 from quad_env.scenarios.scenario import HARDWARE, Scenario
@@ -41,11 +41,11 @@ class Score:
 
 
 @dataclass(frozen=True)
-class Counted:
+class ScoredCells:
     """What a score counts."""
 
     axes: tuple[SeverityAxis, ...]
-    ran: dict[str, dict[str, Cell]]
+    cells_by_policy: dict[str, dict[str, PolicyScenarioResult]]
     """Policy -> scenario -> cell, of the policies that ran every scenario of these axes with the same episodes."""
 
     @property
@@ -55,43 +55,43 @@ class Counted:
 
     def by_episode(self, policy: str) -> Floats:
         """Mean success of each episode of a policy over the axes, (n,)."""
-        of, axes = self.ran[policy], self.axes
+        of, axes = self.cells_by_policy[policy], self.axes
         of_axes = [np.mean([of[level.name].measures.succeeded for level in axis.levels], axis=0) for axis in axes]
         return np.asarray(np.mean(of_axes, axis=0), np.float64)
 
     def is_identical(self, a: str, b: str) -> bool:
         """Return whether all episodes of two policies are bit-identical."""
-        first = self.ran[a]
-        second = self.ran[b]
+        first = self.cells_by_policy[a]
+        second = self.cells_by_policy[b]
         return all(is_identical(first[name], second[name]) for name in self.scenarios)
 
 
-def counted(cells: Sequence[Cell], *, hardware: bool = False) -> Counted:
+def select_scored_cells(cells: Sequence[PolicyScenarioResult], *, hardware: bool = False) -> ScoredCells:
     """What counts of these cells, with the hardware profile or without. The steady walk, which nothing disturbs, counts
     only where there is nothing else."""
-    own = [cell for cell in cells if counts(cell.scenario, hardware)]
+    own = [cell for cell in cells if is_scored(cell.scenario, hardware)]
     own = own or [cell for cell in cells if cell.scenario.hardware == hardware]
     axes = severity_axes(own)
     names = {level.name for axis in axes for level in axis.levels}
-    ran: dict[str, dict[str, Cell]] = {}
+    cells_by_policy: dict[str, dict[str, PolicyScenarioResult]] = {}
     for cell in own:
-        ran.setdefault(cell.policy, {})[cell.scenario.name] = cell
-    whole = {policy: of for policy, of in ran.items() if names <= set(of)}
-    seeds = [cell.seeds for of in whole.values() for cell in of.values()]
+        cells_by_policy.setdefault(cell.policy, {})[cell.scenario.name] = cell
+    complete = {policy: of for policy, of in cells_by_policy.items() if names <= set(of)}
+    seeds = [cell.seeds for of in complete.values() for cell in of.values()]
     paired = all(np.array_equal(each, seeds[0]) for each in seeds)
-    return Counted(axes, whole if paired else {})
+    return ScoredCells(axes, complete if paired else {})
 
 
-def scores(cells: Sequence[Cell], baseline: str, *, hardware: bool = False) -> list[Score]:
+def scores(cells: Sequence[PolicyScenarioResult], baseline: str, *, hardware: bool = False) -> list[Score]:
     """Scores, with the hardware profile or without, of the policies that ran every such scenario, the highest first; of
     a single axis the success on it."""
-    found = counted(cells, hardware=hardware)
-    base = found.by_episode(baseline) if baseline in found.ran else None
-    return sorted((_score(policy, found, baseline, base) for policy in found.ran), key=lambda each: -each.score)
+    found = select_scored_cells(cells, hardware=hardware)
+    base = found.by_episode(baseline) if baseline in found.cells_by_policy else None
+    return sorted((_score(policy, found, baseline, base) for policy in found.cells_by_policy), key=lambda each: -each.score)
 
 
-def _score(policy: str, of: Counted, baseline: str, base: Floats | None) -> Score:
-    values, compared, ran = of.by_episode(policy), base is not None and policy != baseline, of.ran[policy]
+def _score(policy: str, of: ScoredCells, baseline: str, base: Floats | None) -> Score:
+    values, compared, cells_by_policy = of.by_episode(policy), base is not None and policy != baseline, of.cells_by_policy[policy]
     difference = values - (base if base is not None and compared else np.nan)
     has_interval = compared and not of.is_identical(policy, baseline)
     return Score(
@@ -99,7 +99,7 @@ def _score(policy: str, of: Counted, baseline: str, base: Floats | None) -> Scor
         score=float(values.mean()),
         ci=score_interval(values, of),
         axes={
-            _base(axis.name): tuple(float(ran[level.name].measures.succeeded.mean()) for level in axis.levels)
+            _base(axis.name): tuple(float(cells_by_policy[level.name].measures.succeeded.mean()) for level in axis.levels)
             for axis in of.axes
         },
         difference=0.0 if policy == baseline else float(difference.mean()),
@@ -108,12 +108,12 @@ def _score(policy: str, of: Counted, baseline: str, base: Floats | None) -> Scor
     )
 
 
-def score_interval(values: Floats, of: Counted) -> Interval:
+def score_interval(values: Floats, of: ScoredCells) -> Interval:
     """95 % interval of a score, from that of each episode, (n,); of a single scenario Wilson's."""
-    return wilson_interval(values.sum(), len(values)) if len(of.scenarios) == 1 else mean_share_interval(values)
+    return wilson_interval(values.sum(), len(values)) if len(of.scenarios) == 1 else mean_proportion_interval(values)
 
 
-def counts(scenario: Scenario, hardware: bool) -> bool:
+def is_scored(scenario: Scenario, hardware: bool) -> bool:
     """Whether a scenario is part of the score with the profile, or of that without it."""
     return scenario.hardware == hardware and _base(scenario.name) != STEADY.name
 

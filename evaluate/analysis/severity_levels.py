@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import PolicyScenarioResult
 from quad_env.cli.format import NO_BREAK
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.scenario import Scenario
@@ -49,7 +49,7 @@ class SeverityAxis:
         return self.scenarios[0].severity > self.scenarios[-1].severity
 
 
-def severity_axes(cells: Sequence[Cell]) -> tuple[SeverityAxis, ...]:
+def severity_axes(cells: Sequence[PolicyScenarioResult]) -> tuple[SeverityAxis, ...]:
     """Every axis of a run's cells, in their order."""
     groups: dict[str, list[Scenario]] = {}
     scenarios = {cell.scenario.name: cell.scenario for cell in cells}

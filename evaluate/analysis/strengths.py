@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluate.analysis.score import counts
+from evaluate.analysis.score import is_scored
 from evaluate.analysis.severity_levels import place, severity_axes
 from evaluate.analysis.summary import Summary
 from evaluate.measures.outcomes import SUCCEEDED
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import PolicyScenarioResult
 from quad_env.cli.format import counted
 
 
@@ -27,10 +27,10 @@ class Strength:
 
 
 def strengths(
-    cells: Sequence[Cell], summaries: Mapping[tuple[str, str], Summary], policy: str, *, hardware: bool = False
+    cells: Sequence[PolicyScenarioResult], summaries: Mapping[tuple[str, str], Summary], policy: str, *, hardware: bool = False
 ) -> list[Strength]:
     """All that the policy ran and a score counts, the most successful first."""
-    axes = severity_axes([cell for cell in cells if cell.policy == policy and counts(cell.scenario, hardware)])
+    axes = severity_axes([cell for cell in cells if cell.policy == policy and is_scored(cell.scenario, hardware)])
     parts = [(axis.name, axis.levels) for axis in axes]
     if len(axes) == 1:
         parts = [(place(level), (level,)) for level in axes[0].levels]

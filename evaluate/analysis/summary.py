@@ -13,7 +13,7 @@ from evaluate.measures.catalogue import FIGURES
 from evaluate.measures.effort import cost_of_all
 from evaluate.measures.episodes import weight
 from evaluate.measures.outcomes import OUTCOMES
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import PolicyScenarioResult
 from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, wilson_interval
 from quad_env.robots.robot import Robot
 
@@ -71,7 +71,7 @@ class Summary:
     effort_intervals: dict[str, Interval]
 
 
-def summarise(cell: Cell, robot: Robot) -> Summary:
+def summarise(cell: PolicyScenarioResult, robot: Robot) -> Summary:
     """All figures of a cell of that robot."""
     measures = cell.measures
     falls, successes = int(measures.fell.sum()), int(measures.succeeded.sum())

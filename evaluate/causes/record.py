@@ -20,12 +20,12 @@ from quad_env.scenarios.scenario import Scenario
 _FILE = Path(__file__).with_name("thresholds.json")
 THRESHOLDS: dict[str, tuple[float, str, str]] = json.loads(_FILE.read_text(encoding="utf-8"))
 """Value, unit and reason of every threshold of the rules, by name."""
-SHANK = np.array([0.25, 0.5, 0.75, 1.0])
+SHANK_SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])
 """Places on a shank that are looked at, from the knee, 0, to the foot, 1."""
 
 
 @dataclass(frozen=True)
-class Record:
+class EpisodeSignals:
     """Episode `number` of `episodes`; arrays have a row a control step, up to the fall or the time limit."""
 
     episodes: Episodes
@@ -46,17 +46,17 @@ class Record:
         """That signal of `Episodes`, (end, …)."""
         return np.asarray(getattr(self.episodes, signal)[: self.end, self.number], np.float64)
 
-    def at(self, threshold: str) -> float:
+    def threshold(self, threshold: str) -> float:
         """A threshold for its robot: lengths, times and speeds are SimpleQuad's, and go with the length of the legs."""
         value, unit, _ = THRESHOLDS[threshold]
         return value * (scale_factor(self.episodes.robot, unit) if unit in ("m", "s", "m/s") else 1.0)
 
     def steps(self, threshold: str) -> int:
         """Control steps of a threshold in s."""
-        return max(1, round(self.at(threshold) / self.episodes.dt))
+        return max(1, round(self.threshold(threshold) / self.episodes.dt))
 
     @cached_property
-    def drawn(self) -> EpisodeSample:
+    def sampled(self) -> EpisodeSample:
         """What the episode drew from its seed."""
         seed = int(self.episodes.seeds[self.number])
         return EpisodeSample(self.episodes.robot, self.scenario, seed, 0, self.episodes.dt)
@@ -79,7 +79,7 @@ class Record:
         return float(np.sqrt(self.episodes.robot.home_height / GRAVITY))
 
     @cached_property
-    def capture(self) -> Floats:
+    def capture_point_offset(self) -> Floats:
         """Capture point from the middle of the feet, world frame, (end, 2), m (Pratt et al. 2006)."""
         feet = self.of("foot_position")[:, :, :2].mean(axis=1)
         return np.asarray(self.of("position")[:, :2] + self.velocity * self.time_constant - feet)
@@ -90,7 +90,7 @@ class Record:
         (end, 4, 4, 3) each, m and m/s."""
         to_knees = replace(self.episodes.robot, calf_length=0.0)
         knee = feet_in_world(to_knees, self.of("position"), self.rotation, self.of("joint_position"))[:, :, None]
-        points = knee + SHANK[:, None] * (self.of("foot_position")[:, :, None] - knee)
+        points = knee + SHANK_SAMPLES[:, None] * (self.of("foot_position")[:, :, None] - knee)
         return points, np.diff(points, axis=0, prepend=points[:1]) / self.episodes.dt
 
     def ground(self, points: Floats) -> Floats:
@@ -100,18 +100,18 @@ class Record:
     @cached_property
     def onset(self) -> int:
         """First step after the last moment at which tilt, height and capture point were as in its ordinary gait."""
-        away = planar(self.capture) - planar(self.of("command")) * self.time_constant
+        away = planar(self.capture_point_offset) - planar(self.of("command")) * self.time_constant
         low = -self.of("height") / self.episodes.robot.home_height
-        unusual = self._above(self.of("tilt"), self.at("tilt")) | self._above(away, self.at("capture"))
-        return int(np.flatnonzero(np.append(True, ~(unusual | self._above(low, -self.at("height"))))).max())
+        unusual = self._exceeds_usual(self.of("tilt"), self.threshold("tilt")) | self._exceeds_usual(away, self.threshold("capture"))
+        return int(np.flatnonzero(np.append(True, ~(unusual | self._exceeds_usual(low, -self.threshold("height"))))).max())
 
-    def _above(self, signal: Floats, least: float) -> Bools:
+    def _exceeds_usual(self, signal: Floats, least: float) -> Bools:
         """Where a signal is above that and above what it nearly always is in the ordinary gait, where that is known."""
         usual = signal[self.steps("start") : max(0, self.end - self.steps("before the fall"))]
         if len(usual) > self.steps("stride"):
-            most = np.quantile(usual, self.at("usual share"))
-            highest = least + self.at("usual at most") * abs(least)
-            least = min(max(least, float(most + self.at("usual margin") * abs(most))), highest)
+            most = np.quantile(usual, self.threshold("usual share"))
+            highest = least + self.threshold("usual at most") * abs(least)
+            least = min(max(least, float(most + self.threshold("usual margin") * abs(most))), highest)
         return np.asarray(signal > least)
 
     @cached_property

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evaluate.causes.record import SHANK, Record
+from evaluate.causes.record import SHANK_SAMPLES, EpisodeSignals
 from evaluate.measures.averages import Bools, Floats, planar
 from evaluate.measures.effort import LIMIT_MARGIN
 from quad_env.config import GRAVITY
@@ -22,7 +22,7 @@ CAUSES = (TRIP, SLIP, PUSH, MOTOR, REACH, ESTIMATE, SIGNAL, GAIT, SLOW, STALLED,
 """Every cause; a failed episode has exactly one."""
 CAUSE_RULE = "causes/1"
 """Name of these rules, written into every manifest."""
-SWING, LASTING = 3, 5
+TRIP_WINDOW_STEPS, SATURATION_WINDOW_STEPS = 3, 5
 """Control steps over which the speed of a leg before a blow, and a torque at its limit, are means."""
 
 
@@ -32,113 +32,113 @@ class Event(NamedTuple):
 
     cause: str
     step: int
-    strength: float
+    score: float
     words: str
-    sudden: bool = False
+    is_instantaneous: bool = False
 
 
-def trips(record: Record, window: slice | None = None) -> Iterator[Event]:
+def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event]:
     """Swinging legs that lose speed where the ground rises before them: of each step the strongest blow."""
     window = window or record.window
-    steps = np.arange(max(window.start, SWING), min(window.stop, record.end - 1))
+    steps = np.arange(max(window.start, TRIP_WINDOW_STEPS), min(window.stop, record.end - 1))
     if not _rises(record) or not len(steps):
         return
     (points, velocity), contact = record.shank, record.of("foot_contact") > 0
-    before = _running_mean(velocity[..., :2], SWING)[steps - 1]
+    before = _running_mean(velocity[..., :2], TRIP_WINDOW_STEPS)[steps - 1]
     after = (velocity[steps, ..., :2] + velocity[steps + 1, ..., :2]) / 2
     speed = planar(before)
     way = before / np.maximum(speed, 1e-9)[..., None]
-    ahead = record.at("reach of a riser") * way
+    ahead = record.threshold("reach of a riser") * way
     rise = record.ground(points[steps, ..., :2] + ahead) - record.ground(points[steps, ..., :2] - ahead)
-    touching = np.repeat(contact[steps, :, None], len(SHANK), axis=2)
+    touching = np.repeat(contact[steps, :, None], len(SHANK_SAMPLES), axis=2)
     touching[..., :-1] = record.of("leg_contact")[steps, None, None] > 0
-    touching &= _running_mean(~contact, SWING)[steps - 1, :, None] > 0
+    touching &= _running_mean(~contact, TRIP_WINDOW_STEPS)[steps - 1, :, None] > 0
     lost = speed - (after * way).sum(axis=-1)
-    strength = np.minimum(rise / record.at("rise"), lost / record.at("speed lost")) * touching
-    for row in np.flatnonzero(strength.max(axis=(1, 2)) >= 0.5):
-        leg, place = np.unravel_index(strength[row].argmax(), strength[row].shape)
-        at, part = (row, leg, place), "foot" if place == len(SHANK) - 1 else "shin"
+    score = np.minimum(rise / record.threshold("rise"), lost / record.threshold("speed lost")) * touching
+    for row in np.flatnonzero(score.max(axis=(1, 2)) >= 0.5):
+        leg, place = np.unravel_index(score[row].argmax(), score[row].shape)
+        at, part = (row, leg, place), "foot" if place == len(SHANK_SAMPLES) - 1 else "shin"
         words = f"{_leg(record, int(leg))} {part} hits {_rise(record, float(rise[at]))} at {speed[at]:.1f} m/s"
-        yield Event(TRIP, int(steps[row]), float(strength[at]), words, sudden=True)
+        yield Event(TRIP, int(steps[row]), float(score[at]), words, is_instantaneous=True)
 
 
-def trunk_blow(record: Record) -> Iterator[Event]:
+def trunk_blow(record: EpisodeSignals) -> Iterator[Event]:
     """The trunk that meets ground which rises before it, in an ordinary posture."""
     last, seen = record.end - 1, record.episodes
-    usual = record.of("tilt")[last] <= 2 * record.at("tilt") and record.onset >= last - record.steps("look back")
+    usual = record.of("tilt")[last] <= 2 * record.threshold("tilt") and record.onset >= last - record.steps("look back")
     if _rises(record) and usual and seen.fall_reason[record.number] == "trunk_contact":
-        x, y, z = seen.robot.trunk_size / 2 + record.at("reach of a riser") * np.array([1.0, 1.0, 0.0])
+        x, y, z = seen.robot.trunk_size / 2 + record.threshold("reach of a riser") * np.array([1.0, 1.0, 0.0])
         corners = np.array([(x, y, -z), (x, -y, -z), (-x, y, -z), (-x, -y, -z)]) @ record.rotation[last].T
         feet = record.ground(record.of("foot_position")[last])
         rise = float((record.ground(record.of("position")[last] + corners)).max() - feet.min())
         words = f"the trunk meets {_rise(record, rise)}"
-        yield Event(TRIP, record.end, rise / record.at("trunk's rise"), words, sudden=True)
+        yield Event(TRIP, record.end, rise / record.threshold("trunk's rise"), words, is_instantaneous=True)
 
 
-def slides(record: Record) -> Iterator[Event]:
+def slides(record: EpisodeSignals) -> Iterator[Event]:
     """Standing feet that slide; on ground that grips they have been driven to it."""
-    window, held, friction = record.window, record.of("foot_contact") > 0, record.drawn.friction
+    window, held, friction = record.window, record.of("foot_contact") > 0, record.sampled.friction
     held[1:] &= held[:-1].copy()
     speed = planar(record.shank[1][window, :, -1])
-    sliding = held[window] & (speed > record.at("slide"))
+    sliding = held[window] & (speed > record.threshold("slide"))
     if sliding.any():
         share = sliding.sum() / held[window].sum()
         words = f"{share:.0%} of the standing feet slide, at {speed[sliding].mean():.1f} m/s, friction {friction:g}"
-        strength = share / record.at("sliding") * min(1.0, record.at("grip") / friction)
-        yield Event(SLIP, _first(window, sliding), float(strength), words)
+        score = share / record.threshold("sliding") * min(1.0, record.threshold("grip") / friction)
+        yield Event(SLIP, _first(window, sliding), float(score), words)
 
 
-def pushes(record: Record) -> Iterator[Event]:
+def pushes(record: EpisodeSignals) -> Iterator[Event]:
     """Pushes shortly before the onset, by how far they move the capture point; a steady force that it gives way to."""
-    seen, force = record.episodes, record.drawn.force
+    seen, force = record.episodes, record.sampled.force
     latest = min(record.onset + seen.push_steps, record.end - 1)
     for step, impulse in zip(seen.push_step[record.number].tolist(), seen.push_impulse[record.number], strict=True):
         if record.fell and record.onset - record.steps("push before") <= step <= latest:
             size = float(np.hypot(*impulse))
             faster = size * GRAVITY / seen.weight
             words = f"a push of {size:.0f} N·s, {faster:.1f} m/s for its mass"
-            yield Event(PUSH, step, faster * record.time_constant / record.at("push"), words, sudden=True)
+            yield Event(PUSH, step, faster * record.time_constant / record.threshold("push"), words, is_instantaneous=True)
     if record.fell and force is not None:
         size, step = float(np.hypot(*force)), max(record.onset - 1, 0)
-        went = record.capture[step:].mean(axis=0)
+        went = record.capture_point_offset[step:].mean(axis=0)
         if went @ force > 0.5 * size * np.hypot(*went):
             words = f"a steady force of {size:.0f} N, {size / seen.weight:.2f} of the weight"
-            yield Event(PUSH, step, size / seen.weight / record.at("force"), words)
+            yield Event(PUSH, step, size / seen.weight / record.threshold("force"), words)
 
 
-def motors(record: Record) -> Iterator[Event]:
+def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
     """Motors that stay at their limit of torque, or of speed where they have a torque-speed curve, or servos of limited
     bandwidth far behind their targets."""
     window, bandwidth, seen = record.window, record.scenario.motors.bandwidth, record.episodes
     limit = np.broadcast_to(seen.torque_limit, seen.joint_torque.shape[-1:])
-    full = np.abs(_running_mean(record.of("joint_torque") / limit, LASTING)[window]) >= record.at("saturated")
+    full = np.abs(_running_mean(record.of("joint_torque") / limit, SATURATION_WINDOW_STEPS)[window]) >= record.threshold("saturated")
     if np.isfinite(seen.joule_heat[0, record.number]).all():  # of motors with a curve
-        full |= (record.of("peak_speed") / seen.speed_limit)[window] >= record.at("saturated")
+        full |= (record.of("peak_speed") / seen.speed_limit)[window] >= record.threshold("saturated")
     weakest = int(full.sum(axis=0).argmax())
     share = full[:, weakest].mean()
     words = f"{_joint(record, weakest)} motor is {share:.0%} of the time at its limit, {limit[weakest]:.3g} N·m"
-    yield Event(MOTOR, _first(window, full), float(full.mean()) / record.at("saturated joints"), words)
+    yield Event(MOTOR, _first(window, full), float(full.mean()) / record.threshold("saturated joints"), words)
     if bandwidth is not None:
         behind = float(np.abs(record.of("action") - record.of("joint_position"))[window].max(axis=1).mean())
         words = f"servos of {bandwidth:g} Hz are {behind:.2f} rad behind"
-        yield Event(MOTOR, window.start, behind / record.at("lag"), words)
+        yield Event(MOTOR, window.start, behind / record.threshold("lag"), words)
 
 
-def limits(record: Record) -> Iterator[Event]:
+def limits(record: EpisodeSignals) -> Iterator[Event]:
     """Standing legs at a joint limit, or stretched; targets beyond a limit are usual in crouching gaits."""
     window, robot, joints = record.window, record.episodes.robot, record.of("joint_position")
     beyond = (joints <= robot.joint_lower + LIMIT_MARGIN) | (joints >= robot.joint_upper - LIMIT_MARGIN)
     upper, lower = robot.thigh_length, robot.calf_length
     length = np.sqrt(upper**2 + lower**2 + 2 * upper * lower * np.cos(joints[:, 2::3])) / (upper + lower)
     standing = (record.of("foot_contact") > 0)[window]
-    legs = beyond.reshape(*length.shape, -1).any(axis=-1) | (length >= record.at("stretched"))
+    legs = beyond.reshape(*length.shape, -1).any(axis=-1) | (length >= record.threshold("stretched"))
     if (at_limit := legs[window] & standing).any():
         share = float(at_limit.sum() / standing.sum())
         words = f"standing legs are {share:.0%} of the time at the limit of a joint, or stretched"
-        yield Event(REACH, _first(window, at_limit), share / record.at("at limits"), words)
+        yield Event(REACH, _first(window, at_limit), share / record.threshold("at limits"), words)
 
 
-def estimates(record: Record) -> Iterator[Event]:
+def estimation_error(record: EpisodeSignals) -> Iterator[Event]:
     """What the policy was shown against the truth of the moment that it was of, by the known delay."""
     if record.episodes.observed is None:
         return
@@ -148,53 +148,53 @@ def estimates(record: Record) -> Iterator[Event]:
     tilt = np.arccos(np.clip(-(down * rotation[:, 2]).sum(axis=1), -1.0, 1.0))
     velocity = planar((rotation @ shown[:, 6:9, None])[:, :2, 0] - record.velocity[moments])
     wrong, off = (float(np.sqrt((each[record.window] ** 2).mean())) for each in (tilt, velocity))
-    strength = max(wrong / record.at("tilt estimate"), off / record.at("velocity estimate"))
+    score = max(wrong / record.threshold("tilt estimate"), off / record.threshold("velocity estimate"))
     words = f"the policy is shown a tilt that is {wrong:.2f} rad wrong, a velocity {off:.2f} m/s"
-    yield Event(ESTIMATE, record.window.start, strength, words)
+    yield Event(ESTIMATE, record.window.start, score, words)
 
 
-def signals(record: Record) -> Iterator[Event]:
+def delay_or_dropout(record: EpisodeSignals) -> Iterator[Event]:
     """Delay of readings and actions; servos that receive no targets shortly before the onset."""
-    dropouts, plan, window, dt = record.scenario.dropouts, record.drawn.dropouts, record.window, record.episodes.dt
-    late, length = record.drawn.action_delay, control_steps(dropouts.duration if dropouts else 0.0, dt)
+    dropouts, plan, window, dt = record.scenario.dropouts, record.sampled.dropouts, record.window, record.episodes.dt
+    late, length = record.sampled.action_delay, control_steps(dropouts.duration if dropouts else 0.0, dt)
     if both := late + _late(record):
         words = f"readings and actions are {1000 * both * dt:.0f} ms late together"
-        yield Event(SIGNAL, window.start, both * dt / record.time_constant / record.at("delay"), words)
+        yield Event(SIGNAL, window.start, both * dt / record.time_constant / record.threshold("delay"), words)
     for start, joint in [] if plan is None else np.transpose(plan).tolist():
         end = min(start + length, window.stop)
         if late < start < window.stop and start + length > window.start - record.steps("look back"):
             sent = record.of("action")[:, joint]
             missed = float(np.abs(sent[start - late : end - late] - sent[start - late - 1]).max())
             words = f"{_joint(record, joint)} receives no targets for {(end - start) * dt:.2f} s, {missed:.2f} rad off"
-            yield Event(SIGNAL, start, missed / record.at("held"), words, sudden=True)
+            yield Event(SIGNAL, start, missed / record.threshold("held"), words, is_instantaneous=True)
 
 
-RULES = (trips, trunk_blow, slides, pushes, motors, limits, estimates, signals)
+RULES = (trips, trunk_blow, slides, pushes, motor_saturation, limits, estimation_error, delay_or_dropout)
 """Every rule of a fall."""
-UPRIGHT_RULES = (motors, slides, estimates, signals, limits)
+UPRIGHT_RULES = (motor_saturation, slides, estimation_error, delay_or_dropout, limits)
 """Those of an upright failure: the first that counts decides."""
 
 
-def _rises(record: Record) -> bool:
+def _rises(record: EpisodeSignals) -> bool:
     """Whether there is ground that can rise before a foot."""
     return not isinstance(record.scenario.terrain, Flat | Slope)
 
 
-def _leg(record: Record, leg: int) -> str:
+def _leg(record: EpisodeSignals, leg: int) -> str:
     robot = record.episodes.robot
     end, side = "front" if robot.hip_positions[leg, 0] > 0.0 else "hind", "left" if robot.side[leg] > 0.0 else "right"
     return f"{end} {side}"
 
 
-def _joint(record: Record, joint: int) -> str:
+def _joint(record: EpisodeSignals, joint: int) -> str:
     return f"{_leg(record, joint // 3)} {('hip', 'thigh', 'calf')[joint % 3]}"
 
 
-def _rise(record: Record, height: float) -> str:
+def _rise(record: EpisodeSignals, height: float) -> str:
     return f"{'the edge of a step' if isinstance(record.scenario.terrain, Stairs) else 'a rise'} ({height:.2f} m)"
 
 
-def _late(record: Record) -> int:
+def _late(record: EpisodeSignals) -> int:
     """Control steps of the scenario's delay of observations."""
     latency = record.scenario.latency
     return 0 if latency is None else round(latency.observation / record.episodes.dt)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evaluate.causes import rules
-from evaluate.causes.record import Record
+from evaluate.causes.record import EpisodeSignals
 from evaluate.causes.rules import Event, trips
 from evaluate.measures import outcomes
 from evaluate.measures.averages import planar
@@ -23,7 +23,7 @@ class Verdict(NamedTuple):
 
     event: Event
     certain: bool
-    seen: tuple[Event, ...] = ()
+    triggered_events: tuple[Event, ...] = ()
 
     @property
     def detail(self) -> str:
@@ -38,12 +38,12 @@ def with_causes(measures: Measures, episodes: Episodes) -> Measures:
     cause, detail = np.full((2, episodes.count), None, dtype=object)
     time = np.full(episodes.count, np.nan)
     for number in np.flatnonzero(~measures.succeeded).tolist():
-        found = verdict(Record(episodes, episodes.scenario, number), measures)
+        found = verdict(EpisodeSignals(episodes, episodes.scenario, number), measures)
         cause[number], detail[number], time[number] = found.event.cause, found.detail, found.event.step * episodes.dt
     return replace(measures, cause=cause, cause_time=time, cause_detail=detail)
 
 
-def verdict(record: Record, measures: Measures) -> Verdict:
+def verdict(record: EpisodeSignals, measures: Measures) -> Verdict:
     """Why that episode failed."""
     if measures.outcome[record.number] != outcomes.POLICY_ERROR:
         return _of_fall(record) if record.fell else _of_upright(record, measures)
@@ -51,47 +51,47 @@ def verdict(record: Record, measures: Measures) -> Verdict:
     return Verdict(Event(rules.POLICY, int(step), 1.0, f"the policy {' '.join(str(failure).split())[:120]}"), True)
 
 
-def _of_fall(record: Record) -> Verdict:
+def _of_fall(record: EpisodeSignals) -> Verdict:
     """Sudden events come first, in the order of time; of what lasts, the strongest, and limits of joints last."""
-    if isinstance(record.scenario.start, AnyPose) or record.end <= rules.SWING:
+    if isinstance(record.scenario.start, AnyPose) or record.end <= rules.TRIP_WINDOW_STEPS:
         return Verdict(Event(rules.UNCLEAR, 0, 1.0, "it never came to an ordinary gait"), False)
     events = sorted((event for rule in rules.RULES for event in rule(record)), key=lambda event: event.step)
-    seen = tuple(event for event in events if event.strength >= 1.0)
-    if not seen:
-        return _of_controller(record, max((each.strength for each in events if each.cause != rules.REACH), default=0.0))
-    sudden = [event for event in seen if event.sudden]
-    first = sudden[0] if sudden else max(seen, key=lambda each: (each.cause != rules.REACH, each.strength))
-    rivals = any(each.step <= first.step for each in seen if each.cause not in (first.cause, rules.REACH))
+    triggered_events = tuple(event for event in events if event.score >= 1.0)
+    if not triggered_events:
+        return _of_controller(record, max((each.score for each in events if each.cause != rules.REACH), default=0.0))
+    sudden = [event for event in triggered_events if event.is_instantaneous]
+    first = sudden[0] if sudden else max(triggered_events, key=lambda each: (each.cause != rules.REACH, each.score))
+    has_competing_cause = any(each.step <= first.step for each in triggered_events if each.cause not in (first.cause, rules.REACH))
     # its legs may have been hit as hard before without a fall
     usual = first.cause == rules.TRIP and first.step < record.end
-    usual = usual and any(each.strength >= 1.0 for each in trips(record, slice(0, record.window.start)))
-    certain = first.strength >= record.at("certain") and first.cause != rules.REACH and not rivals and not usual
-    return Verdict(first, certain, seen)
+    usual = usual and any(each.score >= 1.0 for each in trips(record, slice(0, record.window.start)))
+    certain = first.score >= record.threshold("certain") and first.cause != rules.REACH and not has_competing_cause and not usual
+    return Verdict(first, certain, triggered_events)
 
 
-def _of_controller(record: Record, nearest: float) -> Verdict:
+def _of_controller(record: EpisodeSignals, max_score: float) -> Verdict:
     """Without any event that counts: the controller, unless one nearly does or the simulation diverged."""
-    if nearest >= record.at("nearly") or record.episodes.diverged[record.number]:
+    if max_score >= record.threshold("nearly") or record.episodes.diverged[record.number]:
         return Verdict(Event(rules.UNCLEAR, record.onset, 1.0, "no rule decides"), False)
     fastest = CommandRanges().forward[1] * scale_factor(record.episodes.robot, "m/s")
     kept = "name", "commands", "start", "axis", "severity", "severity_unit"
     ordinary = Scenario(**{name: getattr(record.scenario, name) for name in kept})
     undisturbed = record.scenario == ordinary and planar(record.of("command")).max() <= fastest
-    certain = undisturbed and nearest < record.at("far")
+    certain = undisturbed and max_score < record.threshold("far")
     return Verdict(Event(rules.GAIT, record.onset, 1.0, "it leaves its ordinary gait by itself"), bool(certain))
 
 
-def _of_upright(record: Record, measures: Measures) -> Verdict:
+def _of_upright(record: EpisodeSignals, measures: Measures) -> Verdict:
     """Motors or ground that fail it for long, or what it is shown or sent; else how much of its command it reached."""
     events = [event for rule in rules.UPRIGHT_RULES for event in rule(record)]
-    if seen := tuple(event for event in events if event.strength >= 1.0):
-        alone = seen[0].cause in (rules.MOTOR, rules.SLIP) and len({event.cause for event in seen} - {rules.REACH}) == 1
-        return Verdict(seen[0], alone and seen[0].strength >= record.at("certain"), seen)
+    if triggered_events := tuple(event for event in events if event.score >= 1.0):
+        alone = triggered_events[0].cause in (rules.MOTOR, rules.SLIP) and len({event.cause for event in triggered_events} - {rules.REACH}) == 1
+        return Verdict(triggered_events[0], alone and triggered_events[0].score >= record.threshold("certain"), triggered_events)
     worst = worst_interval(measures, record.number)
     cause, words, certain = _off_command(record, measures, worst)
-    if hits := len({event.step // record.steps("look on") for event in trips(record) if event.strength >= 1.0}):
+    if hits := len({event.step // record.steps("look on") for event in trips(record) if event.score >= 1.0}):
         words += f"; its legs hit rises {hits} times"
-    certain &= all(event.strength < record.at("far") for event in events if event.cause != rules.REACH)
+    certain &= all(event.score < record.threshold("far") for event in events if event.cause != rules.REACH)
     return Verdict(Event(cause, record.episodes.intervals.settled[worst].start, 1.0, words), certain)
 
 
@@ -102,7 +102,7 @@ def worst_interval(measures: Measures, number: int) -> int:
     return int(np.nanargmax(rule.deviations(commands, velocities) + 10.0 * rule.stalled(commands, velocities)))
 
 
-def _off_command(record: Record, measures: Measures, interval: int) -> tuple[str, str, bool]:
+def _off_command(record: EpisodeSignals, measures: Measures, interval: int) -> tuple[str, str, bool]:
     """Cause, words and certainty by what was reached of the command in that interval."""
     command, velocity = measures.commands[record.number, interval], measures.mean_velocities[record.number, interval]
     rule, flat = outcomes.RULES[outcomes.SUCCESS_RULE], np.array([1.0, 1.0, 0.0])
@@ -114,7 +114,7 @@ def _off_command(record: Record, measures: Measures, interval: int) -> tuple[str
     disturbed = record.scenario.force is not None or record.scenario.pushes is not None
     if stalled:
         return rules.STALLED, words, not disturbed
-    if asked > outcomes.MOVING and 0.0 <= along < record.at("slow") * asked:
-        return rules.SLOW, words, bool(along < record.at("too slow") * asked)
+    if asked > outcomes.MOVING and 0.0 <= along < record.threshold("slow") * asked:
+        return rules.SLOW, words, bool(along < record.threshold("too slow") * asked)
     actual, asked_for = (f"{v[0]:.2f} m/s forward, {v[1]:.2f} m/s left, {v[2]:.2f} rad/s" for v in (velocity, command))
     return rules.UNCLEAR if disturbed else rules.GAIT, f"moves at {actual}; commanded {asked_for}", False

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from evaluate.analysis.comparison import METRICS, RATES, SIGNIFICANT, SUCCESS_RATE, MetricDifference
-from evaluate.analysis.joint import Joint, joint
+from evaluate.analysis.joint import CombinedRuns, combine_runs
 from evaluate.analysis.matches import Match, Stored, matches, without_profile
 from evaluate.analysis.rank_correlation import LEAST_POLICIES, RankCorrelation
 from evaluate.analysis.results import without_nan
@@ -52,7 +52,7 @@ def main(options: Options) -> int:
         a, b = map(without_profile, (a, b))
     with waiting("comparing"):
         found: Sequence[Match] = matches(pairs, a, b)
-        both = joint(found, (a, b), _labels(options, found, a[0], b[0]))
+        both = combine_runs(found, (a, b), _labels(options, found, a[0], b[0]))
     if not found and not both.ranking.places:
         what = "no scenario of these policies, or no episodes of the same --seed, in common"
         raise UsageError(f"{options.a} and {options.b} have {what}")
@@ -61,7 +61,7 @@ def main(options: Options) -> int:
     for heads in (NARROW_DIFFERENCES, FEW):
         if any(each.metric in heads for match in found for each in match.contrasts):
             console.print(_table(options, found, heads))
-    said = [*_survives(both.correlation, found), *_notes(a, b, found), *_left_out(a, b)]
+    said = [*_ranking_agreement(both.correlation, found), *_notes(a, b, found), *_left_out(a, b)]
     said.append(f"A and B differ in: {'; '.join(changed) or 'nothing that is known'}")
     console.print("\n".join(said), highlight=False, markup=False, soft_wrap=True)
     if options.json is not None:
@@ -110,7 +110,7 @@ def _labels(
     return one, other
 
 
-def _survives(ranked: RankCorrelation | None, found: Sequence[Match]) -> Iterator[str]:
+def _ranking_agreement(ranked: RankCorrelation | None, found: Sequence[Match]) -> Iterator[str]:
     """Whether the ranking survives, and the cells of which success differs."""
     few = f"fewer than {LEAST_POLICIES} policies ran every scenario of both: too few to rank"
     yield from ranked.lines() if ranked else (f"does the ranking survive? {few}",)
@@ -168,7 +168,7 @@ def _left_out(a: Stored, b: Stored) -> Iterator[str]:
             yield f"{name} is not finished, and left out of it are: {', '.join(left)}"
 
 
-def _write(options: Options, both: Joint, changed: list[str], path: Path) -> None:
+def _write(options: Options, both: CombinedRuns, changed: list[str], path: Path) -> None:
     contents = {"schema": 1, "a": str(options.a), "b": str(options.b), "differences": changed}
     contents |= {"ranking": asdict(both.ranking), "comparisons": [asdict(match) for match in both.matches]}
     contents |= {"rank_correlation": asdict(both.correlation) if both.correlation else None}

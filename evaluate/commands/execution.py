@@ -8,16 +8,16 @@ from pathlib import Path
 
 # Everything that is needed to the end, so that no interrupt can come in the middle of an import.
 import quad_env.envs.vector_env  # noqa: F401
-from evaluate.commands.looks import look
+from evaluate.commands.looks import interim_analysis
 from evaluate.commands.options import PROGRAM
-from evaluate.commands.outputs import Show, conclude
+from evaluate.commands.outputs import Show, write_results
 from evaluate.commands.plan import Plan
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
 from evaluate.rollouts import diagnosis
-from evaluate.rollouts.experiment import Cell, NotKept, Settings, evaluation_seeds, run_cells
-from evaluate.rollouts.workers import WorkerLost, process_pool
+from evaluate.rollouts.experiment import PolicyScenarioResult, StoreError, RunSettings, evaluation_seeds, run_cells
+from evaluate.rollouts.workers import WorkerDiedError, process_pool
 from evaluate.statistics.sequential import looks
 from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError
@@ -39,10 +39,10 @@ def execute(plan: Plan, show: Show = print_results) -> int:
 
 def _execute(plan: Plan, show: Show) -> int:
     out, manifest = plan.options.out, plan.manifest
-    ending = plan.options.baseline, show
+    output_args = plan.options.baseline, show
     if plan.options.resume and (run := read_run(out)).complete:
         print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
-        conclude(run, out, *ending)
+        write_results(run, out, *output_args)
         remove_chunks(out)
         return 0
     if not plan.options.resume:  # else it was done as the run began
@@ -59,23 +59,23 @@ def _execute(plan: Plan, show: Show) -> int:
     run, interrupted = _simulate(plan, store)
     try:
         if run.cells:
-            conclude(run, out, *ending)
+            write_results(run, out, *output_args)
     except Exception as error:
         if not launcher.is_out_of_memory(error):
             raise
-        raise UsageError(f"{launcher.OUT_OF_MEMORY}; {_then(store)}") from error
+        raise UsageError(f"{launcher.OUT_OF_MEMORY}; {_resume_hint(store)}") from error
     if not interrupted:
         remove_chunks(out)
         return 0
     parts = f"{len(run.cells)} finished parts of {len(manifest.cells)}"
-    parts += f", of {run.manifest.episodes} episodes each," * run.manifest.open
+    parts += f", of {run.manifest.episodes} episodes each," * run.manifest.is_unsettled
     kept = f"wrote the {parts}" if run.cells else "kept what was done"
-    raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
+    raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_resume_command(out)}")
 
 
 def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
     """What was finished, in the order of the run, and whether the user interrupted. Raises UsageError."""
-    run, done, interrupted = Run(store.manifest, ()), list[Cell](), False
+    run, done, interrupted = Run(store.manifest, ()), list[PolicyScenarioResult](), False
     try:
         launcher.raise_on_interrupt()
         launcher.preallocate_blas_buffers()
@@ -85,19 +85,19 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
                     more = min(each for each in looks(run.manifest.limit) if each > run.manifest.episodes)
                     store.manifest, done = replace(run.manifest, episodes=more), []
                 done.extend(_cells(plan, store, interrupt))
-                run = _looked_at(_run(store.manifest, done), store.folder)
+                run = _after_interim_analysis(_run(store.manifest, done), store.folder)
     except KeyboardInterrupt:
         if not store.begun:
             raise
         interrupted = True
     except Exception as error:
-        if (words := _why(error, store)) is None:
+        if (words := _error_message(error, store)) is None:
             raise
         raise UsageError(words) from error
     return run if run.cells else _run(store.manifest, done), interrupted
 
 
-def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Cell]:
+def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[PolicyScenarioResult]:
     """Every cell with the episodes of the store's manifest, as it is finished; progress is shown."""
     made_with = store.manifest
     with show_progress(len(made_with.cells)) as progress:
@@ -110,41 +110,41 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Cell
         pool = process_pool(threads, interrupt.check)
         # Chunks as large as allowed, but something for every worker.
         size = min(plan.options.at_once, -(-plan.manifest.episodes * len(plan.manifest.cells) // threads))
-        settings = Settings(threads, report, size, store, made_with.steps, pool, made_with.hardware)
+        settings = RunSettings(threads, report, size, store, made_with.steps, pool, made_with.hardware)
         yield from run_cells(plan.policies, plan.scenarios, seeds, settings)
 
 
-def _run(manifest: Manifest, done: Sequence[Cell]) -> Run:
+def _run(manifest: Manifest, done: Sequence[PolicyScenarioResult]) -> Run:
     """What is done, in the order of the run."""
     return Run(manifest, tuple(sorted(done, key=lambda cell: manifest.cells.index((cell.scenario, cell.policy)))))
 
 
-def _looked_at(run: Run, folder: Path) -> Run:
+def _after_interim_analysis(run: Run, folder: Path) -> Run:
     """The run after a look, if it is one until settled, at its ranking: printed on stderr and kept in its manifest."""
-    if not run.manifest.open:
+    if not run.manifest.is_unsettled:
         return run
-    line, ended = look(run.cells, run.manifest.limit)
+    line, ended = interim_analysis(run.cells, run.manifest.limit)
     print(line, file=sys.stderr, flush=True)
     run = replace(run, manifest=replace(run.manifest, ended=ended))
     run.manifest.write(folder)
     return run
 
 
-def _why(error: Exception, store: ChunkStore) -> str | None:
+def _error_message(error: Exception, store: ChunkStore) -> str | None:
     """A line for a user: why not everything was simulated, and what may be done; None for a fault of the program."""
     if launcher.is_out_of_memory(error):
-        return f"{launcher.OUT_OF_MEMORY}; {_then(store)}"
-    if isinstance(error, NotKept):
-        return f"cannot write to {store.folder} ({error.strerror}); make room, then {_then(store)}"
-    if isinstance(error, WorkerLost | OSError):
-        return f"{format_os_error(error)}; {_then(store)}"
+        return f"{launcher.OUT_OF_MEMORY}; {_resume_hint(store)}"
+    if isinstance(error, StoreError):
+        return f"cannot write to {store.folder} ({error.strerror}); make room, then {_resume_hint(store)}"
+    if isinstance(error, WorkerDiedError | OSError):
+        return f"{format_os_error(error)}; {_resume_hint(store)}"
     return None
 
 
-def _then(store: ChunkStore) -> str:
+def _resume_hint(store: ChunkStore) -> str:
     """What a user may do after a failure."""
-    return f"go on: {_go_on(store.folder)}" if store.begun else "begin again, for nothing was done yet"
+    return f"go on: {_resume_command(store.folder)}" if store.begun else "begin again, for nothing was done yet"
 
 
-def _go_on(out: Path) -> str:
+def _resume_command(out: Path) -> str:
     return f"{PROGRAM} --resume --out {shlex.quote(str(out))}"

@@ -2,20 +2,20 @@
 
 from collections.abc import Sequence
 
-from evaluate.analysis.score import counted, counts
+from evaluate.analysis.score import select_scored_cells, is_scored
 from evaluate.report.verdict import SAME
-from evaluate.rollouts.experiment import Cell, LabelledPolicy
+from evaluate.rollouts.experiment import PolicyScenarioResult, LabelledPolicy
 from evaluate.statistics.sequential import Neighbours, neighbours
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import number
 from quad_env.scenarios.scenario import Scenario
 
 
-def look(cells: Sequence[Cell], limit: int) -> tuple[str, str]:
+def interim_analysis(cells: Sequence[PolicyScenarioResult], limit: int) -> tuple[str, str]:
     """The ranking of cells with at most so many episodes each, as in `24 of at most 96 episodes, 1 of 2 neighbours
     distinguished: a > b, b ~ c (p = 0.2)`; and why the run ends here, empty where it goes on."""
-    found = counted(cells, hardware=all(cell.scenario.hardware for cell in cells))
-    pairs = neighbours({policy: found.by_episode(policy) for policy in found.ran}, limit)
+    found = select_scored_cells(cells, hardware=all(cell.scenario.hardware for cell in cells))
+    pairs = neighbours({policy: found.by_episode(policy) for policy in found.cells_by_policy}, limit)
     if not pairs:
         raise ValueError("policies that ran different episodes are not ranked")
     episodes, known = cells[0].episodes, sum(each.distinguished for each in pairs)
@@ -24,7 +24,7 @@ def look(cells: Sequence[Cell], limit: int) -> tuple[str, str]:
     ended = ""
     if known == len(pairs) or episodes == limit:
         ended = f"{'not ' * (known < len(pairs))}every two neighbours in the ranking are distinguished"
-    elif all(each.distinguished or each.hopeless for each in pairs):
+    elif all(each.distinguished or each.futile for each in pairs):
         ended = f"the neighbours not distinguished can hardly be with {limit}"
     return f"{line}: {', '.join(shown)}", ended
 
@@ -39,6 +39,6 @@ def _shown(of: Neighbours, *, identical: bool) -> str:
 
 def check_ranked(policies: Sequence[LabelledPolicy], scenarios: Sequence[Scenario]) -> None:
     """Raise UsageError where no two policies would be ranked."""
-    ranked = [each for each in scenarios if counts(each, all(other.hardware for other in scenarios))] or scenarios
+    ranked = [each for each in scenarios if is_scored(each, all(other.hardware for other in scenarios))] or scenarios
     if sum(all(map(policy.runs_on, ranked)) for policy in policies) < 2:
         raise UsageError("--until settled: name two policies or more that run on every scenario")

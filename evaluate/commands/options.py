@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from quad_env.cli.child_process import available_cores
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
@@ -18,7 +18,7 @@ DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES
 DEFAULT_BATTERY = ("default",)
 EPISODES = {None: 20, "settled": 96}
 """Usual number of episodes by `until`; in a run until settled the most."""
-CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "baseline", "trust")
+RESULT_NEUTRAL_OPTIONS = ("out", "threads", "at_once", "resume", "baseline", "trust")
 """Options that --resume may change."""
 
 
@@ -74,9 +74,9 @@ class Options:
     """Episodes that a process simulates and writes together (count). No result depends on it."""
 
     @property
-    def equipment(self) -> Hardware:
+    def hardware_config(self) -> HardwareConfig:
         """Hardware of the robots where a scenario does not bring the hardware profile."""
-        return Hardware(self.actuator, self.sensors, self.estimator, self.robot, self.servo, self.simulator)
+        return HardwareConfig(self.actuator, self.sensors, self.estimator, self.robot, self.servo, self.simulator)
 
     @property
     def battery(self) -> tuple[str, ...]:
@@ -84,28 +84,28 @@ class Options:
         return ("quick",) if self.quick else self.scenarios
 
     @property
-    def most(self) -> int:
+    def max_episodes(self) -> int:
         """Episodes of each policy on each scenario, at most."""
         return EPISODES[self.until] if self.episodes is None else self.episodes
 
-    def of_the_run(self) -> dict[str, Any]:
+    def run_options(self) -> dict[str, Any]:
         """What a run must be carried on with, as JSON values."""
-        whole = asdict(self) | {"episodes": self.most}
-        chosen = {n: value for n, value in whole.items() if n not in CHANGE_NO_FIGURE}
+        whole = asdict(self) | {"episodes": self.max_episodes}
+        chosen = {n: value for n, value in whole.items() if n not in RESULT_NEUTRAL_OPTIONS}
         return {name: list(value) if isinstance(value, tuple) else value for name, value in chosen.items()}
 
 
-def restored(found: Mapping[str, Any]) -> dict[str, Any]:
+def options_from_json(found: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of Options from what `of_the_run` gave; ValueError for what it never gives."""
-    names = {field.name for field in fields(Options)} - set(CHANGE_NO_FIGURE)
+    names = {field.name for field in fields(Options)} - set(RESULT_NEUTRAL_OPTIONS)
     if set(found) != names:
         raise ValueError(f"its options are those of another version: {', '.join(sorted(set(found) ^ names))}")
     return {name: tuple(value) if isinstance(value, list) else value for name, value in found.items()}
 
 
-def changed(then: Options, now: Options) -> list[str]:
+def describe_changes(then: Options, now: Options) -> list[str]:
     """`--seed was 0, not 1` for every option of a run that is not as it was."""
-    before, after = then.of_the_run(), now.of_the_run()
+    before, after = then.run_options(), now.run_options()
     return [
         f"--{name} was {_words(before[name])}, not {_words(after[name])}"
         for name in before
@@ -115,7 +115,7 @@ def changed(then: Options, now: Options) -> list[str]:
 
 def command(chosen: Mapping[str, Any]) -> str:
     """The command of a run, from what `of_the_run` gave, without what is as usual."""
-    usual = Options().of_the_run()
+    usual = Options().run_options()
     words = PROGRAM.split()
     for name, value in chosen.items():
         if value != usual.get(name, False):

@@ -41,7 +41,7 @@ def analysed(run: Run, baseline: str | None = None) -> Results:
     return analyse(run.cells, **numbers, complete=run.complete, provenance=provenance, baseline=baseline)
 
 
-def conclude(run: Run, folder: Path, baseline: str | None = None, show: Show = print_results) -> None:
+def write_results(run: Run, folder: Path, baseline: str | None = None, show: Show = print_results) -> None:
     """Print the table and write the files, the slowest last.
 
     The table comes first and no failure keeps the rest from being tried: simulating took long. Raises UsageError, which
@@ -59,7 +59,7 @@ def conclude(run: Run, folder: Path, baseline: str | None = None, show: Show = p
         if (found := next(failures(results), None)) is not None:
             say(_to_replay(found[1], folder))
 
-    if failed := _tried("the table", table):
+    if failed := _run_writer("the table", table):
         console.on_broken_pipe()
     made_by, fingerprint = (command(run.manifest.options), run.manifest.date), run.manifest.fingerprint
     for name, write in (
@@ -69,8 +69,8 @@ def conclude(run: Run, folder: Path, baseline: str | None = None, show: Show = p
     ):
         path = folder / name
         with waiting(f"writing {path}"):
-            unwritten = _tried(str(path), partial(write, path))
-        failed += unwritten or _tried("its name", partial(say, str(path)))
+            unwritten = _run_writer(str(path), partial(write, path))
+        failed += unwritten or _run_writer("its name", partial(say, str(path)))
     if failed:
         raise UsageError(f"cannot write {'; '.join(failed)}; once it can be: python -m evaluate report {folder}")
 
@@ -82,7 +82,7 @@ def _to_replay(failure: Failure, folder: Path) -> str:
     return f"{shown}; all failures: {replay} --failed"
 
 
-def _tried(what: str, write: Callable[[], object]) -> list[str]:
+def _run_writer(what: str, write: Callable[[], object]) -> list[str]:
     """What went wrong, if anything."""
     try:
         write()

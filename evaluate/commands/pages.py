@@ -5,7 +5,7 @@ from pathlib import Path
 
 from evaluate.analysis.failures import PAGES, failures
 from evaluate.commands.outputs import analysed
-from evaluate.commands.replay import Found, check_here, policy_of
+from evaluate.commands.replay import ReplayTarget, check_here, policy_of
 from evaluate.film.page import part, write_page
 from evaluate.records.store import Run
 from quad_env.cli.command_line import UsageError, make_folder_of
@@ -19,7 +19,7 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
         raise UsageError(f"--pages: {folder} holds an unfinished run; carry it on with --resume")
     results, cells = analysed(run), {(cell.policy, cell.scenario.name): cell for cell in run.cells}
     wanted = {
-        folder / PAGES / each.page: Found(cells[each.policy, each.scenario], each.number)
+        folder / PAGES / each.page: ReplayTarget(cells[each.policy, each.scenario], each.number)
         for _, each in failures(results)
     }
     left = {path: each for path, each in wanted.items() if not path.is_file()}

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import policies
 from evaluate.commands.looks import check_ranked
-from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, PROGRAM, Options, changed, restored
+from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, PROGRAM, Options, describe_changes, options_from_json
 from evaluate.records import manifest as manifests
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from evaluate.rollouts import battery, hardware
-from evaluate.rollouts.experiment import LabelledPolicy, labelled
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.experiment import LabelledPolicy, load_labelled_policy
+from evaluate.rollouts.hardware import HardwareConfig
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import make_writable_folder, exclusive_lock
 from quad_env.physics.batch import MUJOCO
@@ -34,7 +34,7 @@ class Plan:
     options: Options
 
 
-def begun_with(folder: Path) -> Options:
+def load_run_options(folder: Path) -> Options:
     """The options of the run in a folder. Raises UsageError where there is none to carry on, or one is going on."""
     if folder.is_dir():
         _check_unused(folder)
@@ -45,19 +45,19 @@ def begun_with(folder: Path) -> Options:
 
 def check(options: Options) -> Plan:
     """The plan of these options. Raises UsageError."""
-    options = replace(options, episodes=options.most)
+    options = replace(options, episodes=options.max_episodes)
     check_numbers(options, LIMITS)
     if options.quick and options.scenarios != DEFAULT_BATTERY:
         raise UsageError("--quick and --scenarios both name the scenarios: give one of them")
     try:
-        hardware.check(options.equipment)
+        hardware.check(options.hardware_config)
     except ValueError as error:
         raise UsageError(str(error)) from error
     try:
         scenarios = scenarios_asked_for(options)
     except ValueError as error:
         raise UsageError(f"--scenarios: {error}") from error
-    compared = policies_asked_for(options.policies, scenarios, options.equipment, options.trust)
+    compared = policies_asked_for(options.policies, scenarios, options.hardware_config, options.trust)
     labels = [policy.label for policy in compared]
     if options.until:
         check_ranked(compared, scenarios)
@@ -66,28 +66,28 @@ def check(options: Options) -> Plan:
     manifest = manifests.manifest(
         compared,
         scenarios,
-        options.of_the_run(),
+        options.run_options(),
         seed=options.seed,
-        episodes=options.most,
-        limit=options.most if options.until else 0,
+        episodes=options.max_episodes,
+        limit=options.max_episodes if options.until else 0,
         threads=options.threads,
-        hardware=options.equipment,
+        hardware=options.hardware_config,
     )
     if options.resume:
-        manifest = _carried_on(manifest, options)
+        manifest = _resume_manifest(manifest, options)
     return Plan(compared, scenarios, manifest, options)
 
 
 def scenarios_asked_for(options: Options) -> tuple[Scenario, ...]:
     """The scenarios; of a battery only those without the hardware profile where the hardware is chosen by itself.
     Raises ValueError, and UsageError where both are asked for."""
-    robot = options.equipment.quadruped
+    robot = options.hardware_config.robot_model
     found = battery.resolve(options.battery, robot)
     if options.hardware:
         found = battery.with_profile(found)
     if options.simulator != MUJOCO:
         return _simulated(options, found)
-    if not options.equipment.chosen:
+    if not options.hardware_config.is_customized:
         return found
     named = tuple(name for name in options.battery if name not in battery.BATTERIES)
     asked = [each.name for each in (battery.resolve(named, robot) if named else ()) if each.hardware]
@@ -103,7 +103,7 @@ def _simulated(options: Options, scenarios: Sequence[Scenario]) -> tuple[Scenari
     beyond = {}
     for scenario in scenarios:
         try:
-            hardware.check(options.equipment, scenario)
+            hardware.check(options.hardware_config, scenario)
         except ValueError as error:
             beyond[scenario.name] = error
     left, words = [each for each in scenarios if each.name not in beyond], ", ".join(beyond)
@@ -115,7 +115,7 @@ def _simulated(options: Options, scenarios: Sequence[Scenario]) -> tuple[Scenari
 
 
 def policies_asked_for(
-    names: tuple[str, ...], scenarios: Sequence[Scenario], hardware: Hardware, trust: bool = False
+    names: tuple[str, ...], scenarios: Sequence[Scenario], hardware: HardwareConfig, trust: bool = False
 ) -> tuple[LabelledPolicy, ...]:
     """The policies of these names, each with the scenarios that it is limited to. Raises UsageError."""
     if not names:
@@ -126,11 +126,11 @@ def policies_asked_for(
     if names == DEFAULT_POLICIES:
         run = {scenario.name for scenario in scenarios}
         asked = [(label, only_on) for label, only_on in asked if not only_on or run.intersection(only_on)]
-        asked = asked if hardware.robot == Hardware.robot else _without_untrained(asked, hardware.quadruped)
+        asked = asked if hardware.robot == HardwareConfig.robot else _without_untrained(asked, hardware.robot_model)
     _check_distinct([label for label, _ in asked])
     _check_scenarios(asked, [scenario.name for scenario in scenarios])
     try:
-        return tuple(labelled(label, hardware, scenarios, trust, only) for label, only in asked)
+        return tuple(load_labelled_policy(label, hardware, scenarios, trust, only) for label, only in asked)
     except policies.PolicyError as error:
         raise UsageError(f"--policies: {error}") from error
 
@@ -188,10 +188,10 @@ def _check_unused(out: Path) -> None:
         pass
 
 
-def _carried_on(now: Manifest, options: Options) -> Manifest:
+def _resume_manifest(now: Manifest, options: Options) -> Manifest:
     """The manifest that the run was begun with. Raises UsageError unless it can go on as if it had never stopped."""
     then, asked = _begun(options.out)
-    if differing := changed(asked, options):
+    if differing := describe_changes(asked, options):
         said = f"--resume carries a run on as it was begun, but {'; '.join(differing)}"
         raise UsageError(f"{said}{_resume_remedy(asked, options)}")
     if differing := manifests.differences(then, now):
@@ -205,11 +205,11 @@ def _resume_remedy(then: Options, now: Options) -> str:
     """Return the remedy where more is asked of a run than at its start."""
     folder = shlex.quote(str(now.out))
     if added := [name for name in now.policies if name not in then.policies]:
-        run = f"--policies {shlex.join(added)} --episodes {then.most} --seed {then.seed} --out ANOTHER"
+        run = f"--policies {shlex.join(added)} --episodes {then.max_episodes} --seed {then.seed} --out ANOTHER"
         return (
             f". A run is not extended: evaluate with {run}, then `{PROGRAM} compare {folder} ANOTHER` ranks all of them"
         )
-    if now.most > then.most or set(now.scenarios) > set(then.scenarios):
+    if now.max_episodes > then.max_episodes or set(now.scenarios) > set(then.scenarios):
         return ". A run is not extended: leave --resume out and name another --out"
     return ""
 
@@ -218,6 +218,6 @@ def _begun(folder: Path) -> tuple[Manifest, Options]:
     """What the run in a folder was begun with. Raises UsageError."""
     try:
         manifest = manifests.read(folder)
-        return manifest, replace(Options(out=folder), **restored(manifest.options))
+        return manifest, replace(Options(out=folder), **options_from_json(manifest.options))
     except (OSError, UsageError, ValueError) as error:
         raise UsageError(f"--resume: {error}; leave --resume out to begin again") from error

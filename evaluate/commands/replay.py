@@ -13,18 +13,18 @@ import numpy as np
 import tyro
 
 import policies
-from evaluate.causes.story import in_lines, story
+from evaluate.causes.story import in_lines, timeline
 from evaluate.commands.options import PROGRAM, Flag
 from evaluate.film import files
 from evaluate.film.page import write_page
-from evaluate.film.shooting import Progress, Take, film
+from evaluate.film.shooting import Progress, FilmSpec, film
 from evaluate.measures.episodes import Episodes
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import table
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import Cell, LabelledPolicy, labelled, measured
+from evaluate.rollouts.experiment import PolicyScenarioResult, LabelledPolicy, load_labelled_policy, measure_cell
 from evaluate.rollouts.hardware import check
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import ABSENT, counted
@@ -64,10 +64,10 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Found:
+class ReplayTarget:
     """An episode of a cell."""
 
-    cell: Cell
+    cell: PolicyScenarioResult
     number: int
 
     @property
@@ -80,9 +80,9 @@ class Found:
         """How to call it."""
         return f"episode {self.number} of {self.cell.policy} on {self.cell.scenario.name}, seed {self.seed}"
 
-    def take(self, manifest: Manifest, *shown: LabelledPolicy) -> Take:
+    def take(self, manifest: Manifest, *shown: LabelledPolicy) -> FilmSpec:
         """The episode as these policies have it, to be filmed."""
-        return Take(shown, self.cell.scenario, self.seed, manifest.steps, self.title, manifest.hardware)
+        return FilmSpec(shown, self.cell.scenario, self.seed, manifest.steps, self.title, manifest.hardware)
 
 
 def main(options: Options) -> int:
@@ -97,7 +97,7 @@ def main(options: Options) -> int:
     policy = policy_of(found.cell.policy, run.manifest, options.trust)
     others = [] if options.against is None else [policy_of(options.against, run.manifest, options.trust, "--against")]
     outputs = _outputs(options)
-    again, episodes = simulated_again(run.manifest, found, policy)
+    again, episodes = resimulate(run.manifest, found, policy)
     differing = differences(run.manifest, found, again)
     causes = _causes(run.manifest, found, options.trust) if differing else []
     if not differing:
@@ -105,7 +105,7 @@ def main(options: Options) -> int:
     else:
         print(f"{found.title}, is not as stored:", *differing, sep="\n  ")
         print(f"because {'; '.join(causes) or 'of something that leaves no trace'}")
-    print(*in_lines(story(episodes, again.measures)), sep="\n")
+    print(*in_lines(timeline(episodes, again.measures)), sep="\n")
     for option, path, write in outputs:
         with bar("filming") as progress:
             try:
@@ -116,7 +116,7 @@ def main(options: Options) -> int:
     return DIFFERS if differing else 0
 
 
-def _outputs(options: Options) -> list[tuple[str, Path, Callable[[Take, Path, Progress], None]]]:
+def _outputs(options: Options) -> list[tuple[str, Path, Callable[[FilmSpec, Path, Progress], None]]]:
     """Option, file and what writes it of all that is to be filmed. Raises UsageError where it cannot be."""
     if options.video is not None:
         files.check(options.video)
@@ -157,7 +157,7 @@ def _list_failed(run: Run, options: Options) -> int:
     return 0
 
 
-def _failed_row(cell: Cell, number: int, row: int) -> tuple[str, ...]:
+def _failed_row(cell: PolicyScenarioResult, number: int, row: int) -> tuple[str, ...]:
     """Return the words on a failed episode; the time is that of its fall or, upright, of its cause."""
     measures = cell.measures
     time = float(measures.fall_time[number] if measures.fell[number] else measures.cause_time[number])
@@ -179,7 +179,7 @@ def _check_names(run: Run, options: Options) -> None:
             raise UsageError(f"--{option}: no {wanted} among the finished ones: {', '.join(dict.fromkeys(names))}")
 
 
-def find(run: Run, options: Options, episode: int) -> Found:
+def find(run: Run, options: Options, episode: int) -> ReplayTarget:
     """Return the episode that the options select. Raises UsageError.
 
     Args:
@@ -193,23 +193,23 @@ def find(run: Run, options: Options, episode: int) -> Found:
     if (named := (policy, scenario) != (None, None)) and len(chosen) != 1:
         missing = "--policy" if policy is None else "--scenario"
         raise UsageError(f"episode {episode} is in {len(chosen)} cells: name its {missing} too")
-    episodes = [Found(cell, number) for cell in chosen for number in range(cell.episodes)]
+    episodes = [ReplayTarget(cell, number) for cell in chosen for number in range(cell.episodes)]
     if not 0 <= episode < len(episodes):
         what = "episodes" if named else "rows"
         raise UsageError(f"there are {what} 0 to {len(episodes) - 1}, not {episode}")
     return episodes[episode]
 
 
-def simulated_again(manifest: Manifest, found: Found, policy: LabelledPolicy) -> tuple[Cell, Episodes]:
+def resimulate(manifest: Manifest, found: ReplayTarget, policy: LabelledPolicy) -> tuple[PolicyScenarioResult, Episodes]:
     """The episode once more: what it measured, and its record."""
     scenario, seeds, hardware = found.cell.scenario, found.cell.seeds[[found.number]], manifest.hardware
     with bar("simulating", in_lines=False) as progress:  # takes 1 to 2 s
         where = policy.on(scenario), scenario, seeds
         episodes = rollout.run(*where, steps=manifest.steps, progress=progress, hardware=hardware)
-    return measured(policy.label, scenario, episodes), episodes
+    return measure_cell(policy.label, scenario, episodes), episodes
 
 
-def differences(manifest: Manifest, found: Found, again: Cell) -> list[str]:
+def differences(manifest: Manifest, found: ReplayTarget, again: PolicyScenarioResult) -> list[str]:
     """`velocity_error: 0.31 then, 0.32 now` for each column in which the episode is not the stored one."""
     numbers = np.array([found.number])
     then = table(found.cell).slice(found.number, 1).to_pylist()[0]
@@ -218,7 +218,7 @@ def differences(manifest: Manifest, found: Found, again: Cell) -> list[str]:
     return [f"{name}: {then[name]} then, {now[name]} now" for name in then if repr(then[name]) != repr(now[name])]
 
 
-def _causes(then: Manifest, found: Found, trust: bool) -> list[str]:
+def _causes(then: Manifest, found: ReplayTarget, trust: bool) -> list[str]:
     """What is known to be different now; of a policy that has not walked yet."""
     policies_now, scenarios = [policy_of(found.cell.policy, then, trust)], [found.cell.scenario]
     numbers = {"seed": then.seed, "episodes": then.episodes, "threads": 1}
@@ -231,7 +231,7 @@ def policy_of(
 ) -> LabelledPolicy:
     """That policy for the scenarios of the run. Raises UsageError where it is not here."""
     try:
-        return labelled(label, manifest.hardware, manifest.scenarios, trust, manifest.only_on.get(label, ()))
+        return load_labelled_policy(label, manifest.hardware, manifest.scenarios, trust, manifest.only_on.get(label, ()))
     except policies.PolicyError as error:
         raise UsageError(f"{complaint}: {error}") from error
 

@@ -30,12 +30,12 @@ class Options:
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    from evaluate.commands.outputs import Terminal, analysed, conclude
+    from evaluate.commands.outputs import Terminal, analysed, write_results
     from evaluate.commands.plan import check_baseline
     from evaluate.measures.outcomes import RULES, SUCCESS_RULE
     from evaluate.records.store import read_run, remove_chunks
     from evaluate.report.table import print_results
-    from evaluate.rollouts.experiment import rescored
+    from evaluate.rollouts.experiment import apply_success_rule
     from quad_env.files.writing import FolderInUse, exclusive_lock
 
     run = read_run(options.folder)
@@ -48,13 +48,13 @@ def main(options: Options) -> int:
         make_pages(run, options.folder, options.trust)
     if options.success is not None:
         rule = RULES[options.success]
-        scored = replace(run, cells=tuple(rescored(cell, rule) for cell in run.cells))
+        scored = replace(run, cells=tuple(apply_success_rule(cell, rule) for cell in run.cells))
         print_results(analysed(scored, options.baseline), Terminal())
         print(f"success by {rule.name}: {rule.words}; the files stay by {SUCCESS_RULE}")
         return 0
     try:
         with exclusive_lock(options.folder):
-            conclude(run, options.folder, options.baseline)
+            write_results(run, options.folder, options.baseline)
             if run.complete:
                 remove_chunks(options.folder)
     except FolderInUse:

@@ -20,12 +20,12 @@ def curves(episodes: Episodes, end: int) -> dict[str, Any]:
     share = episodes.peak_torque[:end, 0].astype(np.float64) / np.asarray(episodes.torque_limit)
     found["torque_share"] = share.reshape(end, len(episodes.robot.leg_names), -1).max(axis=-1)
     if episodes.observed is not None:
-        found["given"] = as_given(episodes.observed[:end, 0].astype(np.float64))
+        found["given"] = estimated_state(episodes.observed[:end, 0].astype(np.float64))
     columns = {name: values.round(4).reshape(end, -1).T.tolist() for name, values in found.items()}
     return {name: without_nan(lists) for name, lists in columns.items()}
 
 
-def as_given(observed: Floats) -> Floats:
+def estimated_state(observed: Floats) -> Floats:
     """Tilt, rad, velocity ahead and to the left, m/s, and yaw rate, rad/s, (steps, 4), by what alone the policy was
     given, whose vertical is that of the gravity it was given."""
     gravity, turning, velocity = np.split(observed, 3, axis=1)

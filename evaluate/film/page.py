@@ -10,21 +10,21 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from evaluate.causes.story import story
+from evaluate.causes.story import timeline
 from evaluate.film.curves import curves, events
-from evaluate.film.shooting import Look, Panel, Progress, Take
-from evaluate.rollouts.experiment import LabelledPolicy, measured
+from evaluate.film.shooting import RenderOptions, EpisodeView, Progress, FilmSpec
+from evaluate.rollouts.experiment import LabelledPolicy, measure_cell
 from quad_env.config import FallRule
 from quad_env.files.writing import write_atomically
 
-LOOK = Look((480, 300), camera=None, rate=20.0)
+LOOK = RenderOptions((480, 300), camera=None, rate=20.0)
 QUALITY = 70
 """Of the WebP images, out of 100."""
 LEAD = 1.0
 """s before the first cause or fall at which the page opens."""
 
 
-def write_page(take: Take, path: Path, progress: Progress) -> None:
+def write_page(take: FilmSpec, path: Path, progress: Progress) -> None:
     """Simulate, film and write; the film ends as others do. Raises as `film`."""
     count = len(take.policies)
     shown = [_shown(policy, take, part(progress, place, count)) for place, policy in enumerate(take.policies)]
@@ -47,24 +47,24 @@ def page(title: str, episodes: list[dict[str, Any]]) -> str:
     return Template(html).substitute(title=escape(title), css=css, js=js, data=data)
 
 
-def _shown(policy: LabelledPolicy, take: Take, progress: Progress) -> dict[str, Any]:
+def _shown(policy: LabelledPolicy, take: FilmSpec, progress: Progress) -> dict[str, Any]:
     """What the page has of one policy's episode, as JSON values."""
     frames = []
-    with closing(Panel(policy, take, LOOK)) as panel:
+    with closing(EpisodeView(policy, take, LOOK)) as panel:
         for step in panel:
-            if step.number % LOOK.every == 0:
+            if step.number % LOOK.steps_per_frame == 0:
                 panel.picture().save(image := io.BytesIO(), "webp", quality=QUALITY, method=2)
                 frames.append(f"data:image/webp;base64,{b64encode(image.getvalue()).decode()}")
                 progress(step.number / take.steps)
         end, record = panel.step.number, panel.recorder.episodes()
-    measures = measured(policy.label, take.scenario, record).measures
+    measures = measure_cell(policy.label, take.scenario, record).measures
     return {
         "label": policy.label,
         "verdict": measures.outcome[0].replace("_", " "),
         "failed": not measures.succeeded[0],
         "dt": record.dt,
         "end": end * record.dt,
-        "story": [{"time": round(time, 2), "words": words} for time, words in story(record, measures)],
+        "story": [{"time": round(time, 2), "words": words} for time, words in timeline(record, measures)],
         "events": sorted(events(record, measures, end), key=itemgetter("time")),
         "curves": curves(record, end),
         "legs": [name.upper() for name in record.robot.leg_names],

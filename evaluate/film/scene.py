@@ -17,9 +17,9 @@ VELOCITY: Colour = (1.0, 0.8, 0.1, 1.0)
 PUSH: Colour = (0.9, 0.15, 0.15, 1.0)
 CONTACT: Colour = (0.1, 0.6, 1.0, 1.0)
 SWING: Colour = (1.0, 1.0, 1.0, 1.0)
-MEAN_OVER = 0.5
+VELOCITY_WINDOW = 0.5
 """Time over which the velocity that is shown is a mean, s: a trot sways within a stride."""
-PUSH_LINGERS = 0.2
+PUSH_DISPLAY_TIME = 0.2
 """s for which a push is marked longer than it is on, since it is shorter than the eye needs."""
 AHEAD = 0.5
 """s of way that an arrow of a velocity is long, on SimpleQuad."""
@@ -44,7 +44,7 @@ class Scene:
     """The first robot's arrows, step by step."""
 
     def __init__(self, start: Step) -> None:
-        self._velocities: deque[Array] = deque(maxlen=max(1, round(MEAN_OVER / start.env.dt)))
+        self._velocities: deque[Array] = deque(maxlen=max(1, round(VELOCITY_WINDOW / start.env.dt)))
         self._push = np.zeros(2)  # N, world frame, the latest
         self._push_until = 0
         self.step = start
@@ -56,7 +56,7 @@ class Scene:
         self._velocities.append(step.infos["heading_velocity"][0].copy())
         push = step.infos["push"][0]
         if push.any():
-            self._push, self._push_until = push.copy(), step.number + round(PUSH_LINGERS / step.env.dt)
+            self._push, self._push_until = push.copy(), step.number + round(PUSH_DISPLAY_TIME / step.env.dt)
 
     @property
     def velocity(self) -> Array:

@@ -17,16 +17,16 @@ from evaluate.measures import metrics
 from evaluate.measures.outcomes import DIVERGED, FELL, SUCCEEDED, SUCCESS_RULE
 from evaluate.measures.tracking import SETTLING_TIME
 from evaluate.rollouts.experiment import LabelledPolicy
-from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts.observers import Step
-from evaluate.rollouts.rollout import Recorder, watch
+from evaluate.rollouts.rollout import Recorder, iterate_episode
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError
 from quad_env.physics.arrows import Arrow, Ball
 from quad_env.robots.similarity import scaled
 from quad_env.scenarios.scenario import Scenario
 
-AFTERMATH = 1.0
+POST_FALL_TIME = 1.0
 """s that are shown after a fall."""
 NEAR = 1.8
 """m from a free camera to SimpleQuad's trunk."""
@@ -39,7 +39,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class Take:
+class FilmSpec:
     """What is filmed: policies, side by side, in the same episode of a scenario."""
 
     policies: tuple[LabelledPolicy, ...]
@@ -47,13 +47,13 @@ class Take:
     seed: int
     steps: int
     title: str
-    hardware: Hardware = IDEAL
+    hardware: HardwareConfig = IDEAL
     command: tuple[float, float, float] | None = None
     """Held for the whole episode; None: the scenario draws commands."""
 
 
 @dataclass(frozen=True)
-class Look:
+class RenderOptions:
     """How it is filmed."""
 
     size: tuple[int, int] = (640, 480)
@@ -68,22 +68,22 @@ class Look:
     """Whether arrows are drawn."""
 
     @property
-    def every(self) -> int:
+    def steps_per_frame(self) -> int:
         """Control steps from a frame to the next."""
         return max(1, round(self.speed / (self.rate * CONTROL_PERIOD)))
 
     @property
     def period(self) -> float:
         """Time for which a frame is shown, s."""
-        return self.every * CONTROL_PERIOD / self.speed
+        return self.steps_per_frame * CONTROL_PERIOD / self.speed
 
     @property
-    def letters(self) -> int:
+    def font_size(self) -> int:
         """Size of the captions' letters, pixels."""
         return max(captions.SMALLEST, min(self.size) // 30)
 
 
-def film(take: Take, path: Path, progress: Progress, look: Look = Look()) -> None:
+def film(spec: FilmSpec, path: Path, progress: Progress, look: RenderOptions = RenderOptions()) -> None:
     """Film an episode into a file, see `files`.
 
     Raises:
@@ -93,24 +93,24 @@ def film(take: Take, path: Path, progress: Progress, look: Look = Look()) -> Non
     """
     if path.suffix.lower() == files.STRIP:
         look = replace(look, rate=STRIP_RATE)
-    files.check_pixels(path, (take.steps // look.every + 1) * len(take.policies) * math.prod(look.size))
-    with closing(shoot(take, look, lambda share: progress(SHOOTING * share))) as images:
+    files.check_pixels(path, (spec.steps // look.steps_per_frame + 1) * len(spec.policies) * math.prod(look.size))
+    with closing(render_frames(spec, look, lambda share: progress(SHOOTING * share))) as images:
         files.write(images, path, look.period)
     progress(1.0)
 
 
-def shoot(take: Take, look: Look, progress: Progress) -> Generator[Image.Image]:
+def render_frames(spec: FilmSpec, look: RenderOptions, progress: Progress) -> Generator[Image.Image]:
     """The images, until shortly after the last robot's fall; the last one says what came of each. Raises as `film`."""
-    count = len(take.policies)
+    count = len(spec.policies)
     columns = count if count <= 3 else math.ceil(math.sqrt(count))
     with ExitStack() as stack:
-        panels = [stack.enter_context(closing(Panel(policy, take, look))) for policy in take.policies]
-        for number in range(take.steps + 1):
-            over = number == take.steps or all(panel.over for panel in panels)
-            if over or number % look.every == 0:
+        panels = [stack.enter_context(closing(EpisodeView(policy, spec, look))) for policy in spec.policies]
+        for number in range(spec.steps + 1):
+            over = number == spec.steps or all(panel.over for panel in panels)
+            if over or number % look.steps_per_frame == 0:
                 tiles = files.tiled([panel.draw(over) for panel in panels], columns)
-                yield _headed(tiles, take, look, panels[0].step, number)
-                progress(number / take.steps)
+                yield _headed(tiles, spec, look, panels[0].step, number)
+                progress(number / spec.steps)
             if over:
                 break
             for panel in panels:
@@ -118,33 +118,33 @@ def shoot(take: Take, look: Look, progress: Progress) -> Generator[Image.Image]:
     progress(1.0)
 
 
-def _headed(tiles: Image.Image, take: Take, look: Look, step: Step, number: int) -> Image.Image:
+def _headed(tiles: Image.Image, spec: FilmSpec, look: RenderOptions, step: Step, number: int) -> Image.Image:
     """The tiles below title, time and command, which are the same for all."""
-    text = captions.Text(look.letters)
+    text = captions.Text(look.font_size)
     out = Image.new("RGB", (tiles.width, text.height(2) + tiles.height), captions.DARK)
     out.paste(tiles, (0, text.height(2)))
     slowed = "" if look.speed == 1.0 else f" at {look.speed:g} of real time"
     room = text.write(out, f"{number * step.env.dt:.2f} s{slowed}", 0, right=True)
-    text.write(out, take.title, 0, taken=room)
+    text.write(out, spec.title, 0, taken=room)
     text.write(out, f"command {captions.motion(step.infos['command'][0])}", 1, captions.ink(COMMAND))
     return out
 
 
-class Panel:
+class EpisodeView:
     """One policy's part of the film, step by step, with what is drawn of it; close it in the end."""
 
-    def __init__(self, policy: LabelledPolicy, take: Take, look: Look) -> None:
-        self._label, self._look, self._count = policy.label, look, take.steps
+    def __init__(self, policy: LabelledPolicy, spec: FilmSpec, look: RenderOptions) -> None:
+        self._label, self._look, self._count = policy.label, look, spec.steps
         self._camera: Any = None
-        walker = policy.on(take.scenario)
-        self.recorder = Recorder(walker, np.array([take.seed]), take.steps)
-        where = walker, take.scenario, take.seed
-        self._steps = watch(*where, steps=take.steps, command=take.command, hardware=take.hardware)
+        walker = policy.on(spec.scenario)
+        self.recorder = Recorder(walker, np.array([spec.seed]), spec.steps)
+        where = walker, spec.scenario, spec.seed
+        self._steps = iterate_episode(*where, steps=spec.steps, command=spec.command, hardware=spec.hardware)
         self.step = next(self._steps)
         """The control step that the episode is at."""
         self.recorder(self.step)
         self._scene = Scene(self.step)
-        self._has_outcome = take.steps > round(SETTLING_TIME / self.step.env.dt)
+        self._has_outcome = spec.steps > round(SETTLING_TIME / self.step.env.dt)
 
     def __iter__(self) -> Iterator[Step]:
         """The start and the control steps until shortly after its fall."""
@@ -166,7 +166,7 @@ class Panel:
         """Whether nothing more is to be seen."""
         falls = self.recorder.falls
         past = self.step.number - (falls.step[0] + 1)
-        return bool(falls.fell[0] and (self.step.infos["diverged"][0] or past >= round(AFTERMATH / self.step.env.dt)))
+        return bool(falls.fell[0] and (self.step.infos["diverged"][0] or past >= round(POST_FALL_TIME / self.step.env.dt)))
 
     def picture(self) -> Image.Image:
         """The robot now, with marks where they are wanted; framed red once it has fallen."""
@@ -198,16 +198,16 @@ class Panel:
     def draw(self, last: bool) -> Image.Image:
         """The robot now, with its captions; at last with its outcome."""
         image = self.picture()
-        text = captions.Text(self._look.letters, edge=1)
+        text = captions.Text(self._look.font_size, edge=1)
         text.write(image, self._label, 0)
         if self._look.arrows:
             text.write(image, captions.motion(self._scene.velocity), 1, captions.ink(VELOCITY))
-        words, ground = self._news(last)
+        words, ground = self._status_caption(last)
         if words:
             text.sign(image, words, ground)
         return image
 
-    def _news(self, last: bool) -> tuple[str, captions.Ink]:
+    def _status_caption(self, last: bool) -> tuple[str, captions.Ink]:
         """What there is to say of the episode; no outcome of one that is too short to have one."""
         falls = self.recorder.falls
         outcome = str(metrics.outcome(self.recorder.episodes())[0]) if last and self._has_outcome else None

@@ -14,7 +14,7 @@ LOOK_BACK = 1.0
 LARGEST_TILT = np.deg2rad(30.0)
 FASTEST_SINKING = 0.3
 """m/s."""
-LOW = 0.3
+MAX_REST_HEIGHT = 0.3
 """Trunk centre above the ground, m; robots walk and stand higher, or move."""
 AT_REST = 0.5
 """Joint speed below which a robot is at rest, rad/s."""
@@ -32,5 +32,5 @@ def controlled_stops(episodes: Episodes) -> NDArray[np.bool_]:
     still = np.abs(episodes.joint_velocity).max(axis=-1) < AT_REST
     gentle = (~ending | quiet).all(axis=0)
     resting = (~(ending & (time > end - round(REST / dt))) | still).all(axis=0)
-    low = episodes.height[end, np.arange(episodes.count)].astype(np.float64) < LOW
+    low = episodes.height[end, np.arange(episodes.count)].astype(np.float64) < MAX_REST_HEIGHT
     return np.asarray(gentle & low & ((episodes.fall_step < steps) | resting))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from evaluate.measures import effort, footfalls, gait_quality, pushes, tracking
-from evaluate.measures.outcomes import LEAST_SHARE, RULES, SUCCESS_RULE
+from evaluate.measures.outcomes import MIN_PROGRESS, RULES, SUCCESS_RULE
 
 Scope = Literal["whole episode", "while upright"]
 
@@ -43,7 +43,7 @@ FOOTFALL = f"contact sensors; a swing lasts at least {footfalls.SHORTEST_SWING:g
 MEASURES = (
     Measure("outcome", "outcome", "", "heading",
             f"succeeded: {RULES[SUCCESS_RULE].words}; policy_error: the policy raised, gave no answer in time or none "
-            f"that is finite; stalled: upright and less than {100 * LEAST_SHARE:g} % of the commanded distance in such "
+            f"that is finite; stalled: upright and less than {100 * MIN_PROGRESS:g} % of the commanded distance in such "
             "an interval or in all (of the turn where none was commanded), or stopped by a safety layer; else "
             "off_command, fell or diverged", f"rule {SUCCESS_RULE}", WHOLE),
     Measure("fell", "falls", "", "", "the fall rule held, or the simulation diverged, before the time limit",

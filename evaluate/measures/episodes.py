@@ -12,14 +12,14 @@ from quad_env.physics.energy import JOINT_READINGS
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
-OF_POLICY = ("stopped",)
+POLICY_SIGNALS = ("stopped",)
 """Signals that only some policies have; all others are in the environment's infos."""
-GIVEN = "observed"
+OBSERVED_SIGNAL = "observed"
 """Signal of policies that are not shown the truth: the terms OBSERVED of the observation after a step."""
 OBSERVED = "projected_gravity", "angular_velocity", "linear_velocity"
 Limits = float | tuple[float, ...]
 """One of all joints, or one each."""
-TRUTHS = ("foot_contact", "leg_contact", "stopped")
+BOOLEAN_SIGNALS = ("foot_contact", "leg_contact", "stopped")
 """Signals of truth values; all others are single-precision numbers."""
 
 
@@ -45,7 +45,7 @@ def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
         **dict.fromkeys(JOINT_READINGS, (joints,)),
         "foot_impulse": (feet,),
         "stopped": (),
-        GIVEN: (3 * len(OBSERVED),),
+        OBSERVED_SIGNAL: (3 * len(OBSERVED),),
     }
 
 
@@ -152,6 +152,6 @@ def weight(robot: Robot, scenario: Scenario) -> float:
     return own if scenario.payload is None else own + scenario.payload.mass * GRAVITY
 
 
-def blank(robot: Robot, name: str, steps: int, count: int) -> NDArray[np.generic]:
+def empty_signal(robot: Robot, name: str, steps: int, count: int) -> NDArray[np.generic]:
     """An empty record of that signal: zeros, or False."""
-    return np.zeros((steps, count, *shapes(robot)[name]), np.bool_ if name in TRUTHS else np.float32)
+    return np.zeros((steps, count, *shapes(robot)[name]), np.bool_ if name in BOOLEAN_SIGNALS else np.float32)

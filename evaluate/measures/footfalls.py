@@ -30,7 +30,7 @@ class Footfalls:
 def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
     """Footfalls of (steps, n, 4) contacts; `upright`, (steps, n), says which of them count."""
     steps, feet = len(contact), contact.shape[-1]
-    stance = without_rattling(contact & upright[..., None], round(SHORTEST_SWING / dt))
+    stance = debounce(contact & upright[..., None], round(SHORTEST_SWING / dt))
     rows = np.ascontiguousarray(np.moveaxis(stance, 0, -1)).reshape(-1, steps)
     change = np.diff(rows.astype(np.int8), axis=1)
     lifted_row, lifted = np.nonzero(change == -1)
@@ -43,7 +43,7 @@ def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
     return Footfalls(stance, landed[whole] + 1, row // feet, row % feet)
 
 
-def without_rattling(contact: Bools, shortest: int) -> Bools:
+def debounce(contact: Bools, shortest: int) -> Bools:
     """The contacts with every gap of fewer than `shortest` steps filled, along the first axis."""
     given = np.concatenate((contact, np.zeros((shortest, *contact.shape[1:]), np.bool_)))
     lately = given.copy()

@@ -85,14 +85,14 @@ def measure(episodes: Episodes) -> Measures:
     upright = upright_steps(episodes.fall_step, episodes.steps)
     fell = episodes.fall_step < episodes.steps
     unknown = np.full(episodes.count, None, dtype=object)
-    following, distance = _tracking(episodes, upright)
+    tracking_measures, distance = _tracking(episodes, upright)
     return Measures(
-        outcome=outcome(episodes, following=following),
+        outcome=outcome(episodes, tracking_measures=tracking_measures),
         fell=fell,
         diverged=episodes.diverged,
         fall_time=np.where(fell, (episodes.fall_step + 1) * episodes.dt, np.nan),
         distance=distance,
-        **following,
+        **tracking_measures,
         **effort(episodes, upright, distance),
         **gait(episodes, upright),
         **pushes(episodes),
@@ -103,12 +103,12 @@ def measure(episodes: Episodes) -> Measures:
 
 
 def outcome(
-    episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE], following: dict[str, Floats] | None = None
+    episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE], tracking_measures: dict[str, Floats] | None = None
 ) -> NDArray[np.object_]:
     """What came of each episode under a rule of success, one of OUTCOMES, (n,); `following` are its measures
     of tracking where they are known."""
     upright = upright_steps(episodes.fall_step, episodes.steps)
-    following = following or _tracking(episodes, upright)[0]
+    tracking_measures = tracking_measures or _tracking(episodes, upright)[0]
     fell, stopped = episodes.fall_step < episodes.steps, np.zeros(episodes.count, np.bool_)
     if episodes.stopped is not None:
         controlled = controlled_stops(episodes)
@@ -118,9 +118,9 @@ def outcome(
         diverged=episodes.diverged,
         stopped=stopped,
         failed=episodes.failed,
-        commands=following["commands"],
-        velocities=following["mean_velocities"],
-        errors=np.stack([following["velocity_error"], following["yaw_rate_error"]], axis=-1),
+        commands=tracking_measures["commands"],
+        velocities=tracking_measures["mean_velocities"],
+        errors=np.stack([tracking_measures["velocity_error"], tracking_measures["yaw_rate_error"]], axis=-1),
         durations=np.array([window.stop - window.start for window in episodes.intervals.settled], np.float64),
         rule=rule,
     )

@@ -14,7 +14,7 @@ SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR = "succeeded", "off_command", "sta
 FELL, DIVERGED = "fell", "diverged"
 OUTCOMES = (SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR, FELL, DIVERGED)
 """Every outcome; an episode has exactly one."""
-LEAST_SHARE = 0.25
+MIN_PROGRESS = 0.25
 """Share of the commanded distance below which an upright robot has stalled."""
 MOVING = 0.05
 """Commanded planar speed, m/s, above which a stalled interval is no success, whatever the tolerance."""
@@ -48,7 +48,7 @@ class SuccessRule:
             )
         share = f"{100.0 * self.share:g} % of the command"
         moved = (
-            f"; and at least {100.0 * LEAST_SHARE:g} % of the commanded distance, along the command, in every interval "
+            f"; and at least {100.0 * MIN_PROGRESS:g} % of the commanded distance, along the command, in every interval "
             f"that commands more than {MOVING:g} m/s"
         )
         return (
@@ -69,7 +69,7 @@ class SuccessRule:
         """Which intervals are no success because the robot hardly moved in them, (n, k); both (n, k, 3)."""
         speed = planar(commands)
         along = quotient((commands[..., :2] * velocities[..., :2]).sum(axis=-1), speed)
-        return np.asarray(self.stalls & (speed > MOVING) & (along < LEAST_SHARE * speed))
+        return np.asarray(self.stalls & (speed > MOVING) & (along < MIN_PROGRESS * speed))
 
     def on_command(self, commands: Floats, velocities: Floats, errors: Floats | None = None) -> Bools:
         """Which episodes followed their command, (n,); commands and velocities (n, k, 3), see `Measures`.
@@ -129,7 +129,7 @@ def outcomes(
         rule: what counts as success.
     """
     stalled = rule.stalled(commands, velocities).any(axis=1)
-    stalled |= share_of_way(commands, velocities, durations) < LEAST_SHARE
+    stalled |= commanded_progress(commands, velocities, durations) < MIN_PROGRESS
     out = np.full(len(fell), OFF_COMMAND, dtype=object)
     out[stalled | stopped] = STALLED
     out[rule.on_command(commands, velocities, errors)] = SUCCEEDED
@@ -140,7 +140,7 @@ def outcomes(
     return out
 
 
-def share_of_way(commands: Floats, velocities: Floats, durations: Floats) -> Floats:
+def commanded_progress(commands: Floats, velocities: Floats, durations: Floats) -> Floats:
     """Share of the commanded way that was gone along the commands, (n,); see `outcomes` for the arguments.
 
     Of an episode without a commanded way, that of the commanded turn; 1 where neither was commanded.

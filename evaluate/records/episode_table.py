@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures
 from evaluate.records import parquet
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import PolicyScenarioResult
 from quad_env.scenarios.named import Scenario
 
 MEASURES = tuple(field.name for field in fields(Measures))
@@ -28,7 +28,7 @@ _WIDTH = b"width"
 """Key of a column's metadata: how long the vectors in its lists are."""
 
 
-def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> pa.Table:
+def table(cell: PolicyScenarioResult, episodes: NDArray[np.int64] | None = None) -> pa.Table:
     """A cell's rows, null where a figure does not exist; `episodes`, (n,), are their numbers, by default 0 … n − 1.
 
     Measures of an interval are lists: `commands` and `mean_velocities` hold forward m/s, lateral m/s, yaw rate rad/s.
@@ -49,13 +49,13 @@ def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> pa.Table:
     return pa.table(list(columns.values()), schema=pa.schema(kinds))
 
 
-def cell_of(rows: pa.Table, scenario: Scenario) -> Cell:
+def cell_of(rows: pa.Table, scenario: Scenario) -> PolicyScenarioResult:
     """The cell of a table's rows, which are of one policy and this scenario. Raises ValueError."""
     try:
         measures = Measures(**{name: _values(rows, name) for name in MEASURES})
     except (TypeError, ValueError) as error:
         raise ValueError(f"its lists are not all of one length ({error})") from error
-    return Cell(
+    return PolicyScenarioResult(
         policy=rows.column("policy")[0].as_py(),
         scenario=scenario,
         seeds=rows.column("seed").to_numpy(),
@@ -65,7 +65,7 @@ def cell_of(rows: pa.Table, scenario: Scenario) -> Cell:
     )
 
 
-def write_parquet(cells: Sequence[Cell], path: Path, run: str = "") -> None:
+def write_parquet(cells: Sequence[PolicyScenarioResult], path: Path, run: str = "") -> None:
     """Write every cell's episodes into one file; `run` is the fingerprint of what they are the outcome of."""
     write_table(pa.concat_tables([table(cell) for cell in cells]), path, run)
 

@@ -11,7 +11,7 @@ from typing import Any
 from evaluate.records.provenance import RULES, code_digest, cpu_model, model_of, policy_digest, versions
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
-from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig, parse_robot_option
 from evaluate.statistics.sequential import looks
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import parse_json, read_bytes
@@ -26,7 +26,7 @@ FILES = ("results.json", "episodes.parquet", "report.html", NAME)
 CHUNKS = "parts"
 """Folder of the chunks of cells, while a run is going on."""
 SCHEMA = 1
-OLDER = "revision 02bbde28"
+LAST_COMPATIBLE_REVISION = "revision 02bbde28"
 """Version that reads results by success/1 and energy/1, as of 0.2.0 and before, and without causes."""
 _SHA256 = "sha256"
 """Key of the hash of all else in the file."""
@@ -59,7 +59,7 @@ class Manifest:
     """Options of the command line by name, so that --resume needs none of them again."""
     threads: int
     """Threads of the simulation; no figure depends on it."""
-    hardware: Hardware = IDEAL
+    hardware: HardwareConfig = IDEAL
     """Hardware of the robots."""
     only_on: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Label -> names of the scenarios of a policy that does not run on all of them."""
@@ -83,18 +83,18 @@ class Manifest:
         ]
 
     @property
-    def open(self) -> bool:
+    def is_unsettled(self) -> bool:
         """Whether it is a run --until settled that has not ended."""
         return bool(self.limit) and not self.ended
 
-    def begun(self) -> "Manifest":
+    def with_fingerprint(self) -> "Manifest":
         """With its fingerprint."""
         return replace(self, fingerprint=_fingerprint(self.provenance()))
 
     def as_json(self) -> dict[str, Any]:
         """The contents of the file."""
-        begun = {"fingerprint": self.fingerprint, "date": self.date, "options": dict(self.options)}
-        contents = {"schema": SCHEMA, **begun, **self.provenance()}
+        with_fingerprint = {"fingerprint": self.fingerprint, "date": self.date, "options": dict(self.options)}
+        contents = {"schema": SCHEMA, **with_fingerprint, **self.provenance()}
         return {**contents, _SHA256: _digest(contents)}
 
     def provenance(self) -> dict[str, Any]:
@@ -115,7 +115,7 @@ def manifest(
     seed: int,
     episodes: int,
     threads: int,
-    hardware: Hardware = IDEAL,
+    hardware: HardwareConfig = IDEAL,
     limit: int = 0,
 ) -> Manifest:
     """Manifest of a run of these here and now; with a limit it is one until settled, of at most so many episodes."""
@@ -134,7 +134,7 @@ def manifest(
         hardware=hardware,
         only_on={policy.label: policy.only_on for policy in policies if policy.only_on},
         date=datetime.now(UTC).date().isoformat(),
-    ).begun()
+    ).with_fingerprint()
 
 
 def read(folder: Path) -> Manifest:
@@ -149,16 +149,16 @@ def read(folder: Path) -> Manifest:
             raise ValueError("it is of another schema")
         if not RULES.items() <= dict(found["versions"]).items():
             rules = ", ".join(RULES.values())
-            raise UsageError(f"{path}: its figures are not by {rules}, this version's rules; {OLDER} reads older ones")
+            raise UsageError(f"{path}: its figures are not by {rules}, this version's rules; {LAST_COMPATIBLE_REVISION} reads older ones")
         if _is_changed(found):
             raise UsageError(f"{path} has been changed since it was written: restore it, or run the evaluation again")
         values = {name: value for name, value in found.items() if name not in ("schema", _SHA256)}
-        made = {"scenarios": from_plain(found["scenarios"]), "hardware": Hardware(**found["hardware"])}
+        made = {"scenarios": from_plain(found["scenarios"]), "hardware": HardwareConfig(**found["hardware"])}
         manifest = Manifest(**(values | made))
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise UsageError(f"{path} is no manifest of this version ({error})") from error
     _check_robot_file(path, manifest.hardware.robot)
-    hardware_of(manifest.hardware.robot, f"{path}: its robot")
+    parse_robot_option(manifest.hardware.robot, f"{path}: its robot")
     return manifest
 
 
@@ -183,9 +183,9 @@ def _is_changed(found: dict[str, Any]) -> bool:
 def _fingerprint(provenance: Mapping[str, Any]) -> str:
     """SHA-256 of all that a figure depends on."""
     known = {name: version for name, version in provenance["versions"].items() if name not in _NOT_IN_FINGERPRINT}
-    begun = {name: value for name, value in provenance.items() if name != "ended"}
-    most = begun.get("limit") or begun["episodes"]
-    return _digest({**begun, "versions": known, "threads": None, "episodes": most})
+    with_fingerprint = {name: value for name, value in provenance.items() if name != "ended"}
+    most = with_fingerprint.get("limit") or with_fingerprint["episodes"]
+    return _digest({**with_fingerprint, "versions": known, "threads": None, "episodes": most})
 
 
 def _digest(values: Mapping[str, Any]) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from evaluate.causes.rules import CAUSE_RULE
 from evaluate.measures.effort import ENERGY_RULE
 from evaluate.measures.outcomes import SUCCESS_RULE
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from policies.base import Policy
 from quad_env.config import FallRule
 
@@ -68,10 +68,10 @@ def _kernels() -> set[str]:
     return kernels
 
 
-def model_of(hardware: Hardware) -> dict[str, str]:
+def model_of(hardware: HardwareConfig) -> dict[str, str]:
     """The SHA-256 of the robot's model, where it is none of the code's, and the version of an unusual simulator."""
-    robot = {} if hardware.robot == Hardware.robot else {"robot": hardware.quadruped.sha256}
-    usual = hardware.simulator == Hardware.simulator
+    robot = {} if hardware.robot == HardwareConfig.robot else {"robot": hardware.robot_model.sha256}
+    usual = hardware.simulator == HardwareConfig.simulator
     return robot if usual else robot | {hardware.simulator: metadata.version(hardware.simulator)}
 
 

@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import NEEDED, cell_of, read_table, table, write_table
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
-from evaluate.rollouts.experiment import Cell, Chunk, evaluation_seeds, join
+from evaluate.rollouts.experiment import PolicyScenarioResult, EpisodeChunk, evaluation_seeds, join
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import counted
 from quad_env.scenarios.named import Scenario
@@ -29,7 +29,7 @@ class Run:
     """What a folder holds."""
 
     manifest: Manifest
-    cells: tuple[Cell, ...]
+    cells: tuple[PolicyScenarioResult, ...]
     """The finished ones, in the order of the run."""
     stored: bool = False
     """Whether they were read from the folder's episodes.parquet, and from there alone."""
@@ -37,7 +37,7 @@ class Run:
     @property
     def complete(self) -> bool:
         """Whether every cell is there, and no more episodes are to come."""
-        return len(self.cells) == len(self.manifest.cells) and not self.manifest.open
+        return len(self.cells) == len(self.manifest.cells) and not self.manifest.is_unsettled
 
 
 class ChunkStore:
@@ -49,25 +49,25 @@ class ChunkStore:
         """Whether the folder is this run's; until its first chunk it belongs to whatever was there before."""
         self._policies = list(manifest.policies)
 
-    def load(self, policy: str, scenario: Scenario) -> Sequence[Chunk]:
+    def load(self, policy: str, scenario: Scenario) -> Sequence[EpisodeChunk]:
         """Chunks of that cell that are done already; damaged ones, other runs' and later episodes are left out."""
         if not self.begun:
             return ()
-        found: list[Chunk] = []
+        found: list[EpisodeChunk] = []
         done = np.zeros(self.manifest.episodes, bool)
         for path in sorted((self.folder / CHUNKS).glob(f"{self._number(policy, scenario):05d}-*.parquet")):
             chunk = self._read(path, scenario)
-            if chunk is not None and not done[chunk.numbers].any():
-                done[chunk.numbers] = True
+            if chunk is not None and not done[chunk.episode_indices].any():
+                done[chunk.episode_indices] = True
                 found.append(chunk)
         return found
 
-    def save(self, chunk: Chunk) -> None:
+    def save(self, chunk: EpisodeChunk) -> None:
         """Write a chunk; OSError if that fails."""
         number = self._number(chunk.cell.policy, chunk.cell.scenario)
-        name = f"{number:05d}-{chunk.numbers[0]:07d}-{self.manifest.fingerprint[:8]}.parquet"
+        name = f"{number:05d}-{chunk.episode_indices[0]:07d}-{self.manifest.fingerprint[:8]}.parquet"
         (self.folder / CHUNKS).mkdir(exist_ok=True)
-        write_table(table(chunk.cell, chunk.numbers), self.folder / CHUNKS / name, self.manifest.fingerprint)
+        write_table(table(chunk.cell, chunk.episode_indices), self.folder / CHUNKS / name, self.manifest.fingerprint)
         if not self.begun:
             # Only now, and at once: until here the folder is that of whatever was there before.
             self.manifest.write(self.folder)
@@ -78,12 +78,12 @@ class ChunkStore:
         """Number of the cell, in the order of the run."""
         return self.manifest.scenarios.index(scenario) * len(self._policies) + self._policies.index(policy)
 
-    def _read(self, path: Path, scenario: Scenario) -> Chunk | None:
+    def _read(self, path: Path, scenario: Scenario) -> EpisodeChunk | None:
         try:
             rows = read_table(path, self.manifest.fingerprint)
-            chunk = Chunk(rows.column("episode").to_numpy(), cell_of(rows, scenario))
+            chunk = EpisodeChunk(rows.column("episode").to_numpy(), cell_of(rows, scenario))
             seeds = evaluation_seeds(self.manifest.seed, self.manifest.episodes)
-            return chunk if np.array_equal(seeds[chunk.numbers], chunk.cell.seeds) else None
+            return chunk if np.array_equal(seeds[chunk.episode_indices], chunk.cell.seeds) else None
         except (LookupError, OSError, ValueError):
             return None
 
@@ -164,13 +164,13 @@ def _chunks(folder: Path) -> Iterator[Path]:
     return (path for path in (folder / CHUNKS).glob("*.parquet") if _CHUNK.fullmatch(path.name))
 
 
-def _from_chunks(store: ChunkStore) -> Iterator[Cell]:
+def _from_chunks(store: ChunkStore) -> Iterator[PolicyScenarioResult]:
     """The cells of which every part is there; how many parts cannot be used is reported on stderr."""
     there, used = sum(int(path.name[6:13]) < store.manifest.episodes for path in _chunks(store.folder)), 0
     for scenario, policy in store.manifest.cells:
         chunks = store.load(policy, scenario)
         used += len(chunks)
-        if sum(len(chunk.numbers) for chunk in chunks) == store.manifest.episodes:
+        if sum(len(chunk.episode_indices) for chunk in chunks) == store.manifest.episodes:
             yield join(chunks)
     if used < there:
         left_out = (
@@ -179,7 +179,7 @@ def _from_chunks(store: ChunkStore) -> Iterator[Cell]:
         print(f"{left_out} or of another run; --resume simulates what is missing", file=sys.stderr)
 
 
-def _cells(manifest: Manifest, rows: pa.Table) -> Iterator[Cell]:
+def _cells(manifest: Manifest, rows: pa.Table) -> Iterator[PolicyScenarioResult]:
     for scenario, policy in manifest.cells if rows.num_rows else ():
         mine = rows_of(rows, policy, scenario.name)
         if mine.num_rows:

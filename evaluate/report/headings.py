@@ -3,7 +3,7 @@
 import math
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, RATES, SUCCESS_RATE
-from evaluate.analysis.pareto import COST_ON
+from evaluate.analysis.pareto import COST_SCENARIOS
 from evaluate.measures.catalogue import BY_NAME, EFFORT
 from quad_env.cli.format import Estimate, estimate
 
@@ -20,7 +20,7 @@ NARROW = TITLES | {
 NARROW_DIFFERENCES = NARROW | {rate: f"{TITLES[rate]}\n% points" for rate in RATES}
 """Of differences."""
 _PLACES = "at a steady 0.5 m/s", "over the commands"
-EFFORT_ON = dict(zip(COST_ON, (*_PLACES, *(f"{words}, hardware profile" for words in _PLACES)), strict=True))
+EFFORT_ON = dict(zip(COST_SCENARIOS, (*_PLACES, *(f"{words}, hardware profile" for words in _PLACES)), strict=True))
 """Scenarios of which effort is shown."""
 EFFORT_TITLES = {name: (BY_NAME[name].title, BY_NAME[name].unit) for name in EFFORT} | {
     name: (BY_NAME[name].title, "%") for name in ("trunk_height", "torque_share", "speed_share", "flight")

@@ -9,7 +9,7 @@ from evaluate.analysis.strengths import strengths
 from evaluate.statistics.intervals import Interval
 from quad_env.cli.format import counted, listed, p_value, percent, points_with, share
 
-MOST_NEEDED = 10_000
+MAX_REPORTED_EPISODES = 10_000
 """Episodes beyond which no number is given."""
 SAME = "the same to the bit"
 """Words for policies with bit-identical episodes."""
@@ -66,7 +66,7 @@ def unranked(results: Results) -> str:
 def lines(ranked: Ranking) -> Iterator[str]:
     """For each two neighbours: what all scenarios together show of them, and what single ones do."""
     for each in ranked.neighbours:
-        yield f"{_together(each, ranked.episodes)}{_alone(each, ranked)}"
+        yield f"{_overall_text(each, ranked.episodes)}{_per_scenario_text(each, ranked)}"
 
 
 def best_and_worst(results: Results) -> dict[str, tuple[str, str]]:
@@ -88,20 +88,20 @@ def _size(of: Neighbours) -> str:
     return f"{shown.value} points {shown.brackets}".rstrip()
 
 
-def _together(of: Neighbours, episodes: int) -> str:
+def _overall_text(of: Neighbours, episodes: int) -> str:
     if of.distinguished:
         return f"{of.better} beats {of.worse} by {_size(of)}"
     if of.identical:
         return f"{of.better} and {of.worse} are {SAME} in {counted(episodes, 'episode')} of each scenario"
     said = f"{of.better} and {of.worse} {ALIKE} with {counted(episodes, 'episode')}"
     if episodes > 1:
-        needed = f"about {float(f'{of.needed:.2g}'):.0f}" if of.needed <= MOST_NEEDED else f"more than {MOST_NEEDED}"
+        needed = f"about {float(f'{of.needed:.2g}'):.0f}" if of.needed <= MAX_REPORTED_EPISODES else f"more than {MAX_REPORTED_EPISODES}"
         said += f"; {needed} would be needed"
     by_itself = f", {BY_ITSELF}" if excludes_zero(of.ci) else ""
     return f"{said} ({_size(of)}, corrected {p_value(of.p_value_holm)}{by_itself})"
 
 
-def _alone(of: Neighbours, ranked: Ranking) -> str:
+def _per_scenario_text(of: Neighbours, ranked: Ranking) -> str:
     """What single scenarios show, so that they do not seem to contradict all of them together."""
     if len(ranked.scenarios) == 1:
         return ""

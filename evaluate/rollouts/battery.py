@@ -20,17 +20,17 @@ NOMINAL = ("flat", "push", "rough")
 """What the quick battery begins with."""
 QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
 """Levels in the quick battery, by axis."""
-HARDER = 2
+LEVELS_ABOVE_NOMINAL = 2
 """Levels of each axis that the default battery has beyond the nominal one: hard, and hardest."""
 ALL = "all"
 _FILE = ".py:"
 
 
 BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
-    "quick": lambda robot: (*_battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())), *_real(robot)[:1]),
+    "quick": lambda robot: (*_battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())), *_hardware_scenarios(robot)[:1]),
     "default": lambda robot: (
-        *_battery(robot, lambda axis: range(axis.nominal_level, axis.nominal_level + HARDER + 1), tuple(AXES)),
-        *_real(robot),
+        *_battery(robot, lambda axis: range(axis.nominal_level, axis.nominal_level + LEVELS_ABOVE_NOMINAL + 1), tuple(AXES)),
+        *_hardware_scenarios(robot),
     ),
     "full": lambda robot: _battery(robot, lambda axis: range(1, len(axis.levels) + 1), tuple(AXES)),
     ALL: lambda robot: tuple(scenarios_of(robot).values()),
@@ -53,7 +53,7 @@ def resolve(names: tuple[str, ...], robot: Robot = SIMPLE_QUAD) -> tuple[Scenari
     called = [each.name for _, each in by_name]
     for twice in dict.fromkeys(name for name in called if called.count(name) > 1):
         files = [name for name, each in by_name if each.name == twice]
-        if len(set(files)) > 1 and all(map(of_file, files)):
+        if len(set(files)) > 1 and all(map(is_file_reference, files)):
             raise ValueError(
                 f"{len(files)} scenarios have the name {twice}: {', '.join(files)}; a scenario is called after its "
                 "file or in it: give one of them another name"
@@ -63,7 +63,7 @@ def resolve(names: tuple[str, ...], robot: Robot = SIMPLE_QUAD) -> tuple[Scenari
     return tuple(each for _, each in by_name)
 
 
-def one(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
+def resolve_single(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
     """A robot's scenario of that name; ValueError where there is none, or several."""
     found, *more = resolve((name,), robot)
     if more:
@@ -71,7 +71,7 @@ def one(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
     return found
 
 
-def of_file(name: str) -> bool:
+def is_file_reference(name: str) -> bool:
     """Whether a name stands for what a file of the user's makes."""
     return _FILE in name or split(split(name)[0])[0].endswith(TERRAIN)
 
@@ -93,7 +93,7 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     return (one,)
 
 
-def _real(robot: Robot) -> tuple[Scenario, ...]:
+def _hardware_scenarios(robot: Robot) -> tuple[Scenario, ...]:
     """With the hardware profile: level ground, the steady walk, and every axis at the level after its nominal one."""
     levels = (axis.level(min(axis.nominal_level + 1, len(axis.levels))) for axis in axes_of(robot).values())
     return with_profile((scenarios_of(robot)[NOMINAL[0]], STEADY, *levels))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from evaluate.rollouts.walking_test import Command, Walk, walks
 from policies.base import Actions, Policy
 from policies.foreign import ExternalPolicy
@@ -34,7 +34,7 @@ UPRIGHT = -0.2
 
 
 @dataclass(frozen=True)
-class ServosByRow(Hardware):
+class ServosByRow(HardwareConfig):
     """Hardware with servo gains per robot."""
 
     gains: Any = None
@@ -42,12 +42,12 @@ class ServosByRow(Hardware):
 
     def environment(self, robot: Robot) -> dict[str, Any]:
         """Keyword arguments of an environment of the robots."""
-        return super().environment(robot) | {"servo": tuple(self.gains)}
+        return super().env_kwargs(robot) | {"servo": tuple(self.gains)}
 
     def mean_robot(self) -> Robot:
         """Return the environment's robot with mean gains."""
         is_one = (self.gains == self.gains[:, :1]).all()
-        return self.quadruped.with_servo(*(self.gains[:, 0] if is_one else self.gains.mean(axis=1)))
+        return self.robot_model.with_servo(*(self.gains[:, 0] if is_one else self.gains.mean(axis=1)))
 
 
 class PolicyStack(Policy):
@@ -78,15 +78,15 @@ class PolicyStack(Policy):
         return np.nan_to_num(np.concatenate(actions))  # a network that overflows falls
 
 
-def tried(policy: Policy, robot: str, times: int = 1) -> list[Walk]:
+def run_walk_tests(policy: Policy, robot: str, times: int = 1) -> list[Walk]:
     """Walks at each of COMMANDS on that robot, by name or path."""
-    return walks(policy, Hardware(robot=robot), COMMANDS, SEEDS, times)
+    return walks(policy, HardwareConfig(robot=robot), COMMANDS, SEEDS, times)
 
 
-def faults(found: Sequence[Walk]) -> dict[str, str]:
+def failure_messages(found: Sequence[Walk]) -> dict[str, str]:
     """Words about the worst walk at each command that was not followed, by command."""
-    worst = {each.way: each for each in sorted(found, key=lambda each: each.deviation)}
-    return {way: worst[way].words for way in COMMANDS if way in worst and worst[way].deviation > 1.0}
+    worst = {each.command_name: each for each in sorted(found, key=lambda each: each.deviation)}
+    return {command_name: worst[command_name].words for command_name in COMMANDS if command_name in worst and worst[command_name].deviation > 1.0}
 
 
 def failed(found: Sequence[Walk]) -> bool:
@@ -94,7 +94,7 @@ def failed(found: Sequence[Walk]) -> bool:
     return any(walk.failure and "not finite" not in walk.failure for walk in found)
 
 
-def cause(policy: ExternalPolicy, robot: str) -> str:
+def diagnose(policy: ExternalPolicy, robot: str) -> str:
     """Return the explanation of a policy's failure, in words: the correction with the best walk.
 
     The search undoes one mistake, then several in the order of the joints, then a second one on top of the best
@@ -106,7 +106,7 @@ def cause(policy: ExternalPolicy, robot: str) -> str:
         robot: Name or path.
     """
     assert policy.description is not None
-    own = Hardware(robot=robot).quadruped
+    own = HardwareConfig(robot=robot).robot_model
     singles: list[tuple[float, Correction]] = []
     for count in range(1, len(ORDERS) + 1):
         found = _deviations(policy, robot, corrections(policy.description, own, count))
@@ -142,7 +142,7 @@ def _deviations(policy: ExternalPolicy, robot: str, candidates: Iterable[Correct
         robot: Name or path.
         candidates: Corrections of it.
     """
-    own = Hardware(robot=robot).quadruped
+    own = HardwareConfig(robot=robot).robot_model
     tried_out = list(candidates)
     policies = [
         NetworkPolicy(each.description, robot=own, control_period=policy.control_period) for each in tried_out
@@ -185,14 +185,14 @@ def warning(policy: Policy, robot: str) -> str | None:
     is_described = getattr(inner, "description", None) is not None
     if not is_described and not isinstance(inner, ExternalPolicy):
         return None
-    found = tried(inner, robot)
+    found = run_walk_tests(inner, robot)
     inner.close()
-    if not (seen := faults(found)):
+    if not (seen := failure_messages(found)):
         return None
     first = next(iter(seen.values()))
     if failed(found):
         return first
-    return f"{first}; {cause(inner, robot) if is_described else which_observation(inner)}"
+    return f"{first}; {diagnose(inner, robot) if is_described else which_observation(inner)}"
 
 
 def which_observation(policy: ExternalPolicy) -> str:

@@ -15,7 +15,7 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OFF_COMMAND, SUCCEEDED, SuccessRule
 from evaluate.rollouts import rollout
-from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from policies.base import Policy
 from policies.foreign import ExternalPolicy
 from quad_env.cli.progress import CellProgress
@@ -23,7 +23,7 @@ from quad_env.scenarios.named import Scenario
 from quad_env.seeding import episode_seeds
 
 
-class NotKept(OSError):
+class StoreError(OSError):
     """What was simulated could not be written to the store."""
 
 
@@ -52,8 +52,8 @@ class LabelledPolicy:
         return (self.policy,) if self.real is None else (self.policy, self.real)
 
 
-def labelled(
-    label: str, hardware: Hardware, scenarios: Sequence[Scenario], trust: bool = False, only_on: Sequence[str] = ()
+def load_labelled_policy(
+    label: str, hardware: HardwareConfig, scenarios: Sequence[Scenario], trust: bool = False, only_on: Sequence[str] = ()
 ) -> LabelledPolicy:
     """The policy of that name or path for those of these scenarios that it runs on. Raises PolicyError."""
     real = {scenario.hardware for scenario in scenarios if not only_on or scenario.name in only_on}
@@ -65,7 +65,7 @@ def labelled(
 
 
 @dataclass(frozen=True)
-class Cell:
+class PolicyScenarioResult:
     """Measured episodes of one policy on one scenario; cells of a scenario are paired, episode by episode."""
 
     policy: str
@@ -83,20 +83,20 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Chunk:
+class EpisodeChunk:
     """Some of a cell's episodes, and their numbers in it, (n,)."""
 
-    numbers: NDArray[np.int64]
-    cell: Cell
+    episode_indices: NDArray[np.int64]
+    cell: PolicyScenarioResult
 
 
 class Store(Protocol):
     """What is done, kept so that an interrupted run can go on."""
 
-    def load(self, policy: str, scenario: Scenario) -> Sequence[Chunk]:
+    def load(self, policy: str, scenario: Scenario) -> Sequence[EpisodeChunk]:
         """Chunks of that cell that are done already; no episode in two of them."""
 
-    def save(self, chunk: Chunk) -> None:
+    def save(self, chunk: EpisodeChunk) -> None:
         """Keep a chunk that has just been simulated."""
 
 
@@ -106,22 +106,22 @@ class Task:
 
     policy: LabelledPolicy
     scenario: Scenario
-    numbers: NDArray[np.int64]
+    episode_indices: NDArray[np.int64]
     """Numbers of the episodes in their cell, (n,)."""
     seeds: NDArray[np.int64]
     """Seeds of the episodes, (n,)."""
     steps: int
-    hardware: Hardware
+    hardware: HardwareConfig
 
 
 TaskProgress = Callable[[int, float], None]
 """Progress callback: a task's place in the list and the share of it that is done, below 1."""
-Executor = Callable[[Sequence[Task], TaskProgress], Generator[tuple[int, Chunk]]]
+Executor = Callable[[Sequence[Task], TaskProgress], Generator[tuple[int, EpisodeChunk]]]
 """Runs a list of tasks in any order; gives each one's place in it and its outcome as it comes."""
 
 
 @dataclass(frozen=True)
-class Settings:
+class RunSettings:
     """Settings of a run; but for the length of an episode and the hardware none of them changes a figure."""
 
     nthread: int
@@ -133,13 +133,13 @@ class Settings:
     """Control steps of an episode."""
     executor: Executor | None = None
     """None runs one task after the other, each on `nthread` threads."""
-    hardware: Hardware = IDEAL
+    hardware: HardwareConfig = IDEAL
     """Hardware of the robots."""
 
 
 def run_cells(
-    policies: Sequence[LabelledPolicy], scenarios: Sequence[Scenario], seeds: NDArray[np.int64], settings: Settings
-) -> Iterator[Cell]:
+    policies: Sequence[LabelledPolicy], scenarios: Sequence[Scenario], seeds: NDArray[np.int64], settings: RunSettings
+) -> Iterator[PolicyScenarioResult]:
     """Every policy on one of its scenarios, then on the next: what is done when a user interrupts is comparable.
 
     Simulates and measures what is not in the store. Cells come as they are finished, which depends on the executor.
@@ -156,8 +156,8 @@ def run_cells(
         if cell.done:
             yield cell.finish()
 
-    def progress(place: int, share: float) -> None:
-        cell, task = owned[place]
+    def progress(task_index: int, share: float) -> None:
+        cell, task = owned[task_index]
         cell.report(task, share)
 
     execute = settings.executor or sequential(settings.nthread)
@@ -174,14 +174,14 @@ def run_cells(
 def sequential(nthread: int) -> Executor:
     """Executor that runs one task after the other in this process, each on so many threads."""
 
-    def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, Chunk]]:
-        for place, task in enumerate(tasks):
-            yield place, simulate(task, nthread, partial(progress, place))
+    def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
+        for task_index, task in enumerate(tasks):
+            yield task_index, simulate(task, nthread, partial(progress, task_index))
 
     return execute
 
 
-def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chunk:
+def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> EpisodeChunk:
     """Outcome of a task; `progress` receives the share that is done, below 1."""
     episodes = rollout.run(
         task.policy.on(task.scenario),
@@ -192,28 +192,28 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chu
         progress=lambda share: None if share >= 1.0 else progress(share),
         hardware=task.hardware,
     )
-    return Chunk(task.numbers, measured(task.policy.label, task.scenario, episodes))
+    return EpisodeChunk(task.episode_indices, measure_cell(task.policy.label, task.scenario, episodes))
 
 
-def measured(label: str, scenario: Scenario, episodes: Episodes) -> Cell:
+def measure_cell(label: str, scenario: Scenario, episodes: Episodes) -> PolicyScenarioResult:
     """The cell of these episodes."""
     measures = with_causes(measure(episodes), episodes)
-    return Cell(label, scenario, episodes.seeds, episodes.fall_reason, measures, episodes.failure)
+    return PolicyScenarioResult(label, scenario, episodes.seeds, episodes.fall_reason, measures, episodes.failure)
 
 
-def _keep(store: Store, chunk: Chunk) -> None:
+def _keep(store: Store, chunk: EpisodeChunk) -> None:
     """Put a chunk into the store; a failure of the system is NotKept."""
     try:
         store.save(chunk)
     except OSError as error:
-        raise NotKept(error.errno, error.strerror or str(error), error.filename) from error
+        raise StoreError(error.errno, error.strerror or str(error), error.filename) from error
 
 
 class _PendingCell:
     """A cell of which some chunks may be missing still."""
 
     def __init__(
-        self, policy: LabelledPolicy, scenario: Scenario, seeds: NDArray[np.int64], settings: Settings
+        self, policy: LabelledPolicy, scenario: Scenario, seeds: NDArray[np.int64], settings: RunSettings
     ) -> None:
         self.policy, self.scenario, self.seeds, self.settings = policy, scenario, seeds, settings
         self.chunks = list(settings.store.load(policy.label, scenario)) if settings.store else []
@@ -222,46 +222,46 @@ class _PendingCell:
 
     def tasks(self) -> Iterator[Task]:
         """What is missing, in stretches without a gap."""
-        stored = [np.arange(0), *(chunk.numbers for chunk in self.chunks)]
+        stored = [np.arange(0), *(chunk.episode_indices for chunk in self.chunks)]
         missing = np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(stored))
         how = self.settings
-        for numbers in _stretches(missing, how.chunk_size):
-            seeds = self.seeds[numbers]
-            yield Task(self.policy, self.scenario, numbers, seeds, how.steps, how.hardware)
+        for episode_indices in _contiguous_runs(missing, how.chunk_size):
+            seeds = self.seeds[episode_indices]
+            yield Task(self.policy, self.scenario, episode_indices, seeds, how.steps, how.hardware)
 
     def report(self, task: Task, share: float) -> None:
-        self.shares[int(task.numbers[0])] = share * len(task.numbers)
+        self.shares[int(task.episode_indices[0])] = share * len(task.episode_indices)
         done = self.finished + sum(self.shares.values())
         self.settings.progress(self.policy.label, self.scenario.name, done / len(self.seeds))
 
-    def add(self, chunk: Chunk) -> None:
-        self.shares.pop(int(chunk.numbers[0]), None)
+    def add(self, chunk: EpisodeChunk) -> None:
+        self.shares.pop(int(chunk.episode_indices[0]), None)
         self.chunks.append(chunk)
 
     @property
     def finished(self) -> int:
         """Episodes of the chunks that are there."""
-        return sum(len(chunk.numbers) for chunk in self.chunks)
+        return sum(len(chunk.episode_indices) for chunk in self.chunks)
 
     @property
     def done(self) -> bool:
         return self.finished == len(self.seeds)
 
-    def finish(self) -> Cell:
+    def finish(self) -> PolicyScenarioResult:
         self.settings.progress(self.policy.label, self.scenario.name, 1.0)
         return join(self.chunks)
 
 
-def _stretches(numbers: NDArray[np.int64], longest: int) -> Iterator[NDArray[np.int64]]:
+def _contiguous_runs(numbers: NDArray[np.int64], longest: int) -> Iterator[NDArray[np.int64]]:
     """Rising numbers in stretches without a gap, of at most `longest`."""
     for stretch in np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1):
         if len(stretch):
             yield from np.array_split(stretch, -(-len(stretch) // longest))
 
 
-def join(chunks: Sequence[Chunk]) -> Cell:
+def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:
     """Chunks of one cell as one, episodes in the order of their numbers."""
-    order = np.argsort(np.concatenate([chunk.numbers for chunk in chunks]))
+    order = np.argsort(np.concatenate([chunk.episode_indices for chunk in chunks]))
     cells = [chunk.cell for chunk in chunks]
     fields = [field.name for field in dataclasses.fields(Measures)]
     joined = {name: np.concatenate([getattr(cell.measures, name) for cell in cells])[order] for name in fields}
@@ -274,7 +274,7 @@ def join(chunks: Sequence[Chunk]) -> Cell:
     )
 
 
-def rescored(cell: Cell, rule: SuccessRule) -> Cell:
+def apply_success_rule(cell: PolicyScenarioResult, rule: SuccessRule) -> PolicyScenarioResult:
     """The same episodes by another rule of success: exactly those that succeed by it; what no longer does is off its
     command."""
     had, failed = cell.measures, np.array([reason is not None for reason in cell.failure], np.bool_)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Hardware:
+class HardwareConfig:
     """Names that the environment's keyword arguments of the same names know."""
 
     actuator: str = "ideal"
@@ -28,7 +28,7 @@ class Hardware:
     """Simulator of the physics, one of `quad_env.physics.batch.SIMULATORS`."""
 
     @property
-    def quadruped(self) -> "Robot":
+    def robot_model(self) -> "Robot":
         """The robot of that name, with those servos. Raises as `quad_env.robots.named.robot_of`."""
         from quad_env.robots.named import get_robot
 
@@ -41,9 +41,9 @@ class Hardware:
         except ValueError:
             raise ValueError(f"servo is stiffness/damping above 0, such as 35/0.5, not {self.servo!r}") from None
 
-    def environment(self, robot: "Robot") -> dict[str, Any]:
+    def env_kwargs(self, robot: "Robot") -> dict[str, Any]:
         """Keyword arguments of an environment of the robot, with the servo gains of one that a policy is made for."""
-        own = self.quadruped.with_servo(robot.servo_stiffness, robot.servo_damping)
+        own = self.robot_model.with_servo(robot.servo_stiffness, robot.servo_damping)
         names = ("actuator", "sensors", "estimator", "simulator")
         return {name: getattr(self, name) for name in names} | {"robot": own}
 
@@ -56,42 +56,42 @@ class Hardware:
         import policies
         from quad_env.actuation.hardware import hardware_profile
 
-        made: dict[str, Any] = {"robot": self.quadruped, "actuator": self.actuator, "sensors": self.sensors}
+        made: dict[str, Any] = {"robot": self.robot_model, "actuator": self.actuator, "sensors": self.sensors}
         if real:
-            profile = hardware_profile(self.quadruped)
-            made = {"robot": self.quadruped.with_servo(), "actuator": profile.actuator, "sensors": profile.sensors}
+            profile = hardware_profile(self.robot_model)
+            made = {"robot": self.robot_model.with_servo(), "actuator": profile.actuator, "sensors": profile.sensors}
         return policies.resolve(name_or_path, trust=trust, **made | given)
 
     @property
-    def chosen(self) -> bool:
+    def is_customized(self) -> bool:
         """Whether actuator, sensors or estimator are other than the usual ones."""
         return replace(self, robot=IDEAL.robot, servo="", simulator=IDEAL.simulator) != IDEAL
 
 
-IDEAL = Hardware()
+IDEAL = HardwareConfig()
 
 
-def words(hardware: Hardware) -> str:
+def words(hardware: HardwareConfig) -> str:
     """` Robot: go1. Motors: motor; sensors: typical.`, an unusual estimator named too; nothing of what is usual."""
     robot = "" if hardware.robot == IDEAL.robot else f" Robot: {hardware.robot}."
     robot += f" Servos: {hardware.servo}." if hardware.servo else ""
     robot += "" if hardware.simulator == IDEAL.simulator else f" Simulator: {hardware.simulator}."
-    if not hardware.chosen:
+    if not hardware.is_customized:
         return robot
     estimator = "" if hardware.estimator == IDEAL.estimator else f"; estimator: {hardware.estimator}"
     return f"{robot} Motors: {hardware.actuator}; sensors: {hardware.sensors}{estimator}."
 
 
-def hardware_of(robot: str, option: str = "--robot") -> Hardware:
+def parse_robot_option(robot: str, option: str = "--robot") -> HardwareConfig:
     """The robot of that name or path, otherwise as usual. Raises UsageError."""
     try:
-        check(found := Hardware(robot=robot))
+        check(found := HardwareConfig(robot=robot))
     except ValueError as error:
         raise UsageError(f"{option}: {error}") from error
     return found
 
 
-def check(hardware: Hardware, scenario: "Scenario | None" = None) -> None:
+def check(hardware: HardwareConfig, scenario: "Scenario | None" = None) -> None:
     """ValueError, which lists the valid names, where one is unknown, a robot cannot be had, an estimator has no sensors
     or the simulator cannot do that, in that scenario."""
     from quad_env.actuation.models import actuator
@@ -101,7 +101,7 @@ def check(hardware: Hardware, scenario: "Scenario | None" = None) -> None:
     from quad_env.sensing.suite import sensor_suite
 
     try:
-        robot = hardware.quadruped
+        robot = hardware.robot_model
     except (OSError, ImportError) as error:  # no file, or a package that is not installed
         raise ValueError(str(error)) from error
     if robot.source is not None:

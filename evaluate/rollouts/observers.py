@@ -39,7 +39,7 @@ True ends the rollout.
 """
 
 
-class Falls:
+class FallRecorder:
     """First fall of each of n robots by the environment's rule; a simulation that diverges is one too."""
 
     def __init__(self, count: int, steps: int) -> None:

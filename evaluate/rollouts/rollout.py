@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evaluate.measures.episodes import GIVEN, OBSERVED, OF_POLICY, Episodes, blank, shapes, weight
-from evaluate.rollouts.hardware import IDEAL, Hardware
-from evaluate.rollouts.observers import Falls, Observer, Step
+from evaluate.measures.episodes import OBSERVED_SIGNAL, OBSERVED, POLICY_SIGNALS, Episodes, empty_signal, shapes, weight
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig
+from evaluate.rollouts.observers import FallRecorder, Observer, Step
 from policies.base import Actions, Policy
 from quad_env.scenarios.scenario import Scenario
 
@@ -37,7 +37,7 @@ def roll_out(
     nthread: int = 1,
     command: ArrayLike | None = None,
     terminate_on_fall: bool = True,
-    hardware: Hardware = IDEAL,
+    hardware: HardwareConfig = IDEAL,
 ) -> None:
     """One episode of `policy` for each seed, all side by side; every observer receives each step.
 
@@ -57,19 +57,19 @@ def roll_out(
     )
     with closing(_steps(policy, env, seeds, command)) as taken:
         for step in taken:
-            enough = [observer(step) for observer in observers]
-            if any(enough):
+            stop_requested = [observer(step) for observer in observers]
+            if any(stop_requested):
                 return
 
 
-def watch(
+def iterate_episode(
     policy: Policy,
     scenario: str | Scenario,
     seed: int,
     *,
     steps: int,
     command: ArrayLike | None = None,
-    hardware: Hardware = IDEAL,
+    hardware: HardwareConfig = IDEAL,
 ) -> Generator[Step]:
     """The start and the control steps of one episode, each simulated on demand: several policies' episodes can
     go side by side. A robot that has fallen goes on; otherwise as in `roll_out`."""
@@ -99,7 +99,7 @@ def batch_of(
     steps: int | None,
     nthread: int,
     terminate_on_fall: bool = True,
-    hardware: Hardware = IDEAL,
+    hardware: HardwareConfig = IDEAL,
 ) -> "SimpleQuadVectorEnv":
     """`count` robots whose readings observers get, for episodes of so many control steps, or without a time limit."""
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -113,7 +113,7 @@ def batch_of(
         terminate_on_fall=terminate_on_fall,
         readings=True,
         height_scan=policy.height_scan,
-        **hardware.environment(policy.robot),
+        **hardware.env_kwargs(policy.robot),
     )
 
 
@@ -138,7 +138,7 @@ def run(
     nthread: int = 1,
     steps: int = STEPS,
     progress: Progress = lambda _: None,
-    hardware: Hardware = IDEAL,
+    hardware: HardwareConfig = IDEAL,
 ) -> Episodes:
     """The record of one episode of `policy` for each seed."""
     recorder = Recorder(policy, seeds, steps)
@@ -157,7 +157,7 @@ class Recorder:
 
     def __init__(self, policy: Policy | None, seeds: NDArray[np.int64], steps: int) -> None:
         self._policy, self._seeds, self._steps = policy, seeds, steps
-        self.falls = Falls(len(seeds), steps)
+        self.falls = FallRecorder(len(seeds), steps)
         """By now."""
         self._failure = np.full(len(seeds), None, dtype=object)
         self._failure_step = np.full(len(seeds), steps, np.int64)
@@ -166,21 +166,21 @@ class Recorder:
         """Record a control step."""
         if step.number == 0:
             self._env, robot = step.env, step.env.robot
-            absent = [name for name in OF_POLICY if getattr(self._policy, name, None) is None]
-            absent += [GIVEN] * step.env.observes_true_state
+            absent = [name for name in POLICY_SIGNALS if getattr(self._policy, name, None) is None]
+            absent += [OBSERVED_SIGNAL] * step.env.observes_true_state
             table = step.env.observation_table.slices
             self._given = np.concatenate([np.arange(table[name].start, table[name].stop) for name in OBSERVED])
             names = [name for name in shapes(robot) if name not in absent]
-            self._signals = {name: blank(robot, name, self._steps, len(self._seeds)) for name in names}
+            self._signals = {name: empty_signal(robot, name, self._steps, len(self._seeds)) for name in names}
             return
         if (failure := getattr(self._policy, "failure", None)) is not None:
             self._failure = np.where(self.falls.fell, self._failure, failure)
             failed = [reason is not None for reason in self._failure]
             np.minimum(self._failure_step, step.number - 1, out=self._failure_step, where=failed)
         self.falls(step)
-        now = step.infos | {GIVEN: step.observation[:, self._given]}
+        now = step.infos | {OBSERVED_SIGNAL: step.observation[:, self._given]}
         for name, signal in self._signals.items():
-            signal[step.number - 1] = getattr(self._policy, name) if name in OF_POLICY else now[name]
+            signal[step.number - 1] = getattr(self._policy, name) if name in POLICY_SIGNALS else now[name]
 
     def episodes(self) -> Episodes:
         """The record; of steps that were not recorded, zeros."""
@@ -189,7 +189,7 @@ class Recorder:
         return Episodes(
             robot=env.robot,
             seeds=self._seeds,
-            **dict.fromkeys((*OF_POLICY, GIVEN)) | self._signals,  # type: ignore[arg-type]
+            **dict.fromkeys((*POLICY_SIGNALS, OBSERVED_SIGNAL)) | self._signals,  # type: ignore[arg-type]
             push_step=env.pushes.first_step.copy(),
             push_impulse=env.pushes.force * (env.pushes.steps * env.dt),
             push_steps=env.pushes.steps,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.outcomes import RULES, SUCCESS_RULE
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from policies.base import Floats, Policy
@@ -24,7 +24,7 @@ SECONDS, SETTLING = 4.0, 2.0
 class Walk:
     """What became of a robot that was held to a command."""
 
-    way: str
+    command_name: str
     """The command in words, such as `forward`."""
     command: Floats
     """(3,), m/s and rad/s."""
@@ -46,13 +46,13 @@ class Walk:
     def words(self) -> str:
         """Such as `forward 0.49 of 0.50 m/s`."""
         if self.failure:
-            return f"commanded {self.way} it {self.failure}"
+            return f"commanded {self.command_name} it {self.failure}"
         if self.fall:
-            return f"commanded {self.way} it falls ({self.fall.replace('_', ' ')})"
+            return f"commanded {self.command_name} it falls ({self.fall.replace('_', ' ')})"
         if not self.command.any():
-            return f"commanded {self.way} it moves at {np.linalg.norm(self.velocity[:2]):.2f} m/s"
+            return f"commanded {self.command_name} it moves at {np.linalg.norm(self.velocity[:2]):.2f} m/s"
         axis, worst = int(np.abs(self.command).argmax()), int(self.errors.argmax())
-        words = f"{self.way} {_rounded(self.velocity[axis])} of {self.command[axis]:.2f} {UNITS[axis]}"
+        words = f"{self.command_name} {_rounded(self.velocity[axis])} of {self.command[axis]:.2f} {UNITS[axis]}"
         if self.deviation <= 1.0 or worst == axis:
             return words
         return f"{words}, with {_rounded(self.velocity[worst])} {UNITS[worst]} {AXES[worst]}"
@@ -60,10 +60,10 @@ class Walk:
 
 def walks(
     policy: Policy,
-    hardware: Hardware,
+    hardware: HardwareConfig,
     commands: Mapping[str, Command],
     seeds: NDArray[np.int64],
-    times: int = 1,
+    copies: int = 1,
     shortened_by: float = 1.0,
 ) -> list[Walk]:
     """Return a walk for each seed and each command, by the command's words.
@@ -80,7 +80,7 @@ def walks(
         ValueError: What making the environment and `Policy.check_fits` raise.
     """
     scale, count = np.array([scale_factor(policy.robot, unit) for unit in UNITS]), len(seeds)
-    asked = np.tile(np.repeat(scale * np.array(list(commands.values())), count, axis=0), (times, 1))
+    asked = np.tile(np.repeat(scale * np.array(list(commands.values())), count, axis=0), (copies, 1))
     fall = np.zeros(len(asked), int)
     velocities: list[Floats] = []
 
@@ -90,7 +90,7 @@ def walks(
             velocities.append(step.infos["heading_velocity"])
 
     steps = round(SECONDS / shortened_by / policy.control_period)
-    seeds = np.tile(seeds, len(commands) * times)
+    seeds = np.tile(seeds, len(commands) * copies)
     roll_out(policy, "flat", seeds, observe, steps=steps, command=asked, hardware=hardware)
     planar = np.linalg.norm(asked[:, :2], axis=1, keepdims=True)
     rule = RULES[SUCCESS_RULE]
@@ -98,7 +98,7 @@ def walks(
     means = np.mean(velocities, axis=0) if velocities else np.zeros_like(asked)
     errors = np.abs(means - asked) / allowed
     errors[:, 2] *= asked.any(axis=1)  # many turn a little where they are to stand
-    ways = np.tile(np.repeat(list(commands), count), times).tolist()
+    ways = np.tile(np.repeat(list(commands), count), copies).tolist()
     falls = [FALL_REASONS[code] if code else "" for code in fall]
     failures = getattr(policy, "failure", None)
     failures = [None] * len(asked) if failures is None else failures

@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext
 from typing import Any
 
-from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, sequential, simulate
+from evaluate.rollouts.experiment import EpisodeChunk, Executor, Task, TaskProgress, sequential, simulate
 from quad_env.cli.child_process import exit_with_parent, without_ctrl_c
 from quad_env.cli.command_line import UsageError
 from quad_env.files.text import format_exception
@@ -32,7 +32,7 @@ BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 """Environment variable, 1 in workers: their matrices are small, and the other cores have workers of their own."""
 
 
-class WorkerLost(UsageError):
+class WorkerDiedError(UsageError):
     """A worker process has died, or could not be begun."""
 
 
@@ -43,35 +43,35 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
     exception in it ends them too. It has no thread and no lock: whichever process dies, nothing waits for it.
     """
 
-    def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, Chunk]]:
-        if min(count, len(tasks)) < 2 or sum(map(cost, tasks)) < FEWEST_STEPS:
+    def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
+        if min(count, len(tasks)) < 2 or sum(map(estimated_steps, tasks)) < FEWEST_STEPS:
             yield from sequential(count)(tasks, progress)
             return
         todo = iter(enumerate(tasks))
         with _workers(min(count, len(tasks), MOST_WORKERS)) as working:
             while working:
                 check()
-                for worker in _heard_from(working):
-                    place, news = worker.place, worker.received()
-                    if isinstance(news, float):
-                        progress(place, news)
+                for worker in _ready_workers(working):
+                    task_index, message = worker.place, worker.receive()
+                    if isinstance(message, float):
+                        progress(task_index, message)
                         continue
-                    if isinstance(news, BaseException):
-                        raise news
+                    if isinstance(message, BaseException):
+                        raise message
                     if (following := next(todo, None)) is None:
                         working.remove(worker)
                     else:
                         place_next, task = following
-                        worker.give(place_next, task)
-                    if isinstance(news, Chunk):
-                        yield place, news
+                        worker.submit(place_next, task)
+                    if isinstance(message, EpisodeChunk):
+                        yield task_index, message
 
     return execute
 
 
-def cost(task: Task) -> float:
+def estimated_steps(task: Task) -> float:
     """Control steps in MuJoCo, of all its robots together, that take as long as a task."""
-    return len(task.numbers) * task.steps * RELATIVE_STEP_TIME[task.hardware.simulator]
+    return len(task.episode_indices) * task.steps * RELATIVE_STEP_TIME[task.hardware.simulator]
 
 
 class _Worker:
@@ -85,15 +85,15 @@ class _Worker:
         with contextlib.closing(theirs):
             self.process.start()
 
-    def give(self, place: int, task: Task) -> None:
+    def submit(self, task_index: int, task: Task) -> None:
         """Have it do a task, which it waits for. Raises WorkerLost."""
-        self.place = place
+        self.place = task_index
         try:
             self.pipe.send(task)
         except OSError:
             raise self._lost() from None
 
-    def received(self) -> Any:
+    def receive(self) -> Any:
         """What it has sent: None at first, then shares of its task, and its outcome. Raises WorkerLost."""
         try:
             if self.pipe.poll():
@@ -102,14 +102,14 @@ class _Worker:
             pass
         raise self._lost()
 
-    def _lost(self) -> WorkerLost:
+    def _lost(self) -> WorkerDiedError:
         self.process.join(ENDING_TIME)
         code = self.process.exitcode
         how = f"was killed ({signal.Signals(-code).name})" if code and code < 0 else f"has ended (exit code {code})"
-        return WorkerLost(f"a worker process {how}, for want of memory perhaps")
+        return WorkerDiedError(f"a worker process {how}, for want of memory perhaps")
 
 
-def _heard_from(workers: Sequence[_Worker]) -> list[_Worker]:
+def _ready_workers(workers: Sequence[_Worker]) -> list[_Worker]:
     """Those that have sent something, or have died; none where nothing happens for POLL_PERIOD."""
     found = connection.wait(
         [each for worker in workers for each in (worker.pipe, worker.process.sentinel)], POLL_PERIOD
@@ -127,7 +127,7 @@ def _workers(count: int) -> Iterator[list[_Worker]]:
                 for _ in range(count):
                     begun.append(_Worker(context))
         except OSError as error:
-            raise WorkerLost(f"a worker process cannot be started ({error.strerror or error})") from error
+            raise WorkerDiedError(f"a worker process cannot be started ({error.strerror or error})") from error
         yield list(begun)
     finally:
         _end(begun)
@@ -167,10 +167,10 @@ def _work(pipe: Connection) -> None:
     with contextlib.suppress(EOFError, OSError, MemoryError):
         pipe.send(None)
         while True:
-            pipe.send(_outcome(pipe.recv(), pipe))
+            pipe.send(_run_task(pipe.recv(), pipe))
 
 
-def _outcome(task: Task, pipe: Connection) -> Chunk | BaseException:
+def _run_task(task: Task, pipe: Connection) -> EpisodeChunk | BaseException:
     """A task's outcome, or why there is none; meanwhile the share that is done is sent every POLL_PERIOD."""
     due = 0.0
 

@@ -18,7 +18,7 @@ UNBOUNDED = (-np.inf, np.inf)
 """Bounds of values that may be anything."""
 RESAMPLES = 9999
 """Resamples of a bootstrap of a mean."""
-KEPT_VALUES = 12_000_000
+MAX_CACHED_VALUES = 12_000_000
 """Resamples of at most so many values in all (96 MB) are drawn once and kept for the next of that size."""
 BLOCK_VALUES = 500_000
 """Others are drawn again each time, so many values at once, which bounds the memory."""
@@ -35,7 +35,7 @@ def wilson_interval(successes: float, trials: float) -> Interval:
     return (float(max(0.0, (middle - reach) / (1.0 + weight))), float(min(1.0, (middle + reach) / (1.0 + weight))))
 
 
-def mean_share_interval(shares: Floats) -> Interval:
+def mean_proportion_interval(shares: Floats) -> Interval:
     """Interval of the mean of shares within 0 … 1, of which chance draws each by itself; (NaN, NaN) without any.
 
     Wilson's, of as many yes-or-no trials as have a mean that varies as much, with Student's t for the normal
@@ -103,7 +103,7 @@ def bootstrap_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int =
     from scipy.special import ndtr, ndtri
 
     if len(values) < 2 or _agree(values):
-        return agreeing_interval(values, bounds)
+        return identical_values_interval(values, bounds)
     sums = _resampled_sums(values, RESAMPLES, seed)
     below, not_above = (sums < values.sum()).mean(), (sums <= values.sum()).mean()
     bias = ndtri((below + not_above) / 2)
@@ -124,14 +124,14 @@ def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed:
     from scipy.special import ndtr, stdtrit
 
     if len(differences) < 2 or _agree(differences):
-        return agreeing_interval(differences, bounds)
+        return identical_values_interval(differences, bounds)
     pairs = len(differences)
     tail = ndtr(-np.sqrt(pairs / (pairs - 1)) * stdtrit(pairs - 1, 0.5 + CONFIDENCE / 2))
     low, high = np.quantile(_resampled_sums(differences, RESAMPLES, seed), [tail, 1.0 - tail]) / pairs
     return (float(low), float(high))
 
 
-def agreeing_interval(values: Floats, bounds: Interval) -> Interval:
+def identical_values_interval(values: Floats, bounds: Interval) -> Interval:
     """Interval of the mean of n values that all agree; (NaN, NaN) for fewer than two.
 
     Others than those seen have at most the share that Wilson's interval has for none of n, 14 % of 24, and may be
@@ -161,7 +161,7 @@ def percentile_interval(resampled: Floats) -> Interval:
 
 def resamples(size: int, count: int, seed: int) -> Iterator[Floats]:
     """How often each of `size` values is drawn in each of `count` resamples, as blocks of rows (…, size)."""
-    if size * count <= KEPT_VALUES:
+    if size * count <= MAX_CACHED_VALUES:
         yield _kept(size, count, seed)
         return
     generator = np.random.default_rng(seed)

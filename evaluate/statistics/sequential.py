@@ -24,7 +24,7 @@ LEVEL = 0.045
 """Chance of any wrong claim on neighbours: of the 5 % of a report, what claims on single scenarios leave."""
 LOOKS = 4
 """Looks at the data, after equal parts of the most episodes."""
-HOPELESS = 0.05
+FUTILITY_POWER = 0.05
 """Predicted chance of being distinguished at the last look below which two neighbours are given up."""
 _POINTS = 401
 """Of the density between the boundaries, which is integrated numerically."""
@@ -38,7 +38,7 @@ class Neighbours(NamedTuple):
     p_value: float
     """Paired sign-flip permutation, two-sided, not corrected."""
     distinguished: bool
-    hopeless: bool
+    futile: bool
     """Whether they can hardly be distinguished by the last look."""
 
 
@@ -53,8 +53,8 @@ def neighbours(values: Mapping[str, Floats], most: int) -> list[Neighbours]:
     levels = nominal_levels(most, len(order)) if len(order) > 1 else {}
     for ahead, behind in pairwise(order):
         p_value, episodes = sign_flip_test(values[ahead] - values[behind]), len(values[ahead])
-        chance = predicted(p_value, episodes / most, levels[most])
-        found.append(Neighbours(ahead, behind, p_value, p_value < levels[episodes], chance < HOPELESS))
+        chance = predictive_power(p_value, episodes / most, levels[most])
+        found.append(Neighbours(ahead, behind, p_value, p_value < levels[episodes], chance < FUTILITY_POWER))
     return found
 
 
@@ -92,7 +92,7 @@ def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: f
     return float(density @ (ndtr((-bound - sums) / scale) + ndtr((sums - bound) / scale))) - chance
 
 
-def predicted(p_value: float, share: float, last_level: float) -> float:
+def predictive_power(p_value: float, share: float, last_level: float) -> float:
     """Chance that the last look distinguishes them, from the p-value after that share of its episodes: predictive power
     with a flat prior (Spiegelhalter, Freedman and Blackburn 1986, Controlled Clinical Trials 7)."""
     from scipy.special import ndtr, ndtri

@@ -15,7 +15,7 @@ MORE_FLIPS = 99_999
 """Where so few of the first reach the observed mean that the p-value is coarse.
 
 The smallest of the first, 1/10000, times the comparisons of a whole battery could never be significant."""
-FEW = 10
+MIN_EXCEEDANCES = 10
 """Flips that reach the observed mean, the observed one not counted, below which more are drawn."""
 BYTE_SIGNS = np.array(list(itertools.product((1.0, -1.0), repeat=8)))
 """Signs of eight pairs for every byte, (256, 8)."""
@@ -47,7 +47,7 @@ def sign_flip_test(differences: Floats, seed: int = 0) -> float:
         return float((np.abs(signs @ differences) >= observed).mean())
     generator = np.random.default_rng(seed)
     as_large = _flips_as_large(differences, observed, FLIPS, generator)
-    if as_large >= FEW:
+    if as_large >= MIN_EXCEEDANCES:
         return (as_large + 1) / (FLIPS + 1)
     as_large += _flips_as_large(differences, observed, MORE_FLIPS - FLIPS, generator)
     return (as_large + 1) / (MORE_FLIPS + 1)

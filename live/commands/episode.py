@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from evaluate.commands.options import Flag
 from evaluate.rollouts import battery
-from evaluate.rollouts.hardware import Hardware, hardware_of
+from evaluate.rollouts.hardware import HardwareConfig, parse_robot_option
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.config import COMMAND_BOUND
 from quad_env.scenarios.scenario import Scenario
@@ -26,11 +26,11 @@ class EpisodeOptions:
     trust: Flag = False
     """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
 
-    def resolve(self) -> tuple[Hardware, Scenario]:
+    def resolve(self) -> tuple[HardwareConfig, Scenario]:
         """The robot's hardware and its scenario. Raises UsageError where one of them does not exist."""
-        hardware = hardware_of(self.robot)
+        hardware = parse_robot_option(self.robot)
         try:
-            return hardware, battery.one(self.scenario, hardware.quadruped)
+            return hardware, battery.resolve_single(self.scenario, hardware.robot_model)
         except ValueError as error:
             raise UsageError(f"--scenario: {error}") from error
 

@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 import tyro
 
 from evaluate.film import files
-from evaluate.film.shooting import Look, Take, film
-from evaluate.rollouts.experiment import labelled
+from evaluate.film.shooting import RenderOptions, FilmSpec, film
+from evaluate.rollouts.experiment import load_labelled_policy
 from evaluate.rollouts.hardware import IDEAL
 from live.commands.episode import Command, EpisodeOptions
 from policies.base import CONTROL_PERIOD
@@ -53,11 +53,11 @@ def main(options: Options) -> int:
     if not 1 <= len(options.policies) <= MOST_POLICIES:
         raise UsageError(f"--policies must name 1 to {MOST_POLICIES}, not {len(options.policies)}")
     hardware, scenario = options.resolve()
-    policies = tuple(labelled(name, hardware, (scenario,), options.trust) for name in options.policies)
-    robot = "" if hardware == IDEAL else f"{hardware.quadruped.name}, "
+    policies = tuple(load_labelled_policy(name, hardware, (scenario,), options.trust) for name in options.policies)
+    robot = "" if hardware == IDEAL else f"{hardware.robot_model.name}, "
     title, steps = f"{robot}{scenario.name}, seed {options.seed}", round(options.seconds / CONTROL_PERIOD)
-    take = Take(policies, scenario, options.seed, steps, title, hardware, options.command)
-    look = Look(options.size, options.camera, options.speed, options.fps, options.arrows)
+    take = FilmSpec(policies, scenario, options.seed, steps, title, hardware, options.command)
+    look = RenderOptions(options.size, options.camera, options.speed, options.fps, options.arrows)
     files.check(options.out, "the film")
     raise_on_interrupt()
     with bar("filming") as progress:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import policies
-from evaluate.rollouts.hardware import hardware_of
+from evaluate.rollouts.hardware import parse_robot_option
 from policies import bundle, shipped
 from policies.description import parsed
 from policies.summaries import SUMMARIES
@@ -26,7 +26,7 @@ class Options:
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    print("\n".join(_lines(hardware_of(options.robot).quadruped)))
+    print("\n".join(_lines(parse_robot_option(options.robot).robot_model)))
     return 0
 
 

@@ -45,7 +45,7 @@ def main(options: Options) -> int:
     version, python = interpreter.find(options.version)
     environment = interpreter.environment(os.environ, options.network)
     hardware, scenario = options.resolve()
-    robot = hardware.quadruped
+    robot = hardware.robot_model
     policy: Policy = Driven(robot=robot)
     if options.policy is not None:
         policy = hardware.policy(options.policy, options.trust, real=scenario.hardware)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 import policies
 from evaluate.film.scene import heading
 from evaluate.rollouts import battery
-from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from live.session import Session
 from live.view.picture import Orbit, Shot
 from live.view.requests import Request
@@ -45,7 +45,7 @@ class Driver:
         self,
         names: Sequence[str],
         scenario: str = "flat",
-        hardware: Hardware = IDEAL,
+        hardware: HardwareConfig = IDEAL,
         *,
         seed: int = 0,
         command: Sequence[float] | None = None,
@@ -166,9 +166,9 @@ class Driver:
         self._reset(self.sessions[0].seed)
 
     def _found(self, name: str) -> Scenario:
-        if battery.of_file(name) and name != self._first_scenario:
+        if battery.is_file_reference(name) and name != self._first_scenario:
             raise ValueError(f"{name}: a scenario in a file is named when the view is started, with --scenario")
-        return battery.one(name, self._hardware.quadruped)
+        return battery.resolve_single(name, self._hardware.robot_model)
 
     def _choose(self, robot: int, name: str) -> None:
         """A robot alone changes its policy under way where that can be; else, also for a further robot, all begin their

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.causes.story import in_lines, story
+from evaluate.causes.story import in_lines, timeline
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
 from evaluate.measures.outcomes import SUCCEEDED
@@ -62,7 +62,7 @@ def _story(kept: Sequence[_Kept], session: Session) -> list[str]:
     """Lines of `evaluate.causes.story` of the kept steps, with the times of the episode."""
     episodes = _record(kept, session)
     begun = kept[0][0].number * episodes.dt
-    return in_lines((begun + time, words) for time, words in story(episodes, measure(episodes)))
+    return in_lines((begun + time, words) for time, words in timeline(episodes, measure(episodes)))
 
 
 def _record(kept: Sequence[_Kept], session: Session) -> Episodes:

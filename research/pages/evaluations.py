@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evaluate.analysis.pareto import Pareto, ParetoPoint, place_of_cost
+from evaluate.analysis.pareto import Pareto, ParetoPoint, cost_scenario
 from evaluate.analysis.results import with_nan
 from evaluate.analysis.score import SCORES, Score
 from evaluate.commands.options import command
@@ -14,7 +14,7 @@ from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FEW, FIRST, figure_of_effort
 from evaluate.report.plots import drawing, pareto, success
 from evaluate.rollouts.battery import BATTERIES, resolve
-from evaluate.rollouts.hardware import Hardware, hardware_of
+from evaluate.rollouts.hardware import HardwareConfig, parse_robot_option
 from policies.summaries import explained
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import (
@@ -102,7 +102,7 @@ def legend(found: dict[str, Any]) -> str:
 def overview(found: dict[str, Any]) -> list[str]:
     """Scores and effort, a policy a row, and the success on flat ground of policies that have no score; in lines."""
     ideal, real = ({each.policy: share(each.score, each.ci) for each in scores(found, kind)} for kind in KINDS)
-    place = place_of_cost(scenarios_of(found))
+    place = cost_scenario(scenarios_of(found))
     heads = {"policy": "policy", "score": "success", "real": "success with the hardware profile"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FEW}
     ran, rows, flat = {policy: of["scenarios"] for policy, of in found["policies"].items()}, [], ""
@@ -136,8 +136,8 @@ def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
 
 def robot_of(found: dict[str, Any]) -> Robot:
     """The robot that was evaluated. Raises UsageError where it is not to be had here."""
-    name = found.get("provenance", {}).get("hardware", {}).get("robot", Hardware.robot)
-    return hardware_of(name, "the results' robot").quadruped
+    name = found.get("provenance", {}).get("hardware", {}).get("robot", HardwareConfig.robot)
+    return parse_robot_option(name, "the results' robot").robot_model
 
 
 def score_table(

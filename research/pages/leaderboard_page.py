@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE, Comparison
-from evaluate.analysis.pareto import place_of_cost
+from evaluate.analysis.pareto import cost_scenario
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import summarise
 from evaluate.measures.outcomes import ISAAC_LAB, RULES
@@ -13,7 +13,7 @@ from evaluate.report.headings import EFFORT_TITLES, FEW, FIRST, figure_of_effort
 from evaluate.report.page import warnings
 from evaluate.report.table import summary_figures
 from evaluate.report.verdict import SAME, claim
-from evaluate.rollouts.experiment import rescored
+from evaluate.rollouts.experiment import apply_success_rule
 from quad_env.cli.format import ABSENT, counted, estimate, number, points_with, share
 from quad_env.robots.robot import Robot
 from research.pages.markdown import IN_A_LINE, table
@@ -61,7 +61,7 @@ def page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made
 def _overview(results: Results, robots: Mapping[str, Robot], order: Sequence[str]) -> Iterator[str]:
     """Servo gains, success on every scenario, and effort at a steady speed, over the commands or on the first."""
     scores = {score.policy: share(score.score, score.ci) for score in results.scores}
-    place = place_of_cost(results.scenarios) or results.scenarios[0]
+    place = cost_scenario(results.scenarios) or results.scenarios[0]
     found = results.summaries
     heads = {FIRST: "policy", "gains": "servo: N·m/rad; N·m·s/rad", **{name: name for name in results.scenarios}}
     rows = [
@@ -90,7 +90,7 @@ def _scenario(results: Results, scenario: str, order: Sequence[str]) -> Iterator
     heads |= {f"{name} minus": f"{IN_A_LINE[name].partition(',')[0]}: minus `{results.baseline}`" for name in COMPARED}
     rows = []
     for policy in order:
-        other = summarise(rescored(cells[policy], RULES[ISAAC_LAB]), results.hardware.quadruped)
+        other = summarise(apply_success_rule(cells[policy], RULES[ISAAC_LAB]), results.hardware.robot_model)
         figures = summary_figures(results.summaries[scenario, policy], " ")
         figures[ISAAC_LAB] = share(other.success_rate, other.success_rate_ci)
         figures |= {f"{name} minus": _difference(differences.get((policy, name))) for name in COMPARED}

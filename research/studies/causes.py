@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.causes.record import THRESHOLDS, Record
+from evaluate.causes.record import THRESHOLDS, EpisodeSignals
 from evaluate.causes.rules import CAUSES
 from evaluate.causes.verdict import Verdict, verdict
 from evaluate.measures.episodes import Episodes
@@ -79,12 +79,12 @@ def figures() -> Iterator[dict[str, Any]]:
         yield {"made_for": cause, **counts, "certain_and_wrong": certain - sure, **by_cause}
 
 
-def found(episodes: Episodes) -> Iterator[tuple[Record, Verdict]]:
+def found(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verdict]]:
     """Each failed episode, and why it failed."""
     measures = measure(episodes)
     for number in np.flatnonzero(measures.outcome != SUCCEEDED).tolist():
         assert episodes.scenario is not None
-        record = Record(episodes, episodes.scenario, number)
+        record = EpisodeSignals(episodes, episodes.scenario, number)
         yield record, verdict(record, measures)
 
 

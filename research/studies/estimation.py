@@ -20,8 +20,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.rollouts.hardware import IDEAL, Hardware, check
-from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig, check
+from evaluate.rollouts.observers import FallRecorder, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
 from policies.base import Floats
 from policies.legs.level_frame import level_frame
@@ -97,7 +97,7 @@ def main(options: Options) -> int:
     """Measure, print, and write the table; the exit code. Raises UsageError."""
     check_numbers(options, _LIMITS)
     try:
-        check(Hardware(sensors=options.sensors, estimator=ESTIMATORS[-1]))
+        check(HardwareConfig(sensors=options.sensors, estimator=ESTIMATORS[-1]))
     except ValueError as error:
         raise UsageError(f"--sensors: {error}") from error
     place = RESULTS if options.table == "walks" else PUSHES
@@ -152,7 +152,7 @@ def after_pushes(options: Options) -> Iterator[str]:
     for robot in ROBOTS:
         for estimator in ESTIMATORS:
             profile = hardware_profile(get_robot(robot))._asdict() | {"estimator": estimator}
-            watch = _walked(options, named("push", robot), replace(Hardware(robot=robot), **profile))
+            watch = _walked(options, named("push", robot), replace(HardwareConfig(robot=robot), **profile))
             found = watch.errors(watch.falls.step)
             both = zip(*(pushed(each, watch.pushes) for each in (found.velocity, found.shown)), strict=True)
             yield f"| {' | '.join((robot, estimator, *(f'{now:.3f}, {shown:.3f}' for now, shown in both)))} |"
@@ -178,11 +178,11 @@ def pushed(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
 
 def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
     """Errors of that estimator in the walks of the options."""
-    watch = _walked(options, scenario, Hardware(sensors=options.sensors, estimator=estimator))
+    watch = _walked(options, scenario, HardwareConfig(sensors=options.sensors, estimator=estimator))
     return watch.errors(watch.falls.step)
 
 
-def _walked(options: Options, scenario: Scenario, hardware: Hardware) -> "_Watch":
+def _walked(options: Options, scenario: Scenario, hardware: HardwareConfig) -> "_Watch":
     """The observer of the walks of the options."""
     real = hardware.actuator != IDEAL.actuator
     policy, suite = hardware.policy(options.policy, real=real), sensor_suite(hardware.sensors)
@@ -190,7 +190,7 @@ def _walked(options: Options, scenario: Scenario, hardware: Hardware) -> "_Watch
     parts = suite.imu, suite.encoders, suite.feet
     late = max(delay_to_steps(part.delay, 1 / policy.control_period) for part in parts)
     seeds = episode_seeds(options.seeds, options.seed, options.episodes)
-    watch = _Watch(late, Falls(len(seeds), STEPS))
+    watch = _Watch(late, FallRecorder(len(seeds), STEPS))
     roll_out(policy, scenario, seeds, watch.falls, watch, steps=STEPS, nthread=options.threads, hardware=hardware)
     return watch
 
@@ -219,7 +219,7 @@ def consistency(nees: Floats) -> tuple[str, str]:
 class _Watch:
     """Observer of the errors of estimates that are `late` control steps old, and of the observation."""
 
-    def __init__(self, late: int, falls: Falls) -> None:
+    def __init__(self, late: int, falls: FallRecorder) -> None:
         self.falls = falls
         self._truths: deque[tuple[Floats, Floats]] = deque(maxlen=late + 1)
         self._rows: list[tuple[Floats, ...]] = []

@@ -7,12 +7,12 @@ from contextlib import closing
 import numpy as np
 from PIL import Image
 
-from evaluate.causes.record import Record
+from evaluate.causes.record import EpisodeSignals
 from evaluate.causes.verdict import worst_interval
 from evaluate.film.captions import DARK, Text
 from evaluate.film.curves import curves
 from evaluate.film.files import tiled
-from evaluate.film.shooting import Look, Panel, Take
+from evaluate.film.shooting import RenderOptions, EpisodeView, FilmSpec
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts.experiment import LabelledPolicy
 from policies.base import Policy
@@ -32,7 +32,7 @@ CURVES = {
 BEFORE = 0.6  # s before the onset of a fall
 
 
-def span(record: Record, measures: Measures, earlier: float) -> slice:
+def span(record: EpisodeSignals, measures: Measures, earlier: float) -> slice:
     """Control steps of a fall, so many s earlier than need be, for nobody is to see where it begins; or of the command
     interval that went worst."""
     if not record.fell:
@@ -40,7 +40,7 @@ def span(record: Record, measures: Measures, earlier: float) -> slice:
     return slice(max(0, record.onset - round((BEFORE + earlier) / record.episodes.dt)), record.end + 1)
 
 
-def strip(policy: Policy, record: Record, part: slice) -> Image.Image:
+def strip(policy: Policy, record: EpisodeSignals, part: slice) -> Image.Image:
     """An episode over those control steps."""
     frames = tiled(list(_frames(policy, record, part)), COLUMNS)
     return stacked(_text(_title(record, part), frames.width, 20), frames, _curves(record, part, frames.width))
@@ -62,7 +62,7 @@ def _text(lines: Sequence[str], width: int, size: int = 14) -> Image.Image:
     return out
 
 
-def _title(record: Record, part: slice) -> tuple[str, str]:
+def _title(record: EpisodeSignals, part: slice) -> tuple[str, str]:
     """The scenario in words, and how the episode ended."""
     scenario, axis = record.scenario, AXES[record.scenario.axis]
     real = " Real motors, delays, sensors, and an estimator." if scenario.hardware else ""
@@ -71,12 +71,12 @@ def _title(record: Record, part: slice) -> tuple[str, str]:
     return f"{scene}.{real}", fall if record.fell else "It stays upright, and does not follow its command."
 
 
-def _frames(policy: Policy, record: Record, part: slice) -> Iterator[Image.Image]:
+def _frames(policy: Policy, record: EpisodeSignals, part: slice) -> Iterator[Image.Image]:
     """The robot at so many moments, with captions."""
     shown = np.linspace(max(1, part.start), part.stop, COUNT).round().astype(int).tolist()
     seed = int(record.episodes.seeds[record.number])
-    take = Take((filmed := LabelledPolicy(policy.name, policy),), record.scenario, seed, shown[-1], "")
-    with closing(Panel(filmed, take, Look(SIZE, camera=None))) as panel:
+    take = FilmSpec((filmed := LabelledPolicy(policy.name, policy),), record.scenario, seed, shown[-1], "")
+    with closing(EpisodeView(filmed, take, RenderOptions(SIZE, camera=None))) as panel:
         for step in panel:
             if step.number in shown:
                 fell, touches = record.fell and step.number > record.end, step.infos["leg_contact"][0]
@@ -85,7 +85,7 @@ def _frames(policy: Policy, record: Record, part: slice) -> Iterator[Image.Image
                 yield stacked(panel.picture(), _text(["  ".join(words)], SIZE[0]))
 
 
-def _curves(record: Record, part: slice, width: int) -> Image.Image:
+def _curves(record: EpisodeSignals, part: slice, width: int) -> Image.Image:
     """Signals over the time of a strip, as `evaluate.film.curves` has them."""
     from matplotlib.figure import Figure
 

@@ -11,7 +11,7 @@ import policies
 from evaluate.causes import rules
 from evaluate.measures.episodes import Episodes
 from evaluate.rollouts import rollout
-from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from policies.base import Actions, Policy, within_limits
 from policies.trot.open_loop import Trot, searched_parameters
 from quad_env import AnyPose, CommandRanges, Imu, Scenario, SensorSuite, StartNoise
@@ -57,7 +57,7 @@ class Case:
     policy: Callable[[], Policy]
     scenario: Scenario
     steps: int = 150
-    hardware: Hardware = IDEAL
+    hardware: HardwareConfig = IDEAL
     chosen: tuple[int, ...] = tuple(range(6))
     """Numbers of the validation seeds, on which it does fail."""
 
@@ -116,7 +116,7 @@ CASES = (
     Case(rules.REACH, _trot(body_height=0.62), _made(0.8)),
     Case(rules.REACH, _trot(stance_width=0.2, frequency=1.5), _made(0.8)),
     Case(rules.ESTIMATE, _named("trot_feedback"), _made(noise=SensorNoise(2.4)), 180, chosen=(4, 6, 12, 15, 21, 28)),
-    Case(rules.ESTIMATE, _named("end_to_end"), _made(), hardware=Hardware(sensors=TURNED)),
+    Case(rules.ESTIMATE, _named("end_to_end"), _made(), hardware=HardwareConfig(sensors=TURNED)),
     Case(rules.SIGNAL, _named("end_to_end"), _made(0.8, latency=LATE), 200, chosen=(4, 7, 9, 12, 19, 28)),
     Case(rules.SIGNAL, _named("end_to_end"), _made((1.8, 2.3), dropouts=LOST), 230, chosen=(2, 12, 31, 53, 92, 93)),
     Case(rules.GAIT, _named("document"), _made()),

@@ -28,13 +28,13 @@ from rich.progress import track
 
 from evaluate.film.captions import Text
 from evaluate.film.files import moving_picture, tiled
-from evaluate.film.shooting import Look, Panel, Take
-from evaluate.measures.footfalls import SHORTEST_SWING, without_rattling
+from evaluate.film.shooting import RenderOptions, EpisodeView, FilmSpec
+from evaluate.measures.footfalls import SHORTEST_SWING, debounce
 from evaluate.measures.metrics import measure
 from evaluate.report.headings import EFFORT_TITLES, FIRST, figure_of_effort
 from evaluate.report.plots import drawing
-from evaluate.rollouts.experiment import labelled
-from evaluate.rollouts.hardware import hardware_of
+from evaluate.rollouts.experiment import load_labelled_policy
+from evaluate.rollouts.hardware import parse_robot_option
 from evaluate.rollouts.rollout import STEPS
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.child_process import available_cores
@@ -98,25 +98,25 @@ def main(options: Options) -> int:
     return 0
 
 
-def _walk(robot: str, name: str) -> Take:
+def _walk(robot: str, name: str) -> FilmSpec:
     """That policy, `POLICY` or `POLICY@SCENARIO`, of that robot, called as its files are. Raises UsageError or
     PolicyError."""
-    hardware, (policy, _, where) = hardware_of(robot, "a place for gaits"), name.partition("@")
+    hardware, (policy, _, where) = parse_robot_option(robot, "a place for gaits"), name.partition("@")
     try:
-        place = scenario(where or STEADY, hardware.quadruped)
+        place = scenario(where or STEADY, hardware.robot_model)
     except ValueError as error:
         raise UsageError(f"a place for gaits: {error}") from error
     (seed,), called = episode_seeds("validation", 0, 1).tolist(), re.sub(r"[^\w.-]+", "_", f"{robot}_{name}")
-    return Take((labelled(policy, hardware, [place]),), place, seed, STEPS, called, hardware)
+    return FilmSpec((load_labelled_policy(policy, hardware, [place]),), place, seed, STEPS, called, hardware)
 
 
-def draw(walk: Take, folder: Path) -> tuple[dict[str, str], list[Image.Image]]:
+def draw(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.Image]]:
     """Write NAME.webp and NAME_film.webp; figures of the whole walk, as text by column, and the film's larger images.
 
     A robot that has fallen is shown as it lies.
     """
     (policy,), images = walk.policies, list[Image.Image]()
-    with closing(Panel(policy, walk, Look(SIZE, camera=None))) as panel:
+    with closing(EpisodeView(policy, walk, RenderOptions(SIZE, camera=None))) as panel:
         images += [_frame(panel) for step in panel if step.number - 1 in SHOWN]
         images += [_frame(panel)] * (len(SHOWN) - len(images))
         episodes = panel.recorder.episodes()
@@ -135,7 +135,7 @@ def draw(walk: Take, folder: Path) -> tuple[dict[str, str], list[Image.Image]]:
     return of | {"speed": number(float(found.mean_velocities[0, :, 0].mean()), 2)}, larger
 
 
-def _frame(panel: Panel) -> Image.Image:
+def _frame(panel: EpisodeView) -> Image.Image:
     return panel.picture().crop((0, SKY, *SIZE))
 
 
@@ -145,7 +145,7 @@ def _film(images: Sequence[Image.Image]) -> bytes:
 
 def stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
     """Steps of two touch-downs of the first foot that has as many, of contacts (steps, feet); all where none has."""
-    stance = without_rattling(contact, round(SHORTEST_SWING / CONTROL_PERIOD))
+    stance = debounce(contact, round(SHORTEST_SWING / CONTROL_PERIOD))
     landed = (np.flatnonzero(np.diff(of_foot.astype(int)) == 1) + 1 for of_foot in stance.T)
     return next(((int(steps[0]), int(steps[1])) for steps in landed if len(steps) > 1), (0, len(contact)))
 
@@ -166,7 +166,7 @@ def diagram(contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[st
     return Image.open(buffer).convert("RGB")
 
 
-def _filled(walks: Mapping[Key, Take], figures: Mapping[Key, dict[str, str]], folder: str, place: re.Match[str]) -> str:
+def _filled(walks: Mapping[Key, FilmSpec], figures: Mapping[Key, dict[str, str]], folder: str, place: re.Match[str]) -> str:
     """A place with its tables; `folder` is that of the pictures, seen from the page."""
     heads = {FIRST: "controller", "speed": "speed, m/s"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FIGURES}

@@ -18,7 +18,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 import policies
-from evaluate.rollouts.experiment import LabelledPolicy, Settings, run_cells
+from evaluate.rollouts.experiment import LabelledPolicy, RunSettings, run_cells
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.config import GRAVITY
 from quad_env.files.writing import write_atomically
@@ -164,7 +164,7 @@ def walks(setting: Setting, options: Options) -> dict[str, float]:
         for name in options.scenarios:
             where = scenario(name)
             where = replace(where, pushes=where.pushes and replace(where.pushes, duration=setting.push))
-            (cell,) = run_cells([policy], [where], seeds, Settings(1, lambda *_: None))
+            (cell,) = run_cells([policy], [where], seeds, RunSettings(1, lambda *_: None))
             measures = cell.measures
             found |= {f"{name} success": measures.succeeded.mean(), f"{name} falls": measures.fell.sum()}
     return found

@@ -14,8 +14,8 @@ from rich.progress import track
 
 from evaluate.analysis.summary import summarise
 from evaluate.report.headings import FIRST
-from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
-from evaluate.rollouts.hardware import Hardware, hardware_of
+from evaluate.rollouts.experiment import LabelledPolicy, RunSettings, evaluation_seeds, run_cells
+from evaluate.rollouts.hardware import HardwareConfig, parse_robot_option
 from evaluate.rollouts.workers import process_pool
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.format import number, percent
@@ -59,10 +59,10 @@ class Options:
 def main(options: Options) -> int:
     """Walk, print and write; the exit code. Raises UsageError."""
     check_numbers(options, LIMITS)
-    hardware = hardware_of(options.robot)
+    hardware = parse_robot_option(options.robot)
     if options.page is not None:
         page_with(options.page, RESULTS)
-    walks = scenarios(hardware.quadruped, options.speeds)
+    walks = scenarios(hardware.robot_model, options.speeds)
     for option, given in (("speeds", [walk.name for walk in walks]), ("policies", options.policies)):
         if not given or len(set(given)) < len(given):
             raise UsageError(f"--{option} are to be named, and none twice (speeds to 0.01 m/s)")
@@ -70,7 +70,7 @@ def main(options: Options) -> int:
     make_folder_of(options.table, "--table")
     table = rows(options, hardware, walks, compared)
     write_atomically(options.table, csv_text(table))
-    short = lines(options, hardware.quadruped, table)
+    short = lines(options, hardware.robot_model, table)
     print("\n".join(short))
     put(options.page, short)
     return 0
@@ -87,17 +87,17 @@ def scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
 
 
 def rows(
-    options: Options, hardware: Hardware, walks: Sequence[Scenario], compared: Sequence[LabelledPolicy]
+    options: Options, hardware: HardwareConfig, walks: Sequence[Scenario], compared: Sequence[LabelledPolicy]
 ) -> list[dict[str, Any]]:
     """A row for each walk and policy; figures of `Summary` with the ends of their 95 % intervals."""
     seeds = evaluation_seeds(options.seed, options.episodes)
-    settings = Settings(1, lambda *_: None, executor=process_pool(options.threads), hardware=hardware)
+    settings = RunSettings(1, lambda *_: None, executor=process_pool(options.threads), hardware=hardware)
     total = len(walks) * len(compared)
     cells = list(track(run_cells(compared, walks, seeds, settings), description="walking", total=total))
     return [
         {"ground": GROUNDS[walk.name.split()[0]], "speed": walk.commands.forward[0], "policy": cell.policy}
         | flat({f"{name}_ci": ends for name, ends in of.effort_intervals.items()} | asdict(of))
-        for walk, cell, of in ((cell.scenario, cell, summarise(cell, hardware.quadruped)) for cell in cells)
+        for walk, cell, of in ((cell.scenario, cell, summarise(cell, hardware.robot_model)) for cell in cells)
     ]
 
 

@@ -15,7 +15,7 @@ from evaluate.measures.effort import cost_of_all
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import evaluation_seeds
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from quad_env.cli.command_line import check_numbers
 from quad_env.config import TaskConfig
 from quad_env.files.writing import write_atomically
@@ -42,11 +42,11 @@ class Options:
 
 
 @dataclass(frozen=True)
-class _Stepped(Hardware):
+class _Stepped(HardwareConfig):
     timestep: float = STEPS[0]
 
     def environment(self, robot: Robot) -> dict[str, Any]:
-        return super().environment(robot) | {"config": TaskConfig(timestep=self.timestep)}
+        return super().env_kwargs(robot) | {"config": TaskConfig(timestep=self.timestep)}
 
 
 def main(options: Options) -> int:

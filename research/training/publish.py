@@ -79,7 +79,7 @@ def main(options: Options) -> int:
         raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
     runs = [trained_run(folder) for folder in options.runs]
     shipped = choose(runs, options.policy)
-    base, robot = shipped.config.base, shipped.config.hardware.quadruped
+    base, robot = shipped.config.base, shipped.config.hardware.robot_model
     if describe(policies.load(shipped.bundle, robot).base) != describe(policies.make(base, robot=robot)):
         raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
     to = options.to or folder_of(robot) / options.policy.replace("-", "_")
@@ -101,7 +101,7 @@ def evaluated(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun)
     from evaluate.commands.execution import execute
     from evaluate.commands.outputs import analysed
 
-    baseline, robot = shipped.baseline, shipped.config.hardware.quadruped
+    baseline, robot = shipped.baseline, shipped.config.hardware.robot_model
     evaluation = Evaluation(
         policies=(baseline, *(run.label for run in runs)),
         robot=shipped.config.robot,
@@ -131,7 +131,7 @@ def trained_run(folder: Path) -> TrainedRun:
         raise UsageError(f"{folder} is unfinished ({progress['steps']:,} of {config.steps:,} steps): --resume it first")
     minutes = CallbackState.read(progress["remembered"]).seconds / 60
     try:
-        policies.load(folder / BEST, config.hardware.quadruped)
+        policies.load(folder / BEST, config.hardware.robot_model)
     except policies.PolicyError as error:
         raise UsageError(str(error)) from None
     description = json.loads(read_bytes(folder / BEST / "policy.json"))
@@ -196,7 +196,7 @@ def _shipped(folder: Path) -> TrainedRun:
         config = settings_of_card(description["training"], card)
         minutes = re.search(r"([\d.]+) min, source", card)
         then = re.search(r"where the command is `(python -m train[^`]*)`", card)
-        policies.load(folder, config.hardware.quadruped)
+        policies.load(folder, config.hardware.robot_model)
         revision = description["git_revision"]
         return TrainedRun(str(folder), config, float(minutes[1]), revision, folder, then and then[1])  # type: ignore[index]
     except (OSError, ValueError, KeyError, TypeError, policies.PolicyError) as error:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from evaluate.measures.metrics import measure
-from evaluate.rollouts.hardware import hardware_of
+from evaluate.rollouts.hardware import parse_robot_option
 from evaluate.statistics.significance import sign_flip_test
 from policies.base import Floats
 from policies.mpc import parameters as mpc_parameters
@@ -84,8 +84,8 @@ def main(options: Options) -> int:
 
 def subject(options: Options) -> Subject[Parameters]:
     """The search of a policy with feedback, from the parameters in force or given."""
-    name, hardware, threads = options.policy, hardware_of(options.robot), options.threads
-    robot, searched, file = hardware.quadruped, POLICIES[name], POLICIES[name].file
+    name, hardware, threads = options.policy, parse_robot_option(options.robot), options.threads
+    robot, searched, file = hardware.robot_model, POLICIES[name], POLICIES[name].file
     exercises = options.exercises or tuple(scaled_name(each, robot) for each in EXERCISES)
     check_scenarios("--exercises", exercises, robot)
     in_force = file.load_for_robot(robot)

@@ -34,7 +34,7 @@ def with_value(name: str, row: int, value: object) -> Callable[[pa.Table], pa.Ta
 def other(run: Any, folder: Path, change: Callable[[pa.Table], pa.Table] = lambda rows: rows, **fields: Any) -> Path:
     """A copy of the run with other rows and another manifest, as if they had been written so."""
     shutil.copytree(run.folder, folder, dirs_exist_ok=True)
-    found = dataclasses.replace(manifest.read(folder), **fields).begun()
+    found = dataclasses.replace(manifest.read(folder), **fields).with_fingerprint()
     found.write(folder)
     write_table(change(read_table(folder / EPISODES)), folder / EPISODES, found.fingerprint)
     return folder

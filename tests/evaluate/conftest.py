@@ -14,7 +14,7 @@ from evaluate.__main__ import main
 from evaluate.analysis.results import Results, analyse
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import PolicyScenarioResult
 from quad_env import SCENARIOS as NOMINAL
 from quad_env import Scenario
 
@@ -65,7 +65,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return Run(folder, results, stderr.getvalue())
 
 
-def outcomes(policy: str, fell, error=None, scenario: Scenario = NOMINAL["flat"], first_seed: int = 0) -> Cell:
+def outcomes(policy: str, fell, error=None, scenario: Scenario = NOMINAL["flat"], first_seed: int = 0) -> PolicyScenarioResult:
     """Episodes that fell or succeeded, with an error in every error metric; all other figures do not exist."""
     fell = np.asarray(fell, bool)
     errors = np.zeros(len(fell)) if error is None else np.asarray(error, float)
@@ -79,16 +79,16 @@ def outcomes(policy: str, fell, error=None, scenario: Scenario = NOMINAL["flat"]
     nothing = np.full(len(fell), np.nan)
     measures = Measures(**{field.name: known.get(field.name, nothing) for field in dataclasses.fields(Measures)})
     reasons = np.full(len(fell), None, dtype=object)
-    return Cell(policy, scenario, np.arange(first_seed, first_seed + len(fell)), reasons, measures, reasons)
+    return PolicyScenarioResult(policy, scenario, np.arange(first_seed, first_seed + len(fell)), reasons, measures, reasons)
 
 
 @pytest.fixture
-def made_up_cell() -> Callable[..., Cell]:
+def made_up_cell() -> Callable[..., PolicyScenarioResult]:
     """Makes a cell of outcomes that a test chooses: policy, fell, error, scenario, first seed."""
     return outcomes
 
 
-def fallen(policy: str, scenario: str, falls: int, error: Sequence[float]) -> Cell:
+def fallen(policy: str, scenario: str, falls: int, error: Sequence[float]) -> PolicyScenarioResult:
     """Episodes of which the first so many fell after 2 s; nobody was pushed."""
     count = len(error)
     fell = np.arange(count) < falls

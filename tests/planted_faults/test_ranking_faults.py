@@ -5,7 +5,7 @@ import pytest
 
 from evaluate.analysis import ranking
 from evaluate.analysis.results import Results, analyse
-from evaluate.analysis.score import Counted
+from evaluate.analysis.score import ScoredCells
 from evaluate.rollouts import battery
 from tests.evaluate.conftest import outcomes
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
@@ -17,7 +17,7 @@ AXES = "flat", "push", "rough"
 def results(**failed: np.ndarray) -> Results:
     """Policies on three axes, from which episodes of each fail on every axis but flat."""
     cells = [
-        outcomes(policy, of & (name != "flat"), None, battery.one(name))
+        outcomes(policy, of & (name != "flat"), None, battery.resolve_single(name))
         for policy, of in failed.items()
         for name in AXES
     ]
@@ -49,7 +49,7 @@ FAULTS: Faults = {
     "neighbours compared unpaired": (unpaired, check_a_small_difference_in_the_same_episodes_is_shown),
     "scores of a single axis": (
         lambda patch: patch.setattr(
-            Counted, "by_episode", lambda self, policy: 1.0 * self.ran[policy]["flat"].measures.succeeded
+            ScoredCells, "by_episode", lambda self, policy: 1.0 * self.ran[policy]["flat"].measures.succeeded
         ),
         check_a_small_difference_in_the_same_episodes_is_shown,
     ),

@@ -6,8 +6,8 @@ import pytest
 from evaluate.analysis import breaking_points, severity_levels
 from evaluate.analysis.score import scores
 from evaluate.rollouts import battery
-from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, labelled, run_cells
-from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.experiment import PolicyScenarioResult, LabelledPolicy, RunSettings, load_labelled_policy, run_cells
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from quad_env import SIMPLE_QUAD
 from quad_env.actuation.hardware import HardwareProfile
 from quad_env.actuation.models import Actuator
@@ -18,11 +18,11 @@ from tests.planted_faults.harness import Faults, checks_of, fault_tests
 MAKERS = "35 N·m/rad and 0.5 N·m·s/rad"
 
 
-def cells() -> list[Cell]:
+def cells() -> list[PolicyScenarioResult]:
     """Everything succeeds without the profile, nothing with it."""
     names = ("flat", "push:2", "push:3", "push:4")
     return [
-        outcomes("trot", np.full(8, real), None, battery.one(name + real * "+hardware"))
+        outcomes("trot", np.full(8, real), None, battery.resolve_single(name + real * "+hardware"))
         for real in (False, True)
         for name in names
     ]
@@ -45,10 +45,10 @@ def check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains() -> Non
     soft = SIMPLE_QUAD._with(servo_stiffness=np.full(12, 35.0), servo_damping=np.full(12, 0.5))
     both = battery.resolve(("flat", "flat+hardware"), soft)
     with begun() as found, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Hardware, "quadruped", property(lambda _: soft))
-        trot = labelled("trot", IDEAL, both)
+        patch.setattr(HardwareConfig, "quadruped", property(lambda _: soft))
+        trot = load_labelled_policy("trot", IDEAL, both)
         for scenario in both:
-            next(run_cells([trot], [scenario], np.array([7]), Settings(1, lambda *_: None, steps=110)))
+            next(run_cells([trot], [scenario], np.array([7]), RunSettings(1, lambda *_: None, steps=110)))
     assert [batch.env.robot.servo for batch in found] == [SIMPLE_QUAD.servo, MAKERS]
     assert [(batch.sensed, batch.env.simulation.model.actuator_delay[0] > 0) for batch in found] == [
         (False, False),

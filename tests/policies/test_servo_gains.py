@@ -11,7 +11,7 @@ import pytest
 import policies
 import quad_env
 from evaluate.rollouts import rollout
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from policies.parameters import scaled_parameters
 from policies.poses import Stand
 from policies.trot.open_loop import TrotParameters, searched_parameters
@@ -63,7 +63,7 @@ def test_a_robot_whose_gains_are_given_has_the_parameters_that_were_searched_for
 
 
 def test_episodes_run_with_the_gains_of_the_policy(soft: quad_env.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Hardware, "quadruped", property(lambda _: soft))
+    monkeypatch.setattr(HardwareConfig, "quadruped", property(lambda _: soft))
     for policy, stiffness in ((Soft(robot=soft), 35.0), (Stand(robot=soft), 300.0)):
         steps = []
         rollout.roll_out(policy, "flat", np.array([3]), steps.append, steps=2)
@@ -98,10 +98,10 @@ def test_a_bundle_has_the_gains_that_it_was_trained_with(soft: quad_env.Robot, t
 
 
 def test_the_option_servo_is_for_every_controller_of_ours() -> None:
-    hardware = Hardware(servo="35/0.5")
+    hardware = HardwareConfig(servo="35/0.5")
     assert hardware.policy("trot").robot.servo == GAINS
     with pytest.raises(ValueError, match=r"such as 35/0\.5"):
-        _ = Hardware(servo="35").quadruped
+        _ = HardwareConfig(servo="35").robot_model
 
 
 @NEEDS_MODELS

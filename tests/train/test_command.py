@@ -90,7 +90,7 @@ def test_the_last_line_is_a_command_that_evaluates_the_policy(kind, tmp_path, ca
     plan = check(parse_options(Options, words, program="evaluate", description=""))
     assert [each.label for each in plan.policies][-1] == str(folder)
     assert len(plan.policies) == (2 if kind == "residual" else 1)
-    assert plan.options.equipment.sensors == "typical"
+    assert plan.options.hardware_config.sensors == "typical"
     assert plan.options.out == folder / "evaluation"
 
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 import policies
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from quad_env.seeding import episode_seeds
 from train import validation
 from train.config import ValidationConfig
@@ -54,9 +54,9 @@ def test_each_scenario_is_walked_on_the_validation_s_seeds_by_the_policy_that_is
     monkeypatch.setattr(validation, "summarise", lambda episodes: {"success_rate": float(episodes)})
     ideal, real = policies.make("trot"), policies.make("stand")
     config = ValidationConfig(scenarios=("flat", "push+hardware"), episodes=3)
-    found = validation.validate(ideal, config, 2, Hardware(), real)
+    found = validation.validate(ideal, config, 2, HardwareConfig(), real)
     seeds = episode_seeds("validation", 0, 3).tolist()
     assert walked == [("trot", "flat", seeds, 2), ("stand", "push+hardware", seeds, 2)]
     assert found == {"flat": {"success_rate": 1.0}, "push+hardware": {"success_rate": 2.0}}
-    validation.validate(ideal, config, 2, Hardware())
+    validation.validate(ideal, config, 2, HardwareConfig())
     assert [name for name, *_ in walked[2:]] == ["trot", "trot"]

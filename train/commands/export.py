@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from evaluate.rollouts.hardware import hardware_of
+from evaluate.rollouts.hardware import parse_robot_option
 from policies.foreign import onnx_file
 from quad_env.cli.command_line import UsageError, make_folder_of
 
@@ -31,7 +31,7 @@ def main(options: Options) -> int:
     if options.out.suffix != ".onnx":
         raise UsageError(f"--out must be an .onnx, not {options.out}")
     make_folder_of(options.out, "--out")
-    robot = None if options.robot is None else hardware_of(options.robot).quadruped
+    robot = None if options.robot is None else parse_robot_option(options.robot).robot_model
     found = onnx_file.export(options.folder, options.out, CHECKED, robot)
     print(f"{options.out}: agrees with the bundle at {CHECKED:,} random observations to {found:.1e} of the authority")
     return 0

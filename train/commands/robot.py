@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 
 import tyro
 
-from evaluate.rollouts.hardware import hardware_of
+from evaluate.rollouts.hardware import parse_robot_option
 from policies import bundle
 from policies.parameters import limits_of, parameter
 from policies.shipped import folder_of
@@ -89,7 +89,7 @@ def main(options: Options) -> int:
     continues."""
     check_numbers(options, limits_of(options))
     if not Path(options.robot).suffix:
-        hardware_of(options.robot)
+        parse_robot_option(options.robot)
     make_writable_folder(options.folder)
     _check_same_options(options)
     stages = _stages(options)
@@ -117,7 +117,7 @@ def _stages(options: Options) -> list[Stage]:
 
     def own(name: str) -> Path:
         """A file among the robot's own."""
-        return folder_of(hardware_of(toml).quadruped) / name
+        return folder_of(parse_robot_option(toml).robot_model) / name
 
     def search() -> None:
         trot.main(replace(SEARCH, robot=toml, seed=options.seed, threads=options.threads))
@@ -135,11 +135,11 @@ def _stages(options: Options) -> list[Stage]:
     def evaluate() -> None:
         from evaluate.commands.execution import execute
         from evaluate.commands.options import Options as Comparison
-        from evaluate.commands.plan import begun_with, check
+        from evaluate.commands.plan import load_run_options, check
 
         given = {name: getattr(options, name) for name in ("policies", "scenarios", "episodes", "seed", "threads")}
         plan = Comparison(robot=toml, out=evaluation, **given)
-        execute(check(replace(begun_with(evaluation), resume=True) if is_unfinished(evaluation) else plan))
+        execute(check(replace(load_run_options(evaluation), resume=True) if is_unfinished(evaluation) else plan))
 
     def compared() -> bool:
         return (evaluation / "results.json").is_file() and not is_unfinished(evaluation)

@@ -12,7 +12,7 @@ from rich.progress import track
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE
-from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts.rollout import STEPS, Recorder, advance, batch_of, begin
 from policies.base import Actions, Floats, Policy
 from policies.parameters import Parameters
@@ -103,7 +103,7 @@ def walked(
     purpose: Purpose,
     steps: int = STEPS,
     threads: int = 1,
-    hardware: Hardware = IDEAL,
+    hardware: HardwareConfig = IDEAL,
 ) -> list[Episodes]:
     """Records of episodes from those seeds on each scenario, on ground of that purpose, of the policy of that name with
     each candidate's parameters, candidate after candidate."""
@@ -111,7 +111,7 @@ def walked(
     for real in (False, True):
         if names := [each for each in exercises if each.endswith(HARDWARE) == real]:
             panel = Panel([hardware.policy(name, real=real, parameters=each) for each in candidates], len(names))
-            scenarios = [practice(each, purpose, robot=hardware.quadruped) for each in names]
+            scenarios = [practice(each, purpose, robot=hardware.robot_model) for each in names]
             every_seed = np.tile(seeds, len(candidates))
             walks = run_each(panel, scenarios, every_seed, nthread=threads, steps=steps, hardware=hardware)
             found |= dict(zip(names, walks, strict=True))
@@ -125,7 +125,7 @@ def run_each(
     *,
     nthread: int = 1,
     steps: int = STEPS,
-    hardware: Hardware = IDEAL,
+    hardware: HardwareConfig = IDEAL,
 ) -> list[Episodes]:
     """The records of one episode for each seed on each of the scenarios, all walked side by side.
 
@@ -161,7 +161,7 @@ def compared(
     exercises: Sequence[str],
     seeds: Seeds,
     threads: int = 1,
-    hardware: Hardware = IDEAL,
+    hardware: HardwareConfig = IDEAL,
 ) -> tuple[list[tuple[str, str, Measures]], Floats]:
     """The policy of that name with both parameters on the same full episodes of those seeds, on ground of the
     validation: scenario, `before` for the parameters in force or `after`, and measures of each walk; cost of the

@@ -15,7 +15,7 @@ from rich.progress import track
 
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
-from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig, parse_robot_option
 from policies.base import Floats
 from policies.parameters import parameter, scaled_parameters, scaled_ranges
 from policies.shipped import folder_of
@@ -63,8 +63,8 @@ def main(options: Options) -> int:
 
 def subject(options: Options) -> Subject[TrotParameters]:
     """The search of a robot's trot: from SimpleQuad's, or for another robot from that of dynamic similarity."""
-    hardware, threads = hardware_of(options.robot or Hardware.robot), options.threads
-    robot, own = hardware.quadruped, hardware.quadruped == SIMPLE_QUAD
+    hardware, threads = parse_robot_option(options.robot or HardwareConfig.robot), options.threads
+    robot, own = hardware.robot_model, hardware.robot_model == SIMPLE_QUAD
     start = TrotParameters() if own else scaled_parameters(searched_parameters(), robot)
     start = FILE.read(options.start) if options.start else start
     exercises = options.exercises or EXERCISES
@@ -114,7 +114,7 @@ def candidate_costs(
     seeds: Seeds,
     steps: int,
     threads: int,
-    hardware: Hardware = IDEAL,
+    hardware: HardwareConfig = IDEAL,
     exercises: Sequence[str] = EXERCISES,
 ) -> Floats:
     """Mean cost of each candidate over all scenarios of a robot, (candidates,).
@@ -137,7 +137,7 @@ def mapped(
     parameters: TrotParameters,
     seeds: Seeds,
     threads: int,
-    hardware: Hardware = IDEAL,
+    hardware: HardwareConfig = IDEAL,
     exercises: Sequence[str] = EXERCISES,
 ) -> TrotParameters:
     """The same gait with the command map that undoes a robot's response to it on flat ground."""

@@ -17,7 +17,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 """Okabe and Ito's, and two of Tol's: distinct to colour-blind readers and, with the marks, in grey print."""
 MARKS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 """Matplotlib's name -> the same mark in text."""
-OWN = ("document", "document_repaired", "trot", "residual", "trot_feedback", "trot_integral", "robust")
+FIXED_STYLE_POLICIES = ("document", "document_repaired", "trot", "residual", "trot_feedback", "trot_integral", "robust")
 """Policies whose colours, the first of COLOURS, are the same in every report; those of others go by their order."""
 FONT = "DejaVu Sans"
 WIDTH = 3.6
@@ -82,9 +82,9 @@ def svg(drawn: "Figure") -> bytes:
 @cache
 def styles(policies: tuple[str, ...]) -> dict[str, tuple[str, str]]:
     """Colours and marks: of OWN the first, of others those that are left, then all of them with other marks."""
-    others = (policy for policy in policies if policy not in OWN)
-    places = {policy: OWN.index(policy) for policy in policies if policy in OWN}
-    places |= {policy: len(OWN) + number for number, policy in enumerate(others)}
+    others = (policy for policy in policies if policy not in FIXED_STYLE_POLICIES)
+    places = {policy: FIXED_STYLE_POLICIES.index(policy) for policy in policies if policy in FIXED_STYLE_POLICIES}
+    places |= {policy: len(FIXED_STYLE_POLICIES) + number for number, policy in enumerate(others)}
     marks = list(MARKS)
     return {
         policy: (COLOURS[place % len(COLOURS)], marks[sum(divmod(place, len(COLOURS))) % len(marks)])

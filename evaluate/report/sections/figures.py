@@ -55,7 +55,7 @@ def figures_table(results: Results, scenario: str) -> str:
     rows += [
         {FIRST: f"duty factor, {leg}"}
         | {policy: four_digits(of.duty_factor[foot], UNKNOWN).value for policy, of in found.items()}
-        for foot, leg in enumerate(results.hardware.quadruped.leg_names)
+        for foot, leg in enumerate(results.hardware.robot_model.leg_names)
     ]
     return table({FIRST: "measure", **{policy: policy_label(results, policy) for policy in found}}, rows)
 

@@ -5,7 +5,7 @@ from unittest.mock import Mock
 import pytest
 
 from evaluate.analysis.comparison import SUCCESS_RATE, Comparison
-from evaluate.analysis.ranking import Neighbours, Ranking, claims, episodes_needed
+from evaluate.analysis.ranking import Neighbours, Ranking, correct_p_values, episodes_needed
 
 
 def neighbours(better: str, worse: str, p_value: float) -> Neighbours:
@@ -30,7 +30,7 @@ def test_neighbours_share_nine_tenths_of_the_level_and_single_scenarios_the_rest
     """Weights 0.45 and 0.05 each of two: 1 · 1e-5 / 0.05, and as much again, 0.9 · 0.02 / 0.45, 0.45 · 0.2 / 0.45."""
     shown = compared("flat", "a", "b", 0.5, 1e-5), compared("push", "a", "b", -0.5, 1e-5)
     other = compared("flat", "a", "b", 0.5, 1e-5, "energy")
-    of, found = claims(ranked(neighbours("a", "b", 0.02), neighbours("b", "c", 0.2)), [*shown, other])
+    of, found = correct_p_values(ranked(neighbours("a", "b", 0.02), neighbours("b", "c", 0.2)), [*shown, other])
     assert [each.p_value_holm for each in of.neighbours] == pytest.approx([0.04, 0.2])
     assert [each.p_value_holm for each in found] == pytest.approx([2e-4, 2e-4, 0.77])
     assert [(each.better_on, each.worse_on) for each in of.neighbours] == [(("flat",), ("push",)), ((), ())]
@@ -39,7 +39,7 @@ def test_neighbours_share_nine_tenths_of_the_level_and_single_scenarios_the_rest
 
 def test_only_scenarios_of_the_ranking_show_that_one_of_two_is_better() -> None:
     shown = compared("flat", "b", "a", -0.5, 1e-5), compared("rough", "a", "b", 0.5, 1e-5)
-    of, found = claims(ranked(neighbours("a", "b", 0.5)), shown)
+    of, found = correct_p_values(ranked(neighbours("a", "b", 0.5)), shown)
     assert [each.p_value_holm < 0.05 for each in found] == [True, True]
     assert (of.neighbours[0].better_on, of.neighbours[0].worse_on) == (("flat",), ())
 
@@ -47,14 +47,14 @@ def test_only_scenarios_of_the_ranking_show_that_one_of_two_is_better() -> None:
 def test_the_first_look_of_a_run_until_settled_costs_what_it_spends() -> None:
     """A quarter of the episodes spends the share 1 / 4^1.5 of the level: p-values of neighbours count eight times."""
     alone = ranked(neighbours("a", "b", 0.004), episodes=10)
-    at_once, looked = claims(alone, ())[0].neighbours[0], claims(alone, (), limit=40)[0].neighbours[0]
+    at_once, looked = correct_p_values(alone, ())[0].neighbours[0], correct_p_values(alone, (), limit=40)[0].neighbours[0]
     assert (at_once.p_value_holm, looked.p_value_holm) == (pytest.approx(0.004), pytest.approx(0.032))
 
 
 def test_a_ranking_on_one_scenario_claims_what_its_comparison_claims() -> None:
     """One claim, not two, and that of the ranking: 0.004 · 8 at the first look, over its own weight."""
     alone = ranked(neighbours("a", "b", 0.004), scenarios=("flat",), episodes=10)
-    of, found = claims(alone, [compared("flat", "a", "b", 0.5, 0.004)], limit=40)
+    of, found = correct_p_values(alone, [compared("flat", "a", "b", 0.5, 0.004)], limit=40)
     assert (of.neighbours[0].p_value_holm, found[0].p_value_holm) == (pytest.approx(0.032), pytest.approx(0.032))
 
 

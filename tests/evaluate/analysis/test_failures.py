@@ -8,7 +8,7 @@ import pytest
 from evaluate.analysis.failures import failures
 from evaluate.analysis.results import Results, analyse
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import PolicyScenarioResult
 
 TRIP, SLIP = "trip", "slip"
 
@@ -17,7 +17,7 @@ TRIP, SLIP = "trip", "slip"
 def cell_of(made_up_cell):
     """Makes a cell of failures by their numbers: time of a fall, None for an upright failure at 6 s, and cause."""
 
-    def make(policy: str, scenario: str, episodes: int, failed: dict[int, tuple[float | None, str | None]]) -> Cell:
+    def make(policy: str, scenario: str, episodes: int, failed: dict[int, tuple[float | None, str | None]]) -> PolicyScenarioResult:
         numbers = np.arange(episodes)
         fell = np.isin(numbers, [number for number, (time, _) in failed.items() if time is not None])
         cell = made_up_cell(policy, fell, scenario=resolve((scenario,))[0])
@@ -36,7 +36,7 @@ def cell_of(made_up_cell):
     return make
 
 
-def results_of(*cells: Cell) -> Results:
+def results_of(*cells: PolicyScenarioResult) -> Results:
     return analyse(cells, seed=0, episodes=8, complete=True)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluate.analysis.pareto import ParetoPoint, front_of, pareto
+from evaluate.analysis.pareto import ParetoPoint, pareto_front, pareto
 from evaluate.analysis.results import analyse
 from evaluate.analysis.score import scores
 from evaluate.rollouts.battery import resolve
@@ -17,7 +17,7 @@ NONE = (np.nan, np.nan)
 def front(**policies: tuple[float, float]) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]]]:
     """The front, and by which of it each policy is dominated, from success and cost."""
     points = [ParetoPoint(name, success, NONE, cost, NONE) for name, (success, cost) in policies.items()]
-    found = front_of("flat", points)
+    found = pareto_front("flat", points)
     return found.front, {point.policy: point.dominated_by for point in found.points}
 
 

@@ -8,7 +8,7 @@ import pytest
 from evaluate.analysis.results import analyse, as_json
 from evaluate.analysis.score import scores
 from evaluate.rollouts.battery import resolve
-from evaluate.statistics.intervals import difference_interval, mean_share_interval, wilson_interval
+from evaluate.statistics.intervals import difference_interval, mean_proportion_interval, wilson_interval
 from evaluate.statistics.significance import sign_flip_test
 
 COUNT = 40
@@ -50,7 +50,7 @@ def test_an_interval_counts_episodes_each_with_all_of_its_scenarios(cells) -> No
     everywhere = dict.fromkeys(("flat", "push", "push_3", "rough"), 10)
     base, (found,) = np.arange(COUNT) < 20, scores(cells("trot", **everywhere), "trot")
     succeeded = np.where(np.arange(COUNT) < 10, 0.0, 1.0)
-    assert found.ci == mean_share_interval(succeeded)
+    assert found.ci == mean_proportion_interval(succeeded)
     both = cells("trot", **dict.fromkeys(everywhere, 20)) + cells("stand", **everywhere)
     best = scores(both, "trot")[0]
     assert best.policy == "stand"

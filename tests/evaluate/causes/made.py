@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.causes.record import Record
-from evaluate.measures.episodes import blank
+from evaluate.causes.record import EpisodeSignals
+from evaluate.measures.episodes import empty_signal
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import Scenario
@@ -24,7 +24,7 @@ FOLLOWS = "onset", "window", "shank", "capture"
 
 def recorded(
     scenario: Scenario | None = None, number: int = 1, end: int = END, robot: Robot = SIMPLE_QUAD, **known: Any
-) -> Record:
+) -> EpisodeSignals:
     """Of two robots the second, which has fallen at step 200 by default; `known`: signals, or what follows from them.
 
     Without them the onset is at step 150 and the window about it.
@@ -32,10 +32,10 @@ def recorded(
     signals = {name: known.pop(name) for name in [*known] if name not in FOLLOWS}
     scenario = scenario or Scenario("made")
     episodes = uneventful(robot, STEPS, 2, fall_step=np.array([END - 50, end]), scenario=scenario, **signals)
-    record = Record(episodes, scenario, number)
+    record = EpisodeSignals(episodes, scenario, number)
     vars(record).update({"onset": 150, "window": slice(110, 160), **known})
     return record
 
 
 def signal(name: str) -> np.ndarray:
-    return blank(SIMPLE_QUAD, name, STEPS, 2)
+    return empty_signal(SIMPLE_QUAD, name, STEPS, 2)

@@ -8,9 +8,9 @@ import pytest
 
 from evaluate.causes import record as records
 from evaluate.causes import rules
-from evaluate.causes.record import Record
+from evaluate.causes.record import EpisodeSignals
 from evaluate.causes.rules import Event
-from evaluate.causes.story import in_lines, story
+from evaluate.causes.story import in_lines, timeline
 from evaluate.causes.verdict import Verdict, verdict, with_causes
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
@@ -34,16 +34,16 @@ def made(number: int, after_falls: bool = False) -> tuple[Episodes, Measures]:
     return episodes, measure(episodes)
 
 
-def records_of(number: int) -> list[Record]:
+def records_of(number: int) -> list[EpisodeSignals]:
     episodes, _ = made(number)
     assert episodes.scenario is not None
-    return [Record(episodes, episodes.scenario, each) for each in range(episodes.count)]
+    return [EpisodeSignals(episodes, episodes.scenario, each) for each in range(episodes.count)]
 
 
 def verdicts(number: int, after_falls: bool = False) -> list[Verdict]:
     episodes, measures = made(number, after_falls)
     failed = np.flatnonzero(measures.outcome != SUCCEEDED).tolist()
-    return [verdict(Record(episodes, episodes.scenario, each), measures) for each in failed]  # type: ignore[arg-type]
+    return [verdict(EpisodeSignals(episodes, episodes.scenario, each), measures) for each in failed]  # type: ignore[arg-type]
 
 
 def check_cause(cause: str) -> None:
@@ -88,7 +88,7 @@ def events(*given: Event) -> Verdict:
 
 
 def test_a_cause_is_certain_only_if_no_other_had_begun() -> None:
-    push, slip = Event(rules.PUSH, 90, 2.0, "a push", sudden=True), Event(rules.SLIP, 80, 9.0, "ice")
+    push, slip = Event(rules.PUSH, 90, 2.0, "a push", is_instantaneous=True), Event(rules.SLIP, 80, 9.0, "ice")
     assert events(push) == Verdict(push, True, (push,))
     assert events(push, slip) == Verdict(push, False, (slip, push))
     assert events(push, slip._replace(step=100)) == Verdict(push, True, (push, slip._replace(step=100)))
@@ -119,7 +119,7 @@ def check_feet_are_above_the_ground_that_the_rules_see() -> None:
     np.testing.assert_allclose(above, each.of("foot_height"), atol=1e-6)
     np.testing.assert_allclose(points[:, :, -1], feet, atol=1e-9)
     length = np.linalg.norm(points[:, :, -1] - points[:, :, 0], axis=-1)
-    np.testing.assert_allclose(length, (1.0 - records.SHANK[0]) * SIMPLE_QUAD.calf_length, atol=1e-5)
+    np.testing.assert_allclose(length, (1.0 - records.SHANK_SAMPLES[0]) * SIMPLE_QUAD.calf_length, atol=1e-5)
 
 
 def check_what_comes_after_the_fall_changes_nothing() -> None:
@@ -138,20 +138,20 @@ def test_the_rules_see(check) -> None:
     check()
 
 
-def late(self: Record, points: np.ndarray, true=Record.ground) -> np.ndarray:
+def late(self: EpisodeSignals, points: np.ndarray, true=EpisodeSignals.ground) -> np.ndarray:
     """The ground one step late."""
     return true(self, np.concatenate((points[:1], points[:-1])))
 
 
-def longer(self: Record) -> int:
+def longer(self: EpisodeSignals) -> int:
     """Beyond the fall."""
     return int(min(self.episodes.fall_step[self.number] + 15, self.episodes.steps - 1))
 
 
-def exchanged(pairs: list[int], true=Record.of):
+def exchanged(pairs: list[int], true=EpisodeSignals.of):
     """Signals of the feet in another order."""
 
-    def of(self: Record, name: str) -> np.ndarray:
+    def of(self: EpisodeSignals, name: str) -> np.ndarray:
         return true(self, name)[:, pairs] if name in ("foot_contact", "foot_position") else true(self, name)
 
     return of
@@ -167,7 +167,7 @@ def exchanged(pairs: list[int], true=Record.of):
     ],
 )
 def test_faults_in_what_the_rules_see_are_caught(name: str, fault, check, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Record, name, fault)
+    monkeypatch.setattr(EpisodeSignals, name, fault)
     with pytest.raises((AssertionError, RuntimeWarning)):
         check()
 
@@ -185,7 +185,7 @@ def test_the_error_of_an_estimate_is_that_which_was_made() -> None:
 
 
 def test_a_known_delay_is_no_error_of_the_estimate() -> None:
-    assert max(next(rules.estimates(each)).strength for each in records_of(DELAY)) < 1e-3
+    assert max(next(rules.estimation_error(each)).score for each in records_of(DELAY)) < 1e-3
 
 
 def test_what_is_shown_as_it_is_is_not_recorded_twice() -> None:
@@ -206,11 +206,11 @@ def test_a_story_has_at_most_five_lines_in_the_order_of_time_and_ends_with_the_o
     for number in range(0, len(CASES), 2):
         episodes, measures = made(number)
         for each in range(episodes.count):
-            lines = in_lines(story(episodes, measures, each))
+            lines = in_lines(timeline(episodes, measures, each))
             times = [float(line.split(" s  ")[0]) for line in lines]
             assert 1 <= len(lines) <= 5
             assert times == sorted(times), lines
             assert lines[-1].split(" s  ")[1].startswith(str(measures.outcome[each]).replace("_", " "))
-    shown = "\n".join(in_lines(story(*made(OTHER_TRIP))))
+    shown = "\n".join(in_lines(timeline(*made(OTHER_TRIP))))
     assert "front right foot hits the edge of a step (0.15 m) at 0.9 m/s" in shown
     assert "cause: trip" in shown

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluate.causes.record import Record
+from evaluate.causes.record import EpisodeSignals
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import SteadyForce
 from quad_env.scenarios.episode import EpisodeSample
@@ -15,7 +15,7 @@ from tests.evaluate.causes.made import END, STEPS, TIME_CONSTANT, recorded, sign
 from tests.quad_env.robots.alike import alike
 
 
-def plain(**known: Any) -> Record:
+def plain(**known: Any) -> EpisodeSignals:
     """A record whose onset and window follow from its signals, upright at its height but for these."""
     height, quaternion = signal("height"), signal("quaternion")
     height[:], quaternion[..., 0] = SIMPLE_QUAD.home_height, 1.0
@@ -42,7 +42,7 @@ def test_the_capture_point_is_where_the_robot_would_come_to_rest_seen_from_the_m
     record = recorded(position=position, heading_velocity=velocity, quaternion=quaternion, foot_position=feet)
     np.testing.assert_allclose(record.velocity[7], (-1.0, 2.0), atol=1e-6)
     expected = (0.1 - TIME_CONSTANT, -0.2 + 2.0 * TIME_CONSTANT)
-    np.testing.assert_allclose(record.capture[7], expected, atol=1e-5)
+    np.testing.assert_allclose(record.capture_point_offset[7], expected, atol=1e-5)
 
 
 def test_the_onset_follows_the_last_moment_of_an_ordinary_posture() -> None:
@@ -118,7 +118,7 @@ def test_thresholds_go_with_the_robot(tmp_path: Path) -> None:
     small, own = recorded(robot=alike(tmp_path, longer=0.25)), recorded()
     factors = {"rise": 0.25, "look back": 0.5, "slide": 0.5, "tilt": 1.0, "sliding": 1.0}
     for name, factor in factors.items():
-        assert small.at(name) == pytest.approx(factor * own.at(name), rel=1e-6), name
+        assert small.threshold(name) == pytest.approx(factor * own.threshold(name), rel=1e-6), name
     assert (own.steps("look back"), small.steps("look back"), own.steps("look on")) == (35, 18, 5)
 
 
@@ -126,7 +126,7 @@ def test_what_was_drawn_is_that_of_its_own_seed() -> None:
     scenario = Scenario("made", force=SteadyForce(60.0))
     for number in (0, 1):
         expected = EpisodeSample(SIMPLE_QUAD, scenario, number, 0, 0.01).force
-        np.testing.assert_array_equal(recorded(scenario, number=number).drawn.force, expected)
+        np.testing.assert_array_equal(recorded(scenario, number=number).sampled.force, expected)
 
 
 def test_shanks_lead_from_the_knees_to_the_feet_and_have_the_speed_of_the_step_before() -> None:

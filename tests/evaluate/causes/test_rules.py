@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from evaluate.causes import rules
-from evaluate.causes.record import Record
+from evaluate.causes.record import EpisodeSignals
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, SteadyForce
 from quad_env.scenarios.scenario import Scenario
 from tests.evaluate.causes.made import END, RISER, STEPS, TIME_CONSTANT, recorded, signal
 
 
-def blow(step: int, before: float = 1.0, at: float = 0.4, after: float = 0.0, *, lands: bool = True) -> Record:
+def blow(step: int, before: float = 1.0, at: float = 0.4, after: float = 0.0, *, lands: bool = True) -> EpisodeSignals:
     """The front left foot flies ahead and meets a riser in that step; the others rest at the origin."""
     points, velocity = np.zeros((2, END, 4, 4, 3))
     points[:, 0, 3, 0] = 0.73
@@ -29,9 +29,9 @@ def test_a_leg_that_swings_against_a_riser_trips_by_the_speed_that_it_loses() ->
     """From 1 m/s, the mean of the three steps before, to 0.2, of the blow and the step after: 0.8 of 0.5 m/s. A step
     later from 0.8 to 0, two later from 0.467; then it has stood for three steps."""
     event, *others = rules.trips(blow(130))
-    assert [each.strength for each in others] == pytest.approx([1.6, 1.4 / 3.0 / 0.5])
-    assert (event.cause, event.step, event.sudden) == (rules.TRIP, 130, True)
-    assert event.strength == pytest.approx(1.6)
+    assert [each.score for each in others] == pytest.approx([1.6, 1.4 / 3.0 / 0.5])
+    assert (event.cause, event.step, event.is_instantaneous) == (rules.TRIP, 130, True)
+    assert event.score == pytest.approx(1.6)
     assert event.words == "front left foot hits the edge of a step (0.15 m) at 1.0 m/s"
 
 
@@ -65,8 +65,8 @@ def test_a_push_counts_by_how_far_it_moves_the_capture_point() -> None:
     """50 N·s on 14.2 kg: 3.521 m/s, and 0.236 s times as much, of 0.3 m."""
     (event,) = pushed(140)
     assert event.words == "a push of 50 N·s, 3.5 m/s for its mass"
-    assert event.strength == pytest.approx(50.0 / 14.2 * TIME_CONSTANT / 0.3, rel=1e-4)
-    assert (event.cause, event.step, event.sudden) == (rules.PUSH, 140, True)
+    assert event.score == pytest.approx(50.0 / 14.2 * TIME_CONSTANT / 0.3, rel=1e-4)
+    assert (event.cause, event.step, event.is_instantaneous) == (rules.PUSH, 140, True)
 
 
 def test_a_push_may_be_the_cause_from_1_2_s_before_the_onset_until_a_push_s_length_after_it() -> None:
@@ -81,15 +81,15 @@ def test_a_steady_force_counts_where_the_robot_gives_way_to_it(way: float, count
     """60 N are 0.431 of the weight, of 0.3; the capture point goes with it for half of its way or more."""
     scenario = Scenario("made", force=SteadyForce(60.0))
     record = recorded(scenario)
-    along = record.drawn.force / 60.0
+    along = record.sampled.force / 60.0
     across = np.array([-along[1], along[0]])
     vars(record)["capture"] = np.tile(0.2 * (way * along + np.sqrt(1.0 - way * way) * across), (END, 1))
     events = list(rules.pushes(record))
     assert len(events) == counts
     if counts:
         assert events[0].step == 149
-        assert events[0].strength == pytest.approx(60.0 / (14.2 * 9.81) / 0.3)
-        assert not events[0].sudden
+        assert events[0].score == pytest.approx(60.0 / (14.2 * 9.81) / 0.3)
+        assert not events[0].is_instantaneous
 
 
 @pytest.mark.parametrize(("friction", "factor"), [(0.25, 1.0), (0.8, 0.5 / 0.8)])
@@ -104,7 +104,7 @@ def test_feet_that_stand_and_slide_count_by_their_share_and_the_ground(friction:
     scenario = Scenario("made", ground=Ground(friction=friction))
     (event,) = rules.slides(recorded(scenario, shank=(points, velocity), foot_contact=contact))
     assert (event.cause, event.step) == (rules.SLIP, 150)
-    assert event.strength == pytest.approx(10.0 / 109.0 / 0.55 * factor)
+    assert event.score == pytest.approx(10.0 / 109.0 / 0.55 * factor)
     assert event.words == f"9% of the standing feet slide, at 0.6 m/s, friction {friction:g}"
 
 
@@ -114,9 +114,9 @@ def test_motors_count_by_the_share_of_time_and_joints_at_their_own_limit() -> No
     torque, heat = signal("joint_torque"), np.full_like(signal("joule_heat"), np.nan)
     torque[120:, 1, 5], torque[:, 1, 4] = -40.0, 40.0
     limit = tuple(40.0 if joint == 5 else 100.0 for joint in range(12))
-    (event,) = rules.motors(recorded(joint_torque=torque, joule_heat=heat, torque_limit=limit))
+    (event,) = rules.motor_saturation(recorded(joint_torque=torque, joule_heat=heat, torque_limit=limit))
     assert (event.cause, event.step) == (rules.MOTOR, 124)
-    assert event.strength == pytest.approx(36.0 / 50.0 / 12.0 / 0.1)
+    assert event.score == pytest.approx(36.0 / 50.0 / 12.0 / 0.1)
     assert event.words == "front right calf motor is 72% of the time at its limit, 40 N·m"
 
 
@@ -124,19 +124,19 @@ def test_motors_with_a_curve_count_at_their_speed_without_load_too() -> None:
     """9.6 of 10 rad/s in ten steps; motors without a curve, whose heat is not known, may turn as fast as they do."""
     speed, unknown = signal("peak_speed"), np.full_like(signal("joule_heat"), np.nan)
     speed[150:, 1, 1] = 9.6
-    (event,) = rules.motors(recorded(peak_speed=speed, speed_limit=10.0))
-    assert event.strength == pytest.approx(10.0 / 50.0 / 12.0 / 0.1)
-    (event,) = rules.motors(recorded(peak_speed=speed, speed_limit=10.0, joule_heat=unknown))
-    assert event.strength == 0.0
+    (event,) = rules.motor_saturation(recorded(peak_speed=speed, speed_limit=10.0))
+    assert event.score == pytest.approx(10.0 / 50.0 / 12.0 / 0.1)
+    (event,) = rules.motor_saturation(recorded(peak_speed=speed, speed_limit=10.0, joule_heat=unknown))
+    assert event.score == 0.0
 
 
 def test_servos_of_a_bandwidth_count_by_how_far_they_are_behind() -> None:
     """0.7 rad in half of the window: 0.35 on average, by 0.35."""
     action = signal("action")
     action[135:, 1, 7] = -0.7
-    _, event = rules.motors(recorded(Scenario("made", motors=Motors(bandwidth=5.0)), action=action))
+    _, event = rules.motor_saturation(recorded(Scenario("made", motors=Motors(bandwidth=5.0)), action=action))
     assert (event.cause, event.step) == (rules.MOTOR, 110)
-    assert event.strength == pytest.approx(1.0)
+    assert event.score == pytest.approx(1.0)
     assert event.words == "servos of 5 Hz are 0.35 rad behind"
 
 
@@ -151,7 +151,7 @@ def test_standing_legs_count_at_a_joint_limit_and_stretched() -> None:
     contact[:, 1, :2] = True
     (event,) = rules.limits(recorded(joint_position=joints, foot_contact=contact))
     assert (event.cause, event.step) == (rules.REACH, 140)
-    assert event.strength == pytest.approx(0.3 / 0.7, rel=1e-6)
+    assert event.score == pytest.approx(0.3 / 0.7, rel=1e-6)
 
 
 def facing(pitch: float) -> np.ndarray:
@@ -165,12 +165,12 @@ def test_an_estimate_counts_by_the_error_of_tilt_and_velocity_at_the_moment_that
     scenario = Scenario("made", latency=Latency(action=0.0, observation=0.03))
     observed = signal("observed")
     observed[..., 2] = -1.0
-    (event,) = rules.estimates(recorded(scenario, quaternion=facing(0.3), observed=observed))
+    (event,) = rules.estimation_error(recorded(scenario, quaternion=facing(0.3), observed=observed))
     assert (event.cause, event.step) == (rules.ESTIMATE, 110)
-    assert event.strength == pytest.approx(1.5, rel=1e-5)
+    assert event.score == pytest.approx(1.5, rel=1e-5)
     observed[..., 6:8] = 0.45, 0.6
-    (event,) = rules.estimates(recorded(scenario, quaternion=facing(0.0), observed=observed))
-    assert event.strength == pytest.approx(1.5, rel=1e-5)
+    (event,) = rules.estimation_error(recorded(scenario, quaternion=facing(0.0), observed=observed))
+    assert event.score == pytest.approx(1.5, rel=1e-5)
     rolling = np.zeros((STEPS, 1, 4))
     pitch = 0.05 * np.arange(STEPS)[:, None] % 1.0
     rolling[..., 0], rolling[..., 2] = np.cos(pitch / 2), np.sin(pitch / 2)
@@ -178,22 +178,22 @@ def test_an_estimate_counts_by_the_error_of_tilt_and_velocity_at_the_moment_that
     observed[3:, :, 0], observed[3:, :, 2] = np.sin(pitch[:-3]), -np.cos(pitch[:-3])
     observed[..., 6:9] = 0.0
     turning = np.repeat(rolling, 2, axis=1).astype(np.float32)
-    (event,) = rules.estimates(recorded(scenario, quaternion=turning, observed=observed))
-    assert event.strength == pytest.approx(0.0, abs=5e-3)
+    (event,) = rules.estimation_error(recorded(scenario, quaternion=turning, observed=observed))
+    assert event.score == pytest.approx(0.0, abs=5e-3)
     observed[..., :3] = 0.0, 0.0, -1.0
     moving, quaternion = signal("heading_velocity"), facing(0.0)
     moving[:, :, 0] = 0.01 * np.arange(STEPS)[:, None]
     observed[..., 6:9] = 0.0
     observed[3:, :, 6] = moving[:-3, :, 0]
-    (event,) = rules.estimates(recorded(scenario, quaternion=quaternion, heading_velocity=moving, observed=observed))
-    assert event.strength == pytest.approx(0.0, abs=1e-5)
+    (event,) = rules.estimation_error(recorded(scenario, quaternion=quaternion, heading_velocity=moving, observed=observed))
+    assert event.score == pytest.approx(0.0, abs=1e-5)
 
 
 def test_a_delay_counts_both_ways_together() -> None:
     """20 and 50 ms of the 0.236 s in which a robot falls over, by 0.4."""
-    (event,) = rules.signals(recorded(Scenario("made", latency=Latency(action=0.02, observation=0.05))))
+    (event,) = rules.delay_or_dropout(recorded(Scenario("made", latency=Latency(action=0.02, observation=0.05))))
     assert event.words == "readings and actions are 70 ms late together"
-    assert event.strength == pytest.approx(0.07 / TIME_CONSTANT / 0.4, rel=1e-4)
+    assert event.score == pytest.approx(0.07 / TIME_CONSTANT / 0.4, rel=1e-4)
 
 
 def test_a_servo_without_targets_counts_by_how_far_its_joint_should_have_gone() -> None:
@@ -201,17 +201,17 @@ def test_a_servo_without_targets_counts_by_how_far_its_joint_should_have_gone() 
     lost = Dropouts(count=1, duration=0.3, window=(1.1, 1.5))
     scenario = Scenario("made", dropouts=lost, latency=Latency(action=0.02, observation=0.0))
     record = recorded(scenario)
-    ((start,), (joint,)) = record.drawn.dropouts
+    ((start,), (joint,)) = record.sampled.dropouts
     assert 110 <= start <= 120
     action = signal("action")
     action[start - 2 :, 1, joint] = 0.3
     action[start + 10, 1, joint] = 0.45
     action[start + 28 :, 1, joint] = 9.0  # arrives after the end
     record = recorded(scenario, action=action, window=slice(110, 160))
-    _, event = rules.signals(record)
-    assert (event.cause, event.step, event.sudden) == (rules.SIGNAL, start, True)
-    assert event.strength == pytest.approx(3.0, rel=1e-5)
+    _, event = rules.delay_or_dropout(record)
+    assert (event.cause, event.step, event.is_instantaneous) == (rules.SIGNAL, start, True)
+    assert event.score == pytest.approx(3.0, rel=1e-5)
     assert " receives no targets for 0.30 s, 0.45 rad off" in event.words
-    assert len(list(rules.signals(recorded(scenario, action=action, window=slice(10, 100), onset=90)))) == 1
-    assert len(list(rules.signals(recorded(scenario, action=action, window=slice(start + 65, 195), onset=190)))) == 1
-    assert len(list(rules.signals(recorded(scenario, action=action, window=slice(start + 64, 195), onset=190)))) == 2
+    assert len(list(rules.delay_or_dropout(recorded(scenario, action=action, window=slice(10, 100), onset=90)))) == 1
+    assert len(list(rules.delay_or_dropout(recorded(scenario, action=action, window=slice(start + 65, 195), onset=190)))) == 1
+    assert len(list(rules.delay_or_dropout(recorded(scenario, action=action, window=slice(start + 64, 195), onset=190)))) == 2

@@ -10,7 +10,7 @@ import pytest
 
 from evaluate.causes import rules
 from evaluate.causes import verdict as verdicts
-from evaluate.causes.record import Record
+from evaluate.causes.record import EpisodeSignals
 from evaluate.causes.rules import Event
 from evaluate.causes.verdict import Verdict, verdict
 from evaluate.measures.metrics import measure
@@ -22,8 +22,8 @@ from tests.evaluate.causes.made import recorded, signal
 from tests.evaluate.measures.uneventful import uneventful
 
 FELL = SimpleNamespace(outcome=np.array(["succeeded", "fell"], object))
-PUSH = Event(rules.PUSH, 140, 2.0, "a push", sudden=True)
-TRIP = Event(rules.TRIP, 120, 1.2, "a trip", sudden=True)
+PUSH = Event(rules.PUSH, 140, 2.0, "a push", is_instantaneous=True)
+TRIP = Event(rules.TRIP, 120, 1.2, "a trip", is_instantaneous=True)
 ICE = Event(rules.SLIP, 130, 3.0, "ice")
 LIMITS = Event(rules.REACH, 110, 9.0, "limits")
 
@@ -33,7 +33,7 @@ def of(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The verdict on a fall in which these are all events."""
 
     def found(*events: Event, **known: Any) -> Verdict:
-        def rule(_: Record) -> Iterator[Event]:
+        def rule(_: EpisodeSignals) -> Iterator[Event]:
             yield from events
 
         monkeypatch.setattr(rules, "RULES", (rule,))
@@ -67,7 +67,7 @@ def test_it_is_certain_where_it_is_strong_and_nothing_else_had_begun(of: Any) ->
 def test_a_blow_such_as_it_has_taken_before_is_not_certain(of: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     windows, before = [], [TRIP._replace(step=20, strength=0.9)]
 
-    def trips(_: Record, window: slice) -> Iterator[Event]:
+    def trips(_: EpisodeSignals, window: slice) -> Iterator[Event]:
         windows.append(window)
         yield from before
 
@@ -120,7 +120,7 @@ def upright(
     episodes = uneventful(SIMPLE_QUAD, steps, 2, command_steps=200, **signals | changes)
     measures = measure(episodes)
     assert measures.outcome[0] == "succeeded"
-    return verdict(Record(episodes, scenario, 1), measures)
+    return verdict(EpisodeSignals(episodes, scenario, 1), measures)
 
 
 def test_an_upright_robot_is_too_slow_stalled_or_off_its_command_where_it_is_worst() -> None:
@@ -177,6 +177,6 @@ def test_a_policy_that_failed_is_told_by_its_own_words_at_its_own_step() -> None
         failure_step=np.array([10, 42]),
         scenario=Scenario("made"),
     )
-    found = verdict(Record(episodes, Scenario("made"), 1), replace(measure(episodes)))
+    found = verdict(EpisodeSignals(episodes, Scenario("made"), 1), replace(measure(episodes)))
     words = "the policy gave targets that are not finite"
     assert found == Verdict(Event(rules.POLICY, 42, 1.0, words), True)

@@ -16,7 +16,7 @@ from evaluate.records.episode_table import read_table, write_table
 from evaluate.records.manifest import read
 from evaluate.records.store import ChunkStore, read_run
 from evaluate.report.table import print_levels
-from evaluate.rollouts.experiment import Chunk
+from evaluate.rollouts.experiment import EpisodeChunk
 from quad_env.scenarios.axes import AXES
 
 
@@ -73,7 +73,7 @@ def test_it_goes_on_with_what_was_done(folder, tmp_path, monkeypatch) -> None:
     run = read_run(tmp_path)
     store = ChunkStore(tmp_path, run.manifest, resumed=True)
     for cell in run.cells:
-        store.save(Chunk(np.arange(2), cell))
+        store.save(EpisodeChunk(np.arange(2), cell))
     for name in ("results.json", "episodes.parquet"):
         (tmp_path / name).unlink()
     words = ["axes", "push", "--policies", "document", "stand", "--episodes", "2", "--resume", "--out", str(tmp_path)]

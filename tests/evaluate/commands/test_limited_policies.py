@@ -12,7 +12,7 @@ from evaluate.commands.plan import check, policies_asked_for
 from evaluate.records.store import FILES, read_run
 from evaluate.rollouts import rollout
 from evaluate.rollouts.battery import BATTERIES, resolve
-from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from quad_env.cli.command_line import UsageError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.made import Made
@@ -83,8 +83,8 @@ def test_a_folder_may_have_an_at_sign(tmp_path) -> None:
 
 
 def test_trained_policies_of_the_default_that_a_robot_has_not_are_left_out_in_a_line(capsys, tmp_path) -> None:
-    own = Hardware(robot=str(Made().write(tmp_path, "dog.xml")))
-    compared = policies_asked_for(DEFAULT_POLICIES, resolve(("flat",), own.quadruped), own)
+    own = HardwareConfig(robot=str(Made().write(tmp_path, "dog.xml")))
+    compared = policies_asked_for(DEFAULT_POLICIES, resolve(("flat",), own.robot_model), own)
     named = ["trot", "trot_feedback", "trot_integral"]
     assert [policy.label for policy in compared] == ["document", "document_repaired", *named]
     said = capsys.readouterr().err
@@ -92,6 +92,6 @@ def test_trained_policies_of_the_default_that_a_robot_has_not_are_left_out_in_a_
 
 
 def test_a_trained_policy_that_is_asked_for_by_name_is_not_left_out(tmp_path) -> None:
-    own = Hardware(robot=str(Made().write(tmp_path, "dog.xml")))
+    own = HardwareConfig(robot=str(Made().write(tmp_path, "dog.xml")))
     with pytest.raises(UsageError, match="no trained policy in"):
-        policies_asked_for(("trot", "robust"), resolve(("flat",), own.quadruped), own)
+        policies_asked_for(("trot", "robust"), resolve(("flat",), own.robot_model), own)

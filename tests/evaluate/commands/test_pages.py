@@ -8,17 +8,17 @@ import pytest
 
 from evaluate.__main__ import main
 from evaluate.commands import pages
-from evaluate.film.shooting import Take
+from evaluate.film.shooting import FilmSpec
 from evaluate.records.store import EPISODES, read_run
 from quad_env.cli.command_line import UsageError
 
 
 @pytest.fixture
-def made(monkeypatch: pytest.MonkeyPatch) -> list[Take]:
+def made(monkeypatch: pytest.MonkeyPatch) -> list[FilmSpec]:
     """What is filmed, into empty files."""
-    found: list[Take] = []
+    found: list[FilmSpec] = []
 
-    def write(take: Take, path: Path, progress) -> None:
+    def write(take: FilmSpec, path: Path, progress) -> None:
         progress(0.5)
         found.append(take)
         path.write_text(take.title, encoding="utf-8")
@@ -52,7 +52,7 @@ def test_each_page_is_made_once_and_the_report_links_it(copied, made, capsys) ->
 def test_what_was_made_is_kept(copied, made, capsys, monkeypatch, error, code) -> None:
     write = pages.write_page
 
-    def stop(take: Take, path: Path, progress) -> None:
+    def stop(take: FilmSpec, path: Path, progress) -> None:
         if made:
             raise error
         write(take, path, progress)
@@ -83,7 +83,7 @@ def test_pages_are_of_whole_runs_with_policies_that_are_there(copied, made, refu
 
 
 def test_a_page_shows_the_episode_and_another_policy_on_the_same_seed(run, tmp_path, monkeypatch, capsys) -> None:
-    shown: list[Take] = []
+    shown: list[FilmSpec] = []
     monkeypatch.setattr("evaluate.commands.replay.write_page", lambda take, path, progress: shown.append(take))
     assert main(["replay", str(run.folder), "13", "--page", str(tmp_path / "a.html"), "--against", "stand"]) == 0
     cell = read_run(run.folder).cells[2]
@@ -95,7 +95,7 @@ def test_a_page_shows_the_episode_and_another_policy_on_the_same_seed(run, tmp_p
 def test_files_that_can_hide_code_are_loaded_for_pages_where_they_are_trusted(copied, made, monkeypatch) -> None:
     given = []
     monkeypatch.setattr(pages, "policy_of", lambda label, _, trust: given.append((label, trust)))
-    monkeypatch.setattr(pages.Found, "take", lambda *_: None)
+    monkeypatch.setattr(pages.ReplayTarget, "take", lambda *_: None)
     monkeypatch.setattr(pages, "write_page", lambda *_: None)
     monkeypatch.setattr("evaluate.commands.outputs.conclude", lambda *_: 0)
     for word in ([], ["--trust"]):

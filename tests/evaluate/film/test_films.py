@@ -10,34 +10,34 @@ from PIL import Image, ImageSequence
 import policies
 import quad_env
 from evaluate.film import files
-from evaluate.film.shooting import ALARM, BAD, GOOD, Look, Take, shoot
+from evaluate.film.shooting import ALARM, BAD, GOOD, RenderOptions, FilmSpec, render_frames
 from evaluate.rollouts.experiment import LabelledPolicy
 from quad_env import Pushes
 from quad_env.cli.command_line import UsageError
 
 PUSHED = quad_env.Scenario("pushed", pushes=Pushes(count=1, window=(0.1, 0.3), impulse=20.0))
-SMALL = Look(size=(160, 120))
-FEW = Look(size=(160, 120), rate=5.0)
+SMALL = RenderOptions(size=(160, 120))
+FEW = RenderOptions(size=(160, 120), rate=5.0)
 LINE = 14
 """Pixels from a line of its captions to the next."""
 HEADER = 2 * LINE + 8
 
 
-def take_of(*names: str, scenario: quad_env.Scenario = PUSHED, steps: int = 24, forward: float = 0.5) -> Take:
+def take_of(*names: str, scenario: quad_env.Scenario = PUSHED, steps: int = 24, forward: float = 0.5) -> FilmSpec:
     entrants = tuple(LabelledPolicy(name, policies.make(name)) for name in names)
-    return Take(entrants, scenario, 0, steps, "an episode", command=(forward, 0.0, 0.0))
+    return FilmSpec(entrants, scenario, 0, steps, "an episode", command=(forward, 0.0, 0.0))
 
 
-def images_of(take: Take, look: Look = SMALL) -> list[np.ndarray]:
-    return [np.asarray(image).astype(int) for image in shoot(take, look, lambda _: None)]
+def images_of(take: FilmSpec, look: RenderOptions = SMALL) -> list[np.ndarray]:
+    return [np.asarray(image).astype(int) for image in render_frames(take, look, lambda _: None)]
 
 
 @pytest.mark.parametrize(
     ("speed", "rate", "every", "period"), [(1.0, 25.0, 4, 0.04), (0.1, 25.0, 1, 0.1), (1.0, 30.0, 3, 0.03)]
 )
 def test_a_film_lasts_as_long_as_its_speed_says(speed: float, rate: float, every: int, period: float) -> None:
-    look = Look(speed=speed, rate=rate)
-    assert (look.every, look.period) == (every, pytest.approx(period))
+    look = RenderOptions(speed=speed, rate=rate)
+    assert (look.steps_per_frame, look.period) == (every, pytest.approx(period))
 
 
 def blinking(count: int, width: int = 160) -> list[Image.Image]:

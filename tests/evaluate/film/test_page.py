@@ -14,9 +14,9 @@ from PIL import Image
 
 import policies
 import quad_env
-from evaluate.film.curves import as_given
+from evaluate.film.curves import estimated_state
 from evaluate.film.page import write_page
-from evaluate.film.shooting import Panel, Take
+from evaluate.film.shooting import EpisodeView, FilmSpec
 from evaluate.measures.episodes import Episodes
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
@@ -41,14 +41,14 @@ class Written:
 def page(tmp_path_factory: pytest.TempPathFactory) -> Written:
     found, path = Written(), tmp_path_factory.mktemp("page") / "page.html"
 
-    def picture(panel: Panel) -> Image.Image:
+    def picture(panel: EpisodeView) -> Image.Image:
         found.drawn.append(panel.step.number)
         return Image.new("RGB", (480, 300))
 
     shown = LabelledPolicy("document", policies.make("document")), LabelledPolicy(HOSTILE, policies.make("trot"))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Panel, "picture", picture)
-        write_page(Take(shown, SCENARIO, SEED, STEPS, "an <i>episode</i>"), path, lambda _: None)
+        patch.setattr(EpisodeView, "picture", picture)
+        write_page(FilmSpec(shown, SCENARIO, SEED, STEPS, "an <i>episode</i>"), path, lambda _: None)
     found.text = path.read_text(encoding="utf-8")
     found.data = json.loads(re.search(r'id="data">(.*?)</script>', found.text, re.DOTALL).group(1))
     return found
@@ -71,7 +71,7 @@ def test_every_curve_is_the_episodes_signal(both) -> None:
     for name, signal in expected.items():
         columns = np.array(shown["curves"][name]).T
         np.testing.assert_allclose(columns[:end], signal[:end, 0].reshape(end, -1), atol=6e-5, err_msg=name)
-    given = as_given(record.observed[:end, 0].astype(float))
+    given = estimated_state(record.observed[:end, 0].astype(float))
     np.testing.assert_allclose(np.array(shown["curves"]["given"]).T[:end], given, atol=6e-5)
     assert shown["legs"] == ["FL", "FR", "HL", "HR"]
     assert shown["fallen"] == pytest.approx({"tilt": math.radians(70.0), "height": 0.12}, abs=1e-3)
@@ -119,15 +119,15 @@ def test_what_a_policy_is_given_is_read_in_its_own_idea_of_the_vertical() -> Non
     cos, sin = math.cos(0.3), math.sin(0.3)
     to_body = np.array([[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]])
     observed = np.concatenate([to_body @ each for each in ([0.0, 0.0, -1.0], [0.0, 0.0, 2.0], [1.0, 0.5, 0.0])])
-    np.testing.assert_allclose(as_given(observed[None]), [[0.3, 1.0, 0.5, 2.0]])
+    np.testing.assert_allclose(estimated_state(observed[None]), [[0.3, 1.0, 0.5, 2.0]])
 
 
 def test_a_page_is_whole_or_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(_: float) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Panel, "picture", lambda *_: Image.new("RGB", (8, 5)))
-    take = Take((LabelledPolicy("stand", policies.make("stand")),), SCENARIO, 0, 20, "an episode")
+    monkeypatch.setattr(EpisodeView, "picture", lambda *_: Image.new("RGB", (8, 5)))
+    take = FilmSpec((LabelledPolicy("stand", policies.make("stand")),), SCENARIO, 0, 20, "an episode")
     with pytest.raises(KeyboardInterrupt):
         write_page(take, tmp_path / "page.html", stop)
     assert list(tmp_path.iterdir()) == []

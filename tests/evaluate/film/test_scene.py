@@ -7,15 +7,15 @@ import pytest
 
 import policies
 import quad_env
-from evaluate.film.scene import AHEAD, COMMAND, CONTACT, PUSH, PUSH_LINGERS, SWING, VELOCITY, Scene, heading
+from evaluate.film.scene import AHEAD, COMMAND, CONTACT, PUSH, PUSH_DISPLAY_TIME, SWING, VELOCITY, Scene, heading
 from evaluate.rollouts.observers import Step
-from evaluate.rollouts.rollout import watch
+from evaluate.rollouts.rollout import iterate_episode
 from quad_env import Pushes
 from quad_env.physics.arrows import Arrow, Ball, Colour
 
 
 def test_where_a_robot_faces_does_not_depend_on_its_tilt() -> None:
-    step = next(watch(policies.make("stand"), quad_env.scenario("flat"), 1, steps=1))
+    step = next(iterate_episode(policies.make("stand"), quad_env.scenario("flat"), 1, steps=1))
     yaw, pitch = 2.0, -0.4
     cos, sin = math.cos(pitch / 2), math.sin(pitch / 2)
     tilted = (math.cos(yaw / 2) * cos, -math.sin(yaw / 2) * sin, math.cos(yaw / 2) * sin, math.sin(yaw / 2) * cos)
@@ -29,7 +29,7 @@ PUSHED = quad_env.Scenario("pushed", pushes=Pushes(count=2, window=(1.0, 2.0), i
 @pytest.fixture(scope="module")
 def shown() -> list[tuple[Step, dict[Colour, Arrow]]]:
     """Of each control step of a trot that turns and is pushed, by their colour."""
-    steps = watch(policies.make("trot"), PUSHED, 4, steps=220, command=(0.5, 0.0, 0.5))
+    steps = iterate_episode(policies.make("trot"), PUSHED, 4, steps=220, command=(0.5, 0.0, 0.5))
     start = next(steps)
     scene, told = Scene(start), []
     for step in steps:
@@ -69,7 +69,7 @@ def test_the_command_points_ahead_of_the_robot(shown) -> None:
 
 def test_a_push_points_along_its_force_while_it_is_on_and_a_moment_longer(shown) -> None:
     on = [number for number, (step, _) in enumerate(shown) if step.infos["push"].any()]
-    lingering = round(PUSH_LINGERS / 0.01)
+    lingering = round(PUSH_DISPLAY_TIME / 0.01)
     assert len(on) == 20
     drawn = [number for number, (_, marks) in enumerate(shown) if PUSH in marks]
     assert drawn == sorted({number + more for number in on for more in range(lingering)})
@@ -80,7 +80,7 @@ def test_a_push_points_along_its_force_while_it_is_on_and_a_moment_longer(shown)
 
 def test_each_foot_has_its_legs_name_and_is_blue_on_the_ground_alone() -> None:
     seen = set()
-    for step in watch(policies.make("trot"), quad_env.scenario("flat"), 1, steps=40, command=(0.5, 0.0, 0.0)):
+    for step in iterate_episode(policies.make("trot"), quad_env.scenario("flat"), 1, steps=40, command=(0.5, 0.0, 0.0)):
         balls = [mark for mark in Scene(step).marks() if isinstance(mark, Ball)]
         assert [ball.name for ball in balls] == ["FL", "FR", "HL", "HR"]
         for ball, place, on in zip(

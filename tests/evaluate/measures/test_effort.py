@@ -9,9 +9,9 @@ import policies
 import quad_env
 from evaluate.analysis.summary import summarise
 from evaluate.measures import metrics
-from evaluate.measures.episodes import blank, weight
+from evaluate.measures.episodes import empty_signal, weight
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import PolicyScenarioResult
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.evaluate.measures.uneventful import uneventful
 
@@ -25,7 +25,7 @@ FALL = 30
 
 def signal(name: str, change: Callable[[np.ndarray], None]) -> np.ndarray:
     """An empty record of one episode after `change` has written to its steps, (steps, …)."""
-    record = blank(SIMPLE_QUAD, name, STEPS, 1)
+    record = empty_signal(SIMPLE_QUAD, name, STEPS, 1)
     change(record[:, 0])
     return record
 
@@ -58,7 +58,7 @@ def test_what_is_carried_is_weighed() -> None:
     masses = [rollout.run(policies.make("stand"), each, seeds, steps=20).weight / 9.81 for each in (bare, loaded)]
     assert masses == pytest.approx([SIMPLE_QUAD.mass, SIMPLE_QUAD.mass + 5.0])
     measures = metrics.measure(uneventful(SIMPLE_QUAD, STEPS, dt=DT, **BRAKING, **WALK))
-    cell = Cell("stand", loaded, seeds[:1], np.array([None], object), measures, np.array([None], object))
+    cell = PolicyScenarioResult("stand", loaded, seeds[:1], np.array([None], object), measures, np.array([None], object))
     expected = 280 / (weight(SIMPLE_QUAD, loaded) * 2.0)
     assert summarise(cell, SIMPLE_QUAD).cost_of_transport == pytest.approx(expected)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evaluate.measures import footfalls, metrics
-from evaluate.measures.episodes import blank
+from evaluate.measures.episodes import empty_signal
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.evaluate.measures.uneventful import uneventful
 
@@ -25,7 +25,7 @@ def measured(name: str, **changes: Any) -> Any:
 
 def trotting(delay: int = 0, swing: int = 16) -> np.ndarray:
     """Contacts of a trot of 0.4 s whose hind feet are `delay` steps late, each foot `swing` steps in the air."""
-    contact = blank(SIMPLE_QUAD, "foot_contact", STEPS, 1)
+    contact = empty_signal(SIMPLE_QUAD, "foot_contact", STEPS, 1)
     time = np.arange(STEPS)
     for foot, start in ((FL, 0), (HR, delay), (FR, STRIDE // 2), (HL, STRIDE // 2 + delay)):
         contact[:, 0, foot] = (time - start) % STRIDE >= swing
@@ -34,7 +34,7 @@ def trotting(delay: int = 0, swing: int = 16) -> np.ndarray:
 
 def commanded(*intervals: float) -> np.ndarray:
     """Forward commands, each for half of the episode."""
-    command = blank(SIMPLE_QUAD, "command", STEPS, 1)
+    command = empty_signal(SIMPLE_QUAD, "command", STEPS, 1)
     command[: STEPS // 2, 0, 0], command[STEPS // 2 :, 0, 0] = intervals
     return command
 
@@ -70,7 +70,7 @@ def test_flight() -> None:
 
 def test_trunk_height() -> None:
     """Three quarters of the home pose's, but for the first second and what comes after a fall."""
-    height = blank(SIMPLE_QUAD, "height", STEPS, 1) + np.float32(0.75 * SIMPLE_QUAD.home_height)
+    height = empty_signal(SIMPLE_QUAD, "height", STEPS, 1) + np.float32(0.75 * SIMPLE_QUAD.home_height)
     height[:SETTLING], height[FALL:] = 1.0, 0.1
     assert measured("trunk_height", height=height, **FELL) == pytest.approx(0.75)
 
@@ -78,7 +78,7 @@ def test_trunk_height() -> None:
 def test_touchdown_impulse() -> None:
     """2 N·s in the control step of a touch-down and 1 in the next, on 142 N; more before and after, in the first second
     and in the step after which the robot has fallen."""
-    contact, impulse = trotting(), blank(SIMPLE_QUAD, "foot_impulse", STEPS, 1)
+    contact, impulse = trotting(), empty_signal(SIMPLE_QUAD, "foot_impulse", STEPS, 1)
     for foot, first in ((FL, 16), (HR, 16), (FR, 36), (HL, 36)):
         for after, received in ((-1, 7.0), (0, 2.0), (1, 1.0), (2, 9.0)):
             impulse[first + after :: STRIDE, 0, foot] = received
@@ -92,7 +92,7 @@ def test_touchdown_impulse() -> None:
 
 def test_foot_slip() -> None:
     """One foot slides 1 mm a step along a diagonal of the ground; another swings, and lifts while it stands."""
-    contact, position = blank(SIMPLE_QUAD, "foot_contact", STEPS, 1), blank(SIMPLE_QUAD, "foot_position", STEPS, 1)
+    contact, position = empty_signal(SIMPLE_QUAD, "foot_contact", STEPS, 1), empty_signal(SIMPLE_QUAD, "foot_position", STEPS, 1)
     contact[:, 0, [FL, HL]] = True
     time = np.arange(STEPS)
     position[:, 0, FL, 0], position[:, 0, FL, 1] = 0.0006 * time, -0.0008 * time
@@ -103,7 +103,7 @@ def test_foot_slip() -> None:
 
 def test_gaps_shorter_than_a_swing_are_filled_and_others_kept() -> None:
     given = np.array([0, 1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 0, 1, 0], bool)
-    filled = footfalls.without_rattling(given[:, None], 4)[:, 0].astype(int)
+    filled = footfalls.debounce(given[:, None], 4)[:, 0].astype(int)
     assert filled.tolist() == [0, 1, 1, 1, 1, 1, 0, 0, 0, 0, 1, 1, 1, 1, 0]
 
 

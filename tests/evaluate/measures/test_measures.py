@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 
 from evaluate.measures import metrics
 from evaluate.measures.catalogue import BY_NAME, FIGURES, MEASURES, OF_CAUSES
-from evaluate.measures.episodes import blank
+from evaluate.measures.episodes import empty_signal
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.evaluate.measures.uneventful import uneventful
 
@@ -35,6 +35,6 @@ def test_every_measure_is_a_column_and_every_figure_in_the_results(run) -> None:
 def test_measures_go_by_the_figures_of_the_recorded_robot() -> None:
     """A robot that is rated at half the speed."""
     other = replace(SIMPLE_QUAD, rated_speed=5.0)
-    moving = {"joint_velocity": blank(SIMPLE_QUAD, "joint_velocity", 200, 1) + np.float32(7.0)}
+    moving = {"joint_velocity": empty_signal(SIMPLE_QUAD, "joint_velocity", 200, 1) + np.float32(7.0)}
     ours, others = (metrics.measure(uneventful(robot, 200, **moving)) for robot in (SIMPLE_QUAD, other))
     assert (ours.overspeed[0], others.overspeed[0]) == (0.0, 1.0)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evaluate.measures import metrics
-from evaluate.measures.episodes import Episodes, blank
+from evaluate.measures.episodes import Episodes, empty_signal
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.evaluate.measures.uneventful import uneventful
 
@@ -20,7 +20,7 @@ COMMAND_STEPS = 50
 
 def episodes(velocity, command=(1.0, 0.0, 0.5), fall_step=STEPS, power=71.0) -> Episodes:
     """One episode with a constant, or a per-step, heading velocity."""
-    speed, work = blank(SIMPLE_QUAD, "joint_velocity", STEPS, 1), blank(SIMPLE_QUAD, "positive_work", STEPS, 1)
+    speed, work = empty_signal(SIMPLE_QUAD, "joint_velocity", STEPS, 1), empty_signal(SIMPLE_QUAD, "positive_work", STEPS, 1)
     speed[..., :4], work[..., 0] = (10.0, 11.0, 11.0, -11.0), power * DT  # three of twelve joints are too fast
     return uneventful(
         SIMPLE_QUAD,

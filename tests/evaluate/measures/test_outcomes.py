@@ -14,9 +14,9 @@ from evaluate.measures.outcomes import (
     RULES,
     SUCCESS_RULE,
     outcomes,
-    share_of_way,
+    commanded_progress,
 )
-from evaluate.rollouts.experiment import Cell, rescored
+from evaluate.rollouts.experiment import PolicyScenarioResult, apply_success_rule
 from evaluate.rollouts.rollout import run
 from policies.safety import Safe
 from quad_env import SCENARIOS, CommandRanges
@@ -81,7 +81,7 @@ def test_every_interval_has_to_be_followed_and_the_way_is_that_of_all():
     assert judged([round_] * 4, [round_, *[still] * 3]) == "off_command"
     assert judged([round_] * 2, [still, round_], durations=long_first) == "stalled"
     assert judged([round_] * 2, [still, round_], durations=long_first[::-1]) == "off_command"
-    assert share_of_way(np.array([[forward] * 2]), np.array([[still, forward]]), long_first) == pytest.approx([0.2])
+    assert commanded_progress(np.array([[forward] * 2]), np.array([[still, forward]]), long_first) == pytest.approx([0.2])
 
 
 def test_falls_divergences_and_stops_come_before_everything_else():
@@ -179,12 +179,12 @@ def test_isaac_labs_thresholds_are_of_the_mean_errors_of_the_steps(errors, expec
 def test_kept_episodes_succeed_by_another_rule_as_their_record_does(policy, forward, by_isaac_lab):
     """What `report --success` shows of a run, against the rule on the steps themselves."""
     episodes = run(policies.make(policy), asked(forward), SEED, steps=STEPS)
-    cell = Cell(policy, asked(forward), SEED, episodes.fall_reason, measure(episodes), episodes.failure)
+    cell = PolicyScenarioResult(policy, asked(forward), SEED, episodes.fall_reason, measure(episodes), episodes.failure)
     for rule in RULES.values():
         succeeds = outcome(episodes, rule) == "succeeded"
-        np.testing.assert_array_equal(rescored(cell, rule).measures.succeeded, succeeds, err_msg=rule.name)
-    assert rescored(cell, RULES[ISAAC_LAB]).measures.succeeded == [by_isaac_lab]
+        np.testing.assert_array_equal(apply_success_rule(cell, rule).measures.succeeded, succeeds, err_msg=rule.name)
+    assert apply_success_rule(cell, RULES[ISAAC_LAB]).measures.succeeded == [by_isaac_lab]
     failed = replace(cell, failure=np.array(["it raised"], object))
-    assert not rescored(failed, RULES["survival"]).measures.succeeded.any()
+    assert not apply_success_rule(failed, RULES["survival"]).measures.succeeded.any()
     fell = replace(cell, measures=replace(cell.measures, fell=np.ones(1, np.bool_)))
-    assert not rescored(fell, RULES[ISAAC_LAB]).measures.succeeded.any()
+    assert not apply_success_rule(fell, RULES[ISAAC_LAB]).measures.succeeded.any()

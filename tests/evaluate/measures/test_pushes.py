@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from evaluate.measures import metrics
-from evaluate.measures.episodes import blank
+from evaluate.measures.episodes import empty_signal
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.evaluate.measures.uneventful import uneventful
 
@@ -37,7 +37,7 @@ def test_push_impulse() -> None:
     yaw, pitch = np.pi / 4, 0.2
     facing = (np.cos(yaw) * np.cos(pitch), -np.sin(yaw) * np.sin(pitch), np.cos(yaw) * np.sin(pitch),
               np.sin(yaw) * np.cos(pitch))  # fmt: skip
-    quaternion = blank(SIMPLE_QUAD, "quaternion", STEPS, 1)
+    quaternion = empty_signal(SIMPLE_QUAD, "quaternion", STEPS, 1)
     quaternion[..., 0] = 1.0
     quaternion[FIRST - 1] = facing
     impulses = {"push_impulse": np.tile((30.0, 10.0), (1, 2, 1))}

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.measures.episodes import GIVEN, OF_POLICY, Episodes, blank, shapes
+from evaluate.measures.episodes import OBSERVED_SIGNAL, POLICY_SIGNALS, Episodes, empty_signal, shapes
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 
@@ -16,8 +16,8 @@ def uneventful(
     nothing: dict[str, Any] = {
         "robot": robot,
         "seeds": np.arange(count),
-        **{name: blank(robot, name, steps, count) for name in shapes(robot)},
-        **dict.fromkeys((*OF_POLICY, GIVEN)),
+        **{name: empty_signal(robot, name, steps, count) for name in shapes(robot)},
+        **dict.fromkeys((*POLICY_SIGNALS, OBSERVED_SIGNAL)),
         "push_step": np.empty((count, 0), np.int64),
         "push_impulse": np.empty((count, 0, 2)),
         "push_steps": 0,

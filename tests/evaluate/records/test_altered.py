@@ -23,7 +23,7 @@ from evaluate.records.manifest import NAME
 from evaluate.records.parquet import SHA256, content_hash
 from evaluate.records.store import EPISODES, ChunkStore, read_run
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import Chunk
+from evaluate.rollouts.experiment import EpisodeChunk
 from quad_env.cli.command_line import UsageError
 from tests.evaluate.altered import column, with_value
 
@@ -183,7 +183,7 @@ def test_a_lost_part_does_not_cost_the_rows_that_the_table_has(folder) -> None:
     run = read_run(folder)
     store = ChunkStore(folder, run.manifest, resumed=True)
     for cell in run.cells[:2]:
-        store.save(Chunk(np.arange(cell.episodes), cell))
+        store.save(EpisodeChunk(np.arange(cell.episodes), cell))
     rows = (folder / EPISODES).read_bytes()
     assert command("report", folder)[0] == 0
     assert (folder / EPISODES).read_bytes() == rows

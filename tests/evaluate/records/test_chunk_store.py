@@ -10,7 +10,7 @@ from evaluate.records.manifest import CHUNKS, Manifest, differences
 from evaluate.records.provenance import versions
 from evaluate.records.store import ChunkStore, is_unfinished, read_run, remove_chunks
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.experiment import Chunk, evaluation_seeds
+from evaluate.rollouts.experiment import EpisodeChunk, evaluation_seeds
 from quad_env.cli.command_line import UsageError
 
 FLAT, PUSH = resolve(("flat", "push:3"))
@@ -31,17 +31,17 @@ def manifest() -> Manifest:
         cpu="cpu",
         options={},
         threads=1,
-    ).begun()
+    ).with_fingerprint()
 
 
 @pytest.fixture
 def part(made_up_cell):
     """A part of a cell: policy, scenario, numbers of its episodes, which have the seeds of theirs in a run's."""
 
-    def make(policy="a", scenario=FLAT, numbers=(0, 1, 2), seed=5) -> Chunk:
+    def make(policy="a", scenario=FLAT, numbers=(0, 1, 2), seed=5) -> EpisodeChunk:
         of = np.array(numbers)
         cell = made_up_cell(policy, of % 2 == 1, 0.1 * of, scenario)
-        return Chunk(of, replace(cell, seeds=evaluation_seeds(seed, 10)[of]))
+        return EpisodeChunk(of, replace(cell, seeds=evaluation_seeds(seed, 10)[of]))
 
     return make
 
@@ -69,7 +69,7 @@ def test_parts_go_to_the_place_of_their_cell_and_come_back_from_there_alone(tmp_
     assert errors(store.load("b", FLAT)) == [[2, 3]]
     assert errors(store.load("b", PUSH)) == [[0, 1, 2]]
     assert store.load("a", PUSH) == []
-    assert [each.numbers.tolist() for each in store.load("a", FLAT)] == [[0, 1, 2], [3, 4, 5]]
+    assert [each.episode_indices.tolist() for each in store.load("a", FLAT)] == [[0, 1, 2], [3, 4, 5]]
 
 
 def test_no_episode_is_found_twice(tmp_path, manifest, part) -> None:

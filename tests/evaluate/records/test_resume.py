@@ -21,7 +21,7 @@ from evaluate.records import manifest, store
 from evaluate.records.episode_table import cell_of, read_table, table, write_table
 from evaluate.records.store import FILES
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import Chunk
+from evaluate.rollouts.experiment import EpisodeChunk
 from quad_env.files.writing import write_atomically
 
 STEPS = 150
@@ -114,7 +114,7 @@ def unfinished(whole: Path, folder: Path) -> Path:
     remove = [folder / name for name in OUTCOME[:3]]
     chunks = store.ChunkStore(folder, run.manifest)
     for cell, numbers in ((run.cells[0], range(5)), (run.cells[1], (0, 1)), (run.cells[1], (4,)), (run.cells[3], (2,))):
-        chunks.save(Chunk(np.array(numbers), cell_of(table(cell).take([*numbers]), cell.scenario)))
+        chunks.save(EpisodeChunk(np.array(numbers), cell_of(table(cell).take([*numbers]), cell.scenario)))
     for path in remove:
         path.unlink()
     return folder

@@ -16,7 +16,7 @@ from evaluate.measures.catalogue import OF_CAUSES
 from evaluate.measures.metrics import Measures
 from evaluate.report.page import write_report
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import PolicyScenarioResult
 from quad_env.scenarios.named import Scenario
 
 POLICIES = ("trot", "stand-in", "runs/x/seed-0", "runs/x/seed-1")
@@ -70,12 +70,12 @@ def measured(generator: np.random.Generator, successes: int, falls: int) -> Meas
     )
 
 
-def cell_of(policy: str, scenario: Scenario, generator: np.random.Generator) -> Cell:
+def cell_of(policy: str, scenario: Scenario, generator: np.random.Generator) -> PolicyScenarioResult:
     """The later a policy is named, the earlier it breaks on push."""
     place = POLICIES.index(policy)
     measures = measured(generator, *{"push:1": (11, 1), "push:3": (2, 10)}.get(scenario.name, (8 - place, 3 + place)))
     unfailing = np.full(EPISODES, None, dtype=object)
-    return Cell(policy, scenario, np.arange(EPISODES), np.where(measures.fell, "tilt", None), measures, unfailing)
+    return PolicyScenarioResult(policy, scenario, np.arange(EPISODES), np.where(measures.fell, "tilt", None), measures, unfailing)
 
 
 @dataclass(frozen=True)

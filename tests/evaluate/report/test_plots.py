@@ -7,7 +7,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE
-from evaluate.analysis.pareto import ParetoPoint, front_of
+from evaluate.analysis.pareto import ParetoPoint, pareto_front
 from evaluate.analysis.results import Results, analyse
 from evaluate.analysis.score import Score
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
@@ -68,7 +68,7 @@ def test_the_front_shows_every_policy_that_goes_somewhere(clipped, count) -> Non
         ParetoPoint(name, s, (s - 0.1, s + 0.1), c, (c - 0.1, np.inf))
         for name, s, c in zip(names, (*share, 0.0), (*cost, np.nan), strict=True)
     ]
-    found = front_of("steady", points)
+    found = pareto_front("steady", points)
     with drawing.settings():
         drawn = pareto.front(found, names)
         drawing.svg(drawn)
@@ -82,9 +82,9 @@ def test_the_front_shows_every_policy_that_goes_somewhere(clipped, count) -> Non
 
 
 def test_a_policys_colour_is_its_own_and_many_are_all_told_apart() -> None:
-    alone = {name: drawing.styles((name,))[name] for name in drawing.OWN}
-    assert len({colour for colour, _ in alone.values()}) == len(drawing.OWN)
-    assert drawing.styles((*drawing.OWN[::-1], "mine")).items() > alone.items()
+    alone = {name: drawing.styles((name,))[name] for name in drawing.FIXED_STYLE_POLICIES}
+    assert len({colour for colour, _ in alone.values()}) == len(drawing.FIXED_STYLE_POLICIES)
+    assert drawing.styles((*drawing.FIXED_STYLE_POLICIES[::-1], "mine")).items() > alone.items()
     found = drawing.styles(("trot", *(f"run-{number}" for number in range(40))))
     assert len(set(found.values())) == 41
 
@@ -101,7 +101,7 @@ def against_push(made_up_cell, *names: str) -> tuple[Results, SeverityAxis]:
     return results, axis
 
 
-@pytest.mark.parametrize("names", [("trot", "residual"), (*drawing.OWN, LONG, "b")])
+@pytest.mark.parametrize("names", [("trot", "residual"), (*drawing.FIXED_STYLE_POLICIES, LONG, "b")])
 def test_curves_that_agree_do_not_hide_each_other(made_up_cell, names) -> None:
     """Pixels of each policy's own colour, by itself and with all others on it."""
     results, axis = against_push(made_up_cell, *names)
@@ -119,7 +119,7 @@ def test_curves_that_agree_do_not_hide_each_other(made_up_cell, names) -> None:
 
 
 def test_a_plot_of_an_axis_names_every_policy_that_ran_on_it(made_up_cell, clipped) -> None:
-    names = (*drawing.OWN, LONG, WIDE)
+    names = (*drawing.FIXED_STYLE_POLICIES, LONG, WIDE)
     results, axis = against_push(made_up_cell, *names)
     with drawing.settings():
         drawn = curves.draw(results, axis, SUCCESS_RATE, "success")

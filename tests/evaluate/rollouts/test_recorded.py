@@ -13,17 +13,17 @@ from evaluate.measures.episodes import shapes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OFF_COMMAND, STALLED, SUCCEEDED, SuccessRule
 from evaluate.rollouts.experiment import (
-    Cell,
-    Chunk,
+    PolicyScenarioResult,
+    EpisodeChunk,
     LabelledPolicy,
-    NotKept,
-    Settings,
+    StoreError,
+    RunSettings,
     Task,
     join,
-    rescored,
+    apply_success_rule,
     run_cells,
 )
-from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.observers import FallRecorder, Step
 from evaluate.rollouts.rollout import Recorder
 from quad_env import SCENARIOS, SIMPLE_QUAD
 from quad_env.config import FALL_REASONS
@@ -106,7 +106,7 @@ def test_a_failure_counts_from_the_step_in_which_it_was_told_unless_the_robot_ha
 
 
 def test_a_divergence_is_noted_though_the_robot_has_fallen_before_and_is_its_own_reason_else() -> None:
-    falls = Falls(3, 9)
+    falls = FallRecorder(3, 9)
     for number, fall, diverged in (
         (1, ["none"] * 3, [False] * 3),
         (2, ["height", "none", "none"], [False, True, False]),
@@ -120,7 +120,7 @@ def test_a_divergence_is_noted_though_the_robot_has_fallen_before_and_is_its_own
     assert falls.divergence_step.tolist() == [2, 1, 9]
 
 
-def cell(numbers: Sequence[int], policy: str = "trot") -> Cell:
+def cell(numbers: Sequence[int], policy: str = "trot") -> PolicyScenarioResult:
     """Of episodes whose every figure tells their number."""
     found = measure(uneventful(SIMPLE_QUAD, 200, len(numbers)))
     of_each = np.array(numbers, np.float64)
@@ -135,13 +135,13 @@ def cell(numbers: Sequence[int], policy: str = "trot") -> Cell:
     fields["outcome"] = np.array([f"outcome {each}" for each in numbers], object)
     measures = dataclasses.replace(found, **fields)
     reasons = np.array([f"reason {each}" for each in numbers], object)
-    return Cell(
+    return PolicyScenarioResult(
         policy, FLAT, 100 + np.array(numbers), reasons, measures, np.array([f"why {n}" for n in numbers], object)
     )
 
 
 def test_parts_of_a_cell_are_joined_in_the_order_of_their_episodes() -> None:
-    parts = [Chunk(np.array(numbers), cell(numbers)) for numbers in ([3, 4], [0], [1, 2])]
+    parts = [EpisodeChunk(np.array(numbers), cell(numbers)) for numbers in ([3, 4], [0], [1, 2])]
     found, whole = join(parts), cell(range(5))
     assert found.seeds.tolist() == [100, 101, 102, 103, 104]
     assert found.fall_reason.tolist() == whole.fall_reason.tolist()
@@ -158,13 +158,13 @@ class Kept:
         self.there, self.failing = there, failing
         self.saved: list[tuple[str, list[int]]] = []
 
-    def load(self, policy: str, scenario: Any) -> list[Chunk]:
-        return [Chunk(np.array(numbers), cell(numbers, policy)) for numbers in self.there]
+    def load(self, policy: str, scenario: Any) -> list[EpisodeChunk]:
+        return [EpisodeChunk(np.array(numbers), cell(numbers, policy)) for numbers in self.there]
 
-    def save(self, chunk: Chunk) -> None:
+    def save(self, chunk: EpisodeChunk) -> None:
         if self.failing:
             raise OSError(28, "No space left on device", "part")
-        self.saved.append((chunk.cell.policy, chunk.numbers.tolist()))
+        self.saved.append((chunk.cell.policy, chunk.episode_indices.tolist()))
 
 
 def simulated(store: Kept, count: int = 10, names: Sequence[str] = ("trot", "stand"), **settings: Any) -> Any:
@@ -172,14 +172,14 @@ def simulated(store: Kept, count: int = 10, names: Sequence[str] = ("trot", "sta
     tasks: list[Task] = []
     shares: list[tuple[str, float]] = []
 
-    def execute(all_of_them: Sequence[Task], progress: Any) -> Generator[tuple[int, Chunk]]:
+    def execute(all_of_them: Sequence[Task], progress: Any) -> Generator[tuple[int, EpisodeChunk]]:
         tasks.extend(all_of_them)
         for place in reversed(range(len(all_of_them))):
             task = all_of_them[place]
             progress(place, 0.5)
-            yield place, Chunk(task.numbers, cell(task.numbers.tolist(), task.policy.label))
+            yield place, EpisodeChunk(task.episode_indices, cell(task.episode_indices.tolist(), task.policy.label))
 
-    how = Settings(
+    how = RunSettings(
         1, lambda policy, _, share: shares.append((policy, share)), store=store, executor=execute, **settings
     )
     labelled = [LabelledPolicy(name, policies.make(name)) for name in names]
@@ -217,7 +217,7 @@ def test_a_cell_that_is_stored_comes_before_anything_is_simulated() -> None:
 
 
 def test_what_cannot_be_kept_ends_the_run() -> None:
-    with pytest.raises(NotKept, match="No space left"):
+    with pytest.raises(StoreError, match="No space left"):
         simulated(Kept(failing=True))
 
 
@@ -251,5 +251,5 @@ def test_another_rule_of_success_makes_successes_of_those_alone_that_follow_it()
     )
     kept = dataclasses.replace(found, measures=measures, failure=np.array([None, None, None, "raised"], object))
     strict, lenient = (SuccessRule("rule", each, 1.0, 0.0) for each in (0.05, 0.2))
-    assert rescored(kept, strict).measures.outcome.tolist() == [OFF_COMMAND, STALLED, "fell", "policy_error"]
-    assert rescored(kept, lenient).measures.outcome.tolist() == [SUCCEEDED, SUCCEEDED, "fell", "policy_error"]
+    assert apply_success_rule(kept, strict).measures.outcome.tolist() == [OFF_COMMAND, STALLED, "fell", "policy_error"]
+    assert apply_success_rule(kept, lenient).measures.outcome.tolist() == [SUCCEEDED, SUCCEEDED, "fell", "policy_error"]

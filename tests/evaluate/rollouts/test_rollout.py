@@ -7,11 +7,11 @@ import pytest
 
 import policies
 import quad_env
-from evaluate.measures.episodes import GIVEN, OF_POLICY, Episodes, shapes
+from evaluate.measures.episodes import OBSERVED_SIGNAL, POLICY_SIGNALS, Episodes, shapes
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
-from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.experiment import LabelledPolicy, RunSettings, evaluation_seeds, run_cells
+from evaluate.rollouts.observers import FallRecorder, Step
 from policies.base import Policy
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -64,7 +64,7 @@ def test_an_episode_is_the_same_in_any_company_and_on_any_threads() -> None:
     together, threads = run(nthread=2), run(nthread=1)
     alone = rollout.run(policies.make("stand"), PUSHED, evaluation_seeds(0, 12)[5:6], steps=STEPS, nthread=1)
     fall = together.fall_step[5]
-    for name in set(shapes(SIMPLE_QUAD)) - {*OF_POLICY, GIVEN}:
+    for name in set(shapes(SIMPLE_QUAD)) - {*POLICY_SIGNALS, OBSERVED_SIGNAL}:
         np.testing.assert_array_equal(getattr(together, name)[:fall], getattr(threads, name)[:fall])
         np.testing.assert_array_equal(getattr(together, name)[:fall, 5], getattr(alone, name)[:fall, 0])
     assert alone.fall_step[0] == fall
@@ -93,13 +93,13 @@ def after(number: int, fall: list[str], diverged: list[bool]) -> Step:
 
 
 def test_the_first_fall_counts_and_a_divergence_is_one_with_its_own_column() -> None:
-    falls = Falls(2, 3)
+    falls = FallRecorder(2, 3)
     falls(after(1, ["none", "none"], [True, False]))
     np.testing.assert_array_equal(falls.step, [0, 3])
     np.testing.assert_array_equal(falls.divergence_step, [0, 3])
     assert falls.reason.tolist() == ["diverged", None]
     assert falls.fell.tolist() == [True, False]
-    falls = Falls(1, 5)
+    falls = FallRecorder(1, 5)
     for number, reason in enumerate(("none", "none", "tilt", "height", "height")):
         falls(after(number, [reason], [False]))
     assert (falls.step.tolist(), falls.reason.tolist()) == ([1], ["tilt"])
@@ -123,7 +123,7 @@ def test_observers_are_told_the_start_and_every_step_in_order_until_one_has_seen
 
 def test_a_rollout_ends_when_no_robot_moves_any_more() -> None:
     numbers: list[int] = []
-    falls = Falls(2, STEPS)
+    falls = FallRecorder(2, STEPS)
     rollout.roll_out(
         policies.make("document"),
         "flat",
@@ -150,11 +150,11 @@ def test_what_an_observer_asks_of_the_policy_counts_from_the_next_action_and_the
 
 
 def test_many_episodes_run_in_chunks_with_the_same_outcome() -> None:
-    assert Settings.chunk_size >= 128
+    assert RunSettings.chunk_size >= 128
     policy, seeds = LabelledPolicy("document", policies.make("document")), evaluation_seeds(0, 5)
-    whole = next(run_cells([policy], [quad_env.SCENARIOS["flat"]], seeds, Settings(2, lambda *_: None)))
+    whole = next(run_cells([policy], [quad_env.SCENARIOS["flat"]], seeds, RunSettings(2, lambda *_: None)))
     shares: list[float] = []
-    settings = Settings(2, lambda _, __, share: shares.append(share), chunk_size=2)
+    settings = RunSettings(2, lambda _, __, share: shares.append(share), chunk_size=2)
     chunks = next(run_cells([policy], [quad_env.SCENARIOS["flat"]], seeds, settings))
     np.testing.assert_array_equal(chunks.seeds, seeds)
     np.testing.assert_array_equal(chunks.measures.fall_time, whole.measures.fall_time)

@@ -12,8 +12,8 @@ from evaluate.commands.options import Options
 from evaluate.commands.plan import check, scenarios_asked_for
 from evaluate.records import manifest as manifests
 from evaluate.rollouts import rollout
-from evaluate.rollouts.hardware import IDEAL, Hardware, words
-from evaluate.rollouts.workers import cost
+from evaluate.rollouts.hardware import IDEAL, HardwareConfig, words
+from evaluate.rollouts.workers import estimated_steps
 from quad_env.cli.command_line import UsageError
 from quad_env.physics import batch
 from quad_env.physics.batch import DRAKE, RELATIVE_STEP_TIME
@@ -22,9 +22,9 @@ pytest.importorskip("pydrake")
 
 
 def test_the_simulator_is_written_down_where_it_is_not_the_usual_one() -> None:
-    drake = Hardware(simulator=DRAKE)
-    assert Hardware(**asdict(drake)) == drake
-    assert not drake.chosen
+    drake = HardwareConfig(simulator=DRAKE)
+    assert HardwareConfig(**asdict(drake)) == drake
+    assert not drake.is_customized
     assert "drake" in words(drake)
 
 
@@ -72,5 +72,5 @@ def test_a_run_says_that_it_is_slow_comes_again_and_is_told_apart(
 
 
 def test_a_task_costs_what_its_simulator_takes() -> None:
-    tasks = [SimpleNamespace(numbers=range(3), steps=10, hardware=Hardware(simulator=name)) for name in RELATIVE_STEP_TIME]
-    assert [cost(task) for task in tasks] == [30, 30 * RELATIVE_STEP_TIME[DRAKE]]  # type: ignore[arg-type]
+    tasks = [SimpleNamespace(numbers=range(3), steps=10, hardware=HardwareConfig(simulator=name)) for name in RELATIVE_STEP_TIME]
+    assert [estimated_steps(task) for task in tasks] == [30, 30 * RELATIVE_STEP_TIME[DRAKE]]  # type: ignore[arg-type]

@@ -68,7 +68,7 @@ def test_workers_give_the_same_bits_as_one_process_and_tell_how_far_they_are() -
     assert set(apart) == set(alone) == set(range(len(every)))
     for place, chunk in alone.items():
         other = apart[place]
-        np.testing.assert_array_equal(other.numbers, chunk.numbers)
+        np.testing.assert_array_equal(other.episode_indices, chunk.episode_indices)
         np.testing.assert_array_equal(other.cell.fall_reason, chunk.cell.fall_reason)
         for field in fields(Measures):
             ours, theirs = getattr(chunk.cell.measures, field.name), getattr(other.cell.measures, field.name)
@@ -100,7 +100,7 @@ def test_a_worker_that_cannot_be_begun_is_said_so_and_the_others_end(monkeypatch
         begun.append(process.pid)
 
     monkeypatch.setattr(SpawnProcess, "start", full)
-    with pytest.raises(workers.WorkerLost, match="cannot be started \\(Resource temporarily unavailable"):
+    with pytest.raises(workers.WorkerDiedError, match="cannot be started \\(Resource temporarily unavailable"):
         list(workers.process_pool(2)(tasks(*labelled("stand")), lambda *_: None))
     assert not runs(*begun)
 

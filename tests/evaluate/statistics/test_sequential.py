@@ -7,8 +7,8 @@ from scipy.stats import multivariate_normal
 
 from evaluate.analysis.comparison import SIGNIFICANT
 from evaluate.analysis.ranking import RANKING_WEIGHT
-from evaluate.commands.looks import look
-from evaluate.statistics.sequential import LEVEL, correction, looks, neighbours, nominal_levels, predicted
+from evaluate.commands.looks import interim_analysis
+from evaluate.statistics.sequential import LEVEL, correction, looks, neighbours, nominal_levels, predictive_power
 from evaluate.statistics.significance import holm
 
 
@@ -57,7 +57,7 @@ def test_neighbours_are_compared_pair_by_pair_from_the_best_on() -> None:
     scores = {"b": luck + 0.05, "c": luck[::-1], "a": luck + 0.1 + 0.01 * (np.arange(24) % 2)}
     first, second = neighbours(scores, 96)
     assert (first.ahead, first.behind, second.behind) == ("a", "b", "c")
-    assert (first.distinguished, first.hopeless) == (True, False)
+    assert (first.distinguished, first.futile) == (True, False)
     assert not second.distinguished, "5 points are little beside the luck of unpaired episodes"
 
 
@@ -70,7 +70,7 @@ def test_two_are_distinguished_by_the_level_of_the_look_and_not_by_that_of_the_l
     """Better in 18 of 24 episodes: p = 0.0227, between 0.045 / 8 of the first look and 0.0282 of the last."""
     (early,) = neighbours(by_a_point(18, 24), 96)
     assert early.p_value == pytest.approx(0.0227, abs=0.005)
-    assert (early.distinguished, early.hopeless) == (False, False)
+    assert (early.distinguished, early.futile) == (False, False)
     (single,) = neighbours(by_a_point(18, 24), 24)
     assert single.distinguished  # of an only look, at 0.045
 
@@ -89,24 +89,24 @@ def test_two_are_given_up_by_the_level_of_the_last_look() -> None:
     by that of the look, 0.0121; in 25 of 48, p = 0.885, it is 2.3 %."""
     (near,), (equal,) = (neighbours(by_a_point(more, 48), 96) for more in (26, 25))
     assert (near.p_value, equal.p_value) == pytest.approx((0.665, 0.885), abs=0.01)
-    assert (near.hopeless, equal.hopeless) == (False, True)
+    assert (near.futile, equal.futile) == (False, True)
 
 
 def test_the_chance_of_the_last_look_is_the_predictive_power_by_hand() -> None:
     """Φ((z − z₁ √t) / √(1 − t)), z and z₁ of the half p-values. For p = 0.04, level 0.03 and t = ½: (2.0537 − 2.1701 ·
     0.70711) / 0.70711 = 0.7343. For p = 0.2 and t = ¼: (1.2816 − 1.0850) / 0.86603 = 0.2269."""
-    assert predicted(0.04, 0.5, 0.03) == pytest.approx(0.7686, abs=1e-4)
-    assert predicted(0.2, 0.25, 0.03) == pytest.approx(0.5897, abs=1e-4)
-    assert predicted(1.0, 0.5, 0.03) == pytest.approx(ndtr(-2.1701), abs=1e-5)  # p = 1: z = 0
-    assert (predicted(0.02, 1.0, 0.03), predicted(0.04, 1.0, 0.03)) == (1.0, 0.0)
+    assert predictive_power(0.04, 0.5, 0.03) == pytest.approx(0.7686, abs=1e-4)
+    assert predictive_power(0.2, 0.25, 0.03) == pytest.approx(0.5897, abs=1e-4)
+    assert predictive_power(1.0, 0.5, 0.03) == pytest.approx(ndtr(-2.1701), abs=1e-5)  # p = 1: z = 0
+    assert (predictive_power(0.02, 1.0, 0.03), predictive_power(0.04, 1.0, 0.03)) == (1.0, 0.0)
 
 
 def test_equal_policies_are_given_up() -> None:
     same = np.tile([0.0, 1.0], 24)
-    assert neighbours({"a": same, "b": same}, 96)[0].hopeless
+    assert neighbours({"a": same, "b": same}, 96)[0].futile
 
 
 def test_a_look_calls_policies_that_are_the_same_to_the_bit_so(made_up_cell) -> None:
     cells = [made_up_cell(name, np.arange(8) < falls) for name, falls in (("a", 2), ("b", 2), ("c", 3))]
-    line, _ = look(cells, 16)
+    line, _ = interim_analysis(cells, 16)
     assert "a = b (the same to the bit), b ~ c (p = " in line

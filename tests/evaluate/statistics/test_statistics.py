@@ -9,10 +9,10 @@ from scipy import stats
 from evaluate.statistics import intervals
 from evaluate.statistics.intervals import (
     BLOCK_VALUES,
-    KEPT_VALUES,
+    MAX_CACHED_VALUES,
     bootstrap_interval,
     difference_interval,
-    mean_share_interval,
+    mean_proportion_interval,
     resamples,
     share_difference_interval,
     wilson_interval,
@@ -68,7 +68,7 @@ def test_values_that_differ_by_rounding_alone_agree() -> None:
         assert high - low == pytest.approx(0.13798, abs=1e-4)
 
 
-@pytest.mark.parametrize("size", [5, KEPT_VALUES // 100, BLOCK_VALUES + 1])
+@pytest.mark.parametrize("size", [5, MAX_CACHED_VALUES // 100, BLOCK_VALUES + 1])
 def test_every_resample_draws_as_many_values_as_there_are(size) -> None:
     blocks = list(resamples(size, 101 if size < 100_000 else 3, seed=0))
     counts = np.concatenate(blocks)
@@ -102,14 +102,14 @@ def test_no_share_lies_outside_0_and_1() -> None:
 def test_mean_share_interval_is_wilsons_with_the_number_of_trials_that_vary_as_much() -> None:
     """Twelve of 24: 23 trials, times (1.95996 / 2.06866)² = 0.89767 for Student's t. Half shares vary a quarter."""
     shares = np.repeat([0.0, 1.0], 12)
-    assert mean_share_interval(shares) == pytest.approx(wilson_interval(0.5 * 20.6465, 20.6465), abs=1e-5)
+    assert mean_proportion_interval(shares) == pytest.approx(wilson_interval(0.5 * 20.6465, 20.6465), abs=1e-5)
     halves = 0.25 + shares / 2.0
-    assert mean_share_interval(halves) == pytest.approx(wilson_interval(0.5 * 82.586, 82.586), abs=1e-5)
+    assert mean_proportion_interval(halves) == pytest.approx(wilson_interval(0.5 * 82.586, 82.586), abs=1e-5)
 
 
 def test_mean_share_interval_where_all_agree_counts_each_as_one_trial() -> None:
-    assert mean_share_interval(np.ones(24)) == pytest.approx((1.0 - 0.13798, 1.0), abs=1e-5)
-    assert mean_share_interval(np.zeros(2)) == pytest.approx((0.0, 0.65762), abs=1e-5)
-    assert mean_share_interval(np.full(24, 0.75)) == wilson_interval(18, 24)
-    assert mean_share_interval(np.ones(1)) == wilson_interval(1, 1)
-    assert np.isnan(mean_share_interval(np.empty(0))).all()
+    assert mean_proportion_interval(np.ones(24)) == pytest.approx((1.0 - 0.13798, 1.0), abs=1e-5)
+    assert mean_proportion_interval(np.zeros(2)) == pytest.approx((0.0, 0.65762), abs=1e-5)
+    assert mean_proportion_interval(np.full(24, 0.75)) == wilson_interval(18, 24)
+    assert mean_proportion_interval(np.ones(1)) == wilson_interval(1, 1)
+    assert np.isnan(mean_proportion_interval(np.empty(0))).all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate.causes.story import in_lines, story
+from evaluate.causes.story import in_lines, timeline
 from evaluate.measures.metrics import measure
 from evaluate.rollouts.rollout import STEPS, run
 from live.session import Session
@@ -32,7 +32,7 @@ def test_a_fall_has_the_story_and_the_cause_of_an_evaluation_and_keeps_it(name: 
         assert not outcome.failed
         session.step()
         outcome.note()
-        assert outcome.story == in_lines(story(episodes, measure(episodes)))
+        assert outcome.story == in_lines(timeline(episodes, measure(episodes)))
         assert outcome.failed
         assert "; cause: " in outcome.words
         before = outcome.words

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.rollouts.observers import Falls, Observer, Step
+from evaluate.rollouts.observers import FallRecorder, Observer, Step
 from evaluate.rollouts.rollout import roll_out
 from policies.base import CONTROL_PERIOD, Floats
 from policies.gait_cycle import TURN
@@ -70,7 +70,7 @@ def walked(
     policy: Gaits, command: Floats, seeds: NDArray[np.int64], *observers: Observer, steps: int, nthread: int = 1
 ) -> Strides:
     """An episode of `policy` on flat ground for each seed, at held commands (3,) or (n, 3), watched by `observers`."""
-    recorder = _StrideRecorder(policy, Falls(len(seeds), steps))
+    recorder = _StrideRecorder(policy, FallRecorder(len(seeds), steps))
     roll_out(policy, "flat", seeds, recorder, *observers, steps=steps, nthread=nthread, command=command)
     return recorder.strides()
 
@@ -78,7 +78,7 @@ def walked(
 class _StrideRecorder:
     """Observer that records what becomes `Strides`."""
 
-    def __init__(self, policy: Gaits, falls: Falls) -> None:
+    def __init__(self, policy: Gaits, falls: FallRecorder) -> None:
         self._policy, self._falls = policy, falls
         self._record: list[dict[str, NDArray[Any]]] = []
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from policies.mpc.observer import JointPredictor
 from quad_env import OBSERVATION
 from tests.policies.readings import reading
@@ -39,7 +39,7 @@ def test_what_no_plan_explains_is_learnt_from_the_readings() -> None:
 
 def test_the_evaluator_tells_the_controller_what_its_encoders_take() -> None:
     """One control step with typical sensors, none of the truth and of ideal ones."""
-    found = [Hardware(sensors=name).policy("mpc_wbc")._joints._late for name in ("truth", "ideal", "typical")]
+    found = [HardwareConfig(sensors=name).policy("mpc_wbc")._joints._late for name in ("truth", "ideal", "typical")]
     assert found == [0, 0, 1]
     made = policies.make("safe:mpc_wbc", actuator="motor", sensors="typical").policy
     assert made._joints._late == made.observer.delays[0] == 1

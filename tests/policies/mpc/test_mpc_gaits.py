@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.observers import FallRecorder, Step
 from evaluate.rollouts.rollout import roll_out
 from policies.gait_cycle import TURN, leg_phases
 from policies.gaits.parameters import OFFSETS
@@ -30,7 +30,7 @@ class Walked(NamedTuple):
 
 
 def walked(policy: MpcWbc) -> Walked:
-    falls, seen = Falls(ROBOTS, STEPS), []
+    falls, seen = FallRecorder(ROBOTS, STEPS), []
 
     def look(step: Step) -> None:
         if step.number:

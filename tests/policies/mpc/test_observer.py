@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.observers import FallRecorder, Step
 from evaluate.rollouts.rollout import roll_out
 from policies.mpc.motion import MotionState
 from policies.mpc.observer import CALIBRATION_STEPS
@@ -44,7 +44,7 @@ class Watched(MpcWbc):
 @cache
 def walked(scenario: str) -> Watched:
     """The policy after a walk of 1.5 s, in which no robot falls."""
-    policy, falls = Watched(), Falls(len(SEEDS), STEPS)
+    policy, falls = Watched(), FallRecorder(len(SEEDS), STEPS)
     roll_out(policy, practice(scenario, "search"), SEEDS, lambda step: step.number and falls(step), steps=STEPS)
     assert not falls.fell.any()
     return policy

@@ -49,7 +49,7 @@ def test_domain_randomisation_is_asked_for_at_the_end_of_a_name(name: str) -> No
     assert found == replace(scenario(name), name=f"{plain}+randomised{profile}", randomisation=DomainRandomisation())
     assert scenario(found.name) == found
     assert from_plain(to_json_values(found)) == found
-    assert battery.one(found.name) == found
+    assert battery.resolve_single(found.name) == found
 
 
 def test_whole_batteries_are_randomised() -> None:
@@ -116,7 +116,7 @@ def test_no_severity_beyond_the_sense_of_an_axis_ends_in_anything_but_a_value_er
 
 @pytest.mark.parametrize("written", ["push", "push:3", "push=42", "payload=15+slope=10"])
 def test_an_environment_takes_every_scenario_that_commands_take(written: str) -> None:
-    wanted = battery.one(written)
+    wanted = battery.resolve_single(written)
     with gym.make(ENV_ID, scenario=written) as env:
         assert env.unwrapped.scenario == wanted
     robots = gym.make_vec(ENV_ID, num_envs=2, scenario=written)

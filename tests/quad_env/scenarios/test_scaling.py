@@ -10,7 +10,7 @@ import pytest
 import policies
 from evaluate.commands.options import Options
 from evaluate.commands.plan import check
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from quad_env import SCENARIOS, SIMPLE_QUAD, Robot, Scenario, scenario
 from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv
@@ -158,7 +158,7 @@ def test_an_evaluation_and_a_training_take_it(small: Robot, tmp_path: Path) -> N
 def test_a_validation_is_on_the_robots_own_ground(small: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """At the call site: which scenario, and which robot, are really run."""
     monkeypatch.setattr(validation, "run", partial(validation.run, steps=101))
-    chosen, hardware = ValidationConfig(episodes=1, scenarios=("push",)), Hardware(robot=str(small.source))
+    chosen, hardware = ValidationConfig(episodes=1, scenarios=("push",)), HardwareConfig(robot=str(small.source))
     with begun() as found:
         validation.validate(policies.make("trot", robot=small), chosen, 1, hardware)
     assert [(batch.env.scenario, batch.env.robot) for batch in found] == [(scenario("push", small), small)]

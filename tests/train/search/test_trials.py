@@ -7,10 +7,10 @@ import pytest
 
 import policies
 import quad_env
-from evaluate.measures.episodes import GIVEN, OF_POLICY, shapes
+from evaluate.measures.episodes import OBSERVED_SIGNAL, POLICY_SIGNALS, shapes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import FELL, OFF_COMMAND, STALLED, SUCCEEDED
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import HardwareConfig
 from evaluate.rollouts.rollout import run
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
@@ -65,7 +65,7 @@ def test_no_success_costs_more_than_a_failure():
 def test_exercises_are_walked_side_by_side_and_every_cost_is_that_of_the_candidate_alone(monkeypatch):
     """Also on the hardware profile, where candidates command the gains of the robot's maker."""
     candidates = [TrotParameters(), TrotParameters(frequency=2.2)]
-    monkeypatch.setattr(Hardware, "quadruped", SIMPLE_QUAD.with_servo()._with(servo_stiffness=np.full(12, 200.0)))
+    monkeypatch.setattr(HardwareConfig, "quadruped", SIMPLE_QUAD.with_servo()._with(servo_stiffness=np.full(12, 200.0)))
     monkeypatch.setattr(Trot, "stiff_servos", True)
     seeds, three = episode_seeds("search", 9, 2), ("flat=1.5", "flat+hardware", "slope=15")
     with begun() as batches:
@@ -102,5 +102,5 @@ def test_scenarios_walked_side_by_side_are_those_walked_alone():
     for scenario, episodes in zip(("flat", felled, "slope"), together, strict=True):
         alone = run(policies.make("stand"), scenario, seeds, steps=150)
         np.testing.assert_array_equal(episodes.fall_step, alone.fall_step)
-        for name in set(shapes(SIMPLE_QUAD)) - {*OF_POLICY, GIVEN}:
+        for name in set(shapes(SIMPLE_QUAD)) - {*POLICY_SIGNALS, OBSERVED_SIGNAL}:
             np.testing.assert_array_equal(getattr(episodes, name), getattr(alone, name), err_msg=name)
