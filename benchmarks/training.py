@@ -20,7 +20,7 @@ from quad_env.cli.launcher import launch
 from quad_env.physics.simulation import Simulation
 from train.config import DEFAULTS, BaseName, TrainConfig
 from train.run import make_env
-from train.sb3.ppo import build
+from train.sb3.ppo import make_ppo
 
 REFERENCE = DEFAULTS["residual"]
 """Settings that the bar is for."""
@@ -66,7 +66,7 @@ def measure(options: Options) -> Outcome:
 def rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
     """Seconds of each part in each of so many rollouts, (rounds,), after a first one that does not count."""
     env, true_step = make_env(config), Simulation._step
-    model = build(config, env)
+    model = make_ppo(config, env)
     model.set_logger(configure(format_strings=[]))
     watch = Stopwatch()
     Simulation._step = watch.timed("physics", true_step)  # type: ignore[method-assign]

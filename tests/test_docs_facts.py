@@ -122,14 +122,14 @@ FACTS: list[Fact] = [
         "docs/training.md",
         f"while more than {NUMBER} % of the command intervals are within tolerance, twice as fast above {NUMBER} %, "
         f"and lowers it below {NUMBER} %",
-        lambda: [100 * curriculum.KEPT, 100 * curriculum.EASY, 100 * curriculum.LOST],
+        lambda: [100 * curriculum.PROMOTION_RATE, 100 * curriculum.FAST_PROMOTION_RATE, 100 * curriculum.DEMOTION_RATE],
     ),
     (
         "docs/training.md",
         f"steps of {NUMBER} ms and at most {NUMBER} iterations",
         lambda: [1000 * config.TIMESTEP, config.SOLVER_ITERATIONS],
     ),
-    ("docs/training.md", f"The first checkpoint is written within {NUMBER} s", lambda: [callbacks.FIRST_CHECKPOINT]),
+    ("docs/training.md", f"The first checkpoint is written within {NUMBER} s", lambda: [callbacks.FIRST_CHECKPOINT_DEADLINE]),
     (
         "docs/training.md",
         f"An episode that succeeds costs {NUMBER}, one off its command {NUMBER}, one that stalls {NUMBER}, "

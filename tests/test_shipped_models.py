@@ -15,7 +15,7 @@ from evaluate.rollouts.hardware import HardwareConfig
 from policies.residual_bases import describe
 from quad_env.robots.named import EXTRA, WHEEL
 from quad_env.seeding import episode_seeds
-from train.curriculum import practice
+from train.curriculum import with_terrain_seed
 
 EPISODES = 16
 SHIPPED = [(HardwareConfig.robot, name) for name in policies.TRAINED] + [("go1", "residual"), ("go2", "residual")]
@@ -53,7 +53,7 @@ def _share(cell: str) -> float:
 
 def succeeded(policy: policies.Policy, scenario: str, hardware: HardwareConfig) -> int:
     """Episodes of success on ground and seeds that neither training nor the card has seen."""
-    seeds, ground = episode_seeds("search", 3, EPISODES), practice(scenario, "search", robot=hardware.robot_model)
+    seeds, ground = episode_seeds("search", 3, EPISODES), with_terrain_seed(scenario, "search", robot=hardware.robot_model)
     return int(measure(rollout.run(policy, ground, seeds, nthread=1, hardware=hardware)).succeeded.sum())
 
 

@@ -21,7 +21,7 @@ TERRAIN_SEEDS: dict[Purpose, int] = {"validation": 1, "search": 2, "training": 1
 """Seed of the random ground of each purpose, of which every episode uses another part."""
 
 
-def practice(name: str | Scenario, purpose: Purpose, seed: int = 0, robot: Robot = SIMPLE_QUAD) -> Scenario:
+def with_terrain_seed(name: str | Scenario, purpose: Purpose, seed: int = 0, robot: Robot = SIMPLE_QUAD) -> Scenario:
     """The scenario, or the robot's of that name, for that purpose; `seed` selects further random ground."""
     original = scenario(name, robot)
     if not isinstance(original.terrain, SmoothRandom):
@@ -30,15 +30,15 @@ def practice(name: str | Scenario, purpose: Purpose, seed: int = 0, robot: Robot
     return dataclasses.replace(original, terrain=surface)
 
 
-EASY, KEPT, LOST = 0.9, 0.7, 0.5
+FAST_PROMOTION_RATE, PROMOTION_RATE, DEMOTION_RATE = 0.9, 0.7, 0.5
 """Shares of tracked command intervals above which a scenario becomes harder, by two steps or one, and below which it
 becomes milder."""
-STEP, FEWEST = 0.1, 10
+STEP, MIN_INTERVALS = 0.1, 10
 """Change of severity, as a share of the way from the mildest level of its axis to that of the mixture, and the command
 intervals that are needed for it."""
 
 
-class Intervals:
+class CommandIntervalTracker:
     """Whether n robots track each command interval: mean velocity after its first second, by the evaluation's rule."""
 
     def __init__(self, robots: int, dt: float) -> None:
@@ -61,17 +61,17 @@ class Intervals:
         new = (command != self._command).any(axis=1)
         counted = self._steps - self._settling
         mean = self._sum / np.maximum(counted, 1)[:, None]
-        kept = RULES[SUCCESS_RULE].on_command(self._command[:, None], mean[:, None])
+        tracked = RULES[SUCCESS_RULE].on_command(self._command[:, None], mean[:, None])
         ended = new & (counted > 0)
         self._steps[new] = 0
         self._sum[new] = 0.0
         self._command[new] = command[new]
         self._steps += 1
         self._sum[self._steps > self._settling] += velocity[self._steps > self._settling]
-        return ended | fell, kept & ~fell
+        return ended | fell, tracked & ~fell
 
 
-def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scenario:
+def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scenario:
     """The scenario at that share, 0 … 1, of the way from the mildest level of its axis, over ln(severity); unchanged
     where it has no axis or is milder than that level."""
     if not scenario.axis or share >= 1.0:
@@ -84,8 +84,8 @@ def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scena
     return dataclasses.replace(found, **{field: getattr(scenario, field) for field in FIELD_OF_SUFFIX.values()})
 
 
-def next_shares(shares: Sequence[float], counted: NDArray[np.int64], kept: NDArray[np.int64]) -> list[float]:
+def update_difficulties(difficulties: Sequence[float], counted: NDArray[np.int64], tracked: NDArray[np.int64]) -> list[float]:
     """Shares of severity after those, by the command intervals of each scenario and how many were tracked."""
-    rates = kept / np.maximum(counted, 1)
-    change = STEP * np.select([counted < FEWEST, rates > EASY, rates > KEPT, rates < LOST], [0.0, 2.0, 1.0, -1.0], 0.0)
-    return list(np.clip(shares + change, 0.0, 1.0).tolist())
+    rates = tracked / np.maximum(counted, 1)
+    change = STEP * np.select([counted < MIN_INTERVALS, rates > FAST_PROMOTION_RATE, rates > PROMOTION_RATE, rates < DEMOTION_RATE], [0.0, 2.0, 1.0, -1.0], 0.0)
+    return list(np.clip(difficulties + change, 0.0, 1.0).tolist())

@@ -27,7 +27,7 @@ Infos = dict[str, Any]
 Step = tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray, Infos]
 
 
-class BaseOf:
+class BaseGroup:
     """A base policy of some rows of an environment, with what the learner sees of it and what starts new episodes.
 
     Args:
@@ -41,11 +41,11 @@ class BaseOf:
         self._features = Features(base, inputs)
         self.width = self._features.width
         """Numbers of a row of `seen`."""
-        self._fresh = copy.deepcopy(base)
+        self._reset_base = copy.deepcopy(base)
         """Of the robots that begin an episode, which the base then takes over: all are asked for an action on the last
         observation of their old episode, and these on the first one of their new, without the others' clocks running
         twice."""
-        self._fresh_features = Features(self._fresh, inputs)
+        self._fresh_features = Features(self._reset_base, inputs)
 
     def reset(self) -> None:
         """Begin with fresh memory of all its robots."""
@@ -53,25 +53,25 @@ class BaseOf:
         self.base.reset(count)
         self._features.reset(count)
 
-    def tick(self, observation: FloatArray) -> None:
+    def act(self, observation: FloatArray) -> None:
         """Answer observations of all robots of the environment, (n, m)."""
         own = observation[self.rows]
         self.action = self.base.act(own)
-        self.seen = self._features.update(own, self.action)
+        self.features = self._features.update(own, self.action)
 
     def begin(self, robots: BoolArray, observation: FloatArray) -> None:
         """Answer the first observations, (n, m), of the robots in the mask, (n,), which begin an episode."""
         if not (own := robots[self.rows]).any():
             return
         first, count = observation[self.rows][own], int(own.sum())
-        self._fresh.reset(count)
+        self._reset_base.reset(count)
         self._fresh_features.reset(count)
-        action = self._fresh.act(first)
+        action = self._reset_base.act(first)
         seen = self._fresh_features.update(first, action)
-        self.base.copy_state_from(own, self._fresh)
+        self.base.copy_state_from(own, self._reset_base)
         self._features.copy_state_from(own, self._fresh_features)
-        self.action, self.seen = self.action.copy(), self.seen.copy()
-        self.action[own], self.seen[own] = action, seen
+        self.action, self.features = self.action.copy(), self.features.copy()
+        self.action[own], self.features[own] = action, seen
 
 
 class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
@@ -112,7 +112,7 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         for policy, _ in each:
             policy.check_compatible(robots.robot, robots.dt)
         self.bases = [
-            BaseOf(policy, slice(end - count, end), inputs) for (policy, count), end in zip(each, ends, strict=True)
+            BaseGroup(policy, slice(end - count, end), inputs) for (policy, count), end in zip(each, ends, strict=True)
         ]
         robot = each[0][0].robot
         self.authority = authority if authority is not None else authority_of(robot)
@@ -171,11 +171,11 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
     def _tick(self, observation: FloatArray) -> None:
         """Ask the bases for their actions on these observations."""
         for each in self.bases:
-            each.tick(observation)
+            each.act(observation)
 
     @property
     def _seen(self) -> FloatArray:
-        return np.concatenate([each.seen for each in self.bases])
+        return np.concatenate([each.features for each in self.bases])
 
 
 def _merged(mask: BoolArray, fresh: Infos, infos: Infos) -> Infos:

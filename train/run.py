@@ -16,10 +16,10 @@ from train.residual_env import ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, has_checkpoint, new_run, refuse_folder_in_use, writing
 from train.run_record import evaluation, write_settings
 from train.sb3 import checkpoint
-from train.sb3.callbacks import BetweenRollouts, CallbackState
+from train.sb3.callbacks import TrainingCallback, CallbackState
 from train.sb3.log import run_logger
-from train.sb3.ppo import REWARD_SCALE, build, set_actor
-from train.sb3.progress import Display, Pace
+from train.sb3.ppo import REWARD_SCALE, make_ppo, set_actor
+from train.sb3.progress import Display, ProgressEstimator
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import bases_of, make_robots, training_seeds
 
@@ -44,11 +44,11 @@ def _run(config: TrainConfig, interrupt: Interrupt, found: checkpoint.Checkpoint
     """A new run, or the rest of one from a checkpoint."""
     state = CallbackState.read(found.progress["remembered"]) if found else CallbackState()
     with contextlib.closing(make_env(config)) as env:
-        model = build(config, env)
+        model = make_ppo(config, env)
         if found:
             checkpoint.restore(model, found)
         elif config.start is not None:
-            _begin_with(model, config, config.start)
+            _load_initial_network(model, config, config.start)
         done = model.num_timesteps
         if done >= config.steps:
             raise UsageError(f"the run in {config.folder} is finished: extend it with --steps larger than {done}")
@@ -58,18 +58,18 @@ def _run(config: TrainConfig, interrupt: Interrupt, found: checkpoint.Checkpoint
             changed = write_settings(config, done)
             notices += [f"the result may differ from an uninterrupted run; {change}" for change in changed]
             notices += [f"continuing at {done:,} steps"] if found else []
-            display = Display(config.steps, Pace(config, done, state.validated))
+            display = Display(config.steps, ProgressEstimator(config, done, state.validated))
             with run_logger(config.folder, done) as logger, contextlib.closing(display):
                 for notice in notices:
                     display.note(notice)
                 model.set_logger(logger)
                 actions = found.actions if found else ()
-                callback = BetweenRollouts(config, env, display, interrupt, state, actions)
+                callback = TrainingCallback(config, env, display, interrupt, state, actions)
                 # Without SB3's own log, whose means reach back beyond the last checkpoint.
                 model.learn(config.steps - done, callback, config.steps + 1, reset_num_timesteps=False)
 
 
-def _begin_with(model: PPO, config: TrainConfig, start: Path) -> None:
+def _load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
     """Give a new run the network of a bundle or run. Raises UsageError."""
     try:
         policy = policies.load(start, config.hardware.robot_model)

@@ -22,16 +22,16 @@ from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.seeding import episode_seeds
 from quad_env.task.rewards import REWARD
 from train.config import EFFORT, SOLVER_ITERATIONS, TIMESTEP, TrainConfig
-from train.curriculum import Intervals, eased, practice
+from train.curriculum import CommandIntervalTracker, at_difficulty, with_terrain_seed
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 
-PUSH = 500.0
+PUSH_SCALE = 500.0
 """N that count as a push of unit size."""
-NEVER = np.iinfo(np.int64).max
+NO_TRUNCATION = np.iinfo(np.int64).max
 """Control steps after which no episode is cut."""
 
 
-class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
+class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     """Several batches as one, whose first episodes end at different times, with statistics.
 
     It restarts no robot by itself, as its batches. A robot whose episode has ended has its return and length, control
@@ -61,12 +61,12 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, n)
         self.action_space = batch_space(self.single_action_space, n)
         self.metadata = batches[0].metadata | {"autoreset_mode": AutoresetMode.DISABLED}
-        self._first_episode_steps = first_episode_steps or (lambda _: np.full(n, NEVER))
-        self._cuts = np.full(n, NEVER)
+        self._first_episode_steps = first_episode_steps or (lambda _: np.full(n, NO_TRUNCATION))
+        self._first_truncation = np.full(n, NO_TRUNCATION)
         self._elapsed, self._returns = np.zeros(n, np.int64), np.zeros(n)
         self._fell = np.zeros(n, np.bool_)
-        self._intervals = Intervals(n, self.dt)
-        self._which = np.repeat(np.eye(len(batches), dtype=np.float32), [each.num_envs for each in batches], axis=0)
+        self._intervals = CommandIntervalTracker(n, self.dt)
+        self._scenario_one_hot = np.repeat(np.eye(len(batches), dtype=np.float32), [each.num_envs for each in batches], axis=0)
         self.privileged_width = len(batches) + 3 + 2
         """Numbers of a row of `infos["privileged"]`: which scenario, true velocity, push."""
         self._sums = defaultdict[str, float](float)
@@ -86,10 +86,10 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         ]
         if mask is not None:
             self._count_episodes(mask)
-        self._cuts[chosen] = NEVER if mask is not None else self._first_episode_steps(seeds)
+        self._first_truncation[chosen] = NO_TRUNCATION if mask is not None else self._first_episode_steps(seeds)
         self._elapsed[chosen] = self._returns[chosen] = 0
         self._intervals.restart(chosen)
-        infos = _joined([infos for _, infos in results])
+        infos = _concatenate_infos([infos for _, infos in results])
         infos["privileged"] = self._privileged(infos)
         return np.concatenate([observation for observation, _ in results]), infos
 
@@ -99,18 +99,18 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         each = map if self._pool is None else self._pool.map
         results = list(each(lambda batch, targets: batch.step(targets), self.batches, own))
         observation, rewards, terminated, truncated = map(np.concatenate, list(zip(*results, strict=True))[:4])
-        infos = _joined([result[4] for result in results])
+        infos = _concatenate_infos([result[4] for result in results])
         self._elapsed += 1
         self._returns += rewards
         self._count(infos, rewards, terminated & ~self._fell)
         self._fell = terminated
-        truncated |= self._elapsed >= self._cuts
+        truncated |= self._elapsed >= self._first_truncation
         infos["episode"] = {"r": self._returns.copy(), "l": self._elapsed.copy()}
         infos["_episode"] = terminated | truncated
         infos["privileged"] = self._privileged(infos)
         return observation, rewards, terminated, truncated, infos
 
-    def take_statistics(self) -> dict[str, float]:
+    def pop_statistics(self) -> dict[str, float]:
         """Return the means since the last call.
 
         Returns:
@@ -132,7 +132,7 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             **{name: total / steps for name, total in sums.items()},
         }
 
-    def take_intervals(self) -> NDArray[np.int64]:
+    def pop_interval_counts(self) -> NDArray[np.int64]:
         """Command intervals of each of the b batches since the last call, and how many were tracked, (2, b)."""
         taken, self._counted = self._counted, np.zeros((2, len(self.batches)), np.int64)
         return taken
@@ -150,17 +150,17 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             batch.close()
 
     def _privileged(self, infos: Infos) -> FloatArray:
-        pushes = np.concatenate([_push(batch) for batch in self.batches], axis=1) / PUSH
-        return np.concatenate((self._which, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
+        pushes = np.concatenate([_push(batch) for batch in self.batches], axis=1) / PUSH_SCALE
+        return np.concatenate((self._scenario_one_hot, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
 
     def _count(self, infos: Infos, rewards: NDArray[np.float64], fell: BoolArray) -> None:
         """Count a step, and the command intervals that it ends."""
-        ended, kept = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
+        ended, tracked = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
         self._sums["intervals"] += int(ended.sum())
-        self._sums["tracked"] += int((ended & kept).sum())
+        self._sums["tracked"] += int((ended & tracked).sum())
         self._sums["reward"] += float(rewards.sum())
         starts = [part.start for part in self._parts]
-        self._counted += np.add.reduceat(np.stack((ended, ended & kept)).astype(np.int64), starts, axis=1)
+        self._counted += np.add.reduceat(np.stack((ended, ended & tracked)).astype(np.int64), starts, axis=1)
         error = infos["command"] - infos["heading_velocity"]
         self._sums["steps"] += len(error)
         self._sums["velocity_error"] += float(np.hypot(error[:, 0], error[:, 1]).sum())
@@ -183,7 +183,7 @@ def _push(batch: SimpleQuadVectorEnv) -> Array:
     return np.stack(to_heading(rotation, to_components(batch.simulation.push)))
 
 
-def _joined(infos: Sequence[Infos]) -> Infos:
+def _concatenate_infos(infos: Sequence[Infos]) -> Infos:
     """Infos of several batches as those of one."""
     return {key: np.concatenate([each[key] for each in infos]) for key in infos[0]}
 
@@ -202,17 +202,17 @@ def segment_steps(config: TrainConfig) -> int:
     return rollouts * ppo.rollout_steps * ppo.envs
 
 
-def make_robots(config: TrainConfig) -> TrainingRobots:
+def make_robots(config: TrainConfig) -> MultiScenarioVectorEnv:
     """The robots of a run on their scenarios; the seeds of a reset decide where first episodes are cut."""
 
-    def cuts(seeds: Sequence[int] | None) -> NDArray[np.int64]:
+    def sample_first_lengths(seeds: Sequence[int] | None) -> NDArray[np.int64]:
         return np.random.default_rng(seeds).integers(1, config.max_episode_steps, config.ppo.envs, endpoint=True)
 
     batches = [
-        make_batch(config, number, config.curriculum, effort_at(config, 0))
+        make_batch(config, number, config.curriculum, effort_weight_scale(config, 0))
         for number in range(len(robots_per_scenario(config)))
     ]
-    return TrainingRobots(batches, cuts, config.threads if side_by_side(config) else 1)
+    return MultiScenarioVectorEnv(batches, sample_first_lengths, config.threads if uses_batch_threads(config) else 1)
 
 
 def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
@@ -227,11 +227,11 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
     return {name: count for name, count in counts.items() if count}
 
 
-def base_of(config: TrainConfig, real: bool = False) -> Policy:
+def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
     """A fresh base of a run; a `real` one is for scenarios on the hardware profile, with the same servo gains."""
     made = partial(config.hardware.policy, config.base, height_scan=config.height_scan)
     base = made()
-    return made(real=True, robot=base.robot) if real else base
+    return made(real=True, robot=base.robot) if hardware_profile else base
 
 
 def bases_of(config: TrainConfig) -> list[tuple[Policy, int]]:
@@ -239,19 +239,19 @@ def bases_of(config: TrainConfig) -> list[tuple[Policy, int]]:
     counts = [0, 0]
     for name, count in robots_per_scenario(config).items():
         counts[_real(config, name)] += count
-    return [(base_of(config, bool(real)), count) for real, count in enumerate(counts) if count]
+    return [(make_base(config, bool(hardware_profile)), count) for hardware_profile, count in enumerate(counts) if count]
 
 
 def _real(config: TrainConfig, name: str) -> bool:
     return find_scenario(name, config.hardware.robot_model).hardware
 
 
-def side_by_side(config: TrainConfig) -> bool:
+def uses_batch_threads(config: TrainConfig) -> bool:
     """Whether there are enough batches for each thread to step one of its own; else all step one after the other."""
     return len(robots_per_scenario(config)) >= config.threads
 
 
-def effort_at(config: TrainConfig, steps: int) -> float:
+def effort_weight_scale(config: TrainConfig, steps: int) -> float:
     """Share of the reward weights of effort after so many steps of a run, 0 … 1."""
     ramp = config.effort_ramp * config.steps
     return min(steps / ramp, 1.0) if ramp else 1.0
@@ -260,13 +260,13 @@ def effort_at(config: TrainConfig, steps: int) -> float:
 def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1.0) -> SimpleQuadVectorEnv:
     """The batch of a run's scenario of that number, at that share of its severity and of the weights of effort."""
     name, count = list(robots_per_scenario(config).items())[number]
-    robot, base = config.hardware.robot_model, base_of(config)
-    scenario = practice(eased(find_scenario(name, robot), share, robot), "training", config.seed)
+    robot, base = config.hardware.robot_model, make_base(config)
+    scenario = with_terrain_seed(at_difficulty(find_scenario(name, robot), share, robot), "training", config.seed)
     rewards = dataclasses.replace(config.rewards, **{name: effort * getattr(config.rewards, name) for name in EFFORT})
     iterations = SOLVER_ITERATIONS if config.device == "cpu" else None
     task = TaskConfig(timestep=TIMESTEP, solver_iterations=iterations, reward_weights=rewards)
     return SimpleQuadVectorEnv(
-        count, scenario, 1 if side_by_side(config) else config.threads, AutoresetMode.DISABLED,
+        count, scenario, 1 if uses_batch_threads(config) else config.threads, AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps, config=task, height_scan=base.height_scan,
         **config.hardware.env_kwargs(base.robot) | ({"simulator": WARP} if config.device == "cuda" else {}),
     )  # fmt: skip

@@ -9,7 +9,7 @@ from evaluate.rollouts.rollout import run
 from policies.base import Policy
 from quad_env.seeding import episode_seeds
 from train.config import ValidationConfig
-from train.curriculum import practice
+from train.curriculum import with_terrain_seed
 
 Results = Mapping[str, Mapping[str, float]]
 """Mean metrics of each scenario, scenario -> name -> value."""
@@ -20,7 +20,7 @@ YAW_WEIGHT = 0.5
 
 
 def validate(
-    policy: Policy, config: ValidationConfig, nthread: int, hardware: HardwareConfig, real: Policy | None = None
+    policy: Policy, config: ValidationConfig, nthread: int, hardware: HardwareConfig, hardware_profile: Policy | None = None
 ) -> dict[str, dict[str, float]]:
     """Mean metrics of each scenario on robots with that hardware, scenario -> name -> value.
 
@@ -28,11 +28,11 @@ def validate(
     """
     seeds = episode_seeds("validation", VALIDATION_SEED, config.episodes)
     walk = partial(run, seeds=seeds, nthread=nthread, hardware=hardware)
-    scenarios = {name: practice(name, "validation", robot=hardware.robot_model) for name in config.scenarios}
-    return {name: summarise(walk(real if real and each.hardware else policy, each)) for name, each in scenarios.items()}
+    scenarios = {name: with_terrain_seed(name, "validation", robot=hardware.robot_model) for name in config.scenarios}
+    return {name: summarise(walk(hardware_profile if hardware_profile and each.hardware else policy, each)) for name, each in scenarios.items()}
 
 
-def rank(results: Results) -> tuple[float, float]:
+def ranking_key(results: Results) -> tuple[float, float]:
     """Order of policies, the smallest is best: share of failed episodes, and where these are equal the score."""
     return 1.0 - success(results), score(results)
 

@@ -23,8 +23,8 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scaled_name
 from quad_env.seeding import episode_seeds
 from train.config import check_scenarios
-from train.search.cmaes import SHORTEST, Effort, Ranges, Subject, as_json, changes, method, results, search
-from train.search.trials import WORDS, Seeds, compared, episode_costs, walked
+from train.search.cmaes import SHORTEST, SearchOptions, Ranges, SearchProblem, as_json, changes, method, results, search
+from train.search.trials import COST_DESCRIPTION, Seeds, compare_parameters, episode_costs, run_candidates
 
 EXERCISES = (
     *("steady", "flat=1.5", "flat=3", "push=35", "push=65", "rough=0.12", "rough=0.24", "slope=15", "slope=25"),
@@ -58,7 +58,7 @@ POLICIES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(Effort):
+class Options(SearchOptions):
     """Which policy is searched, on what, and how thoroughly."""
 
     robot: str = "simple_quad"
@@ -82,7 +82,7 @@ def main(options: Options) -> int:
     return search(subject, options)
 
 
-def subject(options: Options) -> Subject[Parameters]:
+def subject(options: Options) -> SearchProblem[Parameters]:
     """The search of a policy with feedback, from the parameters in force or given."""
     name, hardware, threads = options.policy, parse_robot_option(options.robot), options.threads
     robot, searched, file = hardware.robot_model, POLICIES[name], POLICIES[name].file
@@ -93,22 +93,22 @@ def subject(options: Options) -> Subject[Parameters]:
     ranges = scaled_ranges(searched.ranges, file.kind, robot)
 
     def costs(candidates: list[Parameters], seeds: Seeds) -> Floats:
-        walks = walked(name, candidates, exercises, seeds, "search", options.steps, threads, hardware)
+        walks = run_candidates(name, candidates, exercises, seeds, "search", options.steps, threads, hardware)
         found = [episode_costs(measure(each)) for each in walks]
         mean: Floats = np.reshape(found, (len(exercises), len(candidates), -1)).mean(axis=(0, 2))
         return mean
 
     def conclude(after: Parameters) -> tuple[str, str]:
         seeds = episode_seeds("validation", options.seed, options.check_episodes)
-        walks, differences = compared(name, in_force, after, exercises, seeds, threads, hardware)
+        walks, differences = compare_parameters(name, in_force, after, exercises, seeds, threads, hardware)
         better, words = judged(differences)
         how = method("python -m research search", options, ", ".join(exercises))
-        lines = [f"# The parameters of {name}", "", how, WORDS, ""]
+        lines = [f"# The parameters of {name}", "", how, COST_DESCRIPTION, ""]
         lines += [words, "", *changes(in_force, after, ranges), "", *results(walks)]
         return as_json(after if better else in_force), "\n".join(lines) + "\n"
 
     path = file.path if robot == SIMPLE_QUAD else folder_of(robot) / file.path.name
-    return Subject(start, ranges, costs, conclude, path, searched.account, digits=4, apart=True)
+    return SearchProblem(start, ranges, costs, conclude, path, searched.account, digits=4, diagonal=True)
 
 
 def judged(differences: Floats) -> tuple[bool, str]:

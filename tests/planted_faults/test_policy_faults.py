@@ -7,14 +7,14 @@ from policies.virtual_model.parameters import VirtualParameters, searched_parame
 from policies.virtual_model.policy import TrotFeedback
 from quad_env import CommandRanges
 from quad_env.seeding import episode_seeds
-from train.curriculum import practice
+from train.curriculum import with_terrain_seed
 
 AHEAD = CommandRanges(forward=(0.5, 0.5), lateral=(0.0, 0.0), yaw_rate=(0.0, 0.0), zero_fraction=0.0)
 
 
 def speed_on_rough_ground(parameters: VirtualParameters) -> float:
     """Mean forward velocity after 2 s of 4 robots told to walk at 0.5 m/s on nominal rough ground, m/s."""
-    scenario = replace(practice("rough", "search"), commands=AHEAD)
+    scenario = replace(with_terrain_seed("rough", "search"), commands=AHEAD)
     episodes = rollout.run(TrotFeedback(parameters), scenario, episode_seeds("search", 5, 4), nthread=1, steps=450)
     return float(episodes.heading_velocity[200:, :, 0].mean())
 

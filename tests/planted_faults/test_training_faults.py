@@ -26,7 +26,7 @@ from train import training_robots, validation
 from train.config import PpoConfig, TrainConfig, ValidationConfig
 from train.run import make_env
 from train.search import trot
-from train.search.cmaes import Effort, Subject, evolve
+from train.search.cmaes import SearchOptions, SearchProblem, evolve
 
 JUDGED = ValidationConfig(episodes=1, scenarios=("flat", "push", "rough"))
 SMALL = TrainConfig(
@@ -82,10 +82,10 @@ def check_searches_are_on_their_own_episodes_and_ground() -> None:
         seen.extend(seeds.tolist())
         return [float(place) for place, _ in enumerate(candidates)]
 
-    effort = Effort(generations=2, candidates=4, episodes=3, steps=BRIEF, spread=0.1)
+    effort = SearchOptions(generations=2, candidates=4, episodes=3, steps=BRIEF, spread=0.1)
     ranges = {"frequency": (2.0, 4.0), "duty": (0.4, 0.6)}
     unused: dict[str, Any] = {"conclude": lambda _: ("", ""), "file": Path("unused.json"), "account": "unused.md"}
-    list(evolve(effort, Subject(trot.TrotParameters(), ranges, costs, **unused)))
+    list(evolve(effort, SearchProblem(trot.TrotParameters(), ranges, costs, **unused)))
     assert {PURPOSES[seed >> 48] for seed in seen} == {"search"}
     assert len(set(seen)) == 6, "every generation has new episodes"
 
@@ -180,7 +180,7 @@ def a_step_ago(patch: pytest.MonkeyPatch) -> None:
 
 def scan_kept(patch: pytest.MonkeyPatch) -> None:
     """What makes a scenario milder forgets that its scan is lost."""
-    true_eased = training_robots.eased
+    true_eased = training_robots.at_difficulty
     patch.setattr(training_robots, "eased", lambda *args: replace(true_eased(*args), scan_lost=False))
 
 
@@ -243,15 +243,15 @@ FAULTS: Faults = {
         check_validation_is_on_its_own_episodes_and_ground,
     ),
     "profile not passed to validation": (
-        lambda patch: patch.setattr(validation, "practice", without_profile(validation.practice)),
+        lambda patch: patch.setattr(validation, "practice", without_profile(validation.with_terrain_seed)),
         check_validation_and_training_have_the_hardware_profile,
     ),
     "profile lost where a scenario is eased": (
-        lambda patch: patch.setattr(training_robots, "eased", without_profile(training_robots.eased)),
+        lambda patch: patch.setattr(training_robots, "eased", without_profile(training_robots.at_difficulty)),
         check_validation_and_training_have_the_hardware_profile,
     ),
     "randomisation lost where a scenario is eased": (
-        lambda patch: patch.setattr(training_robots, "eased", without_randomisation(training_robots.eased)),
+        lambda patch: patch.setattr(training_robots, "eased", without_randomisation(training_robots.at_difficulty)),
         check_training_robots_are_randomised,
     ),
     "randomisation that never reaches the models": (

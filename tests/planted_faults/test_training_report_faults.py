@@ -11,7 +11,7 @@ from research.training.curves import SeedBand, by_seed, draw, read_curve
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
 from tests.research.test_curves import folder_of_run
 from train.config import PpoConfig, TrainConfig
-from train.sb3.progress import Pace
+from train.sb3.progress import ProgressEstimator
 
 
 def check_a_curve_is_that_of_its_run_and_its_band_goes_from_seed_to_seed() -> None:
@@ -34,7 +34,7 @@ def check_a_curve_is_that_of_its_run_and_its_band_goes_from_seed_to_seed() -> No
 def check_the_time_left_has_the_validations_in_it() -> None:
     now = 0.0
     config = TrainConfig(steps=400, ppo=PpoConfig(envs=10, rollout_steps=10))
-    pace = Pace(config, clock=lambda: now)
+    pace = ProgressEstimator(config, clock=lambda: now)
     now = 1.0  # for 100 steps
     with pace.validation(100):
         now = 21.0
@@ -58,7 +58,7 @@ FAULTS: Faults = {
         check_a_curve_is_that_of_its_run_and_its_band_goes_from_seed_to_seed,
     ),
     "time left without validation": (
-        lambda patch: patch.setattr(Pace, "_seconds", lambda *_: 0.0),
+        lambda patch: patch.setattr(ProgressEstimator, "_seconds", lambda *_: 0.0),
         check_the_time_left_has_the_validations_in_it,
     ),
     "speed with the time of validations": (

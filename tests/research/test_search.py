@@ -16,7 +16,7 @@ from research.training.search import ADOPTED, KEPT, POLICIES, Options, judged
 from tests.batches import begun
 from tests.quad_env.robots.alike import alike
 from train.search import trials
-from train.search.trials import episode_costs, walked
+from train.search.trials import episode_costs, run_candidates
 
 TINY = "--generations 1 --candidates 4 --episodes 1 --steps 101 --check-episodes 2 --threads 1 --exercises flat=1.5"
 each_subject = pytest.mark.parametrize("name", POLICIES)
@@ -70,7 +70,7 @@ def test_a_search_writes_parameters_their_account_and_its_trials_and_is_the_same
     (found,) = map(json.loads, (tmp_path / "one/found.trials.jsonl").read_text(encoding="utf-8").splitlines())
     costs = [each.pop("cost") for each in found["tried"]]
     again = [kind_of(name)(**each) for each in found["tried"]]
-    (walk,) = walked(name, again, ["flat=1.5"], episode_seeds("search", 0, 1), "search", 101)
+    (walk,) = run_candidates(name, again, ["flat=1.5"], episode_seeds("search", 0, 1), "search", 101)
     np.testing.assert_allclose(episode_costs(measure(walk)), costs)
     assert np.ptp(costs) > 0.0
     kind, in_force, ranges = kind_of(name), policies.make(name).parameters, POLICIES[name].ranges
@@ -89,7 +89,7 @@ def test_a_search_writes_parameters_their_account_and_its_trials_and_is_the_same
 def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_force(tmp_path, monkeypatch):
     in_force = policies.make("trot_feedback").parameters
     worse = dataclasses.replace(in_force, forward_damping=0.2, tilt_damping=0.0)
-    seen, real = [], walked
+    seen, real = [], run_candidates
     monkeypatch.setattr(trials, "walked", lambda *walk, **options: seen.append(walk[3:5]) or real(*walk, **options))
     out, start = tmp_path / "found.json", tmp_path / "start.json"
     start.write_text(json.dumps(dataclasses.asdict(worse)), encoding="utf-8")

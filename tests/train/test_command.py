@@ -21,7 +21,7 @@ from quad_env.cli.command_line import parse as parse_options
 from quad_env.files.writing import exclusive_lock
 from quad_env.physics import simulation
 from train.__main__ import main
-from train.commands.run import COMMANDS, MAIN, parse
+from train.commands.run import COMMANDS, BASIC_OPTIONS, parse
 from train.learning_curve import write_curve
 from train.run_folder import CONFIG_FILE, CURVE_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 from train.run_record import load_config, to_dict
@@ -254,7 +254,7 @@ def test_help_shows_the_main_options_and_help_all_every_one(capsys):
         with pytest.raises(SystemExit):
             main([option])
         shown[option] = capsys.readouterr().out
-    assert all(f"--{name} " in text for text in shown.values() for name in MAIN)
+    assert all(f"--{name} " in text for text in shown.values() for name in BASIC_OPTIONS)
     assert "--help-all explains all of them" in " ".join(shown["--help"].split())
     for hidden in ("--ppo.envs", "--rewards.crouch", "--curriculum", "--scan.ahead", "--validation.interval"):
         assert hidden in shown["--help-all"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quad_env.scenarios.named import scenario
-from train.curriculum import Intervals, eased, next_shares, practice
+from train.curriculum import CommandIntervalTracker, at_difficulty, update_difficulties, with_terrain_seed
 
 FORWARD, STILL = np.array([1.0, 0.0, 0.0]), np.zeros(3)
 DT = 0.1
@@ -19,7 +19,7 @@ def walk(intervals, steps, command, velocity, fell=False):
 
 def test_an_interval_counts_by_its_mean_velocity_once_the_next_command_comes():
     for off, kept in ((0.0, True), (0.34, True), (0.36, False)):  # 0.15 m/s + 20 % of 1 m/s
-        intervals = Intervals(1, DT)
+        intervals = CommandIntervalTracker(1, DT)
         told = walk(intervals, 10, FORWARD, (9.0, 0.0, 0.0))  # the first second does not count
         told += walk(intervals, 10, FORWARD, (1.0 - off + 0.5, 0.0, 0.0)) + walk(
             intervals, 10, FORWARD, (1.0 - off - 0.5, 0.0, 0.0)
@@ -31,13 +31,13 @@ def test_an_interval_counts_by_its_mean_velocity_once_the_next_command_comes():
 def test_standing_still_follows_no_command_to_move():
     """0.1 m/s off, where 0.15 m/s + 20 % are allowed; at 0.04 m/s nothing more is asked."""
     for speed, kept in ((0.1, False), (0.04, True)):
-        intervals = Intervals(1, DT)
+        intervals = CommandIntervalTracker(1, DT)
         walk(intervals, 15, speed * FORWARD, (0.0, 0.0, 0.0))
         assert walk(intervals, 1, STILL, (0.0, 0.0, 0.0)) == [(True, kept)]
 
 
 def test_a_fall_ends_an_interval_at_once_and_the_next_episode_starts_without_it():
-    intervals = Intervals(1, DT)
+    intervals = CommandIntervalTracker(1, DT)
     walk(intervals, 15, FORWARD, (0.0, 0.0, 0.0))
     assert walk(intervals, 1, FORWARD, (1.0, 0.0, 0.0), fell=True) == [(True, False)]
     intervals.restart(np.array([True]))
@@ -47,7 +47,7 @@ def test_a_fall_ends_an_interval_at_once_and_the_next_episode_starts_without_it(
 
 def test_shares_follow_what_was_kept_and_stay_where_little_is_known():
     counted, kept = np.array([[100, 80], [100, 60], [100, 40], [9, 9], [100, 100], [100, 0], [100, 96], [12, 12]]).T
-    shares = next_shares([0.5, 0.5, 0.5, 0.5, 1.0, 0.05, 0.5, 0.5], counted, kept)
+    shares = update_difficulties([0.5, 0.5, 0.5, 0.5, 1.0, 0.05, 0.5, 0.5], counted, kept)
     np.testing.assert_allclose(shares, [0.6, 0.5, 0.4, 0.5, 1.0, 0.0, 0.7, 0.7])
 
 
@@ -60,7 +60,7 @@ def test_shares_follow_what_was_kept_and_stay_where_little_is_known():
     ],
 )
 def test_a_scenario_is_eased_towards_the_mildest_level_of_its_axis(name, share, severity):
-    found = eased(scenario(name), share)
+    found = at_difficulty(scenario(name), share)
     assert found.severity == pytest.approx(severity)
     assert found.name == name
     if name.startswith("push"):
@@ -68,11 +68,11 @@ def test_a_scenario_is_eased_towards_the_mildest_level_of_its_axis(name, share, 
 
 
 def test_a_combination_has_no_axis_and_stays_as_it_is():
-    assert eased(scenario("payload=15+slope=10"), 0.3) == scenario("payload=15+slope=10")
+    assert at_difficulty(scenario("payload=15+slope=10"), 0.3) == scenario("payload=15+slope=10")
 
 
 def test_an_eased_scenario_keeps_profile_and_randomisation():
-    found = eased(scenario("push=60+randomised+hardware"), 0.3)
+    found = at_difficulty(scenario("push=60+randomised+hardware"), 0.3)
     assert (found.hardware, found.randomisation) == (True, scenario("flat+randomised").randomisation)
 
 
@@ -84,7 +84,7 @@ def told(intervals, command, velocity, fell=(False, False)):
 
 def test_each_robot_has_intervals_of_its_own():
     """The first gets a new command after 15 steps and another after 12 more; the second keeps its own, and falls."""
-    intervals, forward = Intervals(2, DT), [FORWARD, FORWARD]
+    intervals, forward = CommandIntervalTracker(2, DT), [FORWARD, FORWARD]
     for _ in range(15):
         assert not any(ended for ended, _ in told(intervals, forward, [FORWARD, 0.2 * FORWARD]))
     assert told(intervals, [STILL, FORWARD], [STILL, 0.2 * FORWARD]) == [(True, True), (False, False)]
@@ -97,7 +97,7 @@ def test_each_robot_has_intervals_of_its_own():
 
 def test_every_interval_has_a_settling_second_of_its_own():
     """10 steps at 9 m/s and 5 at rest, after an interval ahead, are a robot that stood still."""
-    intervals = Intervals(1, DT)
+    intervals = CommandIntervalTracker(1, DT)
     walk(intervals, 15, FORWARD, FORWARD)
     walk(intervals, 10, STILL, 9.0 * FORWARD)
     walk(intervals, 5, STILL, STILL)
@@ -105,7 +105,7 @@ def test_every_interval_has_a_settling_second_of_its_own():
 
 
 def test_a_command_that_lasted_no_longer_than_it_takes_to_settle_is_no_interval():
-    intervals = Intervals(1, DT)
+    intervals = CommandIntervalTracker(1, DT)
     assert not any(ended for ended, _ in walk(intervals, 10, FORWARD, FORWARD))
     assert walk(intervals, 1, STILL, STILL)[0][0] is False
     assert not any(ended for ended, _ in walk(intervals, 10, STILL, STILL))
@@ -113,18 +113,18 @@ def test_a_command_that_lasted_no_longer_than_it_takes_to_settle_is_no_interval(
 
 
 def test_a_robot_that_falls_has_not_tracked_its_command_however_well_it_did_before():
-    intervals = Intervals(1, DT)
+    intervals = CommandIntervalTracker(1, DT)
     walk(intervals, 15, FORWARD, FORWARD)
     assert walk(intervals, 1, STILL, STILL, fell=True) == [(True, False)]
 
 
 def test_ten_intervals_are_enough_to_change_a_scenario():
-    assert next_shares([0.5, 0.5], np.array([9, 10]), np.array([9, 10])) == pytest.approx([0.5, 0.7])
-    assert next_shares([0.5] * 4, np.full(4, 10), np.array([9, 7, 8, 5])) == pytest.approx([0.6, 0.5, 0.6, 0.5])
+    assert update_difficulties([0.5, 0.5], np.array([9, 10]), np.array([9, 10])) == pytest.approx([0.5, 0.7])
+    assert update_difficulties([0.5] * 4, np.full(4, 10), np.array([9, 7, 8, 5])) == pytest.approx([0.6, 0.5, 0.6, 0.5])
 
 
 def test_random_ground_is_that_of_its_purpose_and_seed():
-    found = [practice("rough", purpose, seed).terrain.seed for purpose, seed in (("training", 3), ("search", 0))]
+    found = [with_terrain_seed("rough", purpose, seed).terrain.seed for purpose, seed in (("training", 3), ("search", 0))]
     assert found == [1003, 2]
-    assert practice("rough", "validation").terrain.seed == 1
-    assert practice("flat", "training", 3) == scenario("flat")
+    assert with_terrain_seed("rough", "validation").terrain.seed == 1
+    assert with_terrain_seed("flat", "training", 3) == scenario("flat")

@@ -30,8 +30,8 @@ from train.config import REWARDS, TrainConfig
 from train.curriculum import TERRAIN_SEEDS
 from train.run import make_env
 from train.run_folder import VALIDATIONS_FILE, steps_done
-from train.sb3.callbacks import BetweenRollouts, CallbackState
-from train.sb3.ppo import build
+from train.sb3.callbacks import TrainingCallback, CallbackState
+from train.sb3.ppo import make_ppo
 from train.training_robots import training_seeds
 
 WORDS = (
@@ -76,7 +76,7 @@ class Ran:
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     folder, learners, threads = tmp_path_factory.mktemp("every"), [], set[str]()
-    true_build, true_run = training_run.build, validation.run
+    true_build, true_run = training_run.make_ppo, validation.run
 
     def watched(*args: Any) -> Any:
         learners.append(true_build(*args))
@@ -243,15 +243,15 @@ def test_all_episodes_start_with_their_segment(monkeypatch: pytest.MonkeyPatch) 
     config, begins = parse([*SMALL.split(), "--mixture", "flat", "1", "--max-episode-steps", "4"]), []
     env, twin = make_env(config), make_env(config)
 
-    def noted(callback: BetweenRollouts) -> None:
+    def noted(callback: TrainingCallback) -> None:
         buffer = callback.locals["rollout_buffer"]
         begins.append((buffer.episode_starts[0].all(), buffer.observations[0].copy()))
 
     for unused in ("_keep", "_validate"):
-        monkeypatch.setattr(BetweenRollouts, unused, lambda _: None)
-    monkeypatch.setattr(BetweenRollouts, "_on_rollout_end", noted)
-    callback = BetweenRollouts(config, env, None, Interrupt(), CallbackState())  # type: ignore[arg-type]
-    build(config, env).learn(6 * 8, callback)
+        monkeypatch.setattr(TrainingCallback, unused, lambda _: None)
+    monkeypatch.setattr(TrainingCallback, "_on_rollout_end", noted)
+    callback = TrainingCallback(config, env, None, Interrupt(), CallbackState())  # type: ignore[arg-type]
+    make_ppo(config, env).learn(6 * 8, callback)
     assert [start for start, _ in begins] == [True, False] * 3
     assert len({seen.tobytes() for _, seen in begins}) == 6
     for segment, (_, seen) in enumerate(begins[::2]):

@@ -9,11 +9,11 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.config import PpoConfig, TrainConfig
 from train.training_robots import (
-    TrainingRobots,
-    effort_at,
+    MultiScenarioVectorEnv,
+    effort_weight_scale,
     make_robots,
     segment_steps,
-    side_by_side,
+    uses_batch_threads,
     training_seeds,
 )
 
@@ -32,19 +32,19 @@ def lunges(step, n):
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_robots_walk_the_same_whatever_their_split_into_batches_and_threads(threads):
-    split, whole = TrainingRobots(batches(3, 2), threads=threads), TrainingRobots(batches(5))
+    split, whole = MultiScenarioVectorEnv(batches(3, 2), threads=threads), MultiScenarioVectorEnv(batches(5))
     np.testing.assert_array_equal(split.reset(seed=SEEDS)[0], whole.reset(seed=SEEDS)[0])
     for step in range(30):
         mine, other = split.step(lunges(step, 5)), whole.step(lunges(step, 5))
         for a, b in zip(mine[:4], other[:4], strict=True):
             np.testing.assert_array_equal(a, b)
         np.testing.assert_array_equal(mine[4]["heading_velocity"], other[4]["heading_velocity"])
-    assert split.take_statistics() == pytest.approx(whole.take_statistics(), nan_ok=True)
+    assert split.pop_statistics() == pytest.approx(whole.pop_statistics(), nan_ok=True)
     split.close()
 
 
 def test_only_first_episodes_are_cut():
-    robots = TrainingRobots(batches(2, 1, steps=6), first_episode_steps=lambda _: np.array([2, 9, 5]))
+    robots = MultiScenarioVectorEnv(batches(2, 1, steps=6), first_episode_steps=lambda _: np.array([2, 9, 5]))
     for _ in range(2):  # all of it again after a reset
         robots.reset(seed=SEEDS[:3])
         ends = []
@@ -59,7 +59,7 @@ def test_only_first_episodes_are_cut():
 
 
 def test_an_episode_is_worth_the_sum_of_its_rewards():
-    robots = TrainingRobots(batches(2, steps=4))
+    robots = MultiScenarioVectorEnv(batches(2, steps=4))
     robots.reset(seed=SEEDS[:2])
     total = 0.0
     for step in range(4):
@@ -67,7 +67,7 @@ def test_an_episode_is_worth_the_sum_of_its_rewards():
         total = total + rewards
     np.testing.assert_allclose(infos["episode"]["r"], total)
     robots.reset(options={"reset_mask": np.array([True, False])})
-    assert [robots.take_statistics()["episodes"], robots.take_statistics()["episodes"]] == [1, 0]
+    assert [robots.pop_statistics()["episodes"], robots.pop_statistics()["episodes"]] == [1, 0]
     _, rewards, _, _, infos = robots.step(lunges(4, 2))
     np.testing.assert_allclose(infos["episode"]["r"][0], rewards[0])
 
@@ -77,7 +77,7 @@ def test_what_only_the_critic_sees_is_in_the_heading_frame(monkeypatch):
     yaws, force = np.array([np.pi, 0.0]), np.array([[-100.0, -50.0], [100.0, 50.0]])
     monkeypatch.setattr(Simulation, "push", force)
     monkeypatch.setattr(Simulation, "quaternion", np.stack((np.cos(yaws / 2), *np.zeros((2, 2)), np.sin(yaws / 2)), 1))
-    _, infos = TrainingRobots(batches(2)).reset(seed=SEEDS[:2])
+    _, infos = MultiScenarioVectorEnv(batches(2)).reset(seed=SEEDS[:2])
     np.testing.assert_allclose(infos["privileged"][:, 1:4], infos["heading_velocity"], atol=1e-6)
     np.testing.assert_allclose(infos["privileged"][:, 4:], [[0.2, 0.1]] * 2, atol=1e-6)
 
@@ -91,24 +91,24 @@ def test_figures_of_a_step_are_those_of_its_infos(monkeypatch):
         "reward_tilt": np.array([-1.0, -3.0]),
     }
     ends = np.zeros((2, 48), np.float32), np.array([4.0, 10.0]), np.array([False, True]), np.zeros(2, bool)
-    robots = TrainingRobots([batch])
+    robots = MultiScenarioVectorEnv([batch])
     robots.reset(seed=SEEDS[:2])
     monkeypatch.setattr(batch, "step", lambda _: (*ends, infos))
     robots.step(np.tile(HOME, (2, 1)))
     robots.reset(options={"reset_mask": np.array([False, True])})
-    means = robots.take_statistics()
+    means = robots.pop_statistics()
     assert means.pop("reward/tilt") == pytest.approx(-2.0)
     assert means == pytest.approx(
         {"velocity_error": (1.0 + 0.5) / 2, "yaw_rate_error": (0.5 + 0.25) / 2, "episodes": 1}
         | {"falls": 1.0, "return": 10.0, "reward_rate": 7.0 / batch.dt, "intervals": 1, "tracked": 0.0}
     )
-    assert np.isnan(robots.take_statistics()["falls"])
+    assert np.isnan(robots.pop_statistics()["falls"])
 
 
 def test_a_fall_is_counted_once_and_a_reset_forgets_the_command_interval_of_that_robot_alone(monkeypatch):
     """Steps of 0.01 s whose readings are replaced: a second settles, and a new command ends an interval."""
     (batch,) = batches(2)
-    robots, told = TrainingRobots([batch]), {"fell": np.zeros(2, bool), "command": np.ones((2, 3))}
+    robots, told = MultiScenarioVectorEnv([batch]), {"fell": np.zeros(2, bool), "command": np.ones((2, 3))}
 
     def step(_):
         infos = {"command": told["command"].copy(), "heading_velocity": np.ones((2, 3))}
@@ -122,26 +122,26 @@ def test_a_fall_is_counted_once_and_a_reset_forgets_the_command_interval_of_that
     told["fell"][1] = True
     for _ in range(3):  # a fallen robot stands still in time until it is restarted
         robots.step(home)
-    assert robots.take_intervals().tolist() == [[1], [0]]
+    assert robots.pop_interval_counts().tolist() == [[1], [0]]
     told["fell"][1] = False
     robots.reset(options={"reset_mask": np.array([False, True])})
     told["command"] = 2.0 * np.ones((2, 3))
     robots.step(home)
-    assert robots.take_intervals().tolist() == [[1], [1]]  # of the robot that went on
-    assert robots.take_intervals().tolist() == [[0], [0]]
+    assert robots.pop_interval_counts().tolist() == [[1], [1]]  # of the robot that went on
+    assert robots.pop_interval_counts().tolist() == [[0], [0]]
     told["fell"][1] = True
     robots.step(home)
-    assert robots.take_intervals().tolist() == [[1], [0]]  # of its next episode
+    assert robots.pop_interval_counts().tolist() == [[1], [0]]  # of its next episode
     told["fell"][1] = False
     robots.reset(options={"reset_mask": np.array([True, False])})
-    means = robots.take_statistics()
+    means = robots.pop_statistics()
     assert (means["episodes"], means["falls"]) == (2.0, 0.5)
 
 
 def test_each_batch_has_its_own_seeds_masks_and_number():
     """Of three and two robots: those of the second are told apart, and restart alone."""
-    robots = TrainingRobots(batches(3, 2))
-    whole = TrainingRobots(batches(5))
+    robots = MultiScenarioVectorEnv(batches(3, 2))
+    whole = MultiScenarioVectorEnv(batches(5))
     first, infos = robots.reset(seed=SEEDS)
     np.testing.assert_array_equal(first, whole.reset(seed=SEEDS)[0])
     np.testing.assert_array_equal(infos["privileged"][:, :2], [[1, 0]] * 3 + [[0, 1]] * 2)
@@ -179,7 +179,7 @@ def test_a_segment_is_whole_rollouts_about_as_long_as_an_episode(longest, ppo, r
 @pytest.mark.parametrize(("threads", "side"), [(2, True), (3, False), (1, True)])
 def test_threads_take_a_batch_each_where_there_are_enough(threads, side):
     config = TrainConfig(threads=threads, mixture=(("flat", 1.0), ("push", 1.0)))
-    assert side_by_side(config) == side
+    assert uses_batch_threads(config) == side
 
 
 def test_each_segment_has_seeds_of_its_own_and_each_robot_one():
@@ -190,5 +190,5 @@ def test_each_segment_has_seeds_of_its_own_and_each_robot_one():
 
 def test_effort_counts_fully_from_the_end_of_its_ramp_on():
     config = TrainConfig(steps=1000, effort_ramp=0.4)
-    assert [effort_at(config, steps) for steps in (0, 100, 400, 900)] == [0.0, 0.25, 1.0, 1.0]
-    assert effort_at(TrainConfig(steps=1000, effort_ramp=0.0), 0) == 1.0
+    assert [effort_weight_scale(config, steps) for steps in (0, 100, 400, 900)] == [0.0, 0.25, 1.0, 1.0]
+    assert effort_weight_scale(TrainConfig(steps=1000, effort_ramp=0.0), 0) == 1.0

@@ -9,7 +9,7 @@ from evaluate.rollouts.hardware import HardwareConfig
 from quad_env.seeding import episode_seeds
 from train import validation
 from train.config import ValidationConfig
-from train.validation import cost_of_transport, rank, success
+from train.validation import cost_of_transport, ranking_key, success
 
 
 def means(success_rate, velocity_error, yaw_rate_error=0.0):
@@ -19,7 +19,7 @@ def means(success_rate, velocity_error, yaw_rate_error=0.0):
 def test_success_and_score_are_means_over_scenarios():
     results = {"flat": means(1.0, 0.1, 0.4), "rough": means(0.25, 0.3, 0.8)}
     assert success(results) == pytest.approx(0.625)
-    assert rank(results) == (pytest.approx(0.375), pytest.approx(0.5))
+    assert ranking_key(results) == (pytest.approx(0.375), pytest.approx(0.5))
 
 
 def test_the_cost_of_transport_is_a_quotient_of_sums():
@@ -39,7 +39,7 @@ def test_the_cost_of_transport_is_a_quotient_of_sums():
     ],
 )
 def test_success_comes_first_and_the_error_decides_between_equals(better, worse):
-    assert rank(dict(enumerate(better))) < rank(dict(enumerate(worse)))
+    assert ranking_key(dict(enumerate(better))) < ranking_key(dict(enumerate(worse)))
 
 
 def test_each_scenario_is_walked_on_the_validation_s_seeds_by_the_policy_that_is_made_for_it(monkeypatch):

@@ -11,7 +11,7 @@ from quad_env.physics import batch
 from train.commands.run import parse
 from train.config import check
 from train.run import make_env
-from train.sb3.ppo import build
+from train.sb3.ppo import make_ppo
 from train.training_robots import training_seeds
 
 SMALL = "--device cuda --threads 1 --ppo.envs 4 --ppo.rollout-steps 2 --ppo.minibatch 4 --mixture flat 1 push=50 1"
@@ -40,5 +40,5 @@ def test_robots_are_stepped_there_and_validated_here() -> None:
         assert not np.array_equal(env.step_wait()[0], seen)
         if not torch.cuda.is_available():
             with pytest.raises(UsageError, match="finds no NVIDIA GPU"):
-                build(config, env)
+                make_ppo(config, env)
     assert config.hardware.simulator == batch.MUJOCO

@@ -31,8 +31,8 @@ from train.config import BaseName
 from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import trot
 
-RESIDUAL, BEGUN, DESCRIBED = "residual", "begun.json", "described.txt"
-FREE = "out", "threads"
+RESIDUAL, OPTIONS_FILE, DESCRIBED = "residual", "begun.json", "described.txt"
+MUTABLE_OPTIONS = "out", "threads"
 """Options that may change from one call to the next."""
 SEARCH = trot.Options(generations=12, steps=400, check_episodes=48)
 """A short search: SimpleQuad's parameters walk on most robots already."""
@@ -81,7 +81,7 @@ class Stage(NamedTuple):
     name: str
     minutes: float
     done: Callable[[], bool]
-    do: Callable[[], object]
+    action: Callable[[], object]
 
 
 def main(options: Options) -> int:
@@ -100,7 +100,7 @@ def main(options: Options) -> int:
             print(f"{head}: done already" if done else f"{head}; about {left:.0f} min left", flush=True)
             if not done:
                 began = time.monotonic()
-                stage.do()
+                stage.action()
                 print(f"{head}: {(time.monotonic() - began) / 60.0:.1f} min", flush=True)
     except KeyboardInterrupt as interrupt:
         again = f"continue with: python -m train robot {shlex.join(sys.argv[2:])}"
@@ -158,8 +158,8 @@ def _stages(options: Options) -> list[Stage]:
 def _check_same_options(options: Options) -> None:
     """Keep the options in the folder. Raises UsageError where they are others than those that it was started with."""
     robot = str(Path(options.robot).resolve()) if Path(options.robot).suffix else options.robot
-    given = {name: value for name, value in asdict(replace(options, robot=robot)).items() if name not in FREE}
-    now, begun = json.loads(json.dumps(given)), options.folder / BEGUN
+    given = {name: value for name, value in asdict(replace(options, robot=robot)).items() if name not in MUTABLE_OPTIONS}
+    now, begun = json.loads(json.dumps(given)), options.folder / OPTIONS_FILE
     if not begun.is_file():
         write_atomically(begun, (json.dumps(now, indent=2) + "\n").encode())
         return

@@ -23,7 +23,7 @@ COMMANDS = {
     "search": Command("train.search.trot", "parameters of a robot's trot, by CMA-ES"),
     "export": Command("train.commands.export", "a trained residual as an ONNX file"),
 }
-MAIN = "policy", "base", "steps", "seed", "out", "resume", "threads", "device", "sighted", "mixture", "robot", "servo"
+BASIC_OPTIONS = "policy", "base", "steps", "seed", "out", "resume", "threads", "device", "sighted", "mixture", "robot", "servo"
 """Settings that --help explains."""
 ALL = "--help-all"
 MOVED = {
@@ -58,7 +58,7 @@ def parse(words: Sequence[str]) -> TrainConfig:
     """
     asked = as_spelled(TrainConfig, list(words))
     words = ["--help" if word == ALL else word for word in asked]
-    defaults, description = _defaults(words), f"{__doc__}{PROGRAM.listing()}"
+    defaults, description = _preparse(words), f"{__doc__}{PROGRAM.listing()}"
     if HELP & set(asked):
         brief, said = _brief(), f"{description}\n\nThese are the main options; {ALL} explains all of them."
         parse_options(brief, words, program=NAME, description=said, default=brief(**vars(defaults)))
@@ -76,12 +76,12 @@ def _brief() -> type[TrainConfig]:
     import tyro
 
     hints = get_type_hints(TrainConfig, include_extras=True)
-    hidden = {each.name: each for each in dataclasses.fields(TrainConfig) if each.name not in MAIN}
+    hidden = {each.name: each for each in dataclasses.fields(TrainConfig) if each.name not in BASIC_OPTIONS}
     annotations = {name: Annotated[hints[name], tyro.conf.Suppress] for name in hidden}
     return dataclasses.dataclass(frozen=True)(type("Brief", (TrainConfig,), {**hidden, "__annotations__": annotations}))
 
 
-def _defaults(words: list[str]) -> TrainConfig:
+def _preparse(words: list[str]) -> TrainConfig:
     scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     scout.add_argument("--policy", choices=list(DEFAULTS), default="residual")
     scout.add_argument("--robot", default=TrainConfig.robot)

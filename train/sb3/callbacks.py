@@ -23,7 +23,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import whole_percent
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig
-from train.curriculum import next_shares
+from train.curriculum import update_difficulties
 from train.learning_curve import write_curve
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, CURVE_FILE, LAST
@@ -32,10 +32,10 @@ from train.sb3 import checkpoint
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.progress import Display, RecentIntervals
 from train.sb3.vec_env import TrainingVecEnv
-from train.training_robots import TrainingRobots, base_of, effort_at, make_batch, segment_steps, training_seeds
-from train.validation import cost_of_transport, rank, score, success, validate
+from train.training_robots import MultiScenarioVectorEnv, make_base, effort_weight_scale, make_batch, segment_steps, training_seeds
+from train.validation import cost_of_transport, ranking_key, score, success, validate
 
-FIRST_CHECKPOINT = 30.0
+FIRST_CHECKPOINT_DEADLINE = 30.0
 """Work within which a session writes its first checkpoint, s; later if its first rollout is longer."""
 
 
@@ -49,7 +49,7 @@ class CallbackState:
     """Training time of earlier sessions, validation included, s."""
     rate: float | None = None
     """Learning rate of the adaptive schedule."""
-    shares: list[float] = dataclasses.field(default_factory=list)
+    difficulties: list[float] = dataclasses.field(default_factory=list)
     """Share of its severity that each scenario is trained at, of a run with a curriculum."""
     validations: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     """{"steps", "success", "score", "cost_of_transport", "scenarios"} of each validation."""
@@ -70,10 +70,10 @@ class CallbackState:
     @property
     def best(self) -> int:
         """Steps at the best validation, the first of equals."""
-        return int(min(self.validations, key=lambda each: rank(each["scenarios"]))["steps"])
+        return int(min(self.validations, key=lambda each: ranking_key(each["scenarios"]))["steps"])
 
 
-class BetweenRollouts(BaseCallback):
+class TrainingCallback(BaseCallback):
     """Schedules, curriculum, validation, bundles, checkpoints and segments of a run, in this order; `state` is changed,
     and `actions` are those of an unfinished segment, which the robots first repeat."""
 
@@ -89,30 +89,30 @@ class BetweenRollouts(BaseCallback):
         super().__init__()
         self._config, self._env, self._display, self._interrupt = config, env, display, interrupt
         self._state, self._actions = state, actions
-        self._bases = [base_of(config, real) for real in (False, True)]
+        self._bases = [make_base(config, hardware_profile) for hardware_profile in (False, True)]
         """Bases of bundles, without and with the hardware profile, with the parameters in force at the start."""
-        self._robots = cast(TrainingRobots, env.env.unwrapped)
-        self._made = [(config.curriculum, effort_at(config, 0))] * len(self._robots.batches)
+        self._robots = cast(MultiScenarioVectorEnv, env.env.unwrapped)
+        self._batch_settings = [(config.curriculum, effort_weight_scale(config, 0))] * len(self._robots.batches)
         self._recent = RecentIntervals(segment_steps(config) // (config.ppo.envs * config.ppo.rollout_steps))
-        state.shares = state.shares or [config.curriculum] * len(self._made)
-        self._earlier_seconds, self._began = state.seconds, time.monotonic()
-        self._end = self._kept = self._start = 0
+        state.difficulties = state.difficulties or [config.curriculum] * len(self._batch_settings)
+        self._earlier_seconds, self._session_start = state.seconds, time.monotonic()
+        self._end = self._last_checkpoint_step = self._start = 0
 
     @property
     def _learner(self) -> PPO:
         return cast(PPO, self.model)
 
     @property
-    def _over(self) -> bool:
+    def _segment_finished(self) -> bool:
         """Whether the last segment is complete."""
         return self.num_timesteps >= self._end
 
-    def _policy(self, real: bool = False) -> ResidualPolicy:
+    def _policy(self, hardware_profile: bool = False) -> ResidualPolicy:
         """The policy of a bundle: the actor on a fresh base, see `base_of`, without exploration noise."""
         config, authority = self._config, cast(ResidualVectorEnv, self._env.env).authority
         actor = actor_network(self._learner)
         return ResidualPolicy(
-            copy.deepcopy(self._bases[real]), actor, authority, config.policy, config.inputs, config.ppo.hold
+            copy.deepcopy(self._bases[hardware_profile]), actor, authority, config.policy, config.inputs, config.ppo.hold
         )
 
     def _on_step(self) -> bool:
@@ -126,11 +126,11 @@ class BetweenRollouts(BaseCallback):
             self._end = self._start - len(self._actions) * self._env.num_envs + segment_steps(self._config)
             seeds = training_seeds(self._config, self._state.segments - 1)
             self._learner._last_obs, self._learner._last_episode_starts = self._env.repeat(seeds, self._actions)
-            self._robots.take_statistics()  # of rollouts that were logged already
+            self._robots.pop_statistics()  # of rollouts that were logged already
             self._display.pace.restart()
 
     def _on_rollout_end(self) -> None:
-        figures = self._robots.take_statistics()
+        figures = self._robots.pop_statistics()
         for name, value in figures.items():
             self.logger.record(name if "/" in name else f"rollout/{name}", value)
         figures["recently_tracked"] = self._recent.update(figures["intervals"], figures["tracked"])
@@ -140,7 +140,7 @@ class BetweenRollouts(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         self._adjust_noise_and_rate()
-        if self._over:
+        if self._segment_finished:
             if self._config.curriculum < 1.0:
                 self._adjust_severities()
             self._make_batches(self.num_timesteps)
@@ -148,11 +148,11 @@ class BetweenRollouts(BaseCallback):
         if interval > 0 and self.num_timesteps - self._state.validated >= interval:
             self._validate()
         self._log()
-        if self._over or self._first_is_due:
-            self._keep()
+        if self._segment_finished or self._first_checkpoint_due:
+            self._save_checkpoint()
         if self._interrupt.requested:
-            self._stop()
-        if self._over:
+            self._save_and_interrupt()
+        if self._segment_finished:
             self._begin_segment()
 
     def _on_training_end(self) -> None:
@@ -160,7 +160,7 @@ class BetweenRollouts(BaseCallback):
             self._validate()
         self._log()
         self._end = 0  # a run that is extended begins a new segment
-        self._keep()
+        self._save_checkpoint()
 
     def _restore_rate(self) -> None:
         if isinstance(rate := self._learner.learning_rate, AdaptiveRate) and self._state.rate is not None:
@@ -179,21 +179,21 @@ class BetweenRollouts(BaseCallback):
 
     def _adjust_severities(self) -> None:
         """Make scenarios harder or milder by the command intervals of the segment."""
-        counted, kept = self._robots.take_intervals()
+        counted, kept = self._robots.pop_interval_counts()
         if not counted.any():
             return
-        self._state.shares = next_shares(self._state.shares, counted, kept)
+        self._state.difficulties = update_difficulties(self._state.difficulties, counted, kept)
         for number, batch in enumerate(self._robots.batches):
-            self.logger.record(f"severity/{batch.scenario.name}", self._state.shares[number])
+            self.logger.record(f"severity/{batch.scenario.name}", self._state.difficulties[number])
             self.logger.record(f"kept/{batch.scenario.name}", kept[number] / max(counted[number], 1))
 
     def _make_batches(self, begun: int) -> None:
         """Replace the batches whose severity or rewards are others in the segment that has begun after those steps."""
-        wanted = [(share, effort_at(self._config, begun)) for share in self._state.shares]
-        for number, (made, asked) in enumerate(zip(self._made, wanted, strict=True)):
+        wanted = [(share, effort_weight_scale(self._config, begun)) for share in self._state.difficulties]
+        for number, (made, asked) in enumerate(zip(self._batch_settings, wanted, strict=True)):
             if made != asked:
                 self._robots.replace(number, make_batch(self._config, number, *asked))
-        self._made = wanted
+        self._batch_settings = wanted
 
     def _begin_segment(self) -> None:
         """Start new episodes of all robots."""
@@ -228,37 +228,37 @@ class BetweenRollouts(BaseCallback):
 
     @property
     def _seconds(self) -> float:
-        return self._earlier_seconds + time.monotonic() - self._began
+        return self._earlier_seconds + time.monotonic() - self._session_start
 
     @property
-    def _first_is_due(self) -> bool:
+    def _first_checkpoint_due(self) -> bool:
         """Whether the session's first checkpoint would come after FIRST_CHECKPOINT if it waited for another rollout."""
         rollouts = (self.num_timesteps - self._start) / (self._config.ppo.envs * self._config.ppo.rollout_steps)
-        worked = time.monotonic() - self._began
-        return self._kept <= self._start and rollouts > 0 and worked * (1.0 + 1.0 / rollouts) > FIRST_CHECKPOINT
+        worked = time.monotonic() - self._session_start
+        return self._last_checkpoint_step <= self._start and rollouts > 0 and worked * (1.0 + 1.0 / rollouts) > FIRST_CHECKPOINT_DEADLINE
 
-    def _keep(self) -> None:
+    def _save_checkpoint(self) -> None:
         """Write the last bundle, and a checkpoint with the robots' actions in a segment that is not over.
 
         The checkpoint last: a resumed run repeats only what follows its checkpoint. But the first one first: a folder
         without one holds nothing to lose.
         """
-        self._state.seconds, self._kept = self._seconds, self.num_timesteps
+        self._state.seconds, self._last_checkpoint_step = self._seconds, self.num_timesteps
         policy = self._policy()
-        if self._kept:
+        if self._last_checkpoint_step:
             self._save(policy, LAST)
-        state = checkpoint.capture(self._learner, vars(self._state), () if self._over else self._env.taken)
+        state = checkpoint.capture(self._learner, vars(self._state), () if self._segment_finished else self._env.action_log)
         checkpoint.save(self._config.folder / CHECKPOINTS, state)
-        if not self._kept:
+        if not self._last_checkpoint_step:
             self._save(policy, LAST)
 
     def _save(self, policy: ResidualPolicy, name: str) -> None:
         save_bundle(self._config.folder / name, policy, to_dict(self._config), git_revision(REPOSITORY) or "unknown")
 
-    def _stop(self) -> None:
+    def _save_and_interrupt(self) -> None:
         """End the run after Ctrl-C, with everything saved."""
-        if self._kept < self.num_timesteps:
-            self._keep()
-        untrained = "" if self._kept else ", its base without a correction"
+        if self._last_checkpoint_step < self.num_timesteps:
+            self._save_checkpoint()
+        untrained = "" if self._last_checkpoint_step else ", its base without a correction"
         last = self._config.folder / LAST
-        raise KeyboardInterrupt(f"{self._kept:,} steps are kept; the policy until now is {last}{untrained}")
+        raise KeyboardInterrupt(f"{self._last_checkpoint_step:,} steps are kept; the policy until now is {last}{untrained}")

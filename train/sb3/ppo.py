@@ -52,11 +52,11 @@ class AsymmetricPolicy(ActorCriticPolicy):
         super()._build_mlp_extractor()
         seen = self.features_dim - self._privileged
         narrow = MlpExtractor(seen, self.net_arch, self.activation_fn, self.device)
-        self.mlp_extractor.policy_net = nn.Sequential(FirstOf(seen), *narrow.policy_net)
+        self.mlp_extractor.policy_net = nn.Sequential(TakeFirst(seen), *narrow.policy_net)
         self.mlp_extractor.latent_dim_pi = narrow.latent_dim_pi
 
 
-class FirstOf(nn.Module):
+class TakeFirst(nn.Module):
     """The first `count` numbers of a row."""
 
     def __init__(self, count: int) -> None:
@@ -80,7 +80,7 @@ def _falling(rate: float, remaining: float) -> float:
     return rate * max(remaining, 0.0)
 
 
-def build(config: TrainConfig, env: TrainingVecEnv) -> PPO:
+def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
     """A fresh learner whose mean correction is zero everywhere."""
     # More threads make networks of this size slower, much so where the simulation's threads keep the cores busy.
     torch.set_num_threads(1)

@@ -16,7 +16,7 @@ from train.config import TrainConfig
 from train.training_robots import robots_per_scenario
 
 
-class Pace:
+class ProgressEstimator:
     """Speed of one session of a run, from its start after `done` steps, the last validation after `validated`.
 
     Until the first validation has been measured, a control step on one of its scenarios is taken to last as long as one
@@ -116,7 +116,7 @@ def summary(figures: Mapping[str, float]) -> str:
 class Display:
     """Progress on standard output towards `total` steps, with the time left by `pace`."""
 
-    def __init__(self, total: int, pace: Pace) -> None:
+    def __init__(self, total: int, pace: ProgressEstimator) -> None:
         self.pace = pace
         self._console = Console()
         columns = BarColumn(bar_width=24), TextColumn("{task.description}", markup=False)

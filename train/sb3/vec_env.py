@@ -47,7 +47,7 @@ class TrainingVecEnv(VecEnv):
         self._episode_seeds = seeds
         self._reward_scale = reward_scale
         self._keep_actions = keep_actions
-        self.taken: list[FloatArray] = []
+        self.action_log: list[FloatArray] = []
         """Actions since the start of the robots, each (n, k); empty unless they are kept."""
         self._no_infos: list[dict[str, Any]] = [{}] * env.num_envs
 
@@ -57,7 +57,7 @@ class TrainingVecEnv(VecEnv):
 
     def begin(self, seeds: Sequence[int]) -> FloatArray:
         """Start every robot's first episode of other seeds, one a robot; shape (n, m)."""
-        self._episode_seeds, self.taken = seeds, []
+        self._episode_seeds, self.action_log = seeds, []
         return self._shown(*self.env.reset(seed=seeds))  # type: ignore[arg-type]  # our batches take one each
 
     def repeat(self, seeds: Sequence[int], actions: Sequence[FloatArray]) -> tuple[FloatArray, BoolArray]:
@@ -72,7 +72,7 @@ class TrainingVecEnv(VecEnv):
         """Take the actions, (n, k)."""
         self._actions = actions
         if self._keep_actions:
-            self.taken.append(actions)
+            self.action_log.append(actions)
 
     def step_wait(self) -> tuple[FloatArray, FloatArray, BoolArray, list[dict[str, Any]]]:
         """Move the robots; features, rewards, ends of episodes, and infos of the robots that ended one."""

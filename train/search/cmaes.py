@@ -38,7 +38,7 @@ P = TypeVar("P", bound=Parameters)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Effort:
+class SearchOptions:
     """How thoroughly is searched, and where the outcome goes: options of every search."""
 
     seed: int = parameter(0, limits=(0, 2**31))
@@ -76,18 +76,18 @@ class Effort:
         return " ".join(words)
 
 
-E = TypeVar("E", bound=Effort)
+E = TypeVar("E", bound=SearchOptions)
 
 
 @dataclass(frozen=True)
-class Subject(Generic[P]):
+class SearchProblem(Generic[P]):
     """What is searched: parameters, each of which goes from 0 to 1 over its range, in the unit cube."""
 
     start: P
     ranges: Ranges
     costs: Callable[[list[P], Seeds], Sequence[float] | Floats]
     """Costs of a generation's candidates on the same episodes."""
-    conclude: Callable[[P], tuple[str, str]]
+    finalize: Callable[[P], tuple[str, str]]
     """Of the mean of the last generation the text of the file, and the account of how it was found, Markdown."""
     file: Path
     """Where the outcome goes."""
@@ -95,7 +95,7 @@ class Subject(Generic[P]):
     """File of the account, next to the outcome."""
     digits: int | None = None
     """To which candidates are rounded."""
-    apart: bool = False
+    diagonal: bool = False
     """Whether each parameter has a spread of its own, for spaces with too many to learn how they go together."""
 
 
@@ -115,13 +115,13 @@ def rounded(parameters: P) -> P:
     return replace(parameters, **{name: round(float(value), 4) for name, value in vars(parameters).items()})
 
 
-def generations(effort: Effort) -> list[Seeds]:
+def generations(effort: SearchOptions) -> list[Seeds]:
     """Seeds of the episodes of each generation, new ones in each."""
     seeds = episode_seeds("search", effort.seed, effort.generations * effort.episodes)
     return [seeds[place : place + effort.episodes] for place in range(0, len(seeds), effort.episodes)]
 
 
-def search(subject_of: Callable[[E], Subject[Any]], options: E) -> int:
+def search(subject_of: Callable[[E], SearchProblem[Any]], options: E) -> int:
     """Search, conclude, write; the exit code. Raises UsageError, also for numbers beyond their limits."""
     check_numbers(options, limits_of(options))
     subject = subject_of(options)
@@ -135,7 +135,7 @@ def search(subject_of: Callable[[E], Subject[Any]], options: E) -> int:
         for found, tried in evolve(options, subject):
             lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": vars(found)}))
             save(trials, "\n".join(lines) + "\n")
-        outcome, account = subject.conclude(found)
+        outcome, account = subject.finalize(found)
     except KeyboardInterrupt:
         if not lines:
             raise
@@ -148,12 +148,12 @@ def search(subject_of: Callable[[E], Subject[Any]], options: E) -> int:
     return 0
 
 
-def evolve(effort: Effort, subject: Subject[P]) -> Iterator[tuple[P, list[dict[str, Any]]]]:
+def evolve(effort: SearchOptions, subject: SearchProblem[P]) -> Iterator[tuple[P, list[dict[str, Any]]]]:
     """After each generation the mean of CMA-ES's distribution, and the candidates with their costs."""
     import cma
 
     settings = {"popsize": effort.candidates, "seed": effort.seed + 1, "verbose": -9, "bounds": [0, 1]}
-    settings |= {"CMA_diagonal": True} if subject.apart else {}
+    settings |= {"CMA_diagonal": True} if subject.diagonal else {}
     start, ranges, digits = subject.start, subject.ranges, subject.digits
     first = np.clip(encode(start, ranges), MARGIN, 1.0 - MARGIN)
     strategy = cma.CMAEvolutionStrategy(first, effort.spread, settings)
@@ -185,7 +185,7 @@ def save(path: Path, text: str, *, show: bool = False) -> None:
         raise UsageError(problem)
 
 
-def method(program: str, effort: Effort, scenarios: str) -> str:
+def method(program: str, effort: SearchOptions, scenarios: str) -> str:
     """How the search was made, for its account."""
     return (
         f"Written by `{effort.command(program)}`: CMA-ES, {effort.generations} generations of {effort.candidates} "

@@ -17,18 +17,18 @@ from evaluate.rollouts.rollout import STEPS, Recorder, advance, batch_of, begin
 from policies.base import Actions, Floats, Policy
 from policies.parameters import Parameters
 from quad_env.scenarios.scenario import HARDWARE, Scenario
-from train.curriculum import Purpose, practice
+from train.curriculum import Purpose, with_terrain_seed
 
-AT_ONCE = 7
+SCENARIOS_PER_BATCH = 7
 """Scenarios simulated at once in a comparison: the more, the faster, and the more memory their records take."""
 Seeds = NDArray[np.int64]
 
 
-class Grade(NamedTuple):
+class SaturatingCost(NamedTuple):
     """Cost of a measure: none up to one value, half of `most` where it is beyond by `scale`, and ever nearer to it."""
 
-    most: float
-    none: float
+    maximum: float
+    threshold: float
     scale: float
 
 
@@ -37,27 +37,27 @@ OUTCOME_COSTS = dict(zip(OUTCOMES, (0.0, 1.0, 1.5, 2.0, 2.0, 2.0), strict=True))
 DEVIATION_COST, LARGEST_DEVIATION = 0.1, 4.0
 """Graded cost of the worst command interval at most, and the deviation, per allowed deviation, at which it is that."""
 GRADES = {
-    "velocity_error": Grade(0.05, 0.0, 0.3),
-    "overspeed": Grade(0.05, 0.0, 0.05),
-    "cost_of_transport": Grade(0.4, 0.0, 1.0),
-    "flight": Grade(0.1, 0.0, 0.1),
-    "step_rate": Grade(0.1, 2.0, 2.0),
-    "touchdown_impulse": Grade(0.05, 0.0, 0.03),
-    "trunk_height": Grade(0.15, 0.85, -0.1),
+    "velocity_error": SaturatingCost(0.05, 0.0, 0.3),
+    "overspeed": SaturatingCost(0.05, 0.0, 0.05),
+    "cost_of_transport": SaturatingCost(0.4, 0.0, 1.0),
+    "flight": SaturatingCost(0.1, 0.0, 0.1),
+    "step_rate": SaturatingCost(0.1, 2.0, 2.0),
+    "touchdown_impulse": SaturatingCost(0.05, 0.0, 0.03),
+    "trunk_height": SaturatingCost(0.15, 0.85, -0.1),
 }
 """Graded cost of each measure that has one, in its unit; of what does not exist, the most: the robot fell at once."""
-WORDS = (
+COST_DESCRIPTION = (
     "Cost of an episode: "
     + ", ".join(f"{name} {cost:g}" for name, cost in OUTCOME_COSTS.items())
     + f", and on top of that up to {DEVIATION_COST:g} for the worst command interval, "
     f"{LARGEST_DEVIATION:g} times what is allowed, and for "
-    + ", ".join(f"{name} up to {most:g} (x {none:+g} / {scale:g})" for name, (most, none, scale) in GRADES.items())
+    + ", ".join(f"{name} up to {maximum:g} (x {threshold:+g} / {scale:g})" for name, (maximum, threshold, scale) in GRADES.items())
     + ", in the share x / (1 + x) of it."
 )
 """The cost in words."""
 
 
-class Panel(Policy):
+class PolicyStack(Policy):
     """Several policies as one, each on its own equal share of the rows.
 
     Args:
@@ -89,16 +89,16 @@ def episode_costs(measures: Measures) -> Floats:
     deviation = RULES[SUCCESS_RULE].deviations(measures.commands, measures.mean_velocities)
     # An interval that was not completed has the largest cost.
     total += DEVIATION_COST * np.clip(np.nan_to_num(deviation, nan=np.inf) / LARGEST_DEVIATION, 0.0, 1.0).max(axis=1)
-    for name, (most, none, scale) in GRADES.items():
-        beyond = np.maximum((getattr(measures, name) - none) / scale, 0.0)
-        total += most * np.nan_to_num(beyond / (1.0 + beyond), nan=1.0)
+    for name, (maximum, threshold, scale) in GRADES.items():
+        beyond = np.maximum((getattr(measures, name) - threshold) / scale, 0.0)
+        total += maximum * np.nan_to_num(beyond / (1.0 + beyond), nan=1.0)
     return total
 
 
-def walked(
+def run_candidates(
     name: str,
     candidates: Sequence[Parameters],
-    exercises: Sequence[str],
+    scenario_names: Sequence[str],
     seeds: Seeds,
     purpose: Purpose,
     steps: int = STEPS,
@@ -109,13 +109,13 @@ def walked(
     each candidate's parameters, candidate after candidate."""
     found = dict[str, Episodes]()
     for real in (False, True):
-        if names := [each for each in exercises if each.endswith(HARDWARE) == real]:
-            panel = Panel([hardware.policy(name, real=real, parameters=each) for each in candidates], len(names))
-            scenarios = [practice(each, purpose, robot=hardware.robot_model) for each in names]
+        if names := [each for each in scenario_names if each.endswith(HARDWARE) == real]:
+            panel = PolicyStack([hardware.policy(name, real=real, parameters=each) for each in candidates], len(names))
+            scenarios = [with_terrain_seed(each, purpose, robot=hardware.robot_model) for each in names]
             every_seed = np.tile(seeds, len(candidates))
             walks = run_each(panel, scenarios, every_seed, nthread=threads, steps=steps, hardware=hardware)
             found |= dict(zip(names, walks, strict=True))
-    return [found[each] for each in exercises]
+    return [found[each] for each in scenario_names]
 
 
 def run_each(
@@ -143,22 +143,22 @@ def run_each(
         policy.reset(num_envs=len(envs) * len(seeds), seed=0)
         for recorder, step in zip(recorders, now, strict=True):
             recorder(step)
-        going = list(range(len(envs)))
-        while going:
+        active = list(range(len(envs)))
+        while active:
             actions = np.split(policy.act(np.concatenate([step.observation for step in now])), len(envs))
-            for number in going.copy():
+            for number in active.copy():
                 now[number], ended = advance(now[number], actions[number])
                 recorders[number](now[number])
                 if ended:  # its robots stay as they are
-                    going.remove(number)
+                    active.remove(number)
     return [recorder.episodes() for recorder in recorders]
 
 
-def compared(
+def compare_parameters(
     name: str,
     in_force: Parameters,
     outcome: Parameters,
-    exercises: Sequence[str],
+    scenario_names: Sequence[str],
     seeds: Seeds,
     threads: int = 1,
     hardware: HardwareConfig = IDEAL,
@@ -168,13 +168,13 @@ def compared(
     outcome less that of those in force, mean over the scenarios, of each seed, (seeds,)."""
     walks: list[tuple[str, str, Measures]] = []
     differences = np.zeros(len(seeds))
-    groups = [exercises[first : first + AT_ONCE] for first in range(0, len(exercises), AT_ONCE)]
+    groups = [scenario_names[first : first + SCENARIOS_PER_BATCH] for first in range(0, len(scenario_names), SCENARIOS_PER_BATCH)]
     for group in track(groups, description="comparison"):
         before, after = (
-            map(measure, walked(name, [each], group, seeds, "validation", threads=threads, hardware=hardware))
+            map(measure, run_candidates(name, [each], group, seeds, "validation", threads=threads, hardware=hardware))
             for each in (in_force, outcome)
         )
         for exercise, old, new in zip(group, before, after, strict=True):
             walks += [(exercise, "before", old), (exercise, "after", new)]
             differences += episode_costs(new) - episode_costs(old)
-    return walks, differences / len(exercises)
+    return walks, differences / len(scenario_names)

@@ -23,8 +23,8 @@ from policies.trot.open_loop import FILE, SEARCH_RANGES, TrotParameters, searche
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.config import check_scenarios
-from train.search.cmaes import Effort, Subject, as_json, changes, method, results, rounded, search
-from train.search.trials import WORDS, Seeds, compared, episode_costs, walked
+from train.search.cmaes import SearchOptions, SearchProblem, as_json, changes, method, results, rounded, search
+from train.search.trials import COST_DESCRIPTION, Seeds, compare_parameters, episode_costs, run_candidates
 
 EXERCISES = ("flat", "push", "rough")
 """Usual scenarios of the search; the response to commands is measured on the first."""
@@ -42,7 +42,7 @@ ACCOUNT = "TROT.md"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(Effort):
+class Options(SearchOptions):
     """Which robot's trot is searched, and how thoroughly."""
 
     subject: Annotated[Literal["trot"], tyro.conf.Positional] = "trot"
@@ -61,37 +61,37 @@ def main(options: Options) -> int:
     return search(subject, options)
 
 
-def subject(options: Options) -> Subject[TrotParameters]:
+def subject(options: Options) -> SearchProblem[TrotParameters]:
     """The search of a robot's trot: from SimpleQuad's, or for another robot from that of dynamic similarity."""
     hardware, threads = parse_robot_option(options.robot or HardwareConfig.robot), options.threads
     robot, own = hardware.robot_model, hardware.robot_model == SIMPLE_QUAD
     start = TrotParameters() if own else scaled_parameters(searched_parameters(), robot)
     start = FILE.read(options.start) if options.start else start
-    exercises = options.exercises or EXERCISES
-    check_scenarios("--exercises", exercises, robot)
+    scenario_names = options.exercises or EXERCISES
+    check_scenarios("--exercises", scenario_names, robot)
     ranges = scaled_ranges(SEARCH_RANGES, TrotParameters, robot)
 
     def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
-        return candidate_costs(candidates, seeds, options.steps, threads, hardware, exercises)
+        return candidate_costs(candidates, seeds, options.steps, threads, hardware, scenario_names)
 
     def conclude(found: TrotParameters) -> tuple[str, str]:
         fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
         for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
-            found = mapped(found, seeds, threads, hardware, exercises)
+            found = mapped(found, seeds, threads, hardware, scenario_names)
         after, seeds = rounded(found), episode_seeds("validation", options.seed, options.check_episodes)
-        walks, _ = compared("trot", start, after, exercises, seeds, threads, hardware)
-        how = method("python -m train search trot", options, ", ".join(exercises))
-        lines = ["# The trot's parameters", "", how, WORDS]
+        walks, _ = compare_parameters("trot", start, after, scenario_names, seeds, threads, hardware)
+        how = method("python -m train search trot", options, ", ".join(scenario_names))
+        lines = ["# The trot's parameters", "", how, COST_DESCRIPTION]
         lines += ["Commands are those that a candidate's linear response on flat ground would be mapped to; the map is"]
         lines += ["fitted by least squares afterwards.", "", *changes(start, after, ranges, COMMAND_MAP), ""]
         lines += [f"On {options.check_episodes} validation episodes of 10 s a scenario:", "", *results(walks)]
         return as_json(after), "\n".join(lines) + "\n"
 
     file = FILE.path if own else folder_of(robot) / FILE.path.name
-    return Subject(start, ranges, costs, conclude, file, ACCOUNT)
+    return SearchProblem(start, ranges, costs, conclude, file, ACCOUNT)
 
 
-def response(walk: Episodes, members: int) -> Floats:
+def fit_command_response(walk: Episodes, members: int) -> Floats:
     """Least-squares map of each member from commanded (and 1) to achieved velocity, (members, 4, 3), over the intervals
     without a fall; zeros where these are too few."""
     measures = measure(walk)
@@ -104,7 +104,7 @@ def response(walk: Episodes, members: int) -> Floats:
     return found
 
 
-def weakness(found: Floats) -> float:
+def weak_response_cost(found: Floats) -> float:
     """Cost of a response (4, 3) whose velocities are too small compared with the commanded ones."""
     return WEAKNESS_WEIGHT * float(np.clip(WEAKEST_RESPONSE - np.diag(found[:3]), 0.0, None).sum())
 
@@ -115,16 +115,16 @@ def candidate_costs(
     steps: int,
     threads: int,
     hardware: HardwareConfig = IDEAL,
-    exercises: Sequence[str] = EXERCISES,
+    scenario_names: Sequence[str] = EXERCISES,
 ) -> Floats:
     """Mean cost of each candidate over all scenarios of a robot, (candidates,).
 
     A candidate is evaluated against its own linear response on flat ground, as if its command map were fitted already,
     plus a cost for a response that is too weak to be mapped.
     """
-    walks = walked("trot", candidates, exercises, seeds, "search", steps, threads, hardware)
-    found = response(walks[0], len(candidates))
-    total = np.array([weakness(each) for each in found])
+    walks = run_candidates("trot", candidates, scenario_names, seeds, "search", steps, threads, hardware)
+    found = fit_command_response(walks[0], len(candidates))
+    total = np.array([weak_response_cost(each) for each in found])
     each_robot = found.repeat(len(seeds), axis=0)
     for walk in walks:
         target = np.einsum("tnc,ncd->tnd", walk.command, each_robot[:, :3]) + each_robot[:, 3]
@@ -138,14 +138,14 @@ def mapped(
     seeds: Seeds,
     threads: int,
     hardware: HardwareConfig = IDEAL,
-    exercises: Sequence[str] = EXERCISES,
+    scenario_names: Sequence[str] = EXERCISES,
 ) -> TrotParameters:
     """The same gait with the command map that undoes a robot's response to it on flat ground."""
-    (walk,) = walked("trot", [parameters], exercises[:1], seeds, "search", threads=threads, hardware=hardware)
-    return unless_weak(parameters, response(walk, 1)[0])
+    (walk,) = run_candidates("trot", [parameters], scenario_names[:1], seeds, "search", threads=threads, hardware=hardware)
+    return try_invert_command_response(parameters, fit_command_response(walk, 1)[0])
 
 
-def undone(parameters: TrotParameters, found: Floats) -> TrotParameters:
+def invert_command_response(parameters: TrotParameters, found: Floats) -> TrotParameters:
     """The same gait with the command map that undoes the response `found`, (4, 3), to the map in force.
 
     With u asked of the gait and v achieved: forward v = a u + b, lateral v = a u, yaw rate ω = a u + c u_lateral.
@@ -161,12 +161,12 @@ def undone(parameters: TrotParameters, found: Floats) -> TrotParameters:
     )
 
 
-def unless_weak(parameters: TrotParameters, found: Floats) -> TrotParameters:
+def try_invert_command_response(parameters: TrotParameters, found: Floats) -> TrotParameters:
     """The parameters whose command map undoes the response `found`, (4, 3); unchanged where it is too weak for that."""
     try:
         if np.diag(found[:3]).min() < WEAKEST_MAPPED:
             raise ValueError("the response is too weak")
-        return undone(parameters, found)
+        return invert_command_response(parameters, found)
     except ValueError as error:
         # Not worth the loss of a long search.
         print(f"the command map is unchanged: {error}", file=sys.stderr)

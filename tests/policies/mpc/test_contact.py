@@ -20,7 +20,7 @@ from quad_env.robots.collisions import foot_geoms
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from tests.policies.readings import reading
-from train.curriculum import practice
+from train.curriculum import with_terrain_seed
 
 PERIOD, SUBSTEPS = 0.01, 5
 DYNAMICS = Dynamics(SIMPLE_QUAD)
@@ -210,7 +210,7 @@ def test_contact_is_known_on_motors_and_encoders() -> None:
     policy.contact_estimator.estimate = noted  # type: ignore[method-assign]
     seeds = episode_seeds("search", 0, 4)
     watch = lambda step: true.append(step.infos["foot_impulse"] / PERIOD) if step.number else None  # noqa: E731
-    roll_out(policy, practice("flat", "search"), seeds, watch, steps=200, hardware=hardware)
+    roll_out(policy, with_terrain_seed("flat", "search"), seeds, watch, steps=200, hardware=hardware)
     late, settled = 1, 50
     found = np.array(estimated[settled + late + 1 :]) > policy.parameters.touch_force
     pressed = np.array(true[settled : len(estimated) - late - 1])

@@ -22,12 +22,12 @@ from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from tests.policies.readings import reading
-from train.curriculum import practice
+from train.curriculum import with_terrain_seed
 
 
 def walked(policy: Mpc, scenario: str = "flat", steps: int = 300) -> Measures:
     """What two robots did, which look for 3 s at the commands of search episodes."""
-    return measure(rollout.run(policy, practice(scenario, "search"), episode_seeds("search", 9, 2), steps=steps))
+    return measure(rollout.run(policy, with_terrain_seed(scenario, "search"), episode_seeds("search", 9, 2), steps=steps))
 
 
 @pytest.mark.parametrize("policy", [Mpc, MpcWbc])

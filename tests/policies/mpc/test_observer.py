@@ -16,7 +16,7 @@ from policies.mpc.reading_noise import GROUPS, NOISE_FLOOR_STD, SENSED, ReadingN
 from quad_env import OBSERVATION
 from quad_env.seeding import episode_seeds
 from tests.policies.readings import reading
-from train.curriculum import practice
+from train.curriculum import with_terrain_seed
 
 SEEDS, STEPS = episode_seeds("search", 0, 2), 150
 NOISE = {"noise=0.2": (0.05, 0.2, 0.1, 0.01, 1.5), "noise=0.8": (0.2, 0.8, 0.4, 0.04, 6.0)}
@@ -45,7 +45,7 @@ class Watched(MpcWbc):
 def walked(scenario: str) -> Watched:
     """The policy after a walk of 1.5 s, in which no robot falls."""
     policy, falls = Watched(), FallRecorder(len(SEEDS), STEPS)
-    roll_out(policy, practice(scenario, "search"), SEEDS, lambda step: step.number and falls(step), steps=STEPS)
+    roll_out(policy, with_terrain_seed(scenario, "search"), SEEDS, lambda step: step.number and falls(step), steps=STEPS)
     assert not falls.fell.any()
     return policy
 
@@ -66,7 +66,7 @@ def test_delays_show(scenario: str, delay: int) -> None:
 def test_a_robot_walks_once_it_knows_its_delay(scenario: str, late: int) -> None:
     """It stands, then bends its legs until they move: by then the delay is known."""
     policy = MpcWbc()
-    roll_out(policy, practice(scenario, "search"), SEEDS, steps=CALIBRATION_STEPS[0] + late + 3)
+    roll_out(policy, with_terrain_seed(scenario, "search"), SEEDS, steps=CALIBRATION_STEPS[0] + late + 3)
     np.testing.assert_array_equal(policy.observer.calibrating, False)
     np.testing.assert_array_equal(policy.observer.delays, late)
 

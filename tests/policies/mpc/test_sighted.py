@@ -27,7 +27,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.height_scan import UNSEEN
 from tests.policies.readings import reading
-from train.curriculum import practice
+from train.curriculum import with_terrain_seed
 
 TWO = TerrainPlane(np.array([-0.3, -0.4]), np.array([0.1, 0.0]), np.array([0.0, -0.2]))
 """Planes under two robots."""
@@ -105,7 +105,7 @@ class Walk:
         if isinstance(inner := getattr(policy, "policy", policy), SightedMpcWbc):
             told = inner._scan_noise.variances
             inner._scan_noise.variances = lambda heights: noise.append(told(heights)) or noise[-1]  # type: ignore
-        found = rollout.run(policy, practice(scenario, "search"), episode_seeds("search", 5, 4), steps=steps)
+        found = rollout.run(policy, with_terrain_seed(scenario, "search"), episode_seeds("search", 5, 4), steps=steps)
         self.noise = np.sqrt(noise)
         """Of the scan, as it took it, standard deviation, m."""
         measured = measure(found)

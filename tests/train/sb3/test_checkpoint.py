@@ -13,7 +13,7 @@ from train.config import PpoConfig, TrainConfig
 from train.run import make_env
 from train.sb3 import checkpoint
 from train.sb3.callbacks import CallbackState
-from train.sb3.ppo import build
+from train.sb3.ppo import make_ppo
 
 PPO = PpoConfig(envs=4, rollout_steps=4, minibatch=8, actor=(8,), critic=(8,))
 CONFIG = dataclasses.replace(TrainConfig(), base="stand", mixture=(("flat", 1.0),), threads=1, ppo=PPO)
@@ -76,16 +76,16 @@ def test_the_state_of_the_callbacks_survives_a_checkpoint_and_another_is_refused
 
 
 def test_a_checkpoint_of_another_network_is_refused(tmp_path):
-    checkpoint.save(tmp_path, checkpoint.capture(build(CONFIG, make_env(CONFIG)), {}))
+    checkpoint.save(tmp_path, checkpoint.capture(make_ppo(CONFIG, make_env(CONFIG)), {}))
     config = dataclasses.replace(CONFIG, ppo=dataclasses.replace(CONFIG.ppo, actor=(9,)))
     with pytest.raises(UsageError, match="does not fit") as caught:
-        checkpoint.restore(build(config, make_env(config)), checkpoint.load(tmp_path))
+        checkpoint.restore(make_ppo(config, make_env(config)), checkpoint.load(tmp_path))
     assert "\n" not in str(caught.value)
 
 
 def used():
     """A learner that has been at work, and its generators where that left them."""
-    model = build(CONFIG, make_env(CONFIG))
+    model = make_ppo(CONFIG, make_env(CONFIG))
     sum((each**2).sum() for each in model.policy.parameters()).backward()
     model.policy.optimizer.step()
     model.num_timesteps, model._n_updates = 4096, 36
@@ -102,7 +102,7 @@ def test_counts_weights_moments_and_random_numbers_go_on_where_a_checkpoint_was_
     model = used()
     checkpoint.save(tmp_path, checkpoint.capture(model, {"seconds": 3.0}, [np.ones((4, 12), np.float32)] * 2))
     expected = drawn()
-    fresh = build(CONFIG, make_env(CONFIG))
+    fresh = make_ppo(CONFIG, make_env(CONFIG))
     found = checkpoint.load(tmp_path)
     checkpoint.restore(fresh, found)
     assert (fresh.num_timesteps, fresh._n_updates) == (4096, 36)
@@ -122,7 +122,7 @@ def test_counts_weights_moments_and_random_numbers_go_on_where_a_checkpoint_was_
 def test_a_run_that_starts_from_another_s_networks_begins_its_counts_and_moments_anew(tmp_path):
     model = used()
     checkpoint.save(tmp_path, checkpoint.capture(model, {}))
-    fresh = build(CONFIG, make_env(CONFIG))
+    fresh = make_ppo(CONFIG, make_env(CONFIG))
     checkpoint.take_networks(fresh, tmp_path)
     for name, weights in model.policy.state_dict().items():
         assert torch.equal(fresh.policy.state_dict()[name], weights), name

@@ -8,14 +8,14 @@ import torch
 
 from train.config import PpoConfig, TrainConfig
 from train.run import make_env
-from train.sb3.ppo import AdaptiveRate, actor_network, build, learning_rate
+from train.sb3.ppo import AdaptiveRate, actor_network, make_ppo, learning_rate
 
 SMALL = PpoConfig(envs=4, rollout_steps=2, minibatch=8, actor=(8, 6), critic=(8,))
 
 
 def learner():
     config = dataclasses.replace(TrainConfig(), threads=1, ppo=SMALL)
-    return build(config, make_env(config))
+    return make_ppo(config, make_env(config))
 
 
 def shaken(model):

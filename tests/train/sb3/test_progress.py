@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from train.config import PpoConfig, TrainConfig, ValidationConfig
-from train.sb3.progress import Pace, RecentIntervals, summary
+from train.sb3.progress import ProgressEstimator, RecentIntervals, summary
 
 PPO = PpoConfig(envs=10, rollout_steps=10, hold=2)
 CONFIG = TrainConfig(steps=1000, mixture=(("flat", 1.0), ("push", 1.0)), ppo=PPO, validation=ValidationConfig(300))
@@ -17,7 +17,7 @@ class Run:
 
     def __init__(self, config: TrainConfig = CONFIG, done: int = 0, validated: int = 0) -> None:
         self.now, self.steps = 50.0, done
-        self.pace = Pace(config, done, validated, lambda: self.now)
+        self.pace = ProgressEstimator(config, done, validated, lambda: self.now)
 
     def roll_out(self, rollouts: int) -> None:
         self.steps, self.now = self.steps + 100 * rollouts, self.now + 4.0 * rollouts
@@ -67,7 +67,7 @@ def test_a_run_that_is_continued_counts_what_this_session_does() -> None:
     run.roll_out(1)
     run.validate(7.0)
     assert run.left == pytest.approx(4 * 4.0 + 2 * 7.0)  # at 900 and at the end
-    assert math.isfinite(Pace(CONFIG).left(0))
+    assert math.isfinite(ProgressEstimator(CONFIG).left(0))
 
 
 def counted(episodes=0, falls=0.0, returned=0.0, tracked=math.nan):

@@ -16,7 +16,7 @@ from train.config import PpoConfig, TrainConfig
 from train.residual_env import ResidualVectorEnv
 from train.run import make_env
 from train.sb3.vec_env import TrainingVecEnv
-from train.training_robots import TrainingRobots
+from train.training_robots import MultiScenarioVectorEnv
 
 SEEDS = episode_seeds("training", 3, 4).tolist()
 
@@ -25,7 +25,7 @@ def training_env(
     n, first=None, steps=1000, base="trot", authority=0.3, reward_scale=1.0, scenario="flat", privileged=False
 ):
     batch = SimpleQuadVectorEnv(n, scenario, 1, "DISABLED", max_episode_steps=steps)
-    robots = TrainingRobots([batch], None if first is None else lambda _: np.array(first))
+    robots = MultiScenarioVectorEnv([batch], None if first is None else lambda _: np.array(first))
     residual = ResidualVectorEnv(robots, policies.make(base), np.full(12, authority, np.float32))
     env = TrainingVecEnv(residual, SEEDS[:n], reward_scale, privileged, keep_actions=True)
     env.reset()
@@ -100,14 +100,14 @@ def test_a_run_is_repeated_by_its_seeds_and_actions():
     env = training_env(2, steps=6)
     for step in range(8):
         last, _, finished, _ = env.step(noise(step, 2))
-    taken = list(env.taken)
+    taken = list(env.action_log)
     again, ended = training_env(2, steps=6).repeat(SEEDS[:2], taken)
     np.testing.assert_array_equal(again, last)
     assert ended.tolist() == finished.tolist()
     assert len(taken) == 8
     observation, ended = env.repeat(SEEDS[2:4], [])
     assert ended.all()
-    assert env.taken == []
+    assert env.action_log == []
     env._episode_seeds = SEEDS[2:4]
     np.testing.assert_array_equal(env.reset(), observation)
 
@@ -136,10 +136,10 @@ def test_actions_are_kept_only_for_a_run_that_can_be_resumed():
     for step in range(3):
         env.step(noise(step, 2))
         resumable.step(noise(step, 2))
-    assert env.taken == []
-    np.testing.assert_array_equal(resumable.taken, [noise(step, 2) for step in range(3)])
+    assert env.action_log == []
+    np.testing.assert_array_equal(resumable.action_log, [noise(step, 2) for step in range(3)])
     resumable.begin(SEEDS[:2])
-    assert resumable.taken == []
+    assert resumable.action_log == []
 
 
 def test_an_environment_that_counts_no_returns_ends_its_episodes_without_them():

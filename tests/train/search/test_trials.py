@@ -17,7 +17,7 @@ from quad_env import OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from tests.batches import begun
-from train.search.trials import GRADES, OUTCOME_COSTS, Panel, episode_costs, run_each, walked
+from train.search.trials import GRADES, OUTCOME_COSTS, PolicyStack, episode_costs, run_each, run_candidates
 
 FORWARD, STILL, GONE = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (np.nan,) * 3
 
@@ -69,19 +69,19 @@ def test_exercises_are_walked_side_by_side_and_every_cost_is_that_of_the_candida
     monkeypatch.setattr(Trot, "stiff_servos", True)
     seeds, three = episode_seeds("search", 9, 2), ("flat=1.5", "flat+hardware", "slope=15")
     with begun() as batches:
-        together = walked("trot", candidates, three, seeds, "search", 120)
+        together = run_candidates("trot", candidates, three, seeds, "search", 120)
     gains = {each.env.scenario.name: each.env.robot.servo_stiffness[0] for each in batches}
     assert gains == {"flat=1.5": 300.0, "slope=15": 300.0, "flat+hardware": 200.0}
     for exercise, walk in zip(three, together, strict=True):
         for costs, candidate in zip(np.split(episode_costs(measure(walk)), 2), candidates, strict=True):
-            (alone,) = walked("trot", [candidate], [exercise], seeds, "search", 120)
+            (alone,) = run_candidates("trot", [candidate], [exercise], seeds, "search", 120)
             np.testing.assert_array_equal(costs, episode_costs(measure(alone)))
 
 
 @pytest.mark.parametrize(("blocks", "rows"), [(1, ([0, 1, 2], [3, 4, 5])), (3, ([0, 2, 4], [1, 3, 5]))])
 def test_a_panel_is_its_members_each_on_its_share_of_every_block(blocks, rows):
     members = [TrotParameters(frequency=2.0), TrotParameters(duty=0.6)]
-    panel, alone = Panel([Trot(each) for each in members], blocks), [Trot(each) for each in members]
+    panel, alone = PolicyStack([Trot(each) for each in members], blocks), [Trot(each) for each in members]
     panel.reset(6)
     for member in alone:
         member.reset(3)

@@ -11,7 +11,7 @@ from policies.trot.open_loop import SEARCH_RANGES, TrotParameters
 from quad_env.seeding import episode_seeds
 from train.search import trot
 from train.search.cmaes import decode, encode
-from train.search.trot import WEAKNESS_WEIGHT, candidate_costs, mapped, response, undone, unless_weak
+from train.search.trot import WEAKNESS_WEIGHT, candidate_costs, mapped, fit_command_response, invert_command_response, try_invert_command_response
 
 COMMANDS = np.random.default_rng(0).uniform(-1, 1, (6, 2, 3))
 RESPONSE = np.array([[0.8, 0.0, 0.1], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [-0.1, 0.0, 0.0]])
@@ -29,14 +29,14 @@ def test_intervals_that_ended_in_a_fall_do_not_count_and_too_few_others_are_no_r
     monkeypatch.setattr(trot, "measure", lambda walk: walk)
     velocities = measures().mean_velocities.copy()
     velocities[:2, 1] = math.nan
-    np.testing.assert_allclose(response(measures(mean_velocities=velocities), 1), [RESPONSE], atol=1e-12)
+    np.testing.assert_allclose(fit_command_response(measures(mean_velocities=velocities), 1), [RESPONSE], atol=1e-12)
     velocities[1:4] = math.nan  # 5 of 12 are left
-    assert not response(measures(mean_velocities=velocities), 1).any()
+    assert not fit_command_response(measures(mean_velocities=velocities), 1).any()
 
 
 def test_the_map_undoes_the_response():
     """By hand, from a gait that is asked for twice the yaw rate before."""
-    found = undone(dataclasses.replace(TrotParameters(), yaw_gain=2.0), RESPONSE)
+    found = invert_command_response(dataclasses.replace(TrotParameters(), yaw_gain=2.0), RESPONSE)
     assert found.forward_gain == pytest.approx(1 / 0.8)
     assert found.forward_bias == pytest.approx(0.1 / 0.8)
     assert found.lateral_gain == pytest.approx(1 / 0.5)
@@ -45,10 +45,10 @@ def test_the_map_undoes_the_response():
 
 
 def test_a_response_too_weak_to_be_undone_leaves_the_map_alone(monkeypatch):
-    assert unless_weak(TrotParameters(), np.zeros((4, 3))) == TrotParameters()
+    assert try_invert_command_response(TrotParameters(), np.zeros((4, 3))) == TrotParameters()
     beyond = np.eye(4, 3)
     beyond[3, 0] = math.inf  # a bias that no trot's parameters may have
-    assert unless_weak(TrotParameters(), beyond) == TrotParameters()
+    assert try_invert_command_response(TrotParameters(), beyond) == TrotParameters()
     monkeypatch.setattr(trot, "walked", lambda *_, **__: [measures()])
     monkeypatch.setattr(trot, "measure", lambda walk: walk)
     assert mapped(TrotParameters(), episode_seeds("search", 0, 6), 1).lateral_gain == pytest.approx(2.0)
