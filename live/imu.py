@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from quad_env.config import GRAVITY
 from quad_env.physics.state import rotation_matrix
 
-UP = np.array([0.0, 0.0, 1.0])
+WORLD_UP = np.array([0.0, 0.0, 1.0])
 
 
 class Imu:
@@ -28,4 +28,4 @@ class Imu:
         velocity = np.array((forward * cos - left * sin, forward * sin + left * cos, rising))
         gained = np.zeros(3) if starts else velocity - self._velocity
         self._velocity = velocity
-        return np.asarray((gained / self._dt + GRAVITY * UP) @ rotation)
+        return np.asarray((gained / self._dt + GRAVITY * WORLD_UP) @ rotation)

@@ -12,7 +12,7 @@ from policies.base import Actions, Policy, PolicyError
 from policies.gait_cycle import smoothstep
 from quad_env.scenarios.scenario import Scenario
 
-CHANGE = 0.4
+POLICY_BLEND_TIME = 0.4
 """Time in which the joint targets pass from where they were into those of a policy that is chosen, s."""
 
 
@@ -50,7 +50,7 @@ class Session:
         """Command that is held, (3,); None where the scenario draws them."""
         self.seed = seed
         """Of the present episode."""
-        self._chosen_at: int | None = None
+        self._policy_changed_at: int | None = None
         self._offset: Actions | None = None
         try:
             self._check(policy)
@@ -67,7 +67,7 @@ class Session:
 
     def step(self) -> Step:
         """Move the robot on by a control step."""
-        return self._show(advance(self.latest, self._action())[0])
+        return self._notify_observers(advance(self.latest, self._action())[0])
 
     def steer(self, command: ArrayLike | None) -> None:
         """Have the robot follow this command, (3,): forward and left m/s, heading frame, yaw rate rad/s.
@@ -76,22 +76,22 @@ class Session:
         """
         if command is not None:
             self.env.steer(command)
-            self.touched = True
+            self.user_intervened = True
         self.command = None if command is None else np.asarray(command, np.float64)
 
     def push(self, force: ArrayLike, duration: float) -> None:
         """Push the trunk, with (2,) N, world frame, for a duration, s. ValueError for what is no push."""
         self.env.push(force, duration)
         forward, left = np.asarray(force, np.float64)
-        self.touched = True
+        self.user_intervened = True
         self.tell(f"pushed by hand, {np.hypot(forward, left) * duration:.3g} N·s")
 
-    def choose(self, policy: Policy) -> None:
+    def set_policy(self, policy: Policy) -> None:
         """Replace the policy; joint targets change over within `CHANGE`. Raises ValueError as the constructor, and
         PolicyError where it needs other observations than the first; nothing has changed then."""
         self._check(policy)
         policy.reset(num_envs=1, seed=0)
-        self.policy, self._chosen_at, self._offset, self.touched = policy, self.latest.number, None, True
+        self.policy, self._policy_changed_at, self._offset, self.user_intervened = policy, self.latest.number, None, True
         self.tell(f"{policy.name} chosen")
 
     def tell(self, event: str) -> None:
@@ -109,13 +109,13 @@ class Session:
             raise PolicyError(f"{policy.name} needs other ground heights than {self.policy.name}")
 
     def _begin(self) -> Step:
-        self._chosen_at = self._offset = None
-        self.touched = False
+        self._policy_changed_at = self._offset = None
+        self.user_intervened = False
         """Whether somebody has steered or pushed the robot or changed its policy in the present episode."""
         self.policy.reset(num_envs=1, seed=0)
-        return self._show(begin(self.env, np.array([self.seed]), self.command))
+        return self._notify_observers(begin(self.env, np.array([self.seed]), self.command))
 
-    def _show(self, step: Step) -> Step:
+    def _notify_observers(self, step: Step) -> Step:
         self.latest = step
         for observer in self.observers:
             observer(step)
@@ -123,11 +123,11 @@ class Session:
 
     def _action(self) -> Actions:
         action = self.policy.act(self.latest.observation)
-        if self._chosen_at is None:
+        if self._policy_changed_at is None:
             return action
-        passed = (self.latest.number - self._chosen_at) * self.env.dt / CHANGE
+        passed = (self.latest.number - self._policy_changed_at) * self.env.dt / POLICY_BLEND_TIME
         if passed >= 1.0:
-            self._chosen_at = None
+            self._policy_changed_at = None
             return action
         if self._offset is None:
             self._offset = self.latest.action - action

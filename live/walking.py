@@ -23,7 +23,7 @@ from quad_env.robots.leg_words import contradictions
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
 
-WALKER = "trot_feedback"
+REFERENCE_POLICY = "trot_feedback"
 """It walks on every robot that has a name here, without a search."""
 COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
 """Of SimpleQuad: m/s and rad/s; scaled to the size of other robots."""
@@ -36,14 +36,14 @@ SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-poli
 def walks(subject: Subject) -> Finding:
     """Whether the robot walks with a policy that works on others."""
     robot = subject.robot
-    good, bad = walk(policies.make(WALKER, robot=robot), subject)
-    if not bad:
-        return ok(f"{WALKER}: {'; '.join(good)}")
-    cause = f"it stands, so its masses, inertias or limits differ from those that {WALKER} was made for"
+    tracked, not_tracked = walk(policies.make(REFERENCE_POLICY, robot=robot), subject)
+    if not not_tracked:
+        return ok(f"{REFERENCE_POLICY}: {'; '.join(tracked)}")
+    cause = f"it stands, so its masses, inertias or limits differ from those that {REFERENCE_POLICY} was made for"
     if noticed := [*contradictions(robot), *warnings_of(robot), *self_contacts(subject)]:
         cause = f"it stands, but {'; '.join(noticed)}"
     return problem(
-        f"{WALKER} {'; '.join(bad)}",
+        f"{REFERENCE_POLICY} {'; '.join(not_tracked)}",
         cause,
         f"correct masses and inertias in {robot.mjcf}, or search its trot: python -m train robot "
         f"{robot.source or robot.name}",
@@ -65,22 +65,22 @@ def policy(subject: Subject) -> Finding:
             cause = "a policy is of one robot and one control period"
             return problem(seen, cause, f"{remedy}, or name its robot with --robot")
         return problem(seen, "it is not the file that was saved, or was made for something else", remedy)
-    good, bad = walk(chosen, subject)
+    tracked, not_tracked = walk(chosen, subject)
     failure = getattr(chosen, "failure", None)
     if failure is not None and (failures := [each for each in failure if each]):
         return _failing(f"{subject.policy} fails: {failures[0]}")
-    if not bad:
-        return ok(f"{subject.policy}: {'; '.join(good)}")
+    if not not_tracked:
+        return ok(f"{subject.policy}: {'; '.join(tracked)}")
     cause = "it was trained for something else, or reads observations or gives targets in another order"
     remedy = "compare its joints' order and signs with python -m quad_env info, or train it longer: docs/training.md"
-    return problem(f"{subject.policy}: {'; '.join(bad)}", cause, remedy)
+    return problem(f"{subject.policy}: {'; '.join(not_tracked)}", cause, remedy)
 
 
 def walk(policy: Policy, subject: Subject) -> tuple[list[str], list[str]]:
     """Words about each of COMMANDS that it follows, such as `forward 0.49 of 0.50 m/s`, and about each other one."""
     found = walks_of(policy, HardwareConfig(robot=subject.name), COMMANDS, np.arange(1))
-    good, bad = ([each.words for each in found if (each.deviation <= 1.0) is followed] for followed in (True, False))
-    return good, bad
+    tracked, not_tracked = ([each.words for each in found if (each.deviation <= 1.0) is followed] for followed in (True, False))
+    return tracked, not_tracked
 
 
 def _failing(seen: str) -> Finding:
@@ -101,7 +101,7 @@ def description(subject: Subject) -> Finding:
     if (found := policy.description) is None:
         return _without_description(subject)
     seen = f"{found.network.name} reads {found.width} numbers, as described"
-    return Finding("ok", seen, details=tuple(understood(found, subject.robot)))
+    return Finding("ok", seen, details=tuple(describe_spec(found, subject.robot)))
 
 
 def _without_description(subject: Subject) -> Finding:
@@ -126,7 +126,7 @@ def walking(subject: Subject) -> Finding:
     return _finding(subject, tuple(way for way in diagnosis.COMMANDS if way != diagnosis.STAND))
 
 
-def understood(described: PolicySpec, robot: Robot) -> Iterator[str]:
+def describe_spec(described: PolicySpec, robot: Robot) -> Iterator[str]:
     """What a description says, in lines."""
     yield f"rate    {described.control_rate:g} Hz"
     yield f"joints  {order_of(described.joints, robot)}: {' '.join(described.joints)}"

@@ -137,7 +137,7 @@ FACTS: list[Fact] = [
         lambda: [trials.OUTCOME_COSTS[name] for name in ("succeeded", "off_command", "stalled", "fell")],
     ),
     ("docs/other_software.md", f"authority={NUMBER}.` maps", lambda: [AUTHORITY]),
-    ("docs/view.md", f"joint targets blend within {NUMBER} s", lambda: [session.CHANGE]),
+    ("docs/view.md", f"joint targets blend within {NUMBER} s", lambda: [session.POLICY_BLEND_TIME]),
     ("docs/view.md", f"direction relative to the robot, impulse, over {NUMBER} s", lambda: [driver.PUSH_TIME]),
     ("docs/view.md", f"yellow: mean velocity over {NUMBER} s", lambda: [scene.VELOCITY_WINDOW]),
     ("docs/view.md", f"plainly and small, {NUMBER} × {NUMBER}", lambda: [painter.WIDTH, painter.HEIGHT]),

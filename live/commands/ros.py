@@ -10,8 +10,8 @@ from evaluate.commands.options import Flag
 from live.commands.episode import EpisodeOptions
 from live.recording.recorder import check, recorder_for
 from live.ros import interpreter
-from live.ros.bridge import Bridge, Driven
-from live.ros.link import Link
+from live.ros.bridge import Bridge, JointTargetPolicy
+from live.ros.link import RosProcess
 from live.session import Session
 from policies.base import Policy
 from quad_env.cli.interrupt import Interrupt
@@ -46,7 +46,7 @@ def main(options: Options) -> int:
     environment = interpreter.environment(os.environ, options.network)
     hardware, scenario = options.resolve()
     robot = hardware.robot_model
-    policy: Policy = Driven(robot=robot)
+    policy: Policy = JointTargetPolicy(robot=robot)
     if options.policy is not None:
         policy = hardware.policy(options.policy, options.trust, real=scenario.hardware)
     command = [python, "-m", "live.ros.node", version, *robot.joint_names]
@@ -55,7 +55,7 @@ def main(options: Options) -> int:
     with (
         closing(Session(policy, scenario, seed=options.seed, hardware=hardware)) as session,
         recording as recorder,
-        closing(Link(command, environment)) as link,
+        closing(RosProcess(command, environment)) as link,
     ):
         print(f"{robot.name} on {scenario.name}: {link.wait_until_ready()}; Ctrl-C ends it", flush=True)
         if recorder is not None:
@@ -64,7 +64,7 @@ def main(options: Options) -> int:
     return 0
 
 
-def _run(session: Session, link: Link, speed: float, record: Path | None) -> None:
+def _run(session: Session, link: RosProcess, speed: float, record: Path | None) -> None:
     """Simulate until Ctrl-C or until ROS ends."""
 
     def say(text: str) -> None:
@@ -78,7 +78,7 @@ def _run(session: Session, link: Link, speed: float, record: Path | None) -> Non
             while True:
                 interrupt.check()
                 for packet in link.received():
-                    bridge.take(packet["topic"], packet["values"], packet["size"])
+                    bridge.handle_message(packet["topic"], packet["values"], packet["size"])
                 link.send(bridge.step())
                 pace.wait()
     except KeyboardInterrupt:

@@ -6,7 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass
 
 from live.commands.episode import Command, EpisodeOptions
-from live.view.driver import Driver
+from live.view.driver import ViewController
 from live.view.loop import LiveView
 from live.view.requests import LARGEST_SEED, MOST_ROBOTS
 from quad_env.cli.command_line import UsageError
@@ -38,7 +38,7 @@ def main(options: Options) -> int:
     hardware, _ = options.resolve()
     raise_on_interrupt()
     try:
-        driver = Driver(
+        driver = ViewController(
             options.policy, options.scenario, hardware, seed=options.seed, command=options.command, trust=options.trust
         )
     except ValueError as error:

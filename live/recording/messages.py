@@ -11,7 +11,7 @@ from mcap.writer import Writer as McapWriter
 from rosbags.typesys import Stores, get_typestore
 
 from live.imu import Imu
-from live.recording.skeleton import IMU_LINK, TRUNK, Floats, Link, Source, rotations
+from live.recording.skeleton import IMU_LINK, TRUNK, Floats, Link, RecordingSchema, rotations
 from quad_env.config import FALL_REASONS
 
 STANDARD = {
@@ -32,7 +32,7 @@ LATCHED = ("/robot_description", "/tf_static")
 """Topics of one message, at the beginning, which ROS keeps for those who listen later."""
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 _T: Any = TYPES.types
-_OVER = "over"
+_EPISODE_END = "over"
 """Event at the end of a push or fall."""
 _NO_COMMAND = np.full(3, np.nan)
 _NOT_KNOWN = np.zeros(9)
@@ -56,13 +56,13 @@ class Message(NamedTuple):
 class Messages:
     """Makes the messages of rows that follow each other."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: RecordingSchema) -> None:
         self._source, self._slices = source, source.slices
         self._period = round(source.dt * 1e9)
         self._time = -self._period
         self._moving = [link for link in source.links if link.joint is not None]
         self._imu = Imu(source.dt)
-        self._command, self._latest = _NO_COMMAND, _OVER
+        self._command, self._latest = _NO_COMMAND, _EPISODE_END
         self._contacts = [topic_name("contacts", name) for name in (*source.legs, "legs", "trunk")]
 
     @property
@@ -92,7 +92,7 @@ class Messages:
             yield self._event("reset")
         elif not starts and event != self._latest:
             yield self._event(event)
-        self._command, self._latest = (_NO_COMMAND, _OVER) if starts else (command, event)
+        self._command, self._latest = (_NO_COMMAND, _EPISODE_END) if starts else (command, event)
         yield from (Message(topic, self._time, content) for topic, content in self._state(readings))
 
     def _event(self, text: str) -> Message:
@@ -136,7 +136,7 @@ def _event_of(readings: dict[str, Floats]) -> str:
         return "diverged"
     if fall := int(readings["fall"][0]):
         return f"fell: {FALL_REASONS[fall]}"
-    return "pushed" if readings["push"].any() else _OVER
+    return "pushed" if readings["push"].any() else _EPISODE_END
 
 
 def topic_name(family: str, name: str) -> str:
@@ -186,15 +186,15 @@ def _imu(stamp: Any, quaternion: Floats, angular_velocity: Floats, specific_forc
     )
 
 
-def _of_link(stamp: Any, link: Link, turned: Floats) -> Any:
-    return _transform(stamp, link.parent, link.name, link.translation, turned)
+def _of_link(stamp: Any, link: Link, link_orientation: Floats) -> Any:
+    return _transform(stamp, link.parent, link.name, link.translation, link_orientation)
 
 
-def _transform(stamp: Any, parent: str, name: str, place: Floats, turned: Floats) -> Any:
+def _transform(stamp: Any, parent: str, name: str, place: Floats, link_orientation: Floats) -> Any:
     return _T["geometry_msgs/msg/TransformStamped"](
         header=_header(stamp, parent),
         child_frame_id=name,
-        transform=_T["geometry_msgs/msg/Transform"](translation=_vector(place), rotation=_quaternion(turned)),
+        transform=_T["geometry_msgs/msg/Transform"](translation=_vector(place), rotation=_quaternion(link_orientation)),
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.rollouts.observers import Step
-from live.recording.skeleton import Source, links_of
+from live.recording.skeleton import RecordingSchema, links_of
 from live.recording.writer import write
 from policies.base import Policy
 from quad_env.cli.child_process import without_ctrl_c
@@ -22,7 +22,7 @@ from quad_env.task.rewards import REWARD
 
 PACKAGES = ("mcap", "rosbags")
 """What the extra `recording` installs."""
-WAITING = 1 << 20
+PIPE_SIZE = 1 << 20
 """Bytes that may wait where the system allows it, some ten seconds of control steps: while the writer starts, or has to
 wait for its core."""
 SIGNALS = (
@@ -84,7 +84,7 @@ class Recorder:
     def _begin(self, step: Step) -> None:
         env, robot = step.env, step.env.robot
         widths = {name: step.infos[name][0].size for name in SIGNALS}
-        source = Source(
+        source = RecordingSchema(
             widths=widths | {"reward": 1, "correction": robot.num_joints, "start": 1},
             joints=robot.joint_names,
             legs=robot.leg_names,
@@ -98,7 +98,7 @@ class Recorder:
         with contextlib.suppress(ImportError, AttributeError, OSError):  # not everywhere
             import fcntl
 
-            fcntl.fcntl(self._rows.fileno(), fcntl.F_SETPIPE_SZ, WAITING)
+            fcntl.fcntl(self._rows.fileno(), fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         self._process = context.Process(target=write, args=(theirs, answer, self._path, source))
         with closing(theirs), closing(answer), without_ctrl_c():  # also where Ctrl-C comes, else `close` waits for ever
             self._process.start()

@@ -41,12 +41,12 @@ def links_of(model: Any, data: Any, robot: Robot) -> tuple[Link, ...]:
     def frame(body: int) -> tuple[Floats, Rotation]:
         return data.xanchor[model.body_jntadr[body]], Rotation.from_matrix(data.xmat[body].reshape(3, 3))
 
-    def link(name: str, body: int, place: Floats, turned: Rotation, **joint: Any) -> Link:
+    def link(name: str, body: int, place: Floats, link_orientation: Rotation, **joint: Any) -> Link:
         """One that is fixed to the body, or jointed to it; place and rotation in the world."""
         parent = model.body_weldid[body]
         origin, orientation = frame(parent)
         back = orientation.inv()
-        rotation = (back * turned).as_quat(scalar_first=True)
+        rotation = (back * link_orientation).as_quat(scalar_first=True)
         return Link(name, model.body(parent).name, back.apply(place - origin), rotation, **joint)
 
     links = []
@@ -73,7 +73,7 @@ def rotations(links: Sequence[Link], angles: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class Source:
+class RecordingSchema:
     """What the rows are of, a row a control step or start of an episode."""
 
     widths: dict[str, int]

@@ -6,13 +6,13 @@ from contextlib import closing
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from live.recording.skeleton import Source
+from live.recording.skeleton import RecordingSchema
 
 NICE = 5
 """How far the simulation, and whatever else runs, goes first where cores are few."""
 
 
-def write(rows: Connection, answer: Connection, path: Path, source: Source) -> None:
+def write(rows: Connection, answer: Connection, path: Path, source: RecordingSchema) -> None:
     """Write the rows that come until the other end is closed; answer with None, or with the OSError that
     ended it. The simulation may be interrupted or killed: what it has sent is written. It is started with SIGINT
     blocked."""
@@ -27,7 +27,7 @@ def write(rows: Connection, answer: Connection, path: Path, source: Source) -> N
         answer.send(failure)
 
 
-def _write(rows: Connection, path: Path, source: Source) -> None:
+def _write(rows: Connection, path: Path, source: RecordingSchema) -> None:
     from live.recording.messages import (
         McapFile,  # here: the process that simulates needs none of it
         Messages,

@@ -19,7 +19,7 @@ JOIN_TIME, HOME_TIME = 0.2, 0.4
 """From where the joint targets are to those from outside as these begin, and back to the home pose, s."""
 
 
-class Driven(Policy):
+class JointTargetPolicy(Policy):
     """A policy that is driven from outside: stands until `follow`; every robot of it follows the same targets."""
 
     name = "driven"
@@ -36,7 +36,7 @@ class Driven(Policy):
             self._following, self._steps_left = True, self._steps(JOIN_TIME)
         self._goal = np.clip(targets, self.robot.joint_lower, self.robot.joint_upper)
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Follow nothing any more: from where the targets are to the home pose, and stay there."""
         self._following, self._goal, self._steps_left = False, self.robot.home_pose, self._steps(HOME_TIME)
 
@@ -45,7 +45,7 @@ class Driven(Policy):
 
     def _allocate(self, num_envs: int) -> None:
         self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
-        self.let_go()
+        self.release()
 
     def _restart(self, mask: Mask) -> None:
         self._targets[mask] = self.robot.home_pose
@@ -66,9 +66,9 @@ class Bridge:
         say: called with lines for the terminal.
     """
 
-    def __init__(self, session: Session, say: Callable[[str], None]) -> None:
-        self._session, self._say = session, say
-        self._driven = session.policy if isinstance(session.policy, Driven) else None
+    def __init__(self, session: Session, log: Callable[[str], None]) -> None:
+        self._session, self._say = session, log
+        self._driven = session.policy if isinstance(session.policy, JointTargetPolicy) else None
         self._topic, self._timeout = (VELOCITY, 0.5) if self._driven is None else (JOINT_TARGETS, 0.2)
         self._received: int | None = None
         """Number of the control step before which the latest valid message came; None before the first, and after a
@@ -85,13 +85,13 @@ class Bridge:
         """Simulated s since the beginning; no reset turns it back."""
         return self._steps * self._period * 1e-9
 
-    def take(self, topic: str, values: Sequence[float], size: int) -> None:
+    def handle_message(self, topic: str, values: Sequence[float], size: int) -> None:
         """A message of that topic with `size` numbers; of one that is too long, `values` need not have them."""
         if topic == RESET:
             self._session.reset()
             return
         numbers = np.asarray(values, np.float64)
-        if (found := self._mistake(topic, numbers, size)) is not None:
+        if (found := self._validation_error(topic, numbers, size)) is not None:
             mistake, details = found
             if (topic, mistake) not in self._refused:
                 self._say(f"{topic}: refused, {mistake}{details}; further ones are refused without a word")
@@ -121,7 +121,7 @@ class Bridge:
             self._session.reset()
         return packet
 
-    def _mistake(self, topic: str, values: Floats, size: int) -> tuple[str, str] | None:
+    def _validation_error(self, topic: str, values: Floats, size: int) -> tuple[str, str] | None:
         """Reason to refuse a message: its kind, the same for all that are wrong in this way, and details."""
         joints = self._session.env.robot.num_joints
         if topic != self._topic:
@@ -140,7 +140,7 @@ class Bridge:
             self._session.steer(np.zeros(3))
             standing = "the command is zero"
         else:
-            self._driven.let_go()
+            self._driven.release()
             standing = "the robot returns to its standing pose"
         self._say(f"nothing good on {self._topic} for {self._timeout:g} s: {standing} until the next")
 

@@ -25,7 +25,7 @@ class LinkLost(UsageError):
     """The process that speaks ROS has ended; the message says why, if that is known."""
 
 
-class Link:
+class RosProcess:
     """Starts that process and talks with it: neither side ever waits for the other to simulate or to publish."""
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:

@@ -38,9 +38,9 @@ def main(version: str, joints: list[str]) -> None:
     """Be a node until the simulation closes the socket."""
     link = socket.socket(fileno=os.dup(0))
     try:
-        transport = _transport(version)(NODE, lambda why: _tell(link, {"ended": why}))
+        transport = _transport(version)(NODE, lambda why: _send_packet(link, {"ended": why}))
     except OSError as error:
-        _tell(link, {"ended": str(error)})
+        _send_packet(link, {"ended": str(error)})
         return
     Node(link, transport, joints).run()
     transport.close()
@@ -71,8 +71,8 @@ class Node:
         self._publish = {topic: transport.publisher(topic, kind) for topic, kind in self._kinds.items()}
         transport.subscribe(JOINT_TARGETS, Float64MultiArray, self._take_joint_targets)
         transport.subscribe(VELOCITY, Twist, self._take_velocity)
-        transport.subscribe(RESET, Empty, lambda message: self._hand_on(RESET, [], 0))
-        _tell(link, {"ready": transport.where})
+        transport.subscribe(RESET, Empty, lambda message: self._forward(RESET, [], 0))
+        _send_packet(link, {"ready": transport.where})
 
     def run(self) -> None:
         """Publish what comes, until the simulation closes the socket."""
@@ -111,16 +111,16 @@ class Node:
 
     def _take_joint_targets(self, message: Any) -> None:
         size = len(message.data)
-        self._hand_on(JOINT_TARGETS, list(message.data) if size <= LARGEST else [], size)
+        self._forward(JOINT_TARGETS, list(message.data) if size <= LARGEST else [], size)
 
     def _take_velocity(self, message: Any) -> None:
-        self._hand_on(VELOCITY, [message.linear.x, message.linear.y, message.angular.z], 3)
+        self._forward(VELOCITY, [message.linear.x, message.linear.y, message.angular.z], 3)
 
-    def _hand_on(self, topic: str, values: list[float], size: int) -> None:
-        _tell(self._link, {"topic": topic, "values": values, "size": size})
+    def _forward(self, topic: str, values: list[float], size: int) -> None:
+        _send_packet(self._link, {"topic": topic, "values": values, "size": size})
 
 
-def _tell(link: socket.socket, packet: dict[str, Any]) -> None:
+def _send_packet(link: socket.socket, packet: dict[str, Any]) -> None:
     try:
         link.send(json.dumps(packet).encode())
     except OSError:  # the simulation has ended

@@ -14,7 +14,7 @@ from evaluate.film.scene import heading
 from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from live.session import Session
-from live.view.picture import Orbit, Shot
+from live.view.picture import Orbit, RenderRequest
 from live.view.requests import Request
 from live.view.telemetry import Telemetry, rounded
 from policies.base import PolicyError
@@ -28,7 +28,7 @@ KEPT_EVENTS = 40
 """The latest events, for a new page."""
 
 
-class Driver:
+class ViewController:
     """Moves robots on in real time, and does what pages ask for.
 
     Args:
@@ -52,21 +52,21 @@ class Driver:
         trust: bool = False,
     ) -> None:
         self._hardware, self._trust, self._first_scenario = hardware, trust, scenario
-        self.paused = self._once = False
+        self.paused = self._single_step = False
         self._events: deque[str] = deque(maxlen=KEPT_EVENTS)
-        self._offered = tuple(dict.fromkeys((*names, *policies.names())))
+        self._policy_names = tuple(dict.fromkeys((*names, *policies.names())))
         self.sessions: list[Session] = []
         """One a robot."""
         self.orbit = Orbit()
-        self._begin(self._found(scenario), names, seed, command)
+        self._begin(self._resolve_scenario(scenario), names, seed, command)
         self._pace = RealTimeRate(self.sessions[0].env.dt)
-        self._does: dict[str, Callable[..., object]] = {
+        self._handlers: dict[str, Callable[..., object]] = {
             "steer": lambda forward, left, turn: self._each(lambda robot: robot.steer((forward, left, turn))),
-            "let_go": self._let_go,
+            "let_go": self._release_command,
             "push": self._push,
             "policy": self._choose,
             "alone": lambda: self._begin_again(self._scenario, self._names[:1]),
-            "scenario": lambda name: self._begin_again(self._found(name), self._names),
+            "scenario": lambda name: self._begin_again(self._resolve_scenario(name), self._names),
             "reset": self._reset,
             "next": self._reset,
             "pause": self._pause,
@@ -77,27 +77,27 @@ class Driver:
             "follow": lambda on: self._look(replace(self.orbit, follow=on)),
         }
 
-    def do(self, request: Request) -> None:
+    def handle(self, request: Request) -> None:
         """Do that. Raises ValueError (PolicyError among them), ImportError or OSError where it cannot be done, and
         nothing has changed then."""
-        self._does[request.do](**request.values)
+        self._handlers[request.do](**request.values)
 
     def move(self) -> bool:
         """Move the robots on by a control step, once it is due; False while paused."""
-        if self.paused and not self._once:
+        if self.paused and not self._single_step:
             return False
-        if not self._once:
+        if not self._single_step:
             self._pace.wait()
-        self._once = False
+        self._single_step = False
         self._each(Session.step)
         return True
 
-    def offer(self) -> dict[str, Any]:
+    def choices(self) -> dict[str, Any]:
         """Choices of a page: names of policies and axes of scenarios; the robot."""
         robot = self.sessions[0].env.robot
         return {
             "robot": robot.name,
-            "policies": self._offered,
+            "policies": self._policy_names,
             "axes": [
                 {"name": axis.name, "unit": axis.unit, "levels": list(axis.levels), "nominal": axis.nominal}
                 for axis in axes_of(robot).values()
@@ -122,7 +122,7 @@ class Driver:
             "events": events,
         }
 
-    def picture(self) -> list[Shot]:
+    def picture(self) -> list[RenderRequest]:
         """Every robot now, side by side."""
         self.orbit = self.orbit.at(self.sessions[0].latest.infos["position"][0])
         return [telemetry.shot(self.orbit, len(self.sessions)) for telemetry in self._telemetry]
@@ -160,12 +160,12 @@ class Driver:
         self._each(lambda session: session.reset(seed))
         self._look_at_start()
 
-    def _let_go(self) -> None:
+    def _release_command(self) -> None:
         """The episode again, with the commands of its scenario."""
         self._each(lambda session: session.steer(None))
         self._reset(self.sessions[0].seed)
 
-    def _found(self, name: str) -> Scenario:
+    def _resolve_scenario(self, name: str) -> Scenario:
         if battery.is_file_reference(name) and name != self._first_scenario:
             raise ValueError(f"{name}: a scenario in a file is named when the view is started, with --scenario")
         return battery.resolve_single(name, self._hardware.robot_model)
@@ -175,12 +175,12 @@ class Driver:
         episode again, so that each has the same."""
         if robot > len(self.sessions):
             raise ValueError(f"there is no robot {robot}")
-        if name not in self._offered:
-            raise PolicyError(f"no policy {name!r} is offered: there are {', '.join(self._offered)}")
+        if name not in self._policy_names:
+            raise PolicyError(f"no policy {name!r} is offered: there are {', '.join(self._policy_names)}")
         names = [*self._names[:robot], name, *self._names[robot + 1 :]]
         if len(names) == 1:
             with suppress(ValueError):  # other ground heights or servos: only a session from its start has them
-                self.sessions[0].choose(self._hardware.policy(name, self._trust, real=self._scenario.hardware))
+                self.sessions[0].set_policy(self._hardware.policy(name, self._trust, real=self._scenario.hardware))
                 self._names = names
                 return
         self._begin_again(self._scenario, names)
@@ -196,7 +196,7 @@ class Driver:
         self._pace.resume()
 
     def _step_once(self) -> None:
-        self.paused = self._once = True
+        self.paused = self._single_step = True
 
     def _look(self, orbit: Orbit) -> None:
         self.orbit = orbit

@@ -5,40 +5,40 @@ import queue
 import time
 from collections.abc import Sequence
 
-from live.view.driver import Driver
-from live.view.painter import Painter
+from live.view.driver import ViewController
+from live.view.painter import RenderThread
 from live.view.requests import Request, RequestError, parse
 from live.view.server import Server
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 
-FRAMES_A_SECOND, TELLINGS_A_SECOND = 30.0, 10.0
+FRAMES_A_SECOND, STATE_RATE = 30.0, 10.0
 WAITING = 256
 """Requests that may be waiting; more are refused."""
-HELLO = "hello"
+HANDSHAKE = "hello"
 """What a page says first."""
 BEGINNINGS = frozenset(("scenario", "policy", "alone", "reset", "next", "let_go"))
 """Requests that start an episode. A start takes up to 50 ms, so only the last of each kind is done."""
 IDLE = 0.01
 """Time between two looks at what is to be done while paused, s."""
 
-_NOT_TO_BE_DONE = (ValueError, UsageError, OSError, ImportError)
+_REQUEST_ERRORS = (ValueError, UsageError, OSError, ImportError)
 """What comes of a request for a scenario or policy that is not there, or of a full disk."""
 
 
 class LiveView:
     """Robots that walk where pages steer them, until Ctrl-C; see `Server` for the port and its error."""
 
-    def __init__(self, driver: Driver, port: int | None) -> None:
-        self._driver, self._offer = driver, json.dumps({"kind": "offer", **driver.offer()})
+    def __init__(self, driver: ViewController, port: int | None) -> None:
+        self._driver, self._offer = driver, json.dumps({"kind": "offer", **driver.choices()})
         self._todo: queue.Queue[Request] = queue.Queue(WAITING)
         self._frame_due = self._telling_due = 0.0
         self.server = Server(port, self.receive)
-        self._painter = Painter(self.server.show)
+        self._painter = RenderThread(self.server.show)
 
     def receive(self, text: str) -> str | None:
         """What a page is to be answered to a text; what it asks for is done before the next control step."""
-        if text == HELLO:
+        if text == HANDSHAKE:
             return self._offer
         try:
             self._todo.put_nowait(parse(text))
@@ -54,7 +54,7 @@ class LiveView:
         with Interrupt() as interrupt:
             while time.perf_counter() < end:
                 interrupt.check()
-                self._obey()
+                self._process_requests()
                 if not self._driver.move():
                     time.sleep(IDLE)
                 self._show(time.perf_counter())
@@ -62,24 +62,24 @@ class LiveView:
     def _show(self, now: float) -> None:
         """Draw and report what is due."""
         if self.server.wanted.is_set() and self._painter.idle and now >= self._frame_due:
-            self._painter.hand(self._driver.picture())
+            self._painter.submit(self._driver.picture())
             self._frame_due = max(now, self._frame_due + 1.0 / FRAMES_A_SECOND)
-        if now >= self._telling_due and self.server.watched:
+        if now >= self._telling_due and self.server.has_clients:
             state = {"kind": "state", **self._driver.state(), "drawing": self._painter.failure or ""}
             self.server.tell(json.dumps(state))
-            self._telling_due = now + 1.0 / TELLINGS_A_SECOND
+            self._telling_due = now + 1.0 / STATE_RATE
 
     def close(self) -> None:
         """Take leave of the pages, and of the thread that draws."""
         self._painter.close()
         self.server.close()
 
-    def _obey(self) -> None:
+    def _process_requests(self) -> None:
         waiting = [self._todo.get_nowait() for _ in range(self._todo.qsize())]  # not those that come meanwhile
         for request in newest(waiting):
             try:
-                self._driver.do(request)
-            except _NOT_TO_BE_DONE as error:
+                self._driver.handle(request)
+            except _REQUEST_ERRORS as error:
                 self.server.tell(_error(str(error)))
 
 

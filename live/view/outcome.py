@@ -21,7 +21,7 @@ _Kept = tuple[Step, Any, bool]
 """A control step, the policy's failure by then, and whether its safety layer was stopping the robot."""
 
 
-class Outcome:
+class EpisodeOutcome:
     """Keeps the latest control steps of a session's episode, from its start on, and says what came of it."""
 
     def __init__(self, session: Session) -> None:
@@ -29,9 +29,9 @@ class Outcome:
         """Moments of the episode, the outcome and its cause last; empty while nothing is decided."""
         self._session, self._ended = session, False
         self._kept: deque[_Kept] = deque(maxlen=STEPS + 1)
-        self.note()
+        self.record()
 
-    def note(self) -> None:
+    def record(self) -> None:
         """Keep the control step just taken."""
         if self._ended:
             return
@@ -40,7 +40,7 @@ class Outcome:
         self._kept.append((step, failure, bool(np.any(getattr(policy, "stopped", False)))))
         fallen = step.infos["fall"][0] > 0 or step.infos["diverged"][0]
         self._ended = bool(fallen or (failure is not None and failure[0]))
-        if self._ended or (step.number == STEPS and not self._session.touched):
+        if self._ended or (step.number == STEPS and not self._session.user_intervened):
             self.story = _story(list(self._kept), self._session)
 
     @property
@@ -48,7 +48,7 @@ class Outcome:
         """What is known by now."""
         if self.story:
             return self.story[-1].replace("  ", ": ", 1)
-        if self._session.touched:
+        if self._session.user_intervened:
             return "no outcome: steered, pushed or changed by hand"
         return f"undecided until {STEPS * self._session.env.dt:g} s"
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from live.view.picture import Shot
+from live.view.picture import RenderRequest
 from quad_env.physics.rendering import Camera
 
 JPEG_QUALITY = 80
@@ -19,7 +19,7 @@ COLOURS = ((255, 200, 46), (88, 166, 255), (255, 140, 200), (160, 230, 120))
 _EDGE = (30, 34, 38)
 
 
-class Painter:
+class RenderThread:
     """Draws in a thread of its own and hands on JPEG files.
 
     Args:
@@ -40,16 +40,16 @@ class Painter:
         """Whether it can draw and has drawn what it was handed."""
         return self.failure is None and (self._work is None or self._work.done())
 
-    def hand(self, shots: Sequence[Shot]) -> None:
+    def submit(self, shots: Sequence[RenderRequest]) -> None:
         """Have that drawn."""
         self._work = self._thread.submit(self._take, shots)
 
     def close(self) -> None:
         """End the thread and free what it draws with."""
-        self._thread.submit(self._forget)
+        self._thread.submit(self._close_renderers)
         self._thread.shutdown()
 
-    def _take(self, shots: Sequence[Shot]) -> None:
+    def _take(self, shots: Sequence[RenderRequest]) -> None:
         try:
             file = self._paint(shots)
         except Exception as error:  # whatever the graphics driver fails with
@@ -57,10 +57,10 @@ class Painter:
             return
         self._show(file)
 
-    def _paint(self, shots: Sequence[Shot]) -> bytes:
+    def _paint(self, shots: Sequence[RenderRequest]) -> bytes:
         models = [shot.model for shot in shots]
         if models != self._models:
-            self._forget()
+            self._close_renderers()
             self._cameras = [Camera(model, WIDTH // len(models), HEIGHT, None) for model in models]
             self._models = models
         frames = [
@@ -72,13 +72,13 @@ class Painter:
         image.save(buffer, "jpeg", quality=JPEG_QUALITY)
         return buffer.getvalue()
 
-    def _forget(self) -> None:
+    def _close_renderers(self) -> None:
         for camera in self._cameras:
             camera.close()
         self._cameras, self._models = [], []
 
 
-def _label(image: Image.Image, shots: Sequence[Shot]) -> None:
+def _label(image: Image.Image, shots: Sequence[RenderRequest]) -> None:
     """Name the robots where they are, in the colours of their curves."""
     draw, size = ImageDraw.Draw(image), image.height // 22
     for number, (shot, colour) in enumerate(zip(shots, COLOURS, strict=False)):

@@ -15,7 +15,7 @@ TURN, ZOOM = 0.4, 0.0015
 STEEPEST = 89.0
 DISTANCES = (0.4, 30.0)
 """m"""
-FOLLOWING = 0.15
+TRACKING_GAIN = 0.15
 """Share of its way to the robot that the camera goes a frame up and down, so that it does not shake with the trunk."""
 
 
@@ -39,9 +39,9 @@ class Orbit(Viewpoint):
         if not self.follow:
             return self
         x, y, z = robot
-        return replace(self, target=(float(x), float(y), self.target[2] + FOLLOWING * (float(z) - self.target[2])))
+        return replace(self, target=(float(x), float(y), self.target[2] + TRACKING_GAIN * (float(z) - self.target[2])))
 
-    def beside(self, robot: NDArray[np.float64], count: int) -> "Orbit":
+    def for_tile(self, robot: NDArray[np.float64], count: int) -> "Orbit":
         """About a robot there, one of so many side by side, whose narrower pictures show as much."""
         x, y, _ = robot.tolist()
         target = (x, y, self.target[2]) if self.follow else self.target
@@ -49,7 +49,7 @@ class Orbit(Viewpoint):
 
 
 @dataclass(frozen=True)
-class Shot:
+class RenderRequest:
     """What there is to be seen of one robot at one moment."""
 
     model: Any

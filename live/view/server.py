@@ -24,7 +24,7 @@ _QUIET.setLevel(logging.CRITICAL)  # invalid connections print nothing in the te
 LARGEST_MESSAGE = 4096
 """Bytes; a page that sends more is disconnected."""
 MOST_PAGES = 8
-DRAWN = "drawn"
+FRAME_ACK = "drawn"
 """What a page says when it has shown a frame and can take the next."""
 _FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in KINDS} | {"/": PAGE / "index.html"}
 Receive = Callable[[str], str | None]
@@ -74,7 +74,7 @@ class Server:
         return f"http://localhost:{self.port}/"
 
     @property
-    def watched(self) -> bool:
+    def has_clients(self) -> bool:
         """Whether there is a page."""
         return bool(self._pages)
 
@@ -146,7 +146,7 @@ class Server:
         self._waits(connection)
         try:
             async for message in connection:
-                if message == DRAWN:
+                if message == FRAME_ACK:
                     self._waits(connection)
                 elif isinstance(message, str) and (answer := self._receive(message)) is not None:
                     await connection.send(answer)

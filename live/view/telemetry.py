@@ -8,8 +8,8 @@ import numpy as np
 from evaluate.film.scene import Scene, heading
 from evaluate.rollouts.observers import Step
 from live.session import Session
-from live.view.outcome import Outcome
-from live.view.picture import Orbit, Shot
+from live.view.outcome import EpisodeOutcome
+from live.view.picture import Orbit, RenderRequest
 from policies.base import Policy
 from quad_env.task.rewards import REWARD
 
@@ -30,17 +30,17 @@ class Telemetry:
         """Take note of a control step, or of the start of an episode: only rows of one are kept."""
         if step.number == 0:
             self._rows.clear()
-            self._outcome, self._scene = Outcome(self._session), Scene(step)
+            self._outcome, self._scene = EpisodeOutcome(self._session), Scene(step)
             return
-        self._outcome.note()
+        self._outcome.record()
         self._scene.advance(step)
         self._rows.append(self._row(step))
 
-    def shot(self, orbit: Orbit, count: int) -> Shot:
+    def shot(self, orbit: Orbit, count: int) -> RenderRequest:
         """What is to be drawn of it now, as one of so many robots."""
         simulation, place = self._session.env.simulation, self._session.latest.infos["position"][0]
-        name, viewpoint = self._session.policy.name, orbit.beside(place, count)
-        return Shot(simulation.model, simulation.snapshot(0), name, viewpoint, self._scene.arrows())
+        name, viewpoint = self._session.policy.name, orbit.for_tile(place, count)
+        return RenderRequest(simulation.model, simulation.snapshot(0), name, viewpoint, self._scene.arrows())
 
     def state(self) -> dict[str, Any]:
         """Present state, with the rows since the last call."""

@@ -7,7 +7,7 @@ import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
 from live.commands.doctor import OF_DESCRIPTION
-from live.walking import understood
+from live.walking import describe_spec
 from policies.foreign import mistakes
 from policies.foreign.description import PolicySpec
 from policies.foreign.readers import write_toml
@@ -46,7 +46,7 @@ def test_what_was_understood_is_shown(policy: PolicySpec) -> None:
 def test_the_joints_own_damping_is_told_beside_small_gains(policy: PolicySpec) -> None:
     """SimpleQuad's joints have 0.2 N·m·s/rad of their own, next to nothing beside the described 10."""
     soft = replace(policy, damping=tuple(0.5 for _ in policy.joints))
-    lines = [line for each in (policy, soft) for line in understood(each, SIMPLE_QUAD) if line.startswith("servos")]
+    lines = [line for each in (policy, soft) for line in describe_spec(each, SIMPLE_QUAD) if line.startswith("servos")]
     assert ["the joints' own damping of 0.2 N·m·s/rad" in line for line in lines] == [False, True]
 
 

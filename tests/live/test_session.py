@@ -7,7 +7,7 @@ import policies
 import quad_env
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
-from live.session import CHANGE, Session
+from live.session import POLICY_BLEND_TIME, Session
 from policies.base import PolicyError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -61,16 +61,16 @@ def test_a_policy_chosen_under_way_takes_over_without_a_jump() -> None:
     live.steer((0.6, 0.0, 0.0))
     for _ in range(67):
         live.step()
-    live.choose(policies.make("residual"))
+    live.set_policy(policies.make("residual"))
     actions = [live.latest.action, *(live.step().action for _ in range(12))]
-    live.choose(policies.make("trot_integral"))  # before the first has taken over
-    actions += [live.step().action for _ in range(round(CHANGE / live.env.dt) + 5)]
+    live.set_policy(policies.make("trot_integral"))  # before the first has taken over
+    actions += [live.step().action for _ in range(round(POLICY_BLEND_TIME / live.env.dt) + 5)]
     change = np.abs(np.diff(actions, axis=0))[:, 0].max(axis=1)
     assert change[[0, 12]] == pytest.approx(0.0, abs=1e-6)  # rad, of the first targets of each
     assert change.max() < 0.25  # walking changes targets by up to 0.18 rad a step
     assert live.policy.name == "trot_integral"
-    live.choose(policies.make("stand"))
-    for _ in range(round(CHANGE / live.env.dt) + 1):
+    live.set_policy(policies.make("stand"))
+    for _ in range(round(POLICY_BLEND_TIME / live.env.dt) + 1):
         live.step()
     assert np.array_equal(live.latest.action[0], np.float32(SIMPLE_QUAD.home_pose))  # its own, once it has taken over
     assert not live.latest.infos["fall"].any()
@@ -87,7 +87,7 @@ def test_a_policy_that_has_walked_elsewhere_begins_anew_where_it_is_chosen() -> 
     for live, policy in zip(lives, (walked, policies.make("trot_integral")), strict=True):
         live.steer((0.4, 0.0, 0.0))
         live.step()
-        live.choose(policy)
+        live.set_policy(policy)
     for _ in range(60):
         first, second = (live.step() for live in lives)
         np.testing.assert_array_equal(first.action, second.action)
@@ -98,11 +98,11 @@ def test_a_policy_that_has_walked_elsewhere_begins_anew_where_it_is_chosen() -> 
 def test_a_reset_begins_the_policy_anew_and_ends_its_taking_over() -> None:
     """An episode after a change of policy is that of the policy from the start, whatever it did before."""
     live, fresh = session("stand"), session("trot", seed=4)
-    live.choose(policies.make("trot"))
+    live.set_policy(policies.make("trot"))
     for _ in range(7):
         live.step()
     live.reset()
-    assert (live.seed, live.touched) == (4, False)
+    assert (live.seed, live.user_intervened) == (4, False)
     for _ in range(30):
         np.testing.assert_array_equal(live.step().action, fresh.step().action)
     for each in (live, fresh):
@@ -113,16 +113,16 @@ def test_a_person_s_doings_are_told_and_known_until_the_next_episode() -> None:
     told: list[str] = []
     live = session("stand")
     live.listeners.append(told.append)
-    assert not live.touched
+    assert not live.user_intervened
     for do in (
         lambda: live.push((30.0, -40.0), 0.1),
         lambda: live.steer((0.1, 0.0, 0.0)),
-        lambda: live.choose(policies.make("trot")),
+        lambda: live.set_policy(policies.make("trot")),
     ):
         do()
-        assert live.touched
+        assert live.user_intervened
         live.reset(seed=9)
-        assert not live.touched
+        assert not live.user_intervened
     assert told == ["pushed by hand, 5 N·s", "reset, seed 9", "reset, seed 9", "trot chosen", "reset, seed 9"]
     live.close()
 
@@ -130,10 +130,10 @@ def test_a_person_s_doings_are_told_and_known_until_the_next_episode() -> None:
 def test_a_policy_of_another_robot_is_refused_and_nothing_has_changed() -> None:
     live = session("trot")
     with pytest.raises(ValueError, match="was made for"):
-        live.choose(policies.make("trot", control_period=0.02))
+        live.set_policy(policies.make("trot", control_period=0.02))
     assert live.policy.name == "trot"
     sighted = policies.make("stand")
     sighted.height_scan = quad_env.HeightScan()
     with pytest.raises(PolicyError, match="other ground heights"):
-        live.choose(sighted)
+        live.set_policy(sighted)
     live.close()

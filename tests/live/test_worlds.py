@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from evaluate.rollouts.hardware import HardwareConfig
-from live.view.driver import Driver
+from live.view.driver import ViewController
 from live.view.requests import Request
 from quad_env import SIMPLE_QUAD
 from quad_env.__main__ import main
@@ -24,18 +24,18 @@ def _soft(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_view_makes_its_policies_for_the_world_that_it_goes_on_to() -> None:
-    with closing(Driver(["trot", "stand"])) as driver:
+    with closing(ViewController(["trot", "stand"])) as driver:
 
         def gains(name: str) -> tuple[str, set[str]]:
-            driver.do(Request("scenario", {"name": name}))
+            driver.handle(Request("scenario", {"name": name}))
             return driver.sessions[0].env.robot.servo, {session.policy.robot.servo for session in driver.sessions}
 
-        driver.do(Request("policy", {"robot": 1, "name": "crouch"}))
+        driver.handle(Request("policy", {"robot": 1, "name": "crouch"}))
         assert gains("push+hardware") == (MAKERS, {MAKERS})
         assert [session.policy.name for session in driver.sessions] == ["trot", "crouch"]
-        driver.do(Request("policy", {"robot": 0, "name": "trot_integral"}))
+        driver.handle(Request("policy", {"robot": 0, "name": "trot_integral"}))
         assert driver.sessions[0].policy.robot.servo == MAKERS
-        driver.do(Request("alone", {}))
+        driver.handle(Request("alone", {}))
         assert gains("flat") == (SIMPLE_QUAD.servo, {SIMPLE_QUAD.servo})
         assert [session.policy.name for session in driver.sessions] == ["trot_integral"]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import policies
-from live.ros.bridge import HOME_TIME, JOIN_TIME, Bridge, Driven
+from live.ros.bridge import HOME_TIME, JOIN_TIME, Bridge, JointTargetPolicy
 from live.ros.node import IMU, JOINT_STATES, JOINT_TARGETS, RESET, VELOCITY
 from live.session import Session
 from policies.base import Policy
@@ -25,10 +25,10 @@ class Scene:
         self.bridge = Bridge(self.session, self.said.append)
 
     def send(self, targets: np.ndarray) -> None:
-        self.bridge.take(JOINT_TARGETS, targets.tolist(), len(targets))
+        self.bridge.handle_message(JOINT_TARGETS, targets.tolist(), len(targets))
 
     def steer(self, forward: float, left: float, yaw_rate: float) -> None:
-        self.bridge.take(VELOCITY, [forward, left, yaw_rate], 3)
+        self.bridge.handle_message(VELOCITY, [forward, left, yaw_rate], 3)
 
     def step(self, count: int = 1) -> None:
         for _ in range(count):
@@ -46,7 +46,7 @@ class Scene:
 
 @pytest.fixture
 def driven() -> Iterator[Scene]:
-    scene = Scene(Driven())
+    scene = Scene(JointTargetPolicy())
     yield scene
     scene.session.close()
 
@@ -166,7 +166,7 @@ def test_a_fallen_robot_says_so_once_and_a_reset_stands_it_up_with_time_running_
     assert len(told) == 1
     assert RESET in told[0]
     before = driven.bridge.time
-    driven.bridge.take(RESET, [], 0)
+    driven.bridge.handle_message(RESET, [], 0)
     driven.step()
     assert driven.bridge.time == pytest.approx(before + 0.01)
     assert driven.session.latest.infos["height"][0] > 0.4
@@ -188,6 +188,6 @@ def test_a_reset_is_no_jolt_to_the_imu(steered: Scene) -> None:
     for _ in range(100):
         steered.steer(1.0, 0.0, 0.0)
         steered.step()
-    steered.bridge.take(RESET, [], 0)
+    steered.bridge.handle_message(RESET, [], 0)
     packet = steered.bridge.step()
     assert np.linalg.norm(packet[IMU]["specific_force"]) < 15.0

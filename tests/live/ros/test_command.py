@@ -8,7 +8,7 @@ from contextlib import closing
 import pytest
 
 from live.ros import interpreter
-from live.ros.link import Link, LinkLost
+from live.ros.link import RosProcess, LinkLost
 from quad_env.__main__ import main
 from quad_env.cli.command_line import UsageError
 
@@ -54,7 +54,7 @@ READY = 'import socket, time; link = socket.socket(fileno=0); link.send(b\'{"rea
 
 
 def test_a_process_that_does_not_keep_up_is_not_waited_for_and_one_that_ends_is_noticed() -> None:
-    with closing(Link([sys.executable, "-c", READY + "link.recv(100)"], os.environ)) as link:
+    with closing(RosProcess([sys.executable, "-c", READY + "link.recv(100)"], os.environ)) as link:
         assert link.wait_until_ready() == "here"
         assert list(link.received()) == []
         for _ in range(2000):

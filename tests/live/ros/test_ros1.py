@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from live.ros import interpreter
-from live.ros.link import Link, LinkLost
+from live.ros.link import RosProcess, LinkLost
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.live.ros.robot import Robot, Walk, free_port, march, python_with_ros, received, recorded
 
@@ -182,7 +182,7 @@ def test_a_port_that_something_else_listens_on_is_a_line() -> None:
         variables = dict(os.environ) | {"ROS_MASTER_URI": f"http://localhost:{port}"}
         command = [python, "-m", "live.ros.node", "1"]
         with (
-            closing(Link(command, interpreter.environment(variables, network=False))) as link,
+            closing(RosProcess(command, interpreter.environment(variables, network=False))) as link,
             pytest.raises(LinkLost, match="no ROS master answers at"),
         ):
             link.wait_until_ready()

@@ -8,20 +8,20 @@ from contextlib import closing
 
 import pytest
 
-from live.view.driver import Driver
+from live.view.driver import ViewController
 from live.view.loop import LiveView
 from live.view.requests import Request
 
 
 @pytest.fixture
-def view() -> Iterator[tuple[Driver, LiveView]]:
-    driver = Driver(["stand"])
+def view() -> Iterator[tuple[ViewController, LiveView]]:
+    driver = ViewController(["stand"])
     found = LiveView(driver, 0)
     with closing(driver), closing(found):
         yield driver, found
 
 
-def test_a_page_that_never_stops_asking_does_not_stop_the_robots(view: tuple[Driver, LiveView]) -> None:
+def test_a_page_that_never_stops_asking_does_not_stop_the_robots(view: tuple[ViewController, LiveView]) -> None:
     (driver, live), asked = view, 0
 
     def ask(request: Request) -> None:
@@ -30,7 +30,7 @@ def test_a_page_that_never_stops_asking_does_not_stop_the_robots(view: tuple[Dri
         assert asked < 10_000, "the robots stand still"
         live.receive('{"do": "drag", "right": 1, "down": 0}')
 
-    driver.do = ask  # type: ignore[method-assign]
+    driver.handle = ask  # type: ignore[method-assign]
     live.receive('{"do": "drag", "right": 1, "down": 0}')
     end = time.monotonic() + 60.0
     while driver.sessions[0].latest.number <= 3 and time.monotonic() < end:  # a busy machine may take longer
@@ -40,7 +40,7 @@ def test_a_page_that_never_stops_asking_does_not_stop_the_robots(view: tuple[Dri
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
-def test_ctrl_c_is_not_lost_where_an_exception_would_be(view: tuple[Driver, LiveView]) -> None:
+def test_ctrl_c_is_not_lost_where_an_exception_would_be(view: tuple[ViewController, LiveView]) -> None:
     """Here in a finaliser, which a control step may run at any time."""
 
     class Finalised:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from live.view.driver import KEPT_EVENTS, Driver
+from live.view.driver import KEPT_EVENTS, ViewController
 from live.view.requests import REQUESTS, Request
 from live.view.telemetry import KEPT_ROWS
 from policies.base import PolicyError
@@ -37,30 +37,30 @@ RIGHTLY: dict[str, dict[str, Any]] = {
 
 
 @pytest.fixture
-def driver() -> Iterator[Driver]:
-    with closing(Driver(["trot"], command=(0.0, 0.0, 0.0))) as found:
-        found.do(Request("speed", {"factor": 10.0}))
+def driver() -> Iterator[ViewController]:
+    with closing(ViewController(["trot"], command=(0.0, 0.0, 0.0))) as found:
+        found.handle(Request("speed", {"factor": 10.0}))
         yield found
 
 
-def walk(driver: Driver, steps: int) -> dict[str, Any]:
+def walk(driver: ViewController, steps: int) -> dict[str, Any]:
     for _ in range(steps):
         assert driver.move()
     return driver.state()
 
 
-def test_every_request_is_done(driver: Driver) -> None:
+def test_every_request_is_done(driver: ViewController) -> None:
     for name, wanted in REQUESTS.items():
         values = RIGHTLY.get(name) or ({"on": True} if "on" in wanted else {})
-        driver.do(Request(name, values))
+        driver.handle(Request(name, values))
         assert set(values) == set(wanted)
-    driver.do(Request("pause", {"on": False}))
+    driver.handle(Request("pause", {"on": False}))
     assert walk(driver, 3)["scenario"] == "slope=10"
 
 
-def test_it_walks_and_turns_where_it_is_steered_and_the_page_is_sent_that(driver: Driver) -> None:
+def test_it_walks_and_turns_where_it_is_steered_and_the_page_is_sent_that(driver: ViewController) -> None:
     before = driver.state()["robots"][0]["heading"]
-    driver.do(Request("steer", {"forward": 0.5, "left": 0.0, "turn": 0.8}))
+    driver.handle(Request("steer", {"forward": 0.5, "left": 0.0, "turn": 0.8}))
     state = walk(driver, 150)
     assert state["command"] == [0.5, 0.0, 0.8]
     assert state["robots"][0]["velocity"][0] == pytest.approx(0.5, abs=0.25)
@@ -80,7 +80,7 @@ def test_it_walks_and_turns_where_it_is_steered_and_the_page_is_sent_that(driver
     assert driver.state()["robots"][0]["rows"] == []
     # Pushes are given as seen from the robot, which no longer looks along the world's x.
     for direction, axis, sign in ((0.0, 0, 1), (90.0, 1, 1), (-90.0, 1, -1)):
-        driver.do(Request("push", {"direction": direction, "impulse": 12.0}))
+        driver.handle(Request("push", {"direction": direction, "impulse": 12.0}))
         state = walk(driver, 10)
         heading = np.radians(state["robots"][0]["heading"])
         x, y = driver.sessions[0].latest.infos["push"][0]
@@ -91,33 +91,33 @@ def test_it_walks_and_turns_where_it_is_steered_and_the_page_is_sent_that(driver
         assert not driver.sessions[0].latest.infos["push"].any()
 
 
-def test_again_is_the_same_episode_to_the_bit_whatever_began_it_and_for_a_second_robot_too(driver: Driver) -> None:
+def test_again_is_the_same_episode_to_the_bit_whatever_began_it_and_for_a_second_robot_too(driver: ViewController) -> None:
     def positions() -> list[list[float]]:
         walk(driver, 30)
         return [session.latest.infos["position"][0].tolist() for session in driver.sessions]
 
-    driver.do(Request("steer", {"forward": 0.5, "left": 0.0, "turn": 0.0}))
+    driver.handle(Request("steer", {"forward": 0.5, "left": 0.0, "turn": 0.0}))
     for begin in (Request("scenario", {"name": "push"}), Request("policy", {"robot": 1, "name": "trot"})):
-        driver.do(begin)
+        driver.handle(begin)
         found = positions()
-        driver.do(Request("reset", {"seed": driver.sessions[0].seed}))
+        driver.handle(Request("reset", {"seed": driver.sessions[0].seed}))
         assert positions() == found
     assert found[0] == found[1]
-    driver.do(Request("policy", {"robot": 1, "name": "mpc_wbc_sighted"}))  # from the start again, though it sees more
+    driver.handle(Request("policy", {"robot": 1, "name": "mpc_wbc_sighted"}))  # from the start again, though it sees more
     assert driver.state()["time"] == 0.0
     assert positions()[0] == found[0] != positions()[1]
     first, second = (session.env.pushes.force[0].tolist() for session in driver.sessions)
     assert first == second
-    with closing(Driver(["trot"], "push", command=(0.5, 0.0, 0.0))) as fresh:
+    with closing(ViewController(["trot"], "push", command=(0.5, 0.0, 0.0))) as fresh:
         walk(fresh, 30)
         assert fresh.sessions[0].latest.infos["position"][0].tolist() == found[0]
 
 
 def test_rows_are_of_the_present_episode_name_the_feet_in_their_order_and_are_no_more_than_a_page_shows(
-    driver: Driver,
+    driver: ViewController,
 ) -> None:
     walk(driver, 5)
-    driver.do(Request("next", {}))
+    driver.handle(Request("next", {}))
     assert len(walk(driver, 2)["robots"][0]["rows"]) == 2
     session, telemetry = driver.sessions[0], driver._telemetry[0]
     lifted = {**session.latest.infos, "foot_contact": np.array([[True, False, False, False]])}
@@ -127,41 +127,41 @@ def test_rows_are_of_the_present_episode_name_the_feet_in_their_order_and_are_no
     assert rows[0][3] == [1, 0, 0, 0]
     assert len(rows) == KEPT_ROWS
     for _ in range(KEPT_EVENTS + 5):
-        driver.do(Request("push", {"direction": 0.0, "impulse": 0.0}))
+        driver.handle(Request("push", {"direction": 0.0, "impulse": 0.0}))
     assert len(driver.state()["events"]) == KEPT_EVENTS
 
 
-def test_paused_it_stands_still_but_for_single_steps(driver: Driver) -> None:
+def test_paused_it_stands_still_but_for_single_steps(driver: ViewController) -> None:
     walk(driver, 5)
-    driver.do(Request("pause", {"on": True}))
+    driver.handle(Request("pause", {"on": True}))
     assert not driver.move()
-    driver.do(Request("step", {}))
+    driver.handle(Request("step", {}))
     assert driver.move()
     assert not driver.move()
     assert driver.state()["time"] == 0.06
 
 
-def test_scenarios_and_robots_change_with_the_command_kept_until_it_is_given_back(driver: Driver) -> None:
-    driver.do(Request("steer", {"forward": 0.4, "left": 0.1, "turn": 0.0}))
-    driver.do(Request("policy", {"robot": 0, "name": "stand"}))
-    driver.do(Request("scenario", {"name": "slope=10"}))
-    driver.do(Request("policy", {"robot": 1, "name": "trot"}))
+def test_scenarios_and_robots_change_with_the_command_kept_until_it_is_given_back(driver: ViewController) -> None:
+    driver.handle(Request("steer", {"forward": 0.4, "left": 0.1, "turn": 0.0}))
+    driver.handle(Request("policy", {"robot": 0, "name": "stand"}))
+    driver.handle(Request("scenario", {"name": "slope=10"}))
+    driver.handle(Request("policy", {"robot": 1, "name": "trot"}))
     state = walk(driver, 2)
     assert [robot["policy"] for robot in state["robots"]] == ["stand", "trot"]
     assert (state["scenario"], state["command"]) == ("slope=10", [0.4, 0.1, 0.0])
-    driver.do(Request("alone", {}))
-    driver.do(Request("let_go", {}))
+    driver.handle(Request("alone", {}))
+    driver.handle(Request("let_go", {}))
     state = walk(driver, 1)
     assert len(state["robots"]) == 1
     assert not state["by_hand"]
     assert state["command"] != [0.4, 0.1, 0.0]
 
 
-def test_a_push_is_given_to_every_robot_and_told_once(driver: Driver) -> None:
+def test_a_push_is_given_to_every_robot_and_told_once(driver: ViewController) -> None:
     """Ahead of the first: each has the same force, in the world."""
-    driver.do(Request("policy", {"robot": 1, "name": "stand"}))
+    driver.handle(Request("policy", {"robot": 1, "name": "stand"}))
     walk(driver, 2)
-    driver.do(Request("push", {"direction": 0.0, "impulse": 6.0}))
+    driver.handle(Request("push", {"direction": 0.0, "impulse": 6.0}))
     state = walk(driver, 1)
     first, second = (session.latest.infos["push"][0] for session in driver.sessions)
     assert np.hypot(*first) == pytest.approx(60.0, rel=1e-3)
@@ -170,46 +170,46 @@ def test_a_push_is_given_to_every_robot_and_told_once(driver: Driver) -> None:
     assert driver.state()["events"] == []
 
 
-def test_another_policy_for_one_robot_leaves_the_others_theirs(driver: Driver) -> None:
+def test_another_policy_for_one_robot_leaves_the_others_theirs(driver: ViewController) -> None:
     for robot, name in ((1, "stand"), (2, "document"), (0, "trot_integral")):
-        driver.do(Request("policy", {"robot": robot, "name": name}))
+        driver.handle(Request("policy", {"robot": robot, "name": name}))
     assert [robot["policy"] for robot in driver.state()["robots"]] == ["trot_integral", "stand", "document"]
-    driver.do(Request("policy", {"robot": 1, "name": "trot"}))
+    driver.handle(Request("policy", {"robot": 1, "name": "trot"}))
     assert [robot["policy"] for robot in driver.state()["robots"]] == ["trot_integral", "trot", "document"]
 
 
-def test_a_single_step_pauses_robots_that_were_walking(driver: Driver) -> None:
+def test_a_single_step_pauses_robots_that_were_walking(driver: ViewController) -> None:
     walk(driver, 2)
-    driver.do(Request("step", {}))
+    driver.handle(Request("step", {}))
     assert driver.state()["paused"]
     assert driver.move()
     assert not driver.move()
-    driver.do(Request("pause", {"on": False}))
+    driver.handle(Request("pause", {"on": False}))
     assert driver.move()
 
 
-def test_letting_go_gives_every_robot_its_episode_again_with_the_commands_of_its_seed(driver: Driver) -> None:
-    driver.do(Request("policy", {"robot": 1, "name": "stand"}))
-    driver.do(Request("reset", {"seed": 7}))
-    driver.do(Request("steer", {"forward": 0.4, "left": 0.1, "turn": 0.0}))
+def test_letting_go_gives_every_robot_its_episode_again_with_the_commands_of_its_seed(driver: ViewController) -> None:
+    driver.handle(Request("policy", {"robot": 1, "name": "stand"}))
+    driver.handle(Request("reset", {"seed": 7}))
+    driver.handle(Request("steer", {"forward": 0.4, "left": 0.1, "turn": 0.0}))
     walk(driver, 3)
-    driver.do(Request("let_go", {}))
+    driver.handle(Request("let_go", {}))
     assert [session.seed for session in driver.sessions] == [7, 7]
     state = walk(driver, 2)
     assert (state["seed"], state["time"], state["by_hand"]) == (7, 0.02, False)
-    with closing(Driver(["trot"], seed=7)) as drawn:
+    with closing(ViewController(["trot"], seed=7)) as drawn:
         assert walk(drawn, 2)["command"] == state["command"]
 
 
-def test_next_is_the_episode_of_the_next_seed_and_a_change_of_robots_keeps_it(driver: Driver) -> None:
-    driver.do(Request("next", {}))
+def test_next_is_the_episode_of_the_next_seed_and_a_change_of_robots_keeps_it(driver: ViewController) -> None:
+    driver.handle(Request("next", {}))
     assert [session.seed for session in driver.sessions] == [1]
     for change in (Request("policy", {"robot": 1, "name": "stand"}), Request("scenario", {"name": "slope=10"})):
-        driver.do(change)
+        driver.handle(change)
         assert [session.seed for session in driver.sessions] == [1, 1]
-    driver.do(Request("next", {}))
+    driver.handle(Request("next", {}))
     assert [session.seed for session in driver.sessions] == [2, 2]
-    driver.do(Request("alone", {}))
+    driver.handle(Request("alone", {}))
     assert [session.seed for session in driver.sessions] == [2]
 
 
@@ -224,13 +224,13 @@ def test_next_is_the_episode_of_the_next_seed_and_a_change_of_robots_keeps_it(dr
     ],
 )
 def test_what_is_not_there_changes_nothing(
-    driver: Driver, what: str, values: dict[str, Any], error: type[Exception], tmp_path: Path
+    driver: ViewController, what: str, values: dict[str, Any], error: type[Exception], tmp_path: Path
 ) -> None:
     ran, file = tmp_path / "ran", tmp_path / "mine.py"
     file.write_text(f"open({str(ran)!r}, 'w')", encoding="utf-8")
     values = values | {"name": values["name"].replace("FILE.py", str(file))}
     with pytest.raises(error):
-        driver.do(Request(what, values))
+        driver.handle(Request(what, values))
     after = walk(driver, 1)
     assert after["scenario"] == "flat"
     assert [robot["policy"] for robot in after["robots"]] == ["trot"]
@@ -241,7 +241,7 @@ def test_what_is_not_there_changes_nothing(
 def test_a_policy_that_fails_is_said_and_stands(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(FAILING, encoding="utf-8")
-    with closing(Driver([f"{file}:Failing"])) as own:
+    with closing(ViewController([f"{file}:Failing"])) as own:
         assert walk(own, 5)["robots"][0]["outcome"] == "undecided until 10 s"
         (robot,) = walk(own, 20)["robots"]
         assert robot["failed"]
@@ -249,10 +249,10 @@ def test_a_policy_that_fails_is_said_and_stands(tmp_path: Path) -> None:
         assert "ZeroDivisionError" in robot["story"][0]
 
 
-def test_a_policy_that_sees_the_ground_begins_an_episode_with_it(driver: Driver) -> None:
+def test_a_policy_that_sees_the_ground_begins_an_episode_with_it(driver: ViewController) -> None:
     walk(driver, 5)
     blind = driver.sessions[0].latest.observation.shape[1]
-    driver.do(Request("policy", {"robot": 0, "name": "mpc_wbc_sighted"}))
+    driver.handle(Request("policy", {"robot": 0, "name": "mpc_wbc_sighted"}))
     assert driver.sessions[0].latest.observation.shape[1] > blind
     state = walk(driver, 1)
     assert (state["time"], state["seed"], state["command"]) == (0.01, 0, [0.0, 0.0, 0.0])

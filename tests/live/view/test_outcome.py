@@ -10,14 +10,14 @@ from evaluate.causes.story import in_lines, timeline
 from evaluate.measures.metrics import measure
 from evaluate.rollouts.rollout import STEPS, run
 from live.session import Session
-from live.view.outcome import Outcome
+from live.view.outcome import EpisodeOutcome
 
 
-def watched(session: Session, steps: int) -> Outcome:
-    outcome = Outcome(session)
+def watched(session: Session, steps: int) -> EpisodeOutcome:
+    outcome = EpisodeOutcome(session)
     for _ in range(steps):
         session.step()
-        outcome.note()
+        outcome.record()
     return outcome
 
 
@@ -31,14 +31,14 @@ def test_a_fall_has_the_story_and_the_cause_of_an_evaluation_and_keeps_it(name: 
         assert outcome.words == "undecided until 10 s"
         assert not outcome.failed
         session.step()
-        outcome.note()
+        outcome.record()
         assert outcome.story == in_lines(timeline(episodes, measure(episodes)))
         assert outcome.failed
         assert "; cause: " in outcome.words
         before = outcome.words
         session.push((500.0, 0.0), 0.1)
         session.step()
-        outcome.note()
+        outcome.record()
         assert outcome.words == before  # though it goes on, and is pushed
 
 
@@ -48,11 +48,11 @@ def test_success_is_said_at_the_end_of_the_time_and_never_of_what_was_steered(mo
         outcome = watched(session, 149)
         assert outcome.words == "undecided until 1.5 s"
         session.step()
-        outcome.note()
+        outcome.record()
         assert (outcome.words, outcome.failed) == ("1.50 s: succeeded", False)
         session.reset()
         session.push((0.0, 0.0), 0.1)
-        assert session.touched
+        assert session.user_intervened
         session.reset()
         session.steer((0.5, 0.0, 0.0))
         outcome = watched(session, 151)
@@ -70,6 +70,6 @@ def test_a_push_by_hand_long_after_the_start_is_a_cause_and_times_are_those_of_t
             if number == 220:
                 session.push((0.0, 1500.0), 0.1)
             session.step()
-            outcome.note()
+            outcome.record()
     assert outcome.story[0] == "2.20 s  a push of 150 N·s, 10.6 m/s for its mass"
     assert outcome.words.endswith("cause: pushed over (certain)")

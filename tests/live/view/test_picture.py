@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from live.view.driver import Driver
-from live.view.painter import HEIGHT, WIDTH, Painter
+from live.view.driver import ViewController
+from live.view.painter import HEIGHT, WIDTH, RenderThread
 from live.view.picture import DISTANCES, STEEPEST, Orbit
 from quad_env.cli.pace import RealTimeRate
 
 
-def walking(*names: str, scenario: str = "flat") -> Driver:
-    return Driver(names, scenario, command=(0.5, 0.0, 0.0))
+def walking(*names: str, scenario: str = "flat") -> ViewController:
+    return ViewController(names, scenario, command=(0.5, 0.0, 0.0))
 
 
-def walk(driver: Driver, steps: int) -> None:
+def walk(driver: ViewController, steps: int) -> None:
     for session in driver.sessions:
         for _ in range(steps):
             session.step()
@@ -53,18 +53,18 @@ def test_each_picture_looks_at_its_own_robot_while_it_follows() -> None:
 
 
 @pytest.fixture
-def drawn() -> Iterator[tuple[Painter, "queue.Queue[bytes]"]]:
+def drawn() -> Iterator[tuple[RenderThread, "queue.Queue[bytes]"]]:
     files: queue.Queue[bytes] = queue.Queue()
-    with closing(Painter(files.put)) as painter:
+    with closing(RenderThread(files.put)) as painter:
         yield painter, files
 
 
 @pytest.mark.rendering
-def test_pictures_are_of_the_robots_and_the_ground_of_now(drawn: "tuple[Painter, queue.Queue[bytes]]") -> None:
+def test_pictures_are_of_the_robots_and_the_ground_of_now(drawn: "tuple[RenderThread, queue.Queue[bytes]]") -> None:
     painter, files = drawn
 
-    def picture_of(driver: Driver, by: Painter = painter) -> np.ndarray:
-        by.hand(driver.picture())
+    def picture_of(driver: ViewController, by: RenderThread = painter) -> np.ndarray:
+        by.submit(driver.picture())
         return np.asarray(Image.open(io.BytesIO(files.get(timeout=60))), float)
 
     with closing(walking("trot")) as flat, closing(walking("trot", "stand")) as two:
@@ -76,7 +76,7 @@ def test_pictures_are_of_the_robots_and_the_ground_of_now(drawn: "tuple[Painter,
         assert np.abs(picture_of(two) - alone).mean() > 1.0  # a picture each, side by side
     with closing(walking("trot", scenario="stairs=0.3")) as stairs:
         climbed = picture_of(stairs)  # of another model: nothing of the last one is drawn
-        with closing(Painter(files.put)) as fresh:
+        with closing(RenderThread(files.put)) as fresh:
             assert np.abs(picture_of(stairs, fresh) - climbed).mean() < 1.0
         assert np.abs(climbed - alone).mean() > 5.0
     assert painter.failure is None

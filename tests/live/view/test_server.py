@@ -10,7 +10,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from live.view.server import DRAWN, LARGEST_MESSAGE, MOST_PAGES, Server
+from live.view.server import FRAME_ACK, LARGEST_MESSAGE, MOST_PAGES, Server
 from quad_env.cli.command_line import UsageError
 from tests.waiting import until
 
@@ -133,7 +133,7 @@ def test_frames_wait_for_a_page_that_is_slow_and_tellings_come_in_order(server: 
             server.tell(str(number))
         assert [slow.recv(timeout=30) for _ in range(3)] == ["0", "1", "2"]
         assert not server.wanted.is_set()
-        slow.send(DRAWN)
+        slow.send(FRAME_ACK)
         assert server.wanted.wait(5)
         server.show(b"third")
         assert slow.recv(timeout=30) == b"third"
