@@ -56,7 +56,7 @@ def _plan(words: list[str]) -> "Plan":
     """What the words ask for; the defaults of --resume are the options of the run."""
     read = partial(parse, Options, words, program=NAME, description=f"{__doc__}{PROGRAM.listing()}")
     options = read()
-    from evaluate.commands.plan import load_run_options, check  # after --help, which is to be quick
+    from evaluate.commands.plan import check, load_run_options  # after --help, which is to be quick
 
     return check(read(default=load_run_options(options.out)) if options.resume else options)
 

@@ -91,7 +91,12 @@ class Session:
         PolicyError where it needs other observations than the first; nothing has changed then."""
         self._check(policy)
         policy.reset(num_envs=1, seed=0)
-        self.policy, self._policy_changed_at, self._offset, self.user_intervened = policy, self.latest.number, None, True
+        self.policy, self._policy_changed_at, self._offset, self.user_intervened = (
+            policy,
+            self.latest.number,
+            None,
+            True,
+        )
         self.tell(f"{policy.name} chosen")
 
     def tell(self, event: str) -> None:

@@ -79,7 +79,9 @@ def policy(subject: Subject) -> Finding:
 def walk(policy: Policy, subject: Subject) -> tuple[list[str], list[str]]:
     """Words about each of COMMANDS that it follows, such as `forward 0.49 of 0.50 m/s`, and about each other one."""
     found = walks_of(policy, HardwareConfig(robot=subject.name), COMMANDS, np.arange(1))
-    tracked, not_tracked = ([each.words for each in found if (each.deviation <= 1.0) is followed] for followed in (True, False))
+    tracked, not_tracked = (
+        [each.words for each in found if (each.deviation <= 1.0) is followed] for followed in (True, False)
+    )
     return tracked, not_tracked
 
 
@@ -158,7 +160,9 @@ def _finding(subject: Subject, ways: tuple[str, ...]) -> Finding:
         return ok("; ".join({walk.command_name: walk.words for walk in found}.values()))
     if diagnosis.failed(found):
         return problem("; ".join(seen.values()), "the network itself", "export it again")
-    return problem("; ".join(seen.values()), diagnosis.diagnose(_loaded(subject), subject.name), f"correct that {CORRECT}")
+    return problem(
+        "; ".join(seen.values()), diagnosis.diagnose(_loaded(subject), subject.name), f"correct that {CORRECT}"
+    )
 
 
 @lru_cache(maxsize=1)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.gait_cycle import Floats as Floats
 from policies.gait_cycle import advance, smoothstep
-from policies.memory import allocate, reset_rows, per_robot, take_over
+from policies.memory import allocate, per_robot, reset_rows, take_over
 from quad_env.cli.command_line import UserError
 from quad_env.config import TaskConfig
 from quad_env.robots.named import get_robot

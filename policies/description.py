@@ -20,7 +20,7 @@ from policies.base import CONTROL_PERIOD, PolicyError
 from policies.history import Inputs
 from policies.network import ACTIVATION, Network
 from policies.residual import ResidualPolicy
-from policies.residual_bases import describe, base_from_json
+from policies.residual_bases import base_from_json, describe
 from quad_env import ENV_ID
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.config import Bounds, Settings

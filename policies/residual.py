@@ -59,7 +59,9 @@ class Features(PerRobotState):
         return np.concatenate(seen, axis=-1) if len(seen) > 1 else scaled
 
 
-def apply_correction(robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions) -> Actions:
+def apply_correction(
+    robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions
+) -> Actions:
     """The base's action (n, 12) plus authority (12,), rad, times the correction in [-1, 1], within the joint limits,
     rad."""
     one = np.float32(1.0)

@@ -52,7 +52,9 @@ def ordered_sum(columns: Iterable[ScalarOrBatch]) -> ScalarOrBatch:
     return out  # type: ignore[no-any-return]
 
 
-def differences(x: Components[ScalarOrBatch], y: Components[ScalarOrBatch] | Sequence[float]) -> Components[ScalarOrBatch]:
+def differences(
+    x: Components[ScalarOrBatch], y: Components[ScalarOrBatch] | Sequence[float]
+) -> Components[ScalarOrBatch]:
     """xᵢ - yᵢ; `y` may be numbers."""
     return np.subtract(x.T, np.transpose(y)).T if isinstance(x, np.ndarray) else tuple(map(operator.sub, x, y))
 

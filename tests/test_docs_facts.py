@@ -129,7 +129,11 @@ FACTS: list[Fact] = [
         f"steps of {NUMBER} ms and at most {NUMBER} iterations",
         lambda: [1000 * config.TIMESTEP, config.SOLVER_ITERATIONS],
     ),
-    ("docs/training.md", f"The first checkpoint is written within {NUMBER} s", lambda: [callbacks.FIRST_CHECKPOINT_DEADLINE]),
+    (
+        "docs/training.md",
+        f"The first checkpoint is written within {NUMBER} s",
+        lambda: [callbacks.FIRST_CHECKPOINT_DEADLINE],
+    ),
     (
         "docs/training.md",
         f"An episode that succeeds costs {NUMBER}, one off its command {NUMBER}, one that stalls {NUMBER}, "

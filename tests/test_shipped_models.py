@@ -53,7 +53,10 @@ def _share(cell: str) -> float:
 
 def succeeded(policy: policies.Policy, scenario: str, hardware: HardwareConfig) -> int:
     """Episodes of success on ground and seeds that neither training nor the card has seen."""
-    seeds, ground = episode_seeds("search", 3, EPISODES), with_terrain_seed(scenario, "search", robot=hardware.robot_model)
+    seeds, ground = (
+        episode_seeds("search", 3, EPISODES),
+        with_terrain_seed(scenario, "search", robot=hardware.robot_model),
+    )
     return int(measure(rollout.run(policy, ground, seeds, nthread=1, hardware=hardware)).succeeded.sum())
 
 

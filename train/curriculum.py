@@ -84,8 +84,14 @@ def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) 
     return dataclasses.replace(found, **{field: getattr(scenario, field) for field in FIELD_OF_SUFFIX.values()})
 
 
-def update_difficulties(difficulties: Sequence[float], counted: NDArray[np.int64], tracked: NDArray[np.int64]) -> list[float]:
+def update_difficulties(
+    difficulties: Sequence[float], counted: NDArray[np.int64], tracked: NDArray[np.int64]
+) -> list[float]:
     """Shares of severity after those, by the command intervals of each scenario and how many were tracked."""
     rates = tracked / np.maximum(counted, 1)
-    change = STEP * np.select([counted < MIN_INTERVALS, rates > FAST_PROMOTION_RATE, rates > PROMOTION_RATE, rates < DEMOTION_RATE], [0.0, 2.0, 1.0, -1.0], 0.0)
+    change = STEP * np.select(
+        [counted < MIN_INTERVALS, rates > FAST_PROMOTION_RATE, rates > PROMOTION_RATE, rates < DEMOTION_RATE],
+        [0.0, 2.0, 1.0, -1.0],
+        0.0,
+    )
     return list(np.clip(difficulties + change, 0.0, 1.0).tolist())

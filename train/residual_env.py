@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from policies.base import Policy
 from policies.history import Inputs
-from policies.residual import NO_HISTORY, Features, authority_of, apply_correction
+from policies.residual import NO_HISTORY, Features, apply_correction, authority_of
 
 FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]

@@ -16,7 +16,7 @@ from train.residual_env import ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, has_checkpoint, new_run, refuse_folder_in_use, writing
 from train.run_record import evaluation, write_settings
 from train.sb3 import checkpoint
-from train.sb3.callbacks import TrainingCallback, CallbackState
+from train.sb3.callbacks import CallbackState, TrainingCallback
 from train.sb3.log import run_logger
 from train.sb3.ppo import REWARD_SCALE, make_ppo, set_actor
 from train.sb3.progress import Display, ProgressEstimator

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from quad_env.cli.command_line import UsageError
-from quad_env.files.writing import FolderInUse, make_writable_folder, exclusive_lock
+from quad_env.files.writing import FolderInUse, exclusive_lock, make_writable_folder
 
 CONFIG_FILE, RECORD_FILE = "config.json", "run.json"
 """Settings of the run; the command that repeats it, with revision and packages of each session."""

@@ -66,7 +66,9 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._elapsed, self._returns = np.zeros(n, np.int64), np.zeros(n)
         self._fell = np.zeros(n, np.bool_)
         self._intervals = CommandIntervalTracker(n, self.dt)
-        self._scenario_one_hot = np.repeat(np.eye(len(batches), dtype=np.float32), [each.num_envs for each in batches], axis=0)
+        self._scenario_one_hot = np.repeat(
+            np.eye(len(batches), dtype=np.float32), [each.num_envs for each in batches], axis=0
+        )
         self.privileged_width = len(batches) + 3 + 2
         """Numbers of a row of `infos["privileged"]`: which scenario, true velocity, push."""
         self._sums = defaultdict[str, float](float)
@@ -239,7 +241,9 @@ def bases_of(config: TrainConfig) -> list[tuple[Policy, int]]:
     counts = [0, 0]
     for name, count in robots_per_scenario(config).items():
         counts[_real(config, name)] += count
-    return [(make_base(config, bool(hardware_profile)), count) for hardware_profile, count in enumerate(counts) if count]
+    return [
+        (make_base(config, bool(hardware_profile)), count) for hardware_profile, count in enumerate(counts) if count
+    ]
 
 
 def _real(config: TrainConfig, name: str) -> bool:

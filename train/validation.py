@@ -20,7 +20,11 @@ YAW_WEIGHT = 0.5
 
 
 def validate(
-    policy: Policy, config: ValidationConfig, nthread: int, hardware: HardwareConfig, hardware_profile: Policy | None = None
+    policy: Policy,
+    config: ValidationConfig,
+    nthread: int,
+    hardware: HardwareConfig,
+    hardware_profile: Policy | None = None,
 ) -> dict[str, dict[str, float]]:
     """Mean metrics of each scenario on robots with that hardware, scenario -> name -> value.
 
@@ -29,7 +33,10 @@ def validate(
     seeds = episode_seeds("validation", VALIDATION_SEED, config.episodes)
     walk = partial(run, seeds=seeds, nthread=nthread, hardware=hardware)
     scenarios = {name: with_terrain_seed(name, "validation", robot=hardware.robot_model) for name in config.scenarios}
-    return {name: summarise(walk(hardware_profile if hardware_profile and each.hardware else policy, each)) for name, each in scenarios.items()}
+    return {
+        name: summarise(walk(hardware_profile if hardware_profile and each.hardware else policy, each))
+        for name, each in scenarios.items()
+    }
 
 
 def ranking_key(results: Results) -> tuple[float, float]:

@@ -83,7 +83,9 @@ def default_baseline(policies: Sequence[str]) -> str:
     return BASELINE if BASELINE in policies or not policies else policies[0]
 
 
-def compare_pair(a: PolicyScenarioResult, b: PolicyScenarioResult, metrics: Sequence[str] = METRICS) -> Iterator[Comparison]:
+def compare_pair(
+    a: PolicyScenarioResult, b: PolicyScenarioResult, metrics: Sequence[str] = METRICS
+) -> Iterator[Comparison]:
     """Metrics of two cells with the same episodes."""
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")

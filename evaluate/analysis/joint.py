@@ -12,7 +12,7 @@ from evaluate.analysis.matches import Match, Stored
 from evaluate.analysis.pareto import ParetoPoint, pareto
 from evaluate.analysis.rank_correlation import LEAST_POLICIES, RankCorrelation, rank_correlation
 from evaluate.analysis.ranking import Ranking, correct_p_values, ranking
-from evaluate.analysis.score import ScoredCells, select_scored_cells, scores
+from evaluate.analysis.score import ScoredCells, scores, select_scored_cells
 from evaluate.records.episode_table import cell_of
 from evaluate.records.store import rows_of
 from evaluate.rollouts.experiment import PolicyScenarioResult
@@ -64,9 +64,13 @@ def _of_match(match: Match, labels: tuple[Labels, Labels]) -> Comparison:
     return Comparison(match.scenario, *names, of.metric, of.difference, of.ci, of.p_value, of.test, of.p_value)
 
 
-def _correlation(found: Sequence[Match], complete: ScoredCells, labels: tuple[Labels, Labels]) -> RankCorrelation | None:
+def _correlation(
+    found: Sequence[Match], complete: ScoredCells, labels: tuple[Labels, Labels]
+) -> RankCorrelation | None:
     pairs = [
-        (a, b) for a, b in dict.fromkeys((m.a, m.b) for m in found) if {labels[0][a], labels[1][b]} <= {*complete.cells_by_policy}
+        (a, b)
+        for a, b in dict.fromkeys((m.a, m.b) for m in found)
+        if {labels[0][a], labels[1][b]} <= {*complete.cells_by_policy}
     ]
     if len(pairs) < LEAST_POLICIES:
         return None

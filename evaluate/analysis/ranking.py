@@ -95,7 +95,9 @@ def _neighbours(better: str, worse: str, a: Floats, b: Floats) -> Neighbours:
     return Neighbours(better, worse, difference, deviation, ci, p_value)
 
 
-def correct_p_values(ranked: Ranking, comparisons: Sequence[Comparison], limit: int = 0) -> tuple[Ranking, list[Comparison]]:
+def correct_p_values(
+    ranked: Ranking, comparisons: Sequence[Comparison], limit: int = 0
+) -> tuple[Ranking, list[Comparison]]:
     """The same with one correction for all that a report claims: Holm's method with weights.
 
     The claims are the differences of neighbours, with RANKING_WEIGHT together, and the given ones of success on single
@@ -123,13 +125,17 @@ def correct_p_values(ranked: Ranking, comparisons: Sequence[Comparison], limit: 
     return replace(
         ranked,
         neighbours=tuple(
-            _with_corrected_p_value(each, corrected[key], SIGNIFICANT * weights[key] / max(left, weights[key]), ranked, shown)
+            _with_corrected_p_value(
+                each, corrected[key], SIGNIFICANT * weights[key] / max(left, weights[key]), ranked, shown
+            )
             for key, each in zip(together, ranked.neighbours, strict=True)
         ),
     ), found
 
 
-def _with_corrected_p_value(of: Neighbours, p_value: float, level: float, ranked: Ranking, shown: Sequence[Comparison]) -> Neighbours:
+def _with_corrected_p_value(
+    of: Neighbours, p_value: float, level: float, ranked: Ranking, shown: Sequence[Comparison]
+) -> Neighbours:
     """With its corrected p-value, the episodes that its level takes, and the scenarios that show something alone."""
     on = {each: list[str]() for each in (of.better, of.worse)}
     for c in shown:

@@ -13,7 +13,7 @@ from evaluate.analysis.breaking_points import AxisBreakingPoint, breaking_points
 from evaluate.analysis.comparison import Comparison, compare, default_baseline
 from evaluate.analysis.pareto import Pareto, pareto
 from evaluate.analysis.ranking import Ranking, correct_p_values, ranking
-from evaluate.analysis.score import Score, select_scored_cells, scores
+from evaluate.analysis.score import Score, scores, select_scored_cells
 from evaluate.analysis.summary import Summary, summarise
 from evaluate.records.provenance import versions
 from evaluate.rollouts.experiment import PolicyScenarioResult

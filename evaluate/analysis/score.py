@@ -13,7 +13,13 @@ import numpy as np
 from evaluate.analysis.comparison import NO_INTERVAL, is_identical
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.rollouts.experiment import PolicyScenarioResult
-from evaluate.statistics.intervals import Floats, Interval, difference_interval, mean_proportion_interval, wilson_interval
+from evaluate.statistics.intervals import (
+    Floats,
+    Interval,
+    difference_interval,
+    mean_proportion_interval,
+    wilson_interval,
+)
 from evaluate.statistics.significance import sign_flip_test
 from quad_env.scenarios.named import STEADY
 from quad_env.scenarios.scenario import HARDWARE, Scenario
@@ -87,11 +93,17 @@ def scores(cells: Sequence[PolicyScenarioResult], baseline: str, *, hardware: bo
     a single axis the success on it."""
     found = select_scored_cells(cells, hardware=hardware)
     base = found.by_episode(baseline) if baseline in found.cells_by_policy else None
-    return sorted((_score(policy, found, baseline, base) for policy in found.cells_by_policy), key=lambda each: -each.score)
+    return sorted(
+        (_score(policy, found, baseline, base) for policy in found.cells_by_policy), key=lambda each: -each.score
+    )
 
 
 def _score(policy: str, of: ScoredCells, baseline: str, base: Floats | None) -> Score:
-    values, compared, cells_by_policy = of.by_episode(policy), base is not None and policy != baseline, of.cells_by_policy[policy]
+    values, compared, cells_by_policy = (
+        of.by_episode(policy),
+        base is not None and policy != baseline,
+        of.cells_by_policy[policy],
+    )
     difference = values - (base if base is not None and compared else np.nan)
     has_interval = compared and not of.is_identical(policy, baseline)
     return Score(
@@ -99,7 +111,9 @@ def _score(policy: str, of: ScoredCells, baseline: str, base: Floats | None) -> 
         score=float(values.mean()),
         ci=score_interval(values, of),
         axes={
-            _base(axis.name): tuple(float(cells_by_policy[level.name].measures.succeeded.mean()) for level in axis.levels)
+            _base(axis.name): tuple(
+                float(cells_by_policy[level.name].measures.succeeded.mean()) for level in axis.levels
+            )
             for axis in of.axes
         },
         difference=0.0 if policy == baseline else float(difference.mean()),

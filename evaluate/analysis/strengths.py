@@ -27,7 +27,11 @@ class Strength:
 
 
 def strengths(
-    cells: Sequence[PolicyScenarioResult], summaries: Mapping[tuple[str, str], Summary], policy: str, *, hardware: bool = False
+    cells: Sequence[PolicyScenarioResult],
+    summaries: Mapping[tuple[str, str], Summary],
+    policy: str,
+    *,
+    hardware: bool = False,
 ) -> list[Strength]:
     """All that the policy ran and a score counts, the most successful first."""
     axes = severity_axes([cell for cell in cells if cell.policy == policy and is_scored(cell.scenario, hardware)])

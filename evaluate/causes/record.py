@@ -102,8 +102,12 @@ class EpisodeSignals:
         """First step after the last moment at which tilt, height and capture point were as in its ordinary gait."""
         away = planar(self.capture_point_offset) - planar(self.of("command")) * self.time_constant
         low = -self.of("height") / self.episodes.robot.home_height
-        unusual = self._exceeds_usual(self.of("tilt"), self.threshold("tilt")) | self._exceeds_usual(away, self.threshold("capture"))
-        return int(np.flatnonzero(np.append(True, ~(unusual | self._exceeds_usual(low, -self.threshold("height"))))).max())
+        unusual = self._exceeds_usual(self.of("tilt"), self.threshold("tilt")) | self._exceeds_usual(
+            away, self.threshold("capture")
+        )
+        return int(
+            np.flatnonzero(np.append(True, ~(unusual | self._exceeds_usual(low, -self.threshold("height"))))).max()
+        )
 
     def _exceeds_usual(self, signal: Floats, least: float) -> Bools:
         """Where a signal is above that and above what it nearly always is in the ordinary gait, where that is known."""

@@ -97,7 +97,9 @@ def pushes(record: EpisodeSignals) -> Iterator[Event]:
             size = float(np.hypot(*impulse))
             faster = size * GRAVITY / seen.weight
             words = f"a push of {size:.0f} N·s, {faster:.1f} m/s for its mass"
-            yield Event(PUSH, step, faster * record.time_constant / record.threshold("push"), words, is_instantaneous=True)
+            yield Event(
+                PUSH, step, faster * record.time_constant / record.threshold("push"), words, is_instantaneous=True
+            )
     if record.fell and force is not None:
         size, step = float(np.hypot(*force)), max(record.onset - 1, 0)
         went = record.capture_point_offset[step:].mean(axis=0)
@@ -111,7 +113,9 @@ def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
     bandwidth far behind their targets."""
     window, bandwidth, seen = record.window, record.scenario.motors.bandwidth, record.episodes
     limit = np.broadcast_to(seen.torque_limit, seen.joint_torque.shape[-1:])
-    full = np.abs(_running_mean(record.of("joint_torque") / limit, SATURATION_WINDOW_STEPS)[window]) >= record.threshold("saturated")
+    full = np.abs(
+        _running_mean(record.of("joint_torque") / limit, SATURATION_WINDOW_STEPS)[window]
+    ) >= record.threshold("saturated")
     if np.isfinite(seen.joule_heat[0, record.number]).all():  # of motors with a curve
         full |= (record.of("peak_speed") / seen.speed_limit)[window] >= record.threshold("saturated")
     weakest = int(full.sum(axis=0).argmax())

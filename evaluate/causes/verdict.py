@@ -61,11 +61,18 @@ def _of_fall(record: EpisodeSignals) -> Verdict:
         return _of_controller(record, max((each.score for each in events if each.cause != rules.REACH), default=0.0))
     sudden = [event for event in triggered_events if event.is_instantaneous]
     first = sudden[0] if sudden else max(triggered_events, key=lambda each: (each.cause != rules.REACH, each.score))
-    has_competing_cause = any(each.step <= first.step for each in triggered_events if each.cause not in (first.cause, rules.REACH))
+    has_competing_cause = any(
+        each.step <= first.step for each in triggered_events if each.cause not in (first.cause, rules.REACH)
+    )
     # its legs may have been hit as hard before without a fall
     usual = first.cause == rules.TRIP and first.step < record.end
     usual = usual and any(each.score >= 1.0 for each in trips(record, slice(0, record.window.start)))
-    certain = first.score >= record.threshold("certain") and first.cause != rules.REACH and not has_competing_cause and not usual
+    certain = (
+        first.score >= record.threshold("certain")
+        and first.cause != rules.REACH
+        and not has_competing_cause
+        and not usual
+    )
     return Verdict(first, certain, triggered_events)
 
 
@@ -85,8 +92,13 @@ def _of_upright(record: EpisodeSignals, measures: Measures) -> Verdict:
     """Motors or ground that fail it for long, or what it is shown or sent; else how much of its command it reached."""
     events = [event for rule in rules.UPRIGHT_RULES for event in rule(record)]
     if triggered_events := tuple(event for event in events if event.score >= 1.0):
-        alone = triggered_events[0].cause in (rules.MOTOR, rules.SLIP) and len({event.cause for event in triggered_events} - {rules.REACH}) == 1
-        return Verdict(triggered_events[0], alone and triggered_events[0].score >= record.threshold("certain"), triggered_events)
+        alone = (
+            triggered_events[0].cause in (rules.MOTOR, rules.SLIP)
+            and len({event.cause for event in triggered_events} - {rules.REACH}) == 1
+        )
+        return Verdict(
+            triggered_events[0], alone and triggered_events[0].score >= record.threshold("certain"), triggered_events
+        )
     worst = worst_interval(measures, record.number)
     cause, words, certain = _off_command(record, measures, worst)
     if hits := len({event.step // record.steps("look on") for event in trips(record) if event.score >= 1.0}):

@@ -16,7 +16,7 @@ from evaluate.records.manifest import Manifest
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
 from evaluate.rollouts import diagnosis
-from evaluate.rollouts.experiment import PolicyScenarioResult, StoreError, RunSettings, evaluation_seeds, run_cells
+from evaluate.rollouts.experiment import PolicyScenarioResult, RunSettings, StoreError, evaluation_seeds, run_cells
 from evaluate.rollouts.workers import WorkerDiedError, process_pool
 from evaluate.statistics.sequential import looks
 from quad_env.cli import launcher

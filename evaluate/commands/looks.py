@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from evaluate.analysis.score import select_scored_cells, is_scored
+from evaluate.analysis.score import is_scored, select_scored_cells
 from evaluate.report.verdict import SAME
-from evaluate.rollouts.experiment import PolicyScenarioResult, LabelledPolicy
+from evaluate.rollouts.experiment import LabelledPolicy, PolicyScenarioResult
 from evaluate.statistics.sequential import Neighbours, neighbours
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import number

@@ -8,14 +8,21 @@ from pathlib import Path
 
 import policies
 from evaluate.commands.looks import check_ranked
-from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, PROGRAM, Options, describe_changes, options_from_json
+from evaluate.commands.options import (
+    DEFAULT_BATTERY,
+    DEFAULT_POLICIES,
+    PROGRAM,
+    Options,
+    describe_changes,
+    options_from_json,
+)
 from evaluate.records import manifest as manifests
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from evaluate.rollouts import battery, hardware
 from evaluate.rollouts.experiment import LabelledPolicy, load_labelled_policy
 from evaluate.rollouts.hardware import HardwareConfig
 from quad_env.cli.command_line import UsageError, check_numbers
-from quad_env.files.writing import make_writable_folder, exclusive_lock
+from quad_env.files.writing import exclusive_lock, make_writable_folder
 from quad_env.physics.batch import MUJOCO
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario

@@ -17,14 +17,14 @@ from evaluate.causes.story import in_lines, timeline
 from evaluate.commands.options import PROGRAM, Flag
 from evaluate.film import files
 from evaluate.film.page import write_page
-from evaluate.film.shooting import Progress, FilmSpec, film
+from evaluate.film.shooting import FilmSpec, Progress, film
 from evaluate.measures.episodes import Episodes
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import table
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import PolicyScenarioResult, LabelledPolicy, load_labelled_policy, measure_cell
+from evaluate.rollouts.experiment import LabelledPolicy, PolicyScenarioResult, load_labelled_policy, measure_cell
 from evaluate.rollouts.hardware import check
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import ABSENT, counted
@@ -200,7 +200,9 @@ def find(run: Run, options: Options, episode: int) -> ReplayTarget:
     return episodes[episode]
 
 
-def resimulate(manifest: Manifest, found: ReplayTarget, policy: LabelledPolicy) -> tuple[PolicyScenarioResult, Episodes]:
+def resimulate(
+    manifest: Manifest, found: ReplayTarget, policy: LabelledPolicy
+) -> tuple[PolicyScenarioResult, Episodes]:
     """The episode once more: what it measured, and its record."""
     scenario, seeds, hardware = found.cell.scenario, found.cell.seeds[[found.number]], manifest.hardware
     with bar("simulating", in_lines=False) as progress:  # takes 1 to 2 s
@@ -231,7 +233,9 @@ def policy_of(
 ) -> LabelledPolicy:
     """That policy for the scenarios of the run. Raises UsageError where it is not here."""
     try:
-        return load_labelled_policy(label, manifest.hardware, manifest.scenarios, trust, manifest.only_on.get(label, ()))
+        return load_labelled_policy(
+            label, manifest.hardware, manifest.scenarios, trust, manifest.only_on.get(label, ())
+        )
     except policies.PolicyError as error:
         raise UsageError(f"{complaint}: {error}") from error
 

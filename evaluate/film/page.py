@@ -12,7 +12,7 @@ from typing import Any
 
 from evaluate.causes.story import timeline
 from evaluate.film.curves import curves, events
-from evaluate.film.shooting import RenderOptions, EpisodeView, Progress, FilmSpec
+from evaluate.film.shooting import EpisodeView, FilmSpec, Progress, RenderOptions
 from evaluate.rollouts.experiment import LabelledPolicy, measure_cell
 from quad_env.config import FallRule
 from quad_env.files.writing import write_atomically

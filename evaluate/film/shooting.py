@@ -166,7 +166,9 @@ class EpisodeView:
         """Whether nothing more is to be seen."""
         falls = self.recorder.falls
         past = self.step.number - (falls.step[0] + 1)
-        return bool(falls.fell[0] and (self.step.infos["diverged"][0] or past >= round(POST_FALL_TIME / self.step.env.dt)))
+        return bool(
+            falls.fell[0] and (self.step.infos["diverged"][0] or past >= round(POST_FALL_TIME / self.step.env.dt))
+        )
 
     def picture(self) -> Image.Image:
         """The robot now, with marks where they are wanted; framed red once it has fallen."""

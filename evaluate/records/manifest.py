@@ -149,7 +149,9 @@ def read(folder: Path) -> Manifest:
             raise ValueError("it is of another schema")
         if not RULES.items() <= dict(found["versions"]).items():
             rules = ", ".join(RULES.values())
-            raise UsageError(f"{path}: its figures are not by {rules}, this version's rules; {LAST_COMPATIBLE_REVISION} reads older ones")
+            raise UsageError(
+                f"{path}: its figures are not by {rules}, this version's rules; {LAST_COMPATIBLE_REVISION} reads older ones"
+            )
         if _is_changed(found):
             raise UsageError(f"{path} has been changed since it was written: restore it, or run the evaluation again")
         values = {name: value for name, value in found.items() if name not in ("schema", _SHA256)}

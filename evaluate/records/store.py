@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import NEEDED, cell_of, read_table, table, write_table
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
-from evaluate.rollouts.experiment import PolicyScenarioResult, EpisodeChunk, evaluation_seeds, join
+from evaluate.rollouts.experiment import EpisodeChunk, PolicyScenarioResult, evaluation_seeds, join
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import counted
 from quad_env.scenarios.named import Scenario

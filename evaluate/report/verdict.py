@@ -95,7 +95,11 @@ def _overall_text(of: Neighbours, episodes: int) -> str:
         return f"{of.better} and {of.worse} are {SAME} in {counted(episodes, 'episode')} of each scenario"
     said = f"{of.better} and {of.worse} {ALIKE} with {counted(episodes, 'episode')}"
     if episodes > 1:
-        needed = f"about {float(f'{of.needed:.2g}'):.0f}" if of.needed <= MAX_REPORTED_EPISODES else f"more than {MAX_REPORTED_EPISODES}"
+        needed = (
+            f"about {float(f'{of.needed:.2g}'):.0f}"
+            if of.needed <= MAX_REPORTED_EPISODES
+            else f"more than {MAX_REPORTED_EPISODES}"
+        )
         said += f"; {needed} would be needed"
     by_itself = f", {BY_ITSELF}" if excludes_zero(of.ci) else ""
     return f"{said} ({_size(of)}, corrected {p_value(of.p_value_holm)}{by_itself})"

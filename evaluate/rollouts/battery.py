@@ -12,7 +12,7 @@ from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
-from quad_env.scenarios.named import SCENARIOS, STEADY, TERRAIN, SYNTAX_HELP, find, is_combination, scenarios_of, split
+from quad_env.scenarios.named import SCENARIOS, STEADY, SYNTAX_HELP, TERRAIN, find, is_combination, scenarios_of, split
 from quad_env.scenarios.scenario import Scenario, with_hardware_profile
 from quad_env.serialisation import from_plain, to_json_values
 
@@ -27,9 +27,14 @@ _FILE = ".py:"
 
 
 BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
-    "quick": lambda robot: (*_battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())), *_hardware_scenarios(robot)[:1]),
+    "quick": lambda robot: (
+        *_battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())),
+        *_hardware_scenarios(robot)[:1],
+    ),
     "default": lambda robot: (
-        *_battery(robot, lambda axis: range(axis.nominal_level, axis.nominal_level + LEVELS_ABOVE_NOMINAL + 1), tuple(AXES)),
+        *_battery(
+            robot, lambda axis: range(axis.nominal_level, axis.nominal_level + LEVELS_ABOVE_NOMINAL + 1), tuple(AXES)
+        ),
         *_hardware_scenarios(robot),
     ),
     "full": lambda robot: _battery(robot, lambda axis: range(1, len(axis.levels) + 1), tuple(AXES)),

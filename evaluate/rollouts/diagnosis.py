@@ -86,7 +86,11 @@ def run_walk_tests(policy: Policy, robot: str, times: int = 1) -> list[Walk]:
 def failure_messages(found: Sequence[Walk]) -> dict[str, str]:
     """Words about the worst walk at each command that was not followed, by command."""
     worst = {each.command_name: each for each in sorted(found, key=lambda each: each.deviation)}
-    return {command_name: worst[command_name].words for command_name in COMMANDS if command_name in worst and worst[command_name].deviation > 1.0}
+    return {
+        command_name: worst[command_name].words
+        for command_name in COMMANDS
+        if command_name in worst and worst[command_name].deviation > 1.0
+    }
 
 
 def failed(found: Sequence[Walk]) -> bool:
@@ -144,9 +148,7 @@ def _deviations(policy: ExternalPolicy, robot: str, candidates: Iterable[Correct
     """
     own = HardwareConfig(robot=robot).robot_model
     tried_out = list(candidates)
-    policies = [
-        NetworkPolicy(each.description, robot=own, control_period=policy.control_period) for each in tried_out
-    ]
+    policies = [NetworkPolicy(each.description, robot=own, control_period=policy.control_period) for each in tried_out]
     screened = _worst_deviations(policies, robot, SCREENED, SEEDS[:1], SCREENING)
     best = [
         place for place in np.argsort(screened, kind="stable")[:MOST_WALKS].tolist() if np.isfinite(screened[place])

@@ -53,7 +53,11 @@ class LabelledPolicy:
 
 
 def load_labelled_policy(
-    label: str, hardware: HardwareConfig, scenarios: Sequence[Scenario], trust: bool = False, only_on: Sequence[str] = ()
+    label: str,
+    hardware: HardwareConfig,
+    scenarios: Sequence[Scenario],
+    trust: bool = False,
+    only_on: Sequence[str] = (),
 ) -> LabelledPolicy:
     """The policy of that name or path for those of these scenarios that it runs on. Raises PolicyError."""
     real = {scenario.hardware for scenario in scenarios if not only_on or scenario.name in only_on}

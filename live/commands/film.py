@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from evaluate.film import files
-from evaluate.film.shooting import RenderOptions, FilmSpec, film
+from evaluate.film.shooting import FilmSpec, RenderOptions, film
 from evaluate.rollouts.experiment import load_labelled_policy
 from evaluate.rollouts.hardware import IDEAL
 from live.commands.episode import Command, EpisodeOptions

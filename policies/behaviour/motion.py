@@ -34,7 +34,9 @@ class Motion(PerRobotState, ABC):
         """One control step of the robots `rows`, (k,): targets (k, 12), rad, for those robots' observations (k, m)."""
 
 
-def interpolate_toward(current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLike, control_period: float) -> Floats:
+def interpolate_toward(
+    current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLike, control_period: float
+) -> Floats:
     """The next target on the way to `goal` (k, 12), which takes `duration` s, `elapsed` s of which are over."""
     steps_left = np.maximum((np.asarray(duration) - elapsed) / control_period, 0.0) + 1.0
     nearer: Floats = current + (goal - current) / steps_left[:, None]

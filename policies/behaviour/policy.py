@@ -5,7 +5,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import Actions, Floats, PolicyKwargs, Mask, Policy, to_actions
+from policies.base import Actions, Floats, Mask, Policy, PolicyKwargs, to_actions
 from policies.behaviour.machine import BehaviourMachine
 from policies.behaviour.motion import Damp, Motion, hold, jump
 from policies.behaviour.recovery import Recovery

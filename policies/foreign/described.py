@@ -5,7 +5,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Actions, Floats, PolicyKwargs, Policy, PolicyError, to_actions
+from policies.base import Actions, Floats, Policy, PolicyError, PolicyKwargs, to_actions
 from policies.foreign import networks
 from policies.foreign.description import PolicySpec
 from policies.foreign.joints import action_joints, joints_of

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from policies.base import PolicyError
-from quad_env.config import NonNegative, Bounds, Finite, Positive, check_settings
+from quad_env.config import Bounds, Finite, NonNegative, Positive, check_settings
 from quad_env.files.text import brief
 
 Numbers = tuple[Finite, ...]

@@ -11,13 +11,13 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Actions, PolicyKwargs, Mask, Policy, PolicyError, within_limits
+from policies.base import Actions, Mask, Policy, PolicyError, PolicyKwargs, within_limits
 from policies.foreign.described import with_gains
 from policies.foreign.description import PolicySpec
 from policies.foreign.reference import checked
-from policies.foreign.served import FIRST_CALL_TIMEOUT_FACTOR, SIGNALS, StepResult, PolicyServer, serve
+from policies.foreign.served import FIRST_CALL_TIMEOUT_FACTOR, SIGNALS, PolicyServer, StepResult, serve
 from policies.foreign.terms import scan_of
-from policies.foreign.watched import START_TIMEOUT, DeadlineMissed, PolicyProcessError, PolicyProcess
+from policies.foreign.watched import START_TIMEOUT, DeadlineMissed, PolicyProcess, PolicyProcessError
 
 DEADLINE = 5.0
 """Longest time that one call may take, s; six times as long for the first."""

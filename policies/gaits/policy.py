@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, Mask, validate_mask, flat_joints, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, Mask, flat_joints, to_actions, validate_mask
 from policies.gait_cycle import TURN, Floats, LegCycle, mapped, places
 from policies.gaits.change import GaitTransition
 from policies.gaits.parameters import (
@@ -22,9 +22,9 @@ from policies.gaits.parameters import (
     OFFSETS,
     STAND,
     GaitParameters,
+    limit_command,
     row,
     searched_parameters,
-    limit_command,
     stand_parameters,
     stepping,
 )

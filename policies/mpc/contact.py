@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats, LegCycle
-from policies.memory import PerRobotState, warm_start_gain, per_robot, lowpass_gain
+from policies.memory import PerRobotState, lowpass_gain, per_robot, warm_start_gain
 from policies.mpc.motion import MotionState
 from policies.mpc.parameters import ModelParameters
 from policies.mpc.servo_step import ServoModel
@@ -165,12 +165,16 @@ class ContactEstimator(PerRobotState):
         speed, across = np.hypot(velocity[..., 0], velocity[..., 1]), np.hypot(forces[..., 0], forces[..., 1])
         pressed = forces[..., 2] > 2.0 * p.touch_force
         sliding = pressed & self._was_sliding
-        self._was_sliding = pressed & (speed > p.slip_speed)  # and still presses at the next look: one that lifts does not
+        self._was_sliding = pressed & (
+            speed > p.slip_speed
+        )  # and still presses at the next look: one that lifts does not
         sliding, self._sliding = sliding & self._sliding, sliding  # a foot that lands slides for a moment
         ratio = np.where(sliding, across / np.maximum(forces[..., 2], 1e-9), 0.0).max(axis=1)
         shown = np.maximum(FRICTION_SAFETY_FACTOR * ratio, MIN_FRICTION)
         slips = sliding.any(axis=1) & (shown < self.friction_estimate)
-        self.friction_estimate = self.friction_estimate + np.where(slips, SLIP_UPDATE_GAIN * (shown - self.friction_estimate), 0.0)
+        self.friction_estimate = self.friction_estimate + np.where(
+            slips, SLIP_UPDATE_GAIN * (shown - self.friction_estimate), 0.0
+        )
         self.friction_estimate += self._period / p.grip_memory * (p.friction - self.friction_estimate)
 
 

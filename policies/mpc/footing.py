@@ -9,8 +9,8 @@ import numpy as np
 
 from policies.gait_cycle import Floats, smoothstep
 from policies.legs.foot_path import cubic_swing
-from policies.legs.ground_plane import above, at, advect_footprints, fit_plane
-from policies.memory import PerRobotState, per_robot, lowpass_gain
+from policies.legs.ground_plane import above, advect_footprints, at, fit_plane
+from policies.memory import PerRobotState, lowpass_gain, per_robot
 from policies.mpc.motion import MotionState
 from policies.mpc.parameters import ModelParameters
 from quad_env.columns import Mask, ordered_sum
@@ -107,7 +107,12 @@ def nominal_footholds(robot: Robot, p: ModelParameters) -> Floats:
 
 
 def footholds(
-    robot: Robot, p: ModelParameters, motion: MotionState, disturbance_acceleration: Floats, stance_time: Floats, height: float
+    robot: Robot,
+    p: ModelParameters,
+    motion: MotionState,
+    disturbance_acceleration: Floats,
+    stance_time: Floats,
+    height: float,
 ) -> Floats:
     """Footholds, (n, 4, 2), m: under the body halfway through the stance, further out by the velocity error, and to
     where they bear a lasting acceleration `pushed`, (n, 2), m/s².
@@ -120,7 +125,9 @@ def footholds(
     reach = 0.5 * stance_time[:, None, None] * point_velocity(motion, command[:, 2], place)
     reach = reach + p.step_gain * (velocity[:, :2] - command[:, :2])[:, None]
     size = np.hypot(reach[..., 0], reach[..., 1])
-    foothold_positions: Floats = place + reach * np.minimum(1.0, MAX_FOOTHOLD_OFFSET / np.maximum(size, 1e-9))[..., None]
+    foothold_positions: Floats = (
+        place + reach * np.minimum(1.0, MAX_FOOTHOLD_OFFSET / np.maximum(size, 1e-9))[..., None]
+    )
     below_hip = robot.hip_positions[:, 1] + robot.side * robot.hip_offset
     wide = (height - CROUCH) * math.tan(HIP_ANGLE)
     foothold_positions[..., 1] = foothold_positions[..., 1].clip(below_hip - wide, below_hip + wide)
@@ -159,7 +166,14 @@ def swing_trajectory(
 
 
 def moment_arms(
-    feet: Floats, foothold_positions: Floats, centre: Floats, velocity: Floats, stands: Mask, since: Floats, times: Floats, z: Floats
+    feet: Floats,
+    foothold_positions: Floats,
+    centre: Floats,
+    velocity: Floats,
+    stands: Mask,
+    since: Floats,
+    times: Floats,
+    z: Floats,
 ) -> Floats:
     """Feet from the centre of mass over a horizon of N steps, (n, N, 4, 3), m.
 

@@ -14,10 +14,25 @@ from policies.base import Actions, GaitedPolicy, Mask, to_actions
 from policies.behaviour.motion import Stop
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.memory import per_robot
-from policies.mpc.contact import EARLY_CONTACT_PHASE, LIFTOFF_PHASE, ContactEstimator, ContactState, wrench_to_acceleration, contact_states
-from policies.mpc.footing import TerrainEstimator, TerrainPlane, Terrain, point_velocity, footholds, ground_velocity, swing_trajectory
-from policies.mpc.motion import MotionState, PositionErrorIntegrator, estimated_load, add_load
-from policies.mpc.observer import JointPredictor, DelayCompensator
+from policies.mpc.contact import (
+    EARLY_CONTACT_PHASE,
+    LIFTOFF_PHASE,
+    ContactEstimator,
+    ContactState,
+    contact_states,
+    wrench_to_acceleration,
+)
+from policies.mpc.footing import (
+    Terrain,
+    TerrainEstimator,
+    TerrainPlane,
+    footholds,
+    ground_velocity,
+    point_velocity,
+    swing_trajectory,
+)
+from policies.mpc.motion import MotionState, PositionErrorIntegrator, add_load, estimated_load
+from policies.mpc.observer import DelayCompensator, JointPredictor
 from policies.mpc.parameters import ModelParameters
 from policies.mpc.rigid_body import Friction
 from policies.mpc.whole_body import Torques, WholeBodyReference, leg_torques
@@ -92,7 +107,11 @@ class ModelBased(GaitedPolicy):
         return observation
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        lost, self._observation_invalid, self._seen = self._observation_invalid, np.zeros(self.num_envs, np.bool_), observation.copy()
+        lost, self._observation_invalid, self._seen = (
+            self._observation_invalid,
+            np.zeros(self.num_envs, np.bool_),
+            observation.copy(),
+        )
         p = self.parameters
         observation = self.contact_estimator.remove_encoder_offsets(observation)
         state, ground_forces, disturbance_wrench = self._motion(observation)
@@ -100,14 +119,25 @@ class ModelBased(GaitedPolicy):
         cycle, contacts = self._contacts(ground_forces)
         ground = self._ground(state, contacts.landed)
         disturbance_acceleration = wrench_to_acceleration(state.bodies, state.rotation, disturbance_wrench)
-        foothold_positions = footholds(self.robot, p, state, disturbance_acceleration[:, :2], p.duty / self._frequencies, self._height)
-        foot_acceleration_ref = self._feet(state, cycle, contacts, foothold_positions, self._swing_terrain(foothold_positions, ground))
+        foothold_positions = footholds(
+            self.robot, p, state, disturbance_acceleration[:, :2], p.duty / self._frequencies, self._height
+        )
+        foot_acceleration_ref = self._feet(
+            state, cycle, contacts, foothold_positions, self._swing_terrain(foothold_positions, ground)
+        )
         friction = Friction(self.contact_estimator.friction_estimate, p.most_force * (state.bodies.mass * GRAVITY))
-        stance_forces = self._compute_stance_forces(state, contacts.standing, foothold_positions, ground, disturbance_acceleration, friction)
+        stance_forces = self._compute_stance_forces(
+            state, contacts.standing, foothold_positions, ground, disturbance_acceleration, friction
+        )
         torque = cross(stance_forces.moment_arms, stance_forces.forces).sum(axis=1)[..., None]
         turning = np.linalg.solve(state.bodies.rotational_inertia, torque)[..., 0] + disturbance_acceleration[:, 3:]
         turn = np.matmul(turning[:, None], state.rotation)[:, 0]
-        found = self._torques(state, WholeBodyReference(turn, foot_acceleration_ref, stance_forces.forces, contacts.standing), disturbance_wrench, friction)
+        found = self._torques(
+            state,
+            WholeBodyReference(turn, foot_acceleration_ref, stance_forces.forces, contacts.standing),
+            disturbance_wrench,
+            friction,
+        )
         failed = stance_forces.failed | self._invert_servo_law(state, found)
         self._stop_failed_robots(failed | lost, observation, state.angles)
         self._new[:] = False
@@ -117,7 +147,13 @@ class ModelBased(GaitedPolicy):
 
     @abstractmethod
     def _compute_stance_forces(
-        self, state: MotionState, standing: Mask, foothold_positions: Floats, ground: TerrainPlane, disturbance_acceleration: Floats, friction: Friction
+        self,
+        state: MotionState,
+        standing: Mask,
+        foothold_positions: Floats,
+        ground: TerrainPlane,
+        disturbance_acceleration: Floats,
+        friction: Friction,
     ) -> StanceForces:
         """Forces of the standing feet; `aim`: footholds, (n, 4, 2), m, `pushed`: accelerations by what pushes the
         robots, (n, 6), m/s² and rad/s², level frame."""
@@ -138,10 +174,16 @@ class ModelBased(GaitedPolicy):
         read = add_load(self.observer.read(observation, sense.wrench), load)
         if (unsure := self.observer.noise_unknown).any():
             sense.reset_where(unsure)  # noise looks like pushes and loads
-        away = (cycle := self._cycle_at_measurement()).swing & (cycle.progress > LIFTOFF_PHASE) & (cycle.progress < EARLY_CONTACT_PHASE)
+        away = (
+            (cycle := self._cycle_at_measurement()).swing
+            & (cycle.progress > LIFTOFF_PHASE)
+            & (cycle.progress < EARLY_CONTACT_PHASE)
+        )
         forces = sense.estimate(read, load.gravity_wrench(read.rotation), away)
         planned = self._joints.now(observation).astype(np.float64)
-        state = add_load(self.observer.predict(sense.wrench, sense.in_contact, self.terrain_estimator.slope, planned), load)
+        state = add_load(
+            self.observer.predict(sense.wrench, sense.in_contact, self.terrain_estimator.slope, planned), load
+        )
         state = self.odometer.with_position_feedback(state, p.position_gain)
         return state, forces, sense.wrench - load.gravity_wrench(state.rotation)
 
@@ -178,7 +220,9 @@ class ModelBased(GaitedPolicy):
         higher = 16.0 * self.parameters.roughness_gain * self.terrain_estimator.roughness[:, None]
         return lambda x, y, t: ground.at(x, y) + higher * (t * (1.0 - t)) ** 2
 
-    def _feet(self, state: MotionState, cycle: LegCycle, contacts: ContactState, foothold_positions: Floats, ground: Terrain) -> Floats:
+    def _feet(
+        self, state: MotionState, cycle: LegCycle, contacts: ContactState, foothold_positions: Floats, ground: Terrain
+    ) -> Floats:
         """Accelerations that the feet are to have, level frame, (n, 4, 3), m/s²."""
         p, feet, velocity = self.parameters, state.bodies.feet, state.feet_velocity
         lifted, self._was_swing = cycle.swing & ~self._was_swing, cycle.swing
@@ -188,7 +232,10 @@ class ModelBased(GaitedPolicy):
             p, self._liftoff_position, foothold_positions, leaving, cycle.progress, time, self.control_period, ground
         )
         carried_along = np.empty_like(place)
-        carried_along[..., :2], carried_along[..., 2] = point_velocity(state, state.turning[:, 2], place), state.velocity[:, 2:]
+        carried_along[..., :2], carried_along[..., 2] = (
+            point_velocity(state, state.turning[:, 2], place),
+            state.velocity[:, 2:],
+        )
         swinging = (
             acceleration + p.swing_stiffness * (place - feet) + p.swing_damping * (carried_along + rate - velocity)
         )
@@ -198,7 +245,9 @@ class ModelBased(GaitedPolicy):
             swinging = np.where(contacts.late[..., None], p.swing_damping * (down - velocity), swinging)
         return np.where(contacts.standing[..., None], -p.stance_damping * velocity, swinging)
 
-    def _torques(self, state: MotionState, reference: WholeBodyReference, disturbance_wrench: Floats, friction: Friction) -> Torques:
+    def _torques(
+        self, state: MotionState, reference: WholeBodyReference, disturbance_wrench: Floats, friction: Friction
+    ) -> Torques:
         """Torques of the joints for that wish, of robots whose trunks are pushed, (n, 6), N and N·m."""
         return leg_torques(state.bodies, reference, disturbance_wrench, self._limits(state))
 

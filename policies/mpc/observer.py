@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
 from policies.legs.ground_plane import above
-from policies.memory import PerRobotState, warm_start_gain, per_robot, lowpass_gain
+from policies.memory import PerRobotState, lowpass_gain, per_robot, warm_start_gain
 from policies.mpc.motion import MotionState, motion, with_rows
 from policies.mpc.reading_noise import GROUPS, SENSED, ReadingNoise
 from policies.mpc.servo_step import ServoModel, landing, response
@@ -120,7 +120,9 @@ class DelayCompensator(PerRobotState):
         noise = self._noise.variances(seen[:, SENSED])
         since = self.looks - np.where(noise.any(axis=1), CALIBRATION_STEPS[1], CALIBRATION_STEPS[0])
         self._in_noise_calibration = since <= 0
-        self.calibrating = self._in_noise_calibration | ~self._delay_identified & (since <= (0 if self._late else MAX_DELAY_STEPS))
+        self.calibrating = self._in_noise_calibration | ~self._delay_identified & (
+            since <= (0 if self._late else MAX_DELAY_STEPS)
+        )
         self.noise_unknown = self.calibrating & noise.any(axis=1)
         self._seen, self._variances = seen, noise
         if not self._late:
@@ -139,7 +141,9 @@ class DelayCompensator(PerRobotState):
         self._update_delay_estimate(before, velocities, readings, noise)
         noisy = noise.any(axis=1) | bool(self._late)
         if noisy.any():
-            corrected = self._corrected(before, self._at_estimated_delay(velocities), readings, self._kalman_gains(noise))
+            corrected = self._corrected(
+                before, self._at_estimated_delay(velocities), readings, self._kalman_gains(noise)
+            )
             readings[noisy] = corrected[noisy]
         self._base_variance[~noisy], self._joint_covariance[~noisy] = 0.0, 0.0
         _upright(readings)
@@ -201,7 +205,10 @@ class DelayCompensator(PerRobotState):
         known = self.looks - FIRST_PREDICTED
         share = warm_start_gain(lowpass_gain(self._period, DELAY_TIME), known)
         self._prediction_error_by_delay += np.where(known > 0, share * (missed - self._prediction_error_by_delay), 0.0)
-        best, left = self._prediction_error_by_delay.argmin(axis=0), self._at_estimated_delay(self._prediction_error_by_delay)
+        best, left = (
+            self._prediction_error_by_delay.argmin(axis=0),
+            self._at_estimated_delay(self._prediction_error_by_delay),
+        )
         by_best, of_noise = self._prediction_error_by_delay.min(axis=0), NOISE_GAIN * noise[:, -1]
         explained = self._prediction_error_by_delay[-1] - by_best > MODEL_ERROR + of_noise
         self._delay_identified |= explained & ~self._in_noise_calibration & (self._late == 0)
@@ -221,10 +228,14 @@ class DelayCompensator(PerRobotState):
         unforeseen, least = (ENCODER_PROCESS_STD, ENCODER_NOISE) if self._late else (PROCESS_STD[3:], np.zeros(2))
         joint_doubt = step @ self._joint_covariance @ step.T + np.diag(unforeseen**2)
         shares = joint_doubt @ np.linalg.inv(joint_doubt + (noise[:, 3:] + least**2)[:, None] * np.eye(2))
-        self._joint_covariance = np.where(fresh[:, None, None], self._joint_covariance, joint_doubt - shares @ joint_doubt)
+        self._joint_covariance = np.where(
+            fresh[:, None, None], self._joint_covariance, joint_doubt - shares @ joint_doubt
+        )
         return share, shares
 
-    def _corrected(self, before: MotionState, velocity: Floats, readings: Floats, shares: tuple[Floats, Floats]) -> Floats:
+    def _corrected(
+        self, before: MotionState, velocity: Floats, readings: Floats, shares: tuple[Floats, Floats]
+    ) -> Floats:
         """Readings, (n, 33), as the motion a control step before and the velocity now let them be, corrected by those
         shares of what they are."""
         out = predict_readings(self._robot, before, velocity, self._period).clip(-BOUNDS, BOUNDS)

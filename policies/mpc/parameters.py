@@ -5,7 +5,7 @@ from pathlib import Path
 
 from policies.parameters import ParameterFile, Parameters, parameter, scaled_parameters, search_ranges_of
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import LONGITUDINAL_LENGTH, LATERAL_LENGTH
+from quad_env.robots.similarity import LATERAL_LENGTH, LONGITUDINAL_LENGTH
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 

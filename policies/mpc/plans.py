@@ -9,7 +9,7 @@ import numpy as np
 from policies.gait_cycle import Floats
 from policies.memory import PerRobotState, per_robot
 from policies.mpc.rigid_body import Friction
-from quad_env.columns import EnvSelection, Mask, EnvIndices
+from quad_env.columns import EnvIndices, EnvSelection, Mask
 from quad_env.physics.rotations import cross, skew
 
 _DAMPING = 1e-4

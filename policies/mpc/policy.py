@@ -8,12 +8,12 @@ from policies.gait_cycle import TURN, Floats
 from policies.gaits.parameters import OFFSETS
 from policies.memory import per_robot
 from policies.mpc.footing import TerrainPlane, moment_arms
-from policies.mpc.model_based import StanceForces, ModelBased
+from policies.mpc.model_based import ModelBased, StanceForces
 from policies.mpc.motion import MotionState
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import ForcePlans
 from policies.mpc.quadratic_program import Solver, solve
-from policies.mpc.rigid_body import Body, Friction, CondensedMpc, Reference, Weights
+from policies.mpc.rigid_body import Body, CondensedMpc, Friction, Reference, Weights
 from policies.mpc.whole_body import Torques, WholeBodyReference, solve_whole_body
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import EnvSelection, Mask
@@ -100,12 +100,22 @@ class Mpc(ModelBased):
         return stands, cycle.progress * (self.parameters.duty / self._frequencies)[:, None, None]
 
     def _plan(
-        self, due: Mask, state: MotionState, ground: TerrainPlane, pushed: Floats, places: Floats, stands: Mask, friction: Friction
+        self,
+        due: Mask,
+        state: MotionState,
+        ground: TerrainPlane,
+        pushed: Floats,
+        places: Floats,
+        stands: Mask,
+        friction: Friction,
     ) -> Mask:
         """Renew the plans that are due, (n,); which robots have none, (n,): they go on with the one before."""
         horizon, bodies, command = self._horizon, state.bodies, state.command
         pose, speed = np.zeros((2, self.num_envs, 6))
-        pose[:, 0], pose[:, 1] = state.tilt[:, 0] - np.arctan(ground.lateral), state.tilt[:, 1] + np.arctan(ground.forward)
+        pose[:, 0], pose[:, 1] = (
+            state.tilt[:, 0] - np.arctan(ground.lateral),
+            state.tilt[:, 1] + np.arctan(ground.forward),
+        )
         pose[:, 5] = -(ground.height + self._height)
         speed[:, 2], speed[:, 3:5] = command[:, 2], command[:, :2]
         speed[:, 5] = ground.forward * command[:, 0] + ground.lateral * command[:, 1]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
-from policies.memory import PerRobotState, warm_start_gain, per_robot, lowpass_gain
+from policies.memory import PerRobotState, lowpass_gain, per_robot, warm_start_gain
 from quad_env import OBSERVATION
 
 GROUPS = tuple(

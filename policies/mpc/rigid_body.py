@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
 from policies.mpc.quadratic_program import QpBatch
-from quad_env.columns import EnvSelection, Mask, EnvIndices
+from quad_env.columns import EnvIndices, EnvSelection, Mask
 from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 
@@ -165,7 +165,10 @@ def friction_rows(feet: int, friction: Friction) -> tuple[Floats, Floats, Floats
     """Rows of the forces of so many feet of each robot, (n, 5 feet, 3 feet), with their bounds: a pyramid, and the
     vertical force."""
     template, least, places = _pyramids(feet)
-    rows, upper = template[None].repeat(len(friction.coefficient), axis=0), np.zeros((len(friction.coefficient), 5 * feet))
+    rows, upper = (
+        template[None].repeat(len(friction.coefficient), axis=0),
+        np.zeros((len(friction.coefficient), 5 * feet)),
+    )
     rows.reshape(len(rows), -1)[:, places] = -friction.coefficient[:, None]
     upper[:, 4::5] = friction.max_normal_force[:, None]
     return rows, least[None].repeat(len(rows), axis=0), upper

@@ -39,7 +39,11 @@ class ServoModel:
     def __init__(self, robot: Robot, actuator: Actuator, period: float) -> None:
         self.stiffness, self._damping = robot.servo_stiffness, robot.servo_damping
         rated = np.full(len(robot.home_pose), robot.rated_torque)
-        line = ResolvedTorqueSpeed(rated, np.full_like(rated, np.inf), rated) if actuator.curve is None else actuator.curve.resolve(robot)
+        line = (
+            ResolvedTorqueSpeed(rated, np.full_like(rated, np.inf), rated)
+            if actuator.curve is None
+            else actuator.curve.resolve(robot)
+        )
         self.limits = line.limits
         """Least and largest torque at some joint speeds, rad/s, (…, 12), N·m."""
         self.shares = actuator.target_weights(float(robot.model.opt.timestep), period)

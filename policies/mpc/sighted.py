@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions
 from policies.gait_cycle import Floats, smoothstep
-from policies.memory import per_robot, lowpass_gain
-from policies.mpc.footing import MAX_SLOPE, TerrainPlane, Terrain
+from policies.memory import lowpass_gain, per_robot
+from policies.mpc.footing import MAX_SLOPE, Terrain, TerrainPlane
 from policies.mpc.motion import MotionState
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
@@ -133,7 +133,9 @@ class SightedMpcWbc(MpcWbc):
         height_scan: HeightScan = SCAN,
     ) -> None:
         self.height_scan = self._scan = height_scan
-        super().__init__(parameters, robot=robot, control_period=control_period, joint_delay_steps=late, actuator=actuator)
+        super().__init__(
+            parameters, robot=robot, control_period=control_period, joint_delay_steps=late, actuator=actuator
+        )
         self._shown = table_with(self.robot, height_scan).slices["height_scan"]
         points = slice(0, height_scan.grid[..., 0].size)
         self._scan_noise = ReadingNoise(control_period, [points], np.array([NOISE_FLOOR_STD]))
@@ -158,10 +160,15 @@ class SightedMpcWbc(MpcWbc):
         x, y, start = self.terrain_estimator.places.transpose(0, 2, 1)
         last, end = np.stack((x, y), axis=-1), self._seen_ground.at(foothold_positions)
         between = [self._seen_ground.at(last + share * (foothold_positions - last)) for share in SWING_SAMPLES]
-        over, steps = super()._swing_terrain(foothold_positions, ground), SwingProfile(start, end, np.max([start, end, *between], axis=0)).over
+        over, steps = (
+            super()._swing_terrain(foothold_positions, ground),
+            SwingProfile(start, end, np.max([start, end, *between], axis=0)).over,
+        )
         return lambda x, y, t: self._scan_weight * steps(x, y, t) + (1.0 - self._scan_weight) * over(x, y, t)
 
     def _footing(self, now: MotionState, foothold_positions: Floats, ground: TerrainPlane, stands: Mask) -> Floats:
         lasting = np.cumprod(stands, axis=1).astype(np.bool_)
         seen = np.where(lasting, now.bodies.feet[:, None, :, 2], self._seen_ground.at(foothold_positions)[:, None])
-        return np.where(self._scan_weight[..., None] > 0.0, seen, super()._footing(now, foothold_positions, ground, stands))
+        return np.where(
+            self._scan_weight[..., None] > 0.0, seen, super()._footing(now, foothold_positions, ground, stands)
+        )

@@ -13,8 +13,8 @@ import numpy as np
 from policies.gait_cycle import Floats
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.quadratic_program import QpBatch, Solver, solve
-from policies.mpc.rigid_body import Friction, group_by_stance_count, friction_rows
-from quad_env.columns import Mask, EnvIndices
+from policies.mpc.rigid_body import Friction, friction_rows, group_by_stance_count
+from quad_env.columns import EnvIndices, Mask
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import DynamicsTerms
 
@@ -59,7 +59,11 @@ def solve_whole_body(
 ) -> Torques:
     """The programs of the bodies, solved; see `programs`."""
     count, size = bodies.bias_force.shape
-    torque, acceleration, has_solution = np.zeros((count, size - 6)), np.zeros((count, size - 6)), np.zeros(count, np.bool_)
+    torque, acceleration, has_solution = (
+        np.zeros((count, size - 6)),
+        np.zeros((count, size - 6)),
+        np.zeros(count, np.bool_),
+    )
     for robots, each in programs(bodies, reference, wrench, friction, limits, p):
         solutions = solver(each)
         needed = np.matmul(each.constraint_matrix[:, 6:size], solutions.x[..., None])[..., 0]
@@ -70,7 +74,12 @@ def solve_whole_body(
 
 
 def programs(
-    bodies: DynamicsTerms, reference: WholeBodyReference, wrench: Floats, friction: Friction, limits: tuple[Floats, Floats], p: MpcParameters
+    bodies: DynamicsTerms,
+    reference: WholeBodyReference,
+    wrench: Floats,
+    friction: Friction,
+    limits: tuple[Floats, Floats],
+    p: MpcParameters,
 ) -> Iterator[tuple[EnvIndices, QpBatch]]:
     """Programs over generalised acceleration and forces of the standing feet, those of one shape together, with the
     robots whose they are. `wrench` pushes their trunks, (n, 6), N and N·m; `limits`: least and largest torques, N·m."""
@@ -113,7 +122,9 @@ _DAMPING = 1e-4
 """Added to the squared Jacobian of a leg, m²: a straight one does not accelerate along itself."""
 
 
-def leg_torques(bodies: DynamicsTerms, reference: WholeBodyReference, wrench: Floats, limits: tuple[Floats, Floats]) -> Torques:
+def leg_torques(
+    bodies: DynamicsTerms, reference: WholeBodyReference, wrench: Floats, limits: tuple[Floats, Floats]
+) -> Torques:
     """Torques without a program: each leg bears its planned force and follows its path; the trunk moves as planned.
 
     τ = M q̈ + h - Jᵀf, with q̈ of the trunk from the planned forces and of each leg such that its foot has the wished

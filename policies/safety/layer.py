@@ -5,7 +5,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import Actions, Floats, Mask, Policy, validate_mask, to_actions
+from policies.base import Actions, Floats, Mask, Policy, to_actions, validate_mask
 from policies.behaviour.motion import Damp, Motion, Stop
 from policies.memory import per_robot
 from policies.safety.brace import Brace
@@ -114,7 +114,9 @@ class Safe(Policy):
                 targets[members] = motion.targets(members, rows[members], joints[members])
         self._entered[:] = False
         speeds = rows[:, OBSERVATION["joint_velocity"]]
-        self._targets = self._limits.limit_targets(self.robot, self.control_period, targets, self._targets, joints, speeds)
+        self._targets = self._limits.limit_targets(
+            self.robot, self.control_period, targets, self._targets, joints, speeds
+        )
         return to_actions(self.robot, self._targets)
 
     def _policy_targets(self, observation: NDArray[np.float32]) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 
 from policies.base import Floats
 from quad_env.actuation.models import Actuator, actuator
-from quad_env.config import NonNegative, Bounds, Positive, Settings
+from quad_env.config import Bounds, NonNegative, Positive, Settings
 from quad_env.robots.named import get_robot
 from quad_env.robots.robot import Robot
 

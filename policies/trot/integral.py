@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Floats
 from policies.legs.level_frame import level_frame
-from policies.memory import per_robot, lowpass_gain
+from policies.memory import lowpass_gain, per_robot
 from policies.parameters import ParameterFile, parameter, search_ranges_of
 from policies.shipped import folder_of
 from policies.trot.open_loop import FILE as TROT_FILE

@@ -42,7 +42,9 @@ def virtual_acceleration(p: VirtualParameters, now: MotionState, ground: Terrain
     return np.column_stack((linear, tilt, yaw)).clip(LEAST, LARGEST)
 
 
-def distribute_wrench(p: VirtualParameters, now: MotionState, wanted: Floats, standing: Mask, friction: Friction) -> Floats:
+def distribute_wrench(
+    p: VirtualParameters, now: MotionState, wanted: Floats, standing: Mask, friction: Friction
+) -> Floats:
     """Forces of the standing feet, level frame, (n, 4, 3), N, that together give the wanted acceleration, (n, 6), m/s²
     and rad/s², as near as may be; then drawn into the friction's cone."""
     bodies = now.bodies

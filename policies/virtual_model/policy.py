@@ -5,10 +5,10 @@ import numpy as np
 from policies.base import CONTROL_PERIOD, Mask
 from policies.gait_cycle import TROT_OFFSETS, Floats
 from policies.mpc.footing import TerrainPlane
-from policies.mpc.model_based import StanceForces, ModelBased
+from policies.mpc.model_based import ModelBased, StanceForces
 from policies.mpc.motion import MotionState
 from policies.mpc.rigid_body import Friction
-from policies.virtual_model.forces import virtual_acceleration, distribute_wrench
+from policies.virtual_model.forces import distribute_wrench, virtual_acceleration
 from policies.virtual_model.parameters import VirtualParameters, searched_parameters
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.robots.robot import Robot
@@ -47,4 +47,6 @@ class TrotFeedback(ModelBased):
         """The forces that pull the trunk as its springs and dampers would."""
         wanted = virtual_acceleration(self.parameters, now, ground, self._height) - pushed
         forces = distribute_wrench(self.parameters, now, wanted, standing, friction)
-        return StanceForces(forces, now.bodies.feet - now.bodies.com_position[:, None], np.zeros(self.num_envs, np.bool_))
+        return StanceForces(
+            forces, now.bodies.feet - now.bodies.com_position[:, None], np.zeros(self.num_envs, np.bool_)
+        )

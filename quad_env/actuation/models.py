@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple, cast
 import numpy as np
 
 from quad_env.columns import Array
-from quad_env.config import Bounds, Positive, Settings, Fraction
+from quad_env.config import Bounds, Fraction, Positive, Settings
 from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.robot import JOINTS, Robot
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.actuation.models import Actuator, ResolvedTorqueSpeed, Thermal, min_limit
-from quad_env.columns import Array, EnvSelection, Mask, EnvIndices
+from quad_env.columns import Array, EnvIndices, EnvSelection, Mask
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.episode import EpisodeSample, control_steps
@@ -135,7 +135,9 @@ class MotorThermalModel:
 class ActuatorDynamics:
     """The drives of n robots, a lag and windings or one of them, around the motors of a batch."""
 
-    def __init__(self, lag: FirstOrderFilter | None, windings: MotorThermalModel | None, bind: Bind, substeps: int) -> None:
+    def __init__(
+        self, lag: FirstOrderFilter | None, windings: MotorThermalModel | None, bind: Bind, substeps: int
+    ) -> None:
         self._lag, self._windings, self._substeps = lag, windings, substeps
         self._ctrl, self._torque = bind("ctrl"), bind("actuator_force")
         self.full_range = None if windings is None else windings.full_range
@@ -170,5 +172,9 @@ def actuator_models_of(
     if curve is None or (thermal is None and bandwidth is None):
         return None
     lag = None if bandwidth is None else FirstOrderFilter(bandwidth, timestep, len(bind("ctrl")), robot.home_pose)
-    windings = None if thermal is None else MotorThermalModel(thermal, curve.resolve(robot), timestep, expand("actuator_forcerange"))
+    windings = (
+        None
+        if thermal is None
+        else MotorThermalModel(thermal, curve.resolve(robot), timestep, expand("actuator_forcerange"))
+    )
     return ActuatorDynamics(lag, windings, bind, substeps)

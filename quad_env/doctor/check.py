@@ -24,7 +24,11 @@ class Subject:
     @property
     def name(self) -> str:
         """Name of the robot, or the path of its file."""
-        return self.robot_source if isinstance(self.robot_source, str) else str(self.robot_source.source or self.robot_source.name)
+        return (
+            self.robot_source
+            if isinstance(self.robot_source, str)
+            else str(self.robot_source.source or self.robot_source.name)
+        )
 
     @cached_property
     def robot(self) -> Robot:

@@ -13,7 +13,7 @@ from quad_env.actuation.hardware import hardware_profile
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.models import actuator as find_actuator
 from quad_env.actuation.runtime import action_delay_of
-from quad_env.columns import ScalarOrBatch, EnvIndices, BoolOrMask, Components, fraction_above
+from quad_env.columns import BoolOrMask, Components, EnvIndices, ScalarOrBatch, fraction_above
 from quad_env.config import TaskConfig
 from quad_env.envs.attributes import check_settable
 from quad_env.physics.batch import MUJOCO
@@ -163,7 +163,11 @@ class QuadEnvBase:
                 part.reset(env_ids, episodes)
 
     def _observation_of(
-        self, state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch], clock: NDArray[np.int64], env_ids: EnvIndices
+        self,
+        state: QuadState[ScalarOrBatch],
+        command: Components[ScalarOrBatch],
+        clock: NDArray[np.int64],
+        env_ids: EnvIndices,
     ) -> NDArray[np.float32]:
         """What those robots, (k,), observe, whose `state` it is: (size,), or (k, size) of a batch."""
         observation = self.observation_table.observe(state, command)
@@ -174,7 +178,9 @@ class QuadEnvBase:
         scan = self._scanner.scan(state, clock, env_ids)
         return np.concatenate((observation, scan if observation.ndim == 2 else scan[0]), axis=-1)
 
-    def _step_terms(self, state: QuadState[ScalarOrBatch], ended: BoolOrMask, diverged: BoolOrMask) -> dict[str, ScalarOrBatch]:
+    def _step_terms(
+        self, state: QuadState[ScalarOrBatch], ended: BoolOrMask, diverged: BoolOrMask
+    ) -> dict[str, ScalarOrBatch]:
         """What a step earned and cost: mechanical power, W, the share of joints above their rated speed, rewards."""
         return {
             "mechanical_power": state.mechanical_power,

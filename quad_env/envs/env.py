@@ -121,7 +121,9 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             observation, info = self._current_observation()
             return observation, 0.0, True, False, info
         schedule, action_delay = self._schedule, self._action_delay
-        delayed_targets = None if action_delay is None else action_delay.received(targets[None], schedule.step_count, _ROW)
+        delayed_targets = (
+            None if action_delay is None else action_delay.received(targets[None], schedule.step_count, _ROW)
+        )
         self.simulation.step(targets[None], schedule.force(), delayed_targets=delayed_targets)
         schedule.step_count += 1
         state = self._update_termination()

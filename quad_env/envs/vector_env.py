@@ -220,7 +220,11 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._schedule.resample_commands(env_ids)
         self._update_observation(state, env_ids)
         step_terms = self._step_terms(state, ended, diverged)
-        return step_terms if env_ids is ALL else {key: self._scatter(values, env_ids) for key, values in step_terms.items()}
+        return (
+            step_terms
+            if env_ids is ALL
+            else {key: self._scatter(values, env_ids) for key, values in step_terms.items()}
+        )
 
     def _scatter(self, values: Array, env_ids: EnvSelection) -> Array:
         """Values of those robots among zeros for the others, (n,)."""

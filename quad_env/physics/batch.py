@@ -4,7 +4,7 @@ from importlib.util import find_spec
 from typing import Any, Protocol
 
 from quad_env.actuation.models import ACTUATORS, Actuator
-from quad_env.columns import Array, EnvSelection, EnvIndices
+from quad_env.columns import Array, EnvIndices, EnvSelection
 from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, SmoothRandom

@@ -93,7 +93,9 @@ class Dynamics:
 
         return _prepared(mujoco, build_spec(self.robot).compile(), self.robot.leg_names)
 
-    def compute(self, orientation: Floats, velocity: Floats, angular_velocity: Floats, angles: Floats, speeds: Floats) -> DynamicsTerms:
+    def compute(
+        self, orientation: Floats, velocity: Floats, angular_velocity: Floats, angles: Floats, speeds: Floats
+    ) -> DynamicsTerms:
         """Dynamics with the trunk's centre in the origin.
 
         `orientation`: quaternions (w, x, y, z) from the base to the world frame, (n, 4); `velocity`: of the trunk's
@@ -106,7 +108,9 @@ class Dynamics:
         places = np.concatenate((np.zeros((count, 3)), orientation, angles), axis=1)
         rates = np.concatenate((velocity, angular_velocity, speeds), axis=1)
         changes = self._fill(found, places, rates).reshape(count, -1, size)
-        found.foot_bias_acceleration[:] = np.matmul(changes, rates[..., None]).reshape(found.foot_bias_acceleration.shape)
+        found.foot_bias_acceleration[:] = np.matmul(changes, rates[..., None]).reshape(
+            found.foot_bias_acceleration.shape
+        )
         return found
 
     def _fill(self, found: DynamicsTerms, places: Floats, rates: Floats) -> Floats:

@@ -11,7 +11,15 @@ from quad_env.physics.batch import MUJOCO, Batch
 from quad_env.robots.collisions import of_name
 from quad_env.robots.robot import Robot
 
-JOINT_READINGS = "positive_work", "regeneration", "joule_heat", "mean_torque", "peak_torque", "peak_speed", "torque_change"
+JOINT_READINGS = (
+    "positive_work",
+    "regeneration",
+    "joule_heat",
+    "mean_torque",
+    "peak_torque",
+    "peak_speed",
+    "torque_change",
+)
 """Readings of a `Meter` with a value a joint; see `quad_env.task.readings`."""
 AppliedTorqueReader = Callable[[EnvSelection, Array], Array]
 """Torques that the joints of those robots received in the last physics step, (k, 12), N·m, in which their speeds have

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from quad_env.columns import Array, ScalarOrBatch, EnvSelection, Mask, Components
+from quad_env.columns import Array, Components, EnvSelection, Mask, ScalarOrBatch
 
 MAX_BOUNCE_STEPS = 1
 """Control steps in a row off the ground that are no swing, as in legged_gym's `contact_filt`: landing feet bounce."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Array, EnvIndices, to_components, ordered_sum
+from quad_env.columns import Array, EnvIndices, ordered_sum, to_components
 from quad_env.config import GRAVITY
 from quad_env.physics.energy import summed, touch_sensors
 from quad_env.physics.state import rotation_matrix

@@ -12,8 +12,19 @@ from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.runtime import actuator_models_of
-from quad_env.columns import Array, ScalarOrBatch, EnvSelection, Mask, EnvIndices, Components, not_finite, to_scalars, to_components, ordered_sum
-from quad_env.physics.batch import DRAKE, MUJOCO, make_batch, check_simulator
+from quad_env.columns import (
+    Array,
+    Components,
+    EnvIndices,
+    EnvSelection,
+    Mask,
+    ScalarOrBatch,
+    not_finite,
+    ordered_sum,
+    to_components,
+    to_scalars,
+)
+from quad_env.physics.batch import DRAKE, MUJOCO, check_simulator, make_batch
 from quad_env.physics.energy import MotorMeter, touch_sensors
 from quad_env.physics.footsteps import Columns, FootContactTracker, touching
 from quad_env.physics.model import (
@@ -23,9 +34,9 @@ from quad_env.physics.model import (
     contact_sensors,
     give_servo_gains,
     initial_actuator_history,
+    make_stepping_model,
     mount_imu,
     slope_quaternion,
-    make_stepping_model,
     trunk_corners,
 )
 from quad_env.physics.probe import IdealSensors, ideal_sensor_names
@@ -91,7 +102,11 @@ class Simulation:
         trunk = contact_sensors(self.model, "trunk")
         soles = [contact_sensors(self.model, f"{leg}_foot") for leg in robot.leg_names if contacts or feet]
         links = [contact_sensors(self.model, f"{leg}_{link}") for leg in robot.leg_names for link in _LINKS if contacts]
-        read = [*trunk, *itertools.chain(*soles, *links), *(() if imu is None else ideal_sensor_names(robot, self.model))]
+        read = [
+            *trunk,
+            *itertools.chain(*soles, *links),
+            *(() if imu is None else ideal_sensor_names(robot, self.model)),
+        ]
         read += itertools.chain(*touch_sensors(robot, self.model)) if contacts else []
         self._process = os.getpid()
         self._threaded = nthread > 1
@@ -141,7 +156,12 @@ class Simulation:
         self._previous_action = self._action.copy()
 
     def reset(
-        self, env_ids: EnvIndices, rows: Array, force: Array | None = None, load: Array | None = None, randomization: Sequence[RandomizationSample] = ()
+        self,
+        env_ids: EnvIndices,
+        rows: Array,
+        force: Array | None = None,
+        load: Array | None = None,
+        randomization: Sequence[RandomizationSample] = (),
     ) -> None:
         """Start the robots `ids` (sorted) from the given start rows, see `episode.draw_start`, just on the ground.
 
@@ -216,7 +236,9 @@ class Simulation:
         ]
         return cast("Array", np.concatenate(lifts, axis=1).max(axis=1))
 
-    def step(self, action: Array, push: Array | None, env_ids: EnvSelection = ALL, delayed_targets: Array | None = None) -> None:
+    def step(
+        self, action: Array, push: Array | None, env_ids: EnvSelection = ALL, delayed_targets: Array | None = None
+    ) -> None:
         """Advance those robots by one control period with joint targets (n, 12) and trunk forces (n, 2), N, of all.
 
         None instead of forces leaves them as they are: since the reset, without any push. `received` are the

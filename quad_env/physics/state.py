@@ -2,7 +2,7 @@
 
 from typing import Generic, NamedTuple
 
-from quad_env.columns import ScalarOrBatch, BoolOrMask, Components, sqrt, sum_of_magnitudes, where
+from quad_env.columns import BoolOrMask, Components, ScalarOrBatch, sqrt, sum_of_magnitudes, where
 
 Rotation = tuple[Components[ScalarOrBatch], Components[ScalarOrBatch], Components[ScalarOrBatch]]
 """Rows of the matrix that turns base-frame vectors into world-frame ones."""
@@ -80,7 +80,9 @@ def to_body(rotation: Rotation[ScalarOrBatch], vector_world: Components[ScalarOr
     return xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z
 
 
-def to_heading(rotation: Rotation[ScalarOrBatch], vector_world: Components[ScalarOrBatch]) -> tuple[ScalarOrBatch, ScalarOrBatch]:
+def to_heading(
+    rotation: Rotation[ScalarOrBatch], vector_world: Components[ScalarOrBatch]
+) -> tuple[ScalarOrBatch, ScalarOrBatch]:
     """The forward and the lateral part of a world vector, (2 or 3), in the heading frame.
 
     That is the world frame turned about the vertical onto the base frame's x axis. A trunk that points straight up or

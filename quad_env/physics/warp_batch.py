@@ -11,7 +11,7 @@ import mujoco_warp
 import numpy as np
 import warp
 
-from quad_env.columns import Array, EnvSelection, EnvIndices
+from quad_env.columns import Array, EnvIndices, EnvSelection
 from quad_env.physics.array_batch import ArrayBatch
 
 _UPLOADED_FIELDS = "qpos", "qvel", "ctrl", "xfrc_applied", "act"

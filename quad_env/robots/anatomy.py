@@ -121,7 +121,9 @@ class RobotStructure:
         if (shell := next(filter(None, found), None)) is None:
             raise ModelError("the trunk has no geom: nothing shows how large it is")
         placed = ((int(model.geom_bodyid[geom]), corners(model, geom)) for geom in shell)
-        points = np.concatenate([self.places[body] + is_robot_body @ self.axes[body].T for body, is_robot_body in placed])
+        points = np.concatenate(
+            [self.places[body] + is_robot_body @ self.axes[body].T for body, is_robot_body in placed]
+        )
         low, high = points.min(axis=0), points.max(axis=0)
         return 0.5 * (low + high), high - low
 

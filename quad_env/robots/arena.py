@@ -12,20 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.robots.anatomy import LINKS, RobotStructure, Leg
+from quad_env.robots.anatomy import LINKS, Leg, RobotStructure
 from quad_env.robots.collisions import (
+    ATTACH_PREFIX,
     GROUND_BIT,
     RENAMED_PREFIX,
-    ATTACH_PREFIX,
     RULES,
     SpecElements,
+    contact_parts,
     excluded,
     meet_the_ground,
     numbered,
     of_name,
     own_rules,
     renamed,
-    contact_parts,
 )
 from quad_env.robots.figures import SIMPLE_QUAD_PARAMETERS, RobotParameters
 from quad_env.robots.model_file import read
@@ -150,7 +150,9 @@ def _turn_joints(parts: SpecElements, model: Any, found: RobotStructure, robot: 
     armature and damping of its motors, and no motor's torque is cut below the rated one.
     """
     of_motors = _of_motors(model)
-    for joint, sign, zero, *limits in zip(found.joints, found.signs, found.joint_offsets, *found.limits(model), strict=True):
+    for joint, sign, zero, *limits in zip(
+        found.joints, found.signs, found.joint_offsets, *found.limits(model), strict=True
+    ):
         part, place = parts.joints[joint], int(model.jnt_qposadr[joint])
         dof = int(model.jnt_dofadr[joint])
         unit = _unit(part)
@@ -245,7 +247,9 @@ def _name_parts(parts: SpecElements, model: Any, found: RobotStructure, robot: R
             parts.bodies[int(model.jnt_bodyid[joint])].name = RENAMED_PREFIX + f"{leg.name}_{link}_link"
     if not found.trunk_collides(model):
         box = {"type": 6, "pos": robot.trunk_centre, "size": robot.trunk_size / 2.0, "mass": 0.0, "group": 3}
-        _align_axes(parts.bodies[found.trunk].add_geom(name=RENAMED_PREFIX + "trunk", contype=GROUND_BIT, conaffinity=0, **box))
+        _align_axes(
+            parts.bodies[found.trunk].add_geom(name=RENAMED_PREFIX + "trunk", contype=GROUND_BIT, conaffinity=0, **box)
+        )
 
 
 def _align_axes(part: Any) -> None:
@@ -284,9 +288,13 @@ def _sole(model: Any, leg: Leg, body: int) -> dict[str, Any]:
 def _add_imu_and_cameras(trunk: Any, stage: Any, robot: RobotParameters) -> None:
     """SimpleQuad's IMU, and its cameras and lamp, as far from the trunk as the robot is larger."""
     _align_axes(
-        trunk.add_site(name=RENAMED_PREFIX + "imu", type=2, pos=np.zeros(3), size=np.full(3, 0.005), rgba=(0.0, 0.0, 0.0, 0.0))
+        trunk.add_site(
+            name=RENAMED_PREFIX + "imu", type=2, pos=np.zeros(3), size=np.full(3, 0.005), rgba=(0.0, 0.0, 0.0, 0.0)
+        )
     )
-    larger = max(robot.leg_length / SIMPLE_QUAD_PARAMETERS.leg_length, robot.trunk_size[0] / SIMPLE_QUAD_PARAMETERS.trunk_size[0])
+    larger = max(
+        robot.leg_length / SIMPLE_QUAD_PARAMETERS.leg_length, robot.trunk_size[0] / SIMPLE_QUAD_PARAMETERS.trunk_size[0]
+    )
     model = stage.compile()
     for camera in stage.cameras:
         seen = {"pos": larger * np.array(camera.pos), "quat": model.cam_quat[camera.id], "fovy": camera.fovy}
@@ -308,7 +316,9 @@ def _add_position_actuators(stage: Any, robot: RobotParameters) -> None:
         servo.forcelimited, servo.forcerange = 1, (-robot.rated_torque, robot.rated_torque)
 
 
-def _add_sensors(stage: Any, robot: RobotParameters, sensors: list[dict[str, Any]], sensed: dict[str, list[Any]]) -> None:
+def _add_sensors(
+    stage: Any, robot: RobotParameters, sensors: list[dict[str, Any]], sensed: dict[str, list[Any]]
+) -> None:
     """SimpleQuad's sensors on the parts of these names, those of contacts on all that is `sensed`, those of touch on
     whole soles; none of joints, whose readings are `qpos` and `qvel`."""
     import mujoco

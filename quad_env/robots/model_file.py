@@ -16,10 +16,10 @@ import numpy as np
 
 from quad_env.files.reading import check_file, read_bytes
 from quad_env.files.text import format_exception
-from quad_env.robots.anatomy import RobotStructure, ModelError, detect_structure, root_of
+from quad_env.robots.anatomy import ModelError, RobotStructure, detect_structure, root_of
 from quad_env.robots.collisions import GROUND_BIT
 from quad_env.robots.finite import nonfinite_line
-from quad_env.robots.held import carried_by, lock_joints, find_non_leg_joints
+from quad_env.robots.held import carried_by, find_non_leg_joints, lock_joints
 from quad_env.robots.inertias import compile_balanced, without_inferred_masses
 from quad_env.robots.missing_files import leave_out_missing, missing_files, note_missing
 from quad_env.robots.mujoco_messages import explained

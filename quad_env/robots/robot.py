@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from quad_env.files.text import one_line
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS
 from quad_env.robots.arena import build_spec
-from quad_env.robots.figures import RobotParameters, Floats, constant
+from quad_env.robots.figures import Floats, RobotParameters, constant
 from quad_env.robots.imported import load_parameters
 from quad_env.robots.model_file import digest
 

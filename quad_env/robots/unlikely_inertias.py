@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from quad_env.robots.arena import body_names
-from quad_env.robots.collisions import RENAMED_PREFIX, ATTACH_PREFIX
+from quad_env.robots.collisions import ATTACH_PREFIX, RENAMED_PREFIX
 from quad_env.robots.robot import Robot
 from quad_env.robots.shapes import Floats, corners, descendants, geoms_of, rotation_of, welded
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from quad_env.config import NonNegative, Bounds, Positive, Settings
+from quad_env.config import Bounds, NonNegative, Positive, Settings
 from quad_env.robots.robot import Robot
 
 Delay = Annotated[float, Bounds("from 0 s to 10 s", 0.0, 10.0)]

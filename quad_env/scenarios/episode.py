@@ -126,7 +126,9 @@ def control_steps(duration: float, dt: float) -> int:
     return max(1, round(duration / dt))
 
 
-def stack_initial_conditions(episodes: Sequence[EpisodeSample]) -> tuple[Array, Array | None, Array | None, list[RandomizationSample]]:
+def stack_initial_conditions(
+    episodes: Sequence[EpisodeSample],
+) -> tuple[Array, Array | None, Array | None, list[RandomizationSample]]:
     """Starts, (k, 35), forces, (k, 2), and loads, (k, 2), of k episodes of one scenario, None where it has none; and
     what of robot and ground was drawn, k or none."""
     starts = np.stack([episode.start for episode in episodes])

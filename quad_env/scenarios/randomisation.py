@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from quad_env.columns import Array
-from quad_env.config import NonNegative, Bounds, Positive, Settings
+from quad_env.config import Bounds, NonNegative, Positive, Settings
 from quad_env.scenarios.disturbances import Delay
 
 Part = Annotated[float, Bounds("from 0 to 0.9", 0.0, 0.9)]

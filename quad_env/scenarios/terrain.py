@@ -9,8 +9,8 @@ from typing import Annotated, cast
 
 import numpy as np
 
-from quad_env.columns import Array, ScalarOrBatch, clip, where, clipped_index
-from quad_env.config import NonNegative, Bounds, Settings
+from quad_env.columns import Array, ScalarOrBatch, clip, clipped_index, where
+from quad_env.config import Bounds, NonNegative, Settings
 from quad_env.files.text import one_line
 from quad_env.scenarios import height_file
 from quad_env.scenarios.height_file import Heights

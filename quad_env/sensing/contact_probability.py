@@ -31,7 +31,11 @@ def contact_probability(before: Array, contact: Mask, innovation: Array, covaria
     """
     prior = before * (1.0 - LIFTOFF_PROBABILITY) + (1.0 - before) * TOUCHDOWN_PROBABILITY
     moving = covariance + (SWING_SPEED * dt) ** 2 * np.eye(3)
-    reading = np.where(contact, np.log(TRUE_POSITIVE_RATE / FALSE_POSITIVE_RATE), np.log((1.0 - TRUE_POSITIVE_RATE) / (1.0 - FALSE_POSITIVE_RATE)))
+    reading = np.where(
+        contact,
+        np.log(TRUE_POSITIVE_RATE / FALSE_POSITIVE_RATE),
+        np.log((1.0 - TRUE_POSITIVE_RATE) / (1.0 - FALSE_POSITIVE_RATE)),
+    )
     resting = _log_density(innovation, covariance) - _log_density(innovation, moving)
     odds = np.log(prior / (1.0 - prior)) + reading + resting
     out: Array = 1.0 / (1.0 + np.exp(-np.clip(odds, -_LARGEST, _LARGEST)))

@@ -108,7 +108,9 @@ def predict(robot: Robot, motion: NominalState, to: RotatedState, dt: float) -> 
     return motion._replace(gravity=gravity, velocity=velocity, feet=feet)
 
 
-def error_transition_matrix(robot: Robot, motion: NominalState, samples: StepMeasurements, to: RotatedState, dt: float) -> Array:
+def error_transition_matrix(
+    robot: Robot, motion: NominalState, samples: StepMeasurements, to: RotatedState, dt: float
+) -> Array:
     """Derivatives of the error after `predicted` by the error before, (k, size, size)."""
     turn, velocity = to.turn, to.velocity
     down, half = skew(to.gravity), 0.5 * (turn + IDENTITY)

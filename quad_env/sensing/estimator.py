@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quad_env.columns import Array, Mask, EnvIndices, ordered_sum
+from quad_env.columns import Array, EnvIndices, Mask, ordered_sum
 from quad_env.config import GRAVITY
 from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.robot import Robot
@@ -92,7 +92,9 @@ class ComplementaryFilter:
         self.gravity[rows], self.velocity[rows] = unit(gravity), velocity
 
 
-def leg_odometry_velocity(robot: Robot, read: AlignedReadings, turning: Array, gravity: Array, spacing: float) -> tuple[Array, Mask]:
+def leg_odometry_velocity(
+    robot: Robot, read: AlignedReadings, turning: Array, gravity: Array, spacing: float
+) -> tuple[Array, Mask]:
     """Velocity of the trunk's centre by its standing feet, m/s, (k, 3), and of whom it is known, (k, 1).
 
     It is that of the middle between the two samples of the encoders. The foot is a ball that rolls: its centre p moves

@@ -9,8 +9,8 @@ from typing import Annotated, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Array, ScalarOrBatch, EnvIndices
-from quad_env.config import NonNegative, Bounds, Positive
+from quad_env.columns import Array, EnvIndices, ScalarOrBatch
+from quad_env.config import Bounds, NonNegative, Positive
 from quad_env.physics.state import QuadState, to_heading
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Delay

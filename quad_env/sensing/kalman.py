@@ -182,12 +182,17 @@ class KalmanFilter:
         self._extrapolate_to_now(rows, motion, read.gyro, acceleration, matvec(to.turn, self._acceleration[rows]))
         self._gyro[rows], self._joints[rows], self._acceleration[rows] = read.gyro, joints, acceleration
 
-    def _predicted_covariance(self, rows: EnvIndices, transition_matrix: Array, change: Array, acceleration: Array) -> Array:
+    def _predicted_covariance(
+        self, rows: EnvIndices, transition_matrix: Array, change: Array, acceleration: Array
+    ) -> Array:
         """Before the feet are looked at; `onward` is the transition of the error, `change` that of the angular velocity
         in this period, rad/s."""
         errors, dt = self._errors, self._dt
         out: Array = transition_matrix @ self._covariance[rows] @ transition_matrix.mT
-        by_turning, by_force = transition_matrix[:, :, GYRO_BIAS].copy(), transition_matrix[:, :, ACCELEROMETER_BIAS].copy()
+        by_turning, by_force = (
+            transition_matrix[:, :, GYRO_BIAS].copy(),
+            transition_matrix[:, :, ACCELEROMETER_BIAS].copy(),
+        )
         by_turning[:, GYRO_BIAS] = by_force[:, ACCELEROMETER_BIAS] = 0.0
         turning = errors.gyro**2 + GYRO_INTERPOLATION_NOISE**2 / 3 * _squared(change)
         pushed, lever = errors.accelerometer**2 + ACCELEROMETER_SCALE_NOISE**2 * _squared(acceleration), skew(change)
@@ -198,7 +203,13 @@ class KalmanFilter:
         return out
 
     def _measurement_update(
-        self, rows: EnvIndices, read: AlignedReadings, motion: NominalState, samples: StepMeasurements, force_change: Array, covariance: Array
+        self,
+        rows: EnvIndices,
+        read: AlignedReadings,
+        motion: NominalState,
+        samples: StepMeasurements,
+        force_change: Array,
+        covariance: Array,
     ) -> tuple[Array, Array]:
         """The error that the encoders show, (k, 24), and the covariance after them; `loaded` is what the specific force
         has changed by, m/s², (k, 1, 1, 1)."""
@@ -219,8 +230,12 @@ class KalmanFilter:
         self.standing[rows] = standing
         self._rest[rows] = standing * (self._rest[rows] + dt)
         self._read[rows] = read.contact * (self._read[rows] + dt)
-        doubted = np.where(self._read[rows] > MIN_CONTACT_DURATION, 1.0 - standing, 0.0) * (innovation * innovation).sum(axis=-1)
-        covariance[:, VELOCITY, VELOCITY] += (SLIP_VELOCITY_INFLATION / dt) ** 2 * doubted.sum(axis=-1)[:, None, None] * IDENTITY
+        doubted = np.where(self._read[rows] > MIN_CONTACT_DURATION, 1.0 - standing, 0.0) * (
+            innovation * innovation
+        ).sum(axis=-1)
+        covariance[:, VELOCITY, VELOCITY] += (
+            (SLIP_VELOCITY_INFLATION / dt) ** 2 * doubted.sum(axis=-1)[:, None, None] * IDENTITY
+        )
         _add(covariance, moved + _swing_covariance(standing, innovation, expected, down, dt))
         seen = covariance[:, FEET, FEET].copy()
         _add(seen, noise, 0)
@@ -229,7 +244,9 @@ class KalmanFilter:
         out = covariance - covariance[:, FEET].mT @ gain
         return error, 0.5 * (out + out.mT)
 
-    def _extrapolate_to_now(self, rows: EnvIndices, motion: NominalState, gyro: Array, acceleration: Array, earlier: Array) -> None:
+    def _extrapolate_to_now(
+        self, rows: EnvIndices, motion: NominalState, gyro: Array, acceleration: Array, earlier: Array
+    ) -> None:
         """Go on from the moment of the readings to now, the trunk turning as it does and pushed as it is."""
         turn = exp_so3(-self._late * self._dt * (gyro - motion.gyro_bias))
         gained = self._late * self._dt * (acceleration + ACCELERATION_EXTRAPOLATION_GAIN * (acceleration - earlier))
@@ -245,7 +262,10 @@ class KalmanFilter:
 def _swing_covariance(standing: Array, innovation: Array, expected: Array, down: Array, dt: float) -> Array:
     """Covariance of what a foot moves by beyond one that surely stands, m², (k, 4, 3, 3)."""
     rest = (CONTACT_VELOCITY_STD * dt) ** 2
-    level, vertical = (rest * ((speed / CONTACT_VELOCITY_STD) ** (2 - 2 * standing) - 1) for speed in (SWING_HORIZONTAL_VELOCITY_STD, SWING_SPEED))
+    level, vertical = (
+        rest * ((speed / CONTACT_VELOCITY_STD) ** (2 - 2 * standing) - 1)
+        for speed in (SWING_HORIZONTAL_VELOCITY_STD, SWING_SPEED)
+    )
     beyond = (innovation * innovation).sum(axis=-1) - (expected * IDENTITY).sum(axis=(-2, -1))
     sliding = level + SLIP_INNOVATION_GAIN / 3 * standing * np.maximum(beyond, 0.0)
     out: Array = sliding[..., None, None] * IDENTITY + (vertical - level)[..., None, None] * down

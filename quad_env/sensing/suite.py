@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from quad_env.config import NonNegative, Bounds, Finite, Positive, Settings
+from quad_env.config import Bounds, Finite, NonNegative, Positive, Settings
 from quad_env.scenarios.disturbances import Delay
 
 

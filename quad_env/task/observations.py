@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import ScalarOrBatch, Components, differences, in_single_precision
+from quad_env.columns import Components, ScalarOrBatch, differences, in_single_precision
 from quad_env.config import COMMAND_BOUND
 from quad_env.physics.state import QuadState
 from quad_env.robots.robot import Robot

@@ -9,7 +9,17 @@ from collections.abc import Callable
 from dataclasses import asdict, fields
 from typing import Any, cast
 
-from quad_env.columns import ScalarOrBatch, BoolOrMask, any_true, differences, exp, sqrt, sum_of_squares, ordered_sum, where
+from quad_env.columns import (
+    BoolOrMask,
+    ScalarOrBatch,
+    any_true,
+    differences,
+    exp,
+    ordered_sum,
+    sqrt,
+    sum_of_squares,
+    where,
+)
 from quad_env.config import RewardWeights
 from quad_env.physics.state import QuadState
 

@@ -141,7 +141,7 @@ def robot_of(found: dict[str, Any]) -> Robot:
 
 
 def score_table(
-    of: Sequence[Score], baseline: str, called: Mapping[str, str] | None = None, real: Sequence[Score] = ()
+    of: Sequence[Score], baseline: str, display_names: Mapping[str, str] | None = None, real: Sequence[Score] = ()
 ) -> list[str]:
     """Each policy's score and its difference from the baseline's, in Markdown, with the hardware profile on the right;
     `called` has names to show instead."""
@@ -151,7 +151,7 @@ def score_table(
         heads |= {name: f"{name}, %", f"{name} difference": f"minus `{baseline}`, % points"}
         for each in kind:
             rows[each.policy] |= _score_cells(each, baseline, name)
-    names = {policy: (called or {}).get(policy, f"`{policy}`") for policy in rows}
+    names = {policy: (display_names or {}).get(policy, f"`{policy}`") for policy in rows}
     full = ({"policy": names[policy], **dict.fromkeys([*heads][1:], ABSENT), **row} for policy, row in rows.items())
     return [SCORE_WORDS, "", *table(heads, list(full)).splitlines()]
 

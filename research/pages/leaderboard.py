@@ -57,18 +57,18 @@ class Options:
 
 def main(options: Options) -> int:
     """Evaluate and write; the exit code. Raises UsageError."""
-    listed = policy_list.read(options.list)
-    if options.reference not in (None, *listed.names):
-        raise UsageError(f"--reference: {options.reference} is not in the list: {', '.join(listed.names)}")
+    leaderboard_policies = policy_list.read(options.list)
+    if options.reference not in (None, *leaderboard_policies.names):
+        raise UsageError(f"--reference: {options.reference} is not in the list: {', '.join(leaderboard_policies.names)}")
     out = options.out or Path("docs") / f"leaderboard_{options.list.stem}.md"
     data = out.parent / "results" / f"{out.stem}.csv"
     make_folder_of(out, "--out")
     make_folder_of(data, "--out")
-    references = policy_list.references(listed, options.list, options.files, fetch=options.fetch)
-    plans = {name: _plan(name, policy, listed, options) for name, policy in references.items()}
-    results = _results({name: _run(plan) for name, plan in plans.items()}, listed.ours, options.reference)
+    references = policy_list.references(leaderboard_policies, options.list, options.files, fetch=options.fetch)
+    plans = {name: _plan(name, policy, leaderboard_policies, options) for name, policy in references.items()}
+    results = _results({name: _run(plan) for name, plan in plans.items()}, leaderboard_policies.ours, options.reference)
     robots = {name: plan.policies[0].policy.robot for name, plan in plans.items()}
-    write_atomically(out, leaderboard_page.page(results, listed, robots, _made_by(options, results)).encode())
+    write_atomically(out, leaderboard_page.page(results, leaderboard_policies, robots, _made_by(options, results)).encode())
     rows = [{"scenario": s, "policy": p, **flat(without_nan(asdict(of)))} for (s, p), of in results.summaries.items()]
     write_atomically(data, csv_text(rows))
     differences = [flat(without_nan(asdict(of))) for of in results.comparisons if of.b == results.baseline]
@@ -86,14 +86,14 @@ def _made_by(options: Options, results: Results) -> str:
     return f"`{' '.join(words)}`; MuJoCo {results.versions['mujoco']}, Python {results.versions['python']}."
 
 
-def _plan(name: str, policy: str, listed: PolicyList, options: Options) -> Plan:
+def _plan(name: str, policy: str, leaderboard_policies: PolicyList, options: Options) -> Plan:
     """The evaluation of one policy, checked; one that was begun is carried on. Raises UsageError."""
     out = options.runs / options.list.stem / re.sub(r"[^\w.-]+", "_", name)
     same = {each: getattr(options, each) for each in ("trust", "scenarios", "episodes", "threads")}
     begun, servo = (out / manifest.NAME).is_file(), ""
-    if name in listed.ours:
+    if name in leaderboard_policies.ours:
         policy, _, servo = policy.partition(" at ")
-    asked = evaluation.Options((policy,), robot=listed.robot, servo=servo, out=out, resume=begun, **same)
+    asked = evaluation.Options((policy,), robot=leaderboard_policies.robot, servo=servo, out=out, resume=begun, **same)
     try:
         return check(asked)
     except UsageError as error:

@@ -10,9 +10,9 @@ RESULTS = "results"
 """Name of a file's first place."""
 
 
-def insert(text: str, lines: list[str], place: str = RESULTS) -> str:
+def insert(text: str, lines: list[str], marker: str = RESULTS) -> str:
     """The text with the lines between the markers of that place. Raises UsageError where it has none."""
-    begin, end = f"<!-- {place} -->", f"<!-- /{place} -->"
+    begin, end = f"<!-- {marker} -->", f"<!-- /{marker} -->"
     if begin not in text or end not in text:
         raise UsageError(f"no {begin} and {end} in the file that is to hold the results")
     head, rest = text.split(begin, 1)
@@ -26,12 +26,12 @@ def page_with(page: Path, *places: str) -> str:
         text = read_bytes(page).decode()
     except (OSError, UnicodeError) as error:
         raise UsageError(f"cannot read the page {page} ({error})") from error
-    for place in places:
-        insert(text, [], place)
+    for marker in places:
+        insert(text, [], marker)
     return text
 
 
-def put(page: Path | None, lines: list[str], place: str = RESULTS) -> None:
+def write_block(page: Path | None, lines: list[str], marker: str = RESULTS) -> None:
     """Write the lines into that place of the page, if there is one."""
     if page is not None:
-        write_atomically(page, insert(page_with(page), lines, place).encode())
+        write_atomically(page, insert(page_with(page), lines, marker).encode())

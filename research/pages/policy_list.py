@@ -24,12 +24,12 @@ from quad_env.files.writing import write_atomically
 _SOURCE, _SHA256 = re.compile(r"https://[\w.-]+(/[\w-][\w.-]*){2}"), re.compile("[0-9a-f]{64}")
 _OUTSIDE = re.compile(r"[\\:]|^/|(^|/)\.\.(/|$)")
 """In a path that may leave its folder."""
-_PATIENCE = 60.0
+_DOWNLOAD_TIMEOUT = 60.0
 """For a server to answer, s."""
 
 
 @dataclass(frozen=True)
-class Published:
+class PublishedPolicy:
     """A policy of another project."""
 
     name: str
@@ -60,7 +60,7 @@ class PolicyList:
     """As `--robot` takes it."""
     ours: Sequence[str]
     """As `--policies` takes them, also with servo gains of `--servo`, such as "trot at 35/0.5"."""
-    published: tuple[Published, ...] = ()
+    published: tuple[PublishedPolicy, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -72,7 +72,7 @@ def read(path: Path) -> PolicyList:
     """The list in a file. Raises UsageError, one line."""
     try:
         found = tomllib.loads(read_bytes(path).decode())
-        published = tuple(Published(**each) for each in found.pop("published", ()))
+        published = tuple(PublishedPolicy(**each) for each in found.pop("published", ()))
         listed = PolicyList(**{"ours": ()} | found, published=published)
         for value in (listed, *published):
             check_settings(value)
@@ -109,7 +109,7 @@ def references(listed: PolicyList, file: Path, folder: Path, *, fetch: bool = Fa
     }
 
 
-def _missing(published: Published, folder: Path, *, fetch: bool) -> Iterator[str]:
+def _missing(published: PublishedPolicy, folder: Path, *, fetch: bool) -> Iterator[str]:
     """A line for each file that is not there. Raises UsageError for one that is another."""
     for path, sha256 in published.files.items():
         place, url = published.place(folder, path), published.url(path)
@@ -131,14 +131,14 @@ def _missing(published: Published, folder: Path, *, fetch: bool) -> Iterator[str
 
 def _fetched(url: str) -> bytes:
     """What the address holds; OSError where that is too much."""
-    with urllib.request.urlopen(url, timeout=_PATIENCE) as reply:
+    with urllib.request.urlopen(url, timeout=_DOWNLOAD_TIMEOUT) as reply:
         content: bytes = reply.read(TEXT + 1)
     if len(content) > TEXT:
         raise OSError(f"{url} is larger than {TEXT // 2**20} MiB")
     return content
 
 
-def _described(published: Published, lists: Path, folder: Path) -> Path:
+def _described(published: PublishedPolicy, lists: Path, folder: Path) -> Path:
     """The file that says what the policy is."""
     if published.policy in published.files:
         return published.place(folder, published.policy)

@@ -17,7 +17,7 @@ from quad_env.cli.format import estimate, number
 from quad_env.files.writing import write_atomically
 from research.pages.csv_text import csv_text
 from research.pages.markdown import table
-from research.pages.places import put
+from research.pages.places import write_block
 
 PLACE = "simulators"
 ERROR = "mean_velocity_error"
@@ -46,7 +46,7 @@ def main(options: Options) -> int:
         raise UsageError(f"{options.a} and {options.b} have no finished episodes in common")
     text = table(_heads(names), map(_shown, rows))
     print(text)
-    put(options.page, text.splitlines(), PLACE)
+    write_block(options.page, text.splitlines(), PLACE)
     if options.table is not None:
         write_atomically(options.table, csv_text(rows))
     return 0

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import track
 
 from quad_env.cli.command_line import UsageError, check_numbers
-from research.pages.places import page_with, put
+from research.pages.places import page_with, write_block
 from research.statistics import checks, settled
 from research.statistics.checks import Check
 
@@ -66,7 +66,7 @@ def main(options: Options) -> int:
     if batteries:
         table = settled.lines(batteries, options.runs, options.seed)
         print("\n".join(table))
-        put(options.page, table, PLACE)
+        write_block(options.page, table, PLACE)
     return 0
 
 
@@ -77,7 +77,7 @@ def _run(rows: list[Check], options: Options) -> None:
     head = "interval holds the truth, or test claims a difference"
     print(f"{head:54} {'n':>4} {'falls':>6} {'share':>6} {'meant':>6}")
     for check in track(rows, "intervals and tests", console=Console(stderr=True)):
-        share, (low, high) = checks.share_of_yes(check, options.sets, options.seed), check.bounds
+        share, (low, high) = checks.rejection_rate(check, options.sets, options.seed), check.bounds
         outside += not low <= share <= high
         values = (check.fall_probability, share, check.expected)
         figures = " ".join(f"{'' if np.isnan(value) else f'{100 * value:.1f}':>6}" for value in values)

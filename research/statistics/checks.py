@@ -16,11 +16,11 @@ from evaluate.statistics.intervals import (
     wilson_interval,
 )
 from evaluate.statistics.significance import mcnemar, sign_flip_test
-from research.statistics.synthetic import Axis, Episodes, Kind, episodes, mean_error
+from research.statistics.synthetic import Axis, Episodes, FallCurve, episodes, mean_error
 
-COVERS = (0.93, 0.97)
+COVERAGE_BOUNDS = (0.93, 0.97)
 """Bounds of the share of 95 % intervals that hold the truth."""
-HOLDS_LEVEL = (0.04, 0.06)
+TYPE_I_ERROR_BOUNDS = (0.04, 0.06)
 """Bounds of the share of tests that are significant where there is no difference."""
 DISCRETE = (0.0, 0.06)
 """The same of tests of a count, whose p-value can jump past 5 %: exact ones stay below it."""
@@ -29,17 +29,17 @@ EASIER = 0.8
 AT_LEAST = (0.93, 1.0)
 """Bounds of the share of 95 % intervals that may hold the truth more often."""
 PUSHES = (20.0, 35.0, 50.0, 65.0, 80.0, 100.0)
-HALF = (Kind(0.495, 25.0, 20.0), Kind(0.01, 49.5, 90.0), Kind(0.495, 60.0, 60.0))
-STRETCH = (Kind(0.45, 30.0, 12.0), Kind(0.55, 75.0, 12.0))
+HALF = (FallCurve(0.495, 25.0, 20.0), FallCurve(0.01, 49.5, 90.0), FallCurve(0.495, 60.0, 60.0))
+STRETCH = (FallCurve(0.45, 30.0, 12.0), FallCurve(0.55, 75.0, 12.0))
 AXES = {
-    "": Axis(PUSHES, (Kind(1.0, 55.0, 4.0),)),
-    ", a sixth falls anyway": Axis(PUSHES, (Kind(1 / 6, 0.0), Kind(5 / 6, 55.0, 6.0))),
-    ", less is harder": Axis((1.0, 0.7, 0.5, 0.35, 0.25), (Kind(1.0, 0.45, 5.0),)),
+    "": Axis(PUSHES, (FallCurve(1.0, 55.0, 4.0),)),
+    ", a sixth falls anyway": Axis(PUSHES, (FallCurve(1 / 6, 0.0), FallCurve(5 / 6, 55.0, 6.0))),
+    ", less is harder": Axis((1.0, 0.7, 0.5, 0.35, 0.25), (FallCurve(1.0, 0.45, 5.0),)),
     ", one half at a level": Axis((20.0, 50.0, 65.0, 140.0), HALF),
     ", flat below one half": Axis(PUSHES, STRETCH),
     ", flat below one half, three levels": Axis((35.0, 65.0, 100.0), STRETCH),
-    ", an edge": Axis(PUSHES, (Kind(0.1, 0.0), Kind(0.8, 57.0, 100.0), Kind(0.1, np.inf))),
-    ", two fifths never fall": Axis(PUSHES, (Kind(0.6, 45.0, 6.0), Kind(0.4, np.inf))),
+    ", an edge": Axis(PUSHES, (FallCurve(0.1, 0.0), FallCurve(0.8, 57.0, 100.0), FallCurve(0.1, np.inf))),
+    ", two fifths never fall": Axis(PUSHES, (FallCurve(0.6, 45.0, 6.0), FallCurve(0.4, np.inf))),
 }
 """Logistic curves, and shapes that no model has."""
 
@@ -71,7 +71,7 @@ def coverage_checks(count: int, fall_probability: float) -> Iterator[Check]:
         "bootstrap, paired difference of errors": partial(_mean_difference, count, fall_probability),
     }
     for name, outcome in rules.items():
-        yield Check(name, count, fall_probability, outcome, COVERS)
+        yield Check(name, count, fall_probability, outcome, COVERAGE_BOUNDS)
 
 
 def breaking_checks(count: int) -> Iterator[Check]:
@@ -84,15 +84,23 @@ def breaking_checks(count: int) -> Iterator[Check]:
 def null_checks(count: int, fall_probability: float) -> Iterator[Check]:
     """Is a difference claimed where there is none?"""
     rules: dict[str, tuple[Outcome, Interval, float]] = {
-        "sign flips, exchangeable pairs": (partial(_sign_flip, count, fall_probability), HOLDS_LEVEL, SIGNIFICANT),
+        "sign flips, exchangeable pairs": (
+            partial(_sign_flip, count, fall_probability),
+            TYPE_I_ERROR_BOUNDS,
+            SIGNIFICANT,
+        ),
         "McNemar, exchangeable pairs": (partial(_mcnemar, count, fall_probability), DISCRETE, np.nan),
-        "McNemar, ties by lot": (partial(_mcnemar_by_lot, count, fall_probability), HOLDS_LEVEL, SIGNIFICANT),
+        "McNemar, ties by lot": (
+            partial(_randomized_mcnemar, count, fall_probability),
+            TYPE_I_ERROR_BOUNDS,
+            SIGNIFICANT,
+        ),
     }
     for name, (outcome, bounds, expected) in rules.items():
         yield Check(name, count, fall_probability, outcome, bounds, expected)
 
 
-def share_of_yes(check: Check, sets: int, seed: int) -> float:
+def rejection_rate(check: Check, sets: int, seed: int) -> float:
     """Over that many data sets, each of a generator of its own."""
     return float(np.mean([check.outcome(np.random.default_rng([seed, number])) for number in range(sets)]))
 
@@ -141,7 +149,7 @@ def _mcnemar(count: int, fall_probability: float, generator: np.random.Generator
     return mcnemar(*_made(generator, count, fall_probability, 1.0).fell) < SIGNIFICANT
 
 
-def _mcnemar_by_lot(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+def _randomized_mcnemar(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
     """A lot decides how much of the chance of the very outcome that was seen counts: exact at every level."""
     a, b = _made(generator, count, fall_probability, 1.0).fell
     rarer, discordant = sorted((int((a & ~b).sum()), int((b & ~a).sum())))[0], int((a ^ b).sum())

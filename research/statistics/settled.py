@@ -58,11 +58,11 @@ BATTERIES = tuple(
 
 
 @dataclass(frozen=True)
-class Ended:
+class SequentialRunResult:
     """A run until settled."""
 
     episodes: int
-    wrong: bool
+    has_false_claim: bool
     """Whether it claims a difference of two neighbours that are alike or the other way round."""
     found: bool
     """Whether it distinguishes all neighbours that differ."""
@@ -70,7 +70,7 @@ class Ended:
     """The same of plans with FIXED episodes."""
 
 
-def run(battery: Battery, generator: np.random.Generator) -> Ended:
+def run(battery: Battery, generator: np.random.Generator) -> SequentialRunResult:
     """One made-up run, looked at as `python -m evaluate --until settled` does."""
     values = battery.values(generator)
     fixed = tuple(_found_by_fixed(battery, values, count) for count in FIXED)
@@ -79,8 +79,10 @@ def run(battery: Battery, generator: np.random.Generator) -> Ended:
         if all(pair.distinguished or pair.futile for pair in pairs):
             break
     apart = [(battery.points[int(pair.ahead)] - battery.points[int(pair.behind)], pair.distinguished) for pair in pairs]
-    wrong = any(known and points <= 0.0 for points, known in apart)
-    return Ended(episodes, wrong, all(known and points > 0.0 for points, known in apart if points), fixed)
+    has_false_claim = any(known and points <= 0.0 for points, known in apart)
+    return SequentialRunResult(
+        episodes, has_false_claim, all(known and points > 0.0 for points, known in apart if points), fixed
+    )
 
 
 def _found_by_fixed(battery: Battery, values: dict[str, Floats], count: int) -> bool:
@@ -105,7 +107,7 @@ def figures(battery: Battery, runs: int, seed: int) -> dict[str, float]:
     differ = len(set(battery.points)) > 1
     enough = [count for count, of in zip(FIXED, of_fixed, strict=True) if of >= power]
     return {
-        "wrong": float(np.mean([each.wrong for each in ended])),
+        "wrong": float(np.mean([each.has_false_claim for each in ended])),
         "found": float(power) if differ else np.nan,
         "episodes": float(episodes),
         "fixed": float(next(iter(enough), LIMIT)) if power > 0.0 and differ else np.nan,

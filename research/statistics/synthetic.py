@@ -29,14 +29,14 @@ class Episodes:
 def episodes(generator: np.random.Generator, fall_probabilities: tuple[float, ...], count: int) -> Episodes:
     """Policies with those fall probabilities; all of them share SHARED of an episode's luck and of its error."""
     shape = (len(fall_probabilities), count)
-    fell = _luck(generator, *shape) < np.array(fall_probabilities)[:, None]
+    fell = _correlated_uniforms(generator, *shape) < np.array(fall_probabilities)[:, None]
     common = generator.gamma(SHARED * TRACKING_SHAPE, TRACKING_SCALE, count)
     tracking = common + generator.gamma((1.0 - SHARED) * TRACKING_SHAPE, TRACKING_SCALE, shape)
     upright = np.where(fell, generator.uniform(EARLIEST_FALL, 1.0, shape), 1.0)
     return Episodes(fell, upright * tracking + (1.0 - upright) * CAP)
 
 
-def _luck(generator: np.random.Generator, rows: int, count: int) -> Floats:
+def _correlated_uniforms(generator: np.random.Generator, rows: int, count: int) -> Floats:
     """Uniform on 0 … 1, (rows, count), of which the rows of a column share a part."""
     from scipy.special import ndtr
 
@@ -51,7 +51,7 @@ def mean_error(fall_probability: float) -> float:
 
 
 @dataclass(frozen=True)
-class Kind:
+class FallCurve:
     """Episodes that fall by a logistic curve over ln(severity), as a share of all."""
 
     share: float
@@ -65,10 +65,10 @@ class Axis:
     """Severities, the mildest first, and the kinds of episodes there: sums of logistic curves make any shape."""
 
     severities: tuple[float, ...]
-    kinds: tuple[Kind, ...]
+    kinds: tuple[FallCurve, ...]
 
     @property
-    def harder(self) -> float:
+    def direction(self) -> float:
         """1 where more is harder, −1 where less is."""
         return 1.0 if self.severities[-1] > self.severities[0] else -1.0
 
@@ -85,10 +85,10 @@ class Axis:
         from scipy.special import expit
 
         with np.errstate(divide="ignore"):
-            curves = [k.share * expit(self.harder * k.steepness * np.log(severities / k.median)) for k in self.kinds]
+            curves = [k.share * expit(self.direction * k.steepness * np.log(severities / k.median)) for k in self.kinds]
         return np.asarray(np.sum(curves, axis=0))
 
     def falls(self, generator: np.random.Generator, count: int) -> Bools:
         """Falls (levels, n) of episodes whose luck at the levels has a part in common."""
-        luck = _luck(generator, len(self.severities), count)
+        luck = _correlated_uniforms(generator, len(self.severities), count)
         return np.asarray(luck < self.probability(np.array(self.severities))[:, None])

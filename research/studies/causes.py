@@ -26,8 +26,8 @@ from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import make_writable_folder, write_atomically
 from research.pages.csv_text import csv_text
 from research.pages.markdown import table
-from research.pages.places import put
-from research.studies.failure_films import span, strip
+from research.pages.places import write_block
+from research.studies.failure_films import frame_range, strip
 from research.studies.failures import CASES
 
 
@@ -61,10 +61,10 @@ def main(options: Options) -> int:
     rows = list(figures())
     write_atomically(options.table, csv_text(rows))
     heads = {name: name.replace("_", " ") for name in ("made_for", "episodes", "right", "certain", "certain_and_wrong")}
-    put(options.page, [table(heads, [{name: str(row[name]) for name in heads} for row in rows])], "agreement")
+    write_block(options.page, [table(heads, [{name: str(row[name]) for name in heads} for row in rows])], "agreement")
     columns = {name: name for name in ("threshold", "value", "unit", "reason")}
     lines = (dict(zip(columns, map(str, (name, *of)), strict=True)) for name, of in THRESHOLDS.items())
-    put(options.page, [table(columns, lines)], "thresholds")
+    write_block(options.page, [table(columns, lines)], "thresholds")
     return 0
 
 
@@ -101,7 +101,7 @@ def film(options: Options, folder: Path) -> int:
         policy = IDEAL.policy(cell.policy, real=cell.scenario.hardware)
         episodes = rollout.run(policy, cell.scenario, cell.seeds[[draw.choice(failed)]])
         [(record, why)], name = found(episodes), f"{len(key):02d}.png"
-        strip(policy, record, span(record, measure(episodes), draw.uniform(0.1, 0.5))).save(folder / name)
+        strip(policy, record, frame_range(record, measure(episodes), draw.uniform(0.1, 0.5))).save(folder / name)
         what = {"policy": cell.policy, "scenario": cell.scenario.name, "seed": int(episodes.seeds[0])}
         key.append({"film": name, **what, "cause": why.event.cause, "certain": why.certain, "detail": why.detail})
         write_atomically(folder.with_name("key.csv"), csv_text(key))
@@ -128,7 +128,7 @@ def read(options: Options, reading: Path) -> int:
     heads = [cause for cause in CAUSES if any(cause == other for _, other in pairs)]
     body = [{cause: str(pairs[rule, cause] or "") for cause in heads} | {"by the rules": rule} for rule in CAUSES]
     filled, names = [row for row in body if any(map(row.get, heads))], {name: name for name in ("by the rules", *heads)}
-    put(options.page, [f"{said} Rows: the rules; columns: the person.", "", table(names, filled)], "reading")
+    write_block(options.page, [f"{said} Rows: the rules; columns: the person.", "", table(names, filled)], "reading")
     films = [{**row, "remark": person[row["film"]].get("remark", "")} for row in films]
     write_atomically(options.table.with_name("causes_films.csv"), csv_text(films))
     return 0

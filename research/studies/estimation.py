@@ -39,7 +39,7 @@ from quad_env.sensing.error_state import TILT, VELOCITY
 from quad_env.sensing.estimators import ESTIMATORS
 from quad_env.sensing.kalman import KalmanFilter
 from quad_env.sensing.suite import sensor_suite
-from research.pages.places import RESULTS, page_with, put
+from research.pages.places import RESULTS, page_with, write_block
 
 SETTLING = 100
 """Control steps from the start that do not count."""
@@ -109,7 +109,7 @@ def main(options: Options) -> int:
     ):  # shown as they come: a row takes minutes
         print(line, flush=True)
         lines.append(line)
-    put(options.page, lines, place)
+    write_block(options.page, lines, place)
     return 0
 
 
@@ -121,11 +121,11 @@ def table(options: Options) -> Iterator[str]:
     for name, scenario in walks(options.ground).items():
         for estimator in ESTIMATORS:
             found = errors(options, scenario, estimator)
-            roll, pitch = np.degrees(norm(found.tilt[..., :1])), np.degrees(norm(found.tilt[..., 1:]))
-            velocity, shown, level = map(norm, (found.velocity, found.shown, found.shown[..., :2]))
+            roll, pitch = np.degrees(rms(found.tilt[..., :1])), np.degrees(rms(found.tilt[..., 1:]))
+            velocity, shown, level = map(rms, (found.velocity, found.shown, found.shown[..., :2]))
             cells = [name, estimator, *(f"{each:.3f}" for each in (velocity, shown, level)), f"{roll:.2f}, {pitch:.2f}"]
             yield f"| {' | '.join([*cells, *consistency(found.nees)])} |"
-    low, high = band(options.episodes)
+    low, high = nees_bounds(options.episodes)
     words = f"`{options.policy}`, sensors `{options.sensors}`, {options.episodes} episodes of each row"
     yield ""
     yield f"{words}, {options.seeds} seeds; 95 % band of NEES {low:.2f} to {high:.2f}."
@@ -154,14 +154,14 @@ def after_pushes(options: Options) -> Iterator[str]:
             profile = hardware_profile(get_robot(robot))._asdict() | {"estimator": estimator}
             watch = _walked(options, named("push", robot), replace(HardwareConfig(robot=robot), **profile))
             found = watch.errors(watch.falls.step)
-            both = zip(*(pushed(each, watch.pushes) for each in (found.velocity, found.shown)), strict=True)
+            both = zip(*(error_after_push(each, watch.pushes) for each in (found.velocity, found.shown)), strict=True)
             yield f"| {' | '.join((robot, estimator, *(f'{now:.3f}, {shown:.3f}' for now, shown in both)))} |"
     yield ""
     episodes = f"{options.episodes} episodes of each row, {options.seeds} seeds"
     yield f"`{options.policy}` on the hardware profile, two pushes an episode, {episodes}."
 
 
-def pushed(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
+def error_after_push(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
     """`norm` in each window after each push of errors from `SETTLING` on, (steps, n, 3), before a fall.
 
     `pushes`: control steps at which they begin, (n, k).
@@ -172,7 +172,7 @@ def pushed(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
             vectors[max(push - SETTLING + start, 0) : push - SETTLING + end, row]
             for (row, _), push in np.ndenumerate(pushes)
         ]
-        out.append(norm(np.concatenate(parts)))
+        out.append(rms(np.concatenate(parts)))
     return out
 
 
@@ -182,7 +182,7 @@ def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
     return watch.errors(watch.falls.step)
 
 
-def _walked(options: Options, scenario: Scenario, hardware: HardwareConfig) -> "_Watch":
+def _walked(options: Options, scenario: Scenario, hardware: HardwareConfig) -> "EstimationErrorObserver":
     """The observer of the walks of the options."""
     real = hardware.actuator != IDEAL.actuator
     policy, suite = hardware.policy(options.policy, real=real), sensor_suite(hardware.sensors)
@@ -190,17 +190,17 @@ def _walked(options: Options, scenario: Scenario, hardware: HardwareConfig) -> "
     parts = suite.imu, suite.encoders, suite.feet
     late = max(delay_to_steps(part.delay, 1 / policy.control_period) for part in parts)
     seeds = episode_seeds(options.seeds, options.seed, options.episodes)
-    watch = _Watch(late, FallRecorder(len(seeds), STEPS))
+    watch = EstimationErrorObserver(late, FallRecorder(len(seeds), STEPS))
     roll_out(policy, scenario, seeds, watch.falls, watch, steps=STEPS, nthread=options.threads, hardware=hardware)
     return watch
 
 
-def norm(vectors: Floats) -> float:
+def rms(vectors: Floats) -> float:
     """Root of the mean squared length, (…, k)."""
     return float(np.sqrt(np.nanmean((vectors**2).sum(axis=-1))))
 
 
-def band(runs: int) -> tuple[float, float]:
+def nees_bounds(runs: int) -> tuple[float, float]:
     """95 % of the means of NEES over so many runs lie between these."""
     from scipy.stats import chi2
 
@@ -212,11 +212,11 @@ def consistency(nees: Floats) -> tuple[str, str]:
     """Mean of NEES, (steps, n), over runs and steps, and the share of the steps whose mean over runs is in the band."""
     if np.isnan(nees).all():
         return ABSENT, ABSENT
-    means, (low, high) = np.nanmean(nees, axis=1), band(nees.shape[1])
+    means, (low, high) = np.nanmean(nees, axis=1), nees_bounds(nees.shape[1])
     return f"{np.nanmean(nees):.2f}", f"{((means >= low) & (means <= high)).mean():.0%}"
 
 
-class _Watch:
+class EstimationErrorObserver:
     """Observer of the errors of estimates that are `late` control steps old, and of the observation."""
 
     def __init__(self, late: int, falls: FallRecorder) -> None:
@@ -235,12 +235,12 @@ class _Watch:
             return
         then: Any = estimator.motion if isinstance(estimator, KalmanFilter) else estimator
         true_gravity, true_velocity = self._truths[0]
-        turned, moved = np.cross(then.gravity, true_gravity), true_velocity - then.velocity
+        turned, velocity_error = np.cross(then.gravity, true_gravity), true_velocity - then.velocity
         tilt = roll_pitch(true_gravity) - roll_pitch(then.gravity)
         nees = np.full(count, np.nan)
         if isinstance(estimator, KalmanFilter):
-            nees = normalised(then.gravity, turned, moved, estimator.covariance)
-        self._rows.append((tilt, moved, velocity - estimator.velocity, nees))
+            nees = normalised(then.gravity, turned, velocity_error, estimator.covariance)
+        self._rows.append((tilt, velocity_error, velocity - estimator.velocity, nees))
 
     def errors(self, fall_step: NDArray[np.int64]) -> Errors:
         """The errors, without those after falls."""
@@ -257,7 +257,7 @@ def roll_pitch(gravity: Floats) -> Floats:
     return np.stack((frame.roll, frame.pitch), axis=-1)
 
 
-def normalised(gravity: Floats, turned: Floats, moved: Floats, covariance: Floats) -> Floats:
+def normalised(gravity: Floats, turned: Floats, velocity_error: Floats, covariance: Floats) -> Floats:
     """NEES of errors of tilt, rad, and velocity, m/s, (n, 3) each, at estimates of gravity (n, 3); shape (n,).
 
     A rotation about gravity is no tilt; the two entries are along axes normal to gravity.
@@ -267,7 +267,7 @@ def normalised(gravity: Floats, turned: Floats, moved: Floats, covariance: Float
     entries = np.zeros((len(gravity), ENTRIES, 6))
     entries[:, 0, :3], entries[:, 1, :3], entries[:, 2:, 3:] = across, np.cross(gravity, across), np.eye(3)
     places = np.r_[TILT, VELOCITY]
-    error = (entries @ np.concatenate((turned, moved), axis=1)[..., None])[..., 0]
+    error = (entries @ np.concatenate((turned, velocity_error), axis=1)[..., None])[..., 0]
     claimed = entries @ covariance[:, places][:, :, places] @ np.swapaxes(entries, -1, -2)
     weighed: Floats = (error[:, None] @ np.linalg.solve(claimed, error[..., None]))[:, 0, 0]
     return weighed

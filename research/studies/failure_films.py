@@ -12,7 +12,7 @@ from evaluate.causes.verdict import worst_interval
 from evaluate.film.captions import DARK, Text
 from evaluate.film.curves import curves
 from evaluate.film.files import tiled
-from evaluate.film.shooting import RenderOptions, EpisodeView, FilmSpec
+from evaluate.film.shooting import EpisodeView, FilmSpec, RenderOptions
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts.experiment import LabelledPolicy
 from policies.base import Policy
@@ -29,15 +29,15 @@ CURVES = {
     "given": "tilt, velocity, yaw rate as given",
 }
 """Curves below the frames."""
-BEFORE = 0.6  # s before the onset of a fall
+LEAD_TIME = 0.6  # s before the onset of a fall
 
 
-def span(record: EpisodeSignals, measures: Measures, earlier: float) -> slice:
+def frame_range(record: EpisodeSignals, measures: Measures, earlier: float) -> slice:
     """Control steps of a fall, so many s earlier than need be, for nobody is to see where it begins; or of the command
     interval that went worst."""
     if not record.fell:
         return record.episodes.intervals.settled[worst_interval(measures, record.number)]
-    return slice(max(0, record.onset - round((BEFORE + earlier) / record.episodes.dt)), record.end + 1)
+    return slice(max(0, record.onset - round((LEAD_TIME + earlier) / record.episodes.dt)), record.end + 1)
 
 
 def strip(policy: Policy, record: EpisodeSignals, part: slice) -> Image.Image:

@@ -22,7 +22,7 @@ from quad_env.seeding import episode_seeds
 Rows = NDArray[np.float32]
 
 
-class Altered(Policy):
+class PerturbedPolicy(Policy):
     """A policy that is shown, and asks for, something else than the one within it; `failing` from a step on."""
 
     name = "altered"
@@ -30,12 +30,12 @@ class Altered(Policy):
     def __init__(
         self,
         policy: Policy,
-        shown: Callable[[Rows], Rows] = lambda rows: rows,
-        asked: Callable[[Actions, Rows], Actions] = lambda actions, _: actions,
+        observation_transform: Callable[[Rows], Rows] = lambda rows: rows,
+        action_transform: Callable[[Actions, Rows], Actions] = lambda actions, _: actions,
         failing: float = np.inf,
     ) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
-        self._policy, self._shown, self._asked, self._failing = policy, shown, asked, failing
+        self._policy, self._shown, self._asked, self._failing = policy, observation_transform, action_transform, failing
 
     def _allocate(self, num_envs: int) -> None:
         self._policy.reset(num_envs)
@@ -71,7 +71,7 @@ class Case:
 
 
 def _named(name: str, **altered: Any) -> Callable[[], Policy]:
-    return lambda: Altered(policies.make(name), **altered) if altered else policies.make(name)
+    return lambda: PerturbedPolicy(policies.make(name), **altered) if altered else policies.make(name)
 
 
 def _trot(**parameters: float) -> Callable[[], Policy]:
@@ -98,33 +98,33 @@ def _made(speed: float | tuple[float, float] = 0.5, **settings: Any) -> Scenario
 ALONG = StartNoise(yaw=0.0)
 """Starts that face the stairs."""
 CURVES = CommandRanges((1.2, 1.5), (-0.3, 0.3), (-1.2, 1.2), 0.0, 2.0)
-TURNED: Any = SensorSuite(imu=Imu(rotation=(0.0, 0.7, 0.0)))
+TILTED_IMU: Any = SensorSuite(imu=Imu(rotation=(0.0, 0.7, 0.0)))
 """An IMU that is mounted 0.7 rad off about the trunk's y axis, unknown to the estimator."""
-RISERS, ICE, TENTH = Stairs(0.15), Ground(0.05), Motors(10.0)
+STAIRS_15_CM, ICE, WEAK_MOTORS = Stairs(0.15), Ground(0.05), Motors(10.0)
 """0.15 m a step; friction; a tenth of the torque."""
-LATE, LOST = Latency(0.08, 0.08), Dropouts(4, 0.95, (0.1, 4.0))
-UP, LYING = _made(0.8, terrain=RISERS, start=ALONG), _made(start=AnyPose())
+LONG_LATENCY, LONG_DROPOUTS = Latency(0.08, 0.08), Dropouts(4, 0.95, (0.1, 4.0))
+STAIRS_UP, LYING = _made(0.8, terrain=STAIRS_15_CM, start=ALONG), _made(start=AnyPose())
 CASES = (
     Case(rules.TRIP, _named("robust"), _made(0.8, terrain=Stairs(0.2), start=ALONG), 120),
-    Case(rules.TRIP, _named("end_to_end"), UP, 160, chosen=(3, 4, 5, 10, 11, 12)),
+    Case(rules.TRIP, _named("end_to_end"), STAIRS_UP, 160, chosen=(3, 4, 5, 10, 11, 12)),
     Case(rules.SLIP, _named("end_to_end"), _made(ground=ICE, commands=CURVES)),
     Case(rules.SLIP, _named("trot"), _made(ground=ICE, commands=CURVES)),
     Case(rules.PUSH, _named("trot_feedback"), _made(pushes=Pushes(1, 150.0, window=(0.8, 1.2))), 220),
     Case(rules.PUSH, _named("residual"), _made(force=SteadyForce(140.0))),
-    Case(rules.MOTOR, _named("residual"), _made(0.8, motors=TENTH)),
-    Case(rules.MOTOR, _named("end_to_end"), _made(motors=TENTH, commands=CURVES)),
+    Case(rules.MOTOR, _named("residual"), _made(0.8, motors=WEAK_MOTORS)),
+    Case(rules.MOTOR, _named("end_to_end"), _made(motors=WEAK_MOTORS, commands=CURVES)),
     Case(rules.REACH, _trot(body_height=0.62), _made(0.8)),
     Case(rules.REACH, _trot(stance_width=0.2, frequency=1.5), _made(0.8)),
     Case(rules.ESTIMATE, _named("trot_feedback"), _made(noise=SensorNoise(2.4)), 180, chosen=(4, 6, 12, 15, 21, 28)),
-    Case(rules.ESTIMATE, _named("end_to_end"), _made(), hardware=HardwareConfig(sensors=TURNED)),
-    Case(rules.SIGNAL, _named("end_to_end"), _made(0.8, latency=LATE), 200, chosen=(4, 7, 9, 12, 19, 28)),
-    Case(rules.SIGNAL, _named("end_to_end"), _made((1.8, 2.3), dropouts=LOST), 230, chosen=(2, 12, 31, 53, 92, 93)),
+    Case(rules.ESTIMATE, _named("end_to_end"), _made(), hardware=HardwareConfig(sensors=TILTED_IMU)),
+    Case(rules.SIGNAL, _named("end_to_end"), _made(0.8, latency=LONG_LATENCY), 200, chosen=(4, 7, 9, 12, 19, 28)),
+    Case(rules.SIGNAL, _named("end_to_end"), _made((1.8, 2.3), dropouts=LONG_DROPOUTS), 230, chosen=(2, 12, 31, 53, 92, 93)),
     Case(rules.GAIT, _named("document"), _made()),
     Case(rules.GAIT, _named("stand", asked=_toppling), _made()),
     Case(rules.SLOW, _named("trot", shown=_slower), _made(1.2)),
     Case(rules.SLOW, _named("residual", shown=_slower), _made(1.5)),
     Case(rules.STALLED, _named("stand"), _made()),
-    Case(rules.STALLED, _named("trot"), UP),
+    Case(rules.STALLED, _named("trot"), STAIRS_UP),
     Case(rules.POLICY, _named("trot", failing=80), _made()),
     Case(rules.POLICY, _named("stand", failing=1), _made()),
     Case(rules.UNCLEAR, _named("trot"), LYING, chosen=(0, 1, 2, 5, 6, 8)),

@@ -28,7 +28,7 @@ from rich.progress import track
 
 from evaluate.film.captions import Text
 from evaluate.film.files import moving_picture, tiled
-from evaluate.film.shooting import RenderOptions, EpisodeView, FilmSpec
+from evaluate.film.shooting import EpisodeView, FilmSpec, RenderOptions
 from evaluate.measures.footfalls import SHORTEST_SWING, debounce
 from evaluate.measures.metrics import measure
 from evaluate.report.headings import EFFORT_TITLES, FIRST, figure_of_effort
@@ -47,17 +47,17 @@ from research.pages.markdown import table
 from research.pages.places import page_with
 from research.studies.failure_films import stacked
 
-SHOWN = range(400, 600, 2)
+FILM_STEPS = range(400, 600, 2)
 """Control steps, counted from 0, after which frames are drawn; between the first and the last, contacts are shown."""
-EVERY, FRAMES = 3, 8
+FRAME_STRIDE, FRAMES = 3, 8
 """One of so many is a frame of the film; frames of a stride."""
 SIZE, SKY, SAMPLES, SMALL = (400, 300), 50, 2, (160, 100)
 """Pixels of a frame as it is drawn, those at its top that are cut off, how many become one, across and down, in the
 picture of several walks, and size of a frame otherwise."""
 QUALITY, LETTERS = 20, 13
 """Of films, out of 100, and size of the letters in the picture of several walks, pixels."""
-TOGETHER, COLUMNS = tuple(product(("simple_quad",), ("trot_feedback", "mpc_wbc", "residual", "robust"))), 4
-TOGETHER += tuple(product(("go1", "go2"), ("trot_feedback", "mpc_wbc")))
+README_FILM_POLICIES, COLUMNS = tuple(product(("simple_quad",), ("trot_feedback", "mpc_wbc", "residual", "robust"))), 4
+README_FILM_POLICIES += tuple(product(("go1", "go2"), ("trot_feedback", "mpc_wbc")))
 """Walks of the README's picture, drawn where the pages have all of them, in rows of so many."""
 FIGURES = "step_rate", "duty_factor", "flight", "trunk_height", "cost_of_transport"
 Key = tuple[str, str]
@@ -89,8 +89,8 @@ def main(options: Options) -> int:
         drawn = pool.map(draw, walks.values(), repeat(options.out))
         shown = list(track(drawn, "walking", len(walks), console=Console(stderr=True)))
     figures, films = (dict(zip(walks, each, strict=True)) for each in zip(*shown, strict=True))
-    if films.keys() >= set(TOGETHER):
-        tiles = zip(*(films[each] for each in TOGETHER), strict=True)
+    if films.keys() >= set(README_FILM_POLICIES):
+        tiles = zip(*(films[each] for each in README_FILM_POLICIES), strict=True)
         write_atomically(options.out.with_name("walking.webp"), _film([tiled(each, COLUMNS) for each in tiles]))
     for page, text in texts.items():
         folder = Path(os.path.relpath(options.out, page.parent)).as_posix()
@@ -117,13 +117,13 @@ def draw(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.Image
     """
     (policy,), images = walk.policies, list[Image.Image]()
     with closing(EpisodeView(policy, walk, RenderOptions(SIZE, camera=None))) as panel:
-        images += [_frame(panel) for step in panel if step.number - 1 in SHOWN]
-        images += [_frame(panel)] * (len(SHOWN) - len(images))
+        images += [_frame(panel) for step in panel if step.number - 1 in FILM_STEPS]
+        images += [_frame(panel)] * (len(FILM_STEPS) - len(images))
         episodes = panel.recorder.episodes()
-    upright = np.arange(SHOWN.start, SHOWN.stop) < episodes.fall_step[0]
-    contact = episodes.foot_contact[SHOWN.start : SHOWN.stop, 0] & upright[:, None]
-    chosen = (np.linspace(*stride(contact), FRAMES, endpoint=False) / SHOWN.step).round().astype(int).tolist()
-    film, strip = images[::EVERY], tiled([images[number].resize(SMALL) for number in chosen], FRAMES)
+    upright = np.arange(FILM_STEPS.start, FILM_STEPS.stop) < episodes.fall_step[0]
+    contact = episodes.foot_contact[FILM_STEPS.start : FILM_STEPS.stop, 0] & upright[:, None]
+    chosen = (np.linspace(*stride(contact), FRAMES, endpoint=False) / FILM_STEPS.step).round().astype(int).tolist()
+    film, strip = images[::FRAME_STRIDE], tiled([images[number].resize(SMALL) for number in chosen], FRAMES)
     write_atomically(folder / f"{walk.title}_film.webp", _film([image.resize(SMALL) for image in film]))
     above = diagram(contact, chosen, episodes.robot.leg_names, strip.width)
     stacked(above, strip).save(still := io.BytesIO(), "webp", quality=75, method=6)
@@ -140,7 +140,7 @@ def _frame(panel: EpisodeView) -> Image.Image:
 
 
 def _film(images: Sequence[Image.Image]) -> bytes:
-    return moving_picture(images, "webp", EVERY * SHOWN.step * CONTROL_PERIOD, quality=QUALITY)
+    return moving_picture(images, "webp", FRAME_STRIDE * FILM_STEPS.step * CONTROL_PERIOD, quality=QUALITY)
 
 
 def stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
@@ -152,8 +152,8 @@ def stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
 
 def diagram(contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[str], width: int) -> Image.Image:
     """The gait diagram: a row a foot, filled while the simulator finds it on the ground, and marks at these frames."""
-    times, below, buffer = np.array((SHOWN.start, SHOWN.stop)) * CONTROL_PERIOD, len(legs) - 0.5, io.BytesIO()
-    marks = (SHOWN.start + SHOWN.step * np.array(chosen) + 0.5) * CONTROL_PERIOD
+    times, below, buffer = np.array((FILM_STEPS.start, FILM_STEPS.stop)) * CONTROL_PERIOD, len(legs) - 0.5, io.BytesIO()
+    marks = (FILM_STEPS.start + FILM_STEPS.step * np.array(chosen) + 0.5) * CONTROL_PERIOD
     with drawing.settings():
         drawn, axes = drawing.figure(1.5, width / 100, drawing.Margins(left=0.4, right=0.25))
         place = float(times[0]), float(times[1]), below, -0.5
@@ -166,7 +166,9 @@ def diagram(contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[st
     return Image.open(buffer).convert("RGB")
 
 
-def _filled(walks: Mapping[Key, FilmSpec], figures: Mapping[Key, dict[str, str]], folder: str, place: re.Match[str]) -> str:
+def _filled(
+    walks: Mapping[Key, FilmSpec], figures: Mapping[Key, dict[str, str]], folder: str, place: re.Match[str]
+) -> str:
     """A place with its tables; `folder` is that of the pictures, seen from the page."""
     heads = {FIRST: "controller", "speed": "speed, m/s"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FIGURES}

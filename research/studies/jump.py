@@ -18,7 +18,7 @@ from research.studies.recovery import standing
 
 SETTLING, WATCHED = 0.8, 3.5
 """s before the jump is asked for, and of the whole episode."""
-WANTED_RISE = 0.15
+REQUIRED_RISE = 0.15
 """m"""
 
 
@@ -51,11 +51,11 @@ class Outcome:
 def main(options: Options) -> int:
     """Measure and print; the exit code."""
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
-    print(report(jumped(Behaviour(follow=False), episode_seeds("evaluation", options.seed, options.robots))))
+    print(report(run_jump(Behaviour(follow=False), episode_seeds("evaluation", options.seed, options.robots))))
     return 0
 
 
-def jumped(policy: Behaviour, seeds: NDArray[np.int64]) -> Outcome:
+def run_jump(policy: Behaviour, seeds: NDArray[np.int64]) -> Outcome:
     """One robot for each seed, on flat ground, all side by side."""
     robot, period = policy.robot, policy.control_period
     peak, torque = np.zeros(len(seeds)), 0.0
@@ -76,9 +76,9 @@ def jumped(policy: Behaviour, seeds: NDArray[np.int64]) -> Outcome:
 
 def report(outcome: Outcome) -> str:
     """The measured figures as lines of text."""
-    done = outcome.stands & (outcome.rise >= WANTED_RISE)
+    done = outcome.stands & (outcome.rise >= REQUIRED_RISE)
     return (
-        f"rose {WANTED_RISE:g} m or more and landed standing: {done.sum()} of {len(done)}\n"
+        f"rose {REQUIRED_RISE:g} m or more and landed standing: {done.sum()} of {len(done)}\n"
         f"rise: lowest {outcome.rise.min():.3f} m, median {np.median(outcome.rise):.3f} m\n"
         f"largest torque {outcome.peak_torque:.1f} N·m of {outcome.rated_torque:g}; {outcome.diverged} diverged"
     )

@@ -114,13 +114,13 @@ def sliding(setting: Setting) -> dict[str, float]:
     found: dict[str, float] = {}
     for model, name, seconds in ((ball, "ball", 1.0), (robot, "robot", BRIEF)):
         for speed in SPEEDS:
-            lift, brief, whole = slide(model, speed, seconds, setting.exact)
+            lift, brief, whole = simulate_slide(model, speed, seconds, setting.exact)
             found |= {f"{name} lift, mm, {speed:g} m/s": lift, f"{name} braking, µg, {speed:g} m/s": brief}
             found |= {f"{name} braking to rest, µg, {speed:g} m/s": whole} if name == "ball" else {}
     return found
 
 
-def slide(model: Any, speed: float, seconds: float, exact: bool) -> tuple[float, float, float]:
+def simulate_slide(model: Any, speed: float, seconds: float, exact: bool) -> tuple[float, float, float]:
     """Largest height of the lowest foot, mm; mean deceleration of the centre of mass over the first 50 ms, and until a
     twentieth of the speed is left or the time is over, units of µg."""
     data, timestep, feet = mujoco.MjData(model), model.opt.timestep, model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
@@ -144,11 +144,11 @@ def ball_spec(robot: Robot) -> Any:
     """A ball of the size of the robot's feet with a quarter of its mass, on its ground, that does not turn."""
     theirs, spec = build_spec(robot), mujoco.MjSpec()
     spec.option, ground, foot = theirs.option, theirs.geom("ground"), theirs.geom(f"{robot.leg_names[0]}_foot")
-    spec.worldbody.add_geom(name="ground", type=ground.type, size=ground.size, **_law(ground))
+    spec.worldbody.add_geom(name="ground", type=ground.type, size=ground.size, **_contact_parameters(ground))
     ball = spec.worldbody.add_body(name="ball", pos=(0.0, 0.0, robot.foot_radius))
     for axis in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)):
         ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-    ball.add_geom(name="foot", type=foot.type, size=foot.size, mass=robot.mass / len(robot.leg_names), **_law(foot))
+    ball.add_geom(name="foot", type=foot.type, size=foot.size, mass=robot.mass / len(robot.leg_names), **_contact_parameters(foot))
     return spec
 
 
@@ -170,7 +170,7 @@ def walks(setting: Setting, options: Options) -> dict[str, float]:
     return found
 
 
-def _law(geom: Any) -> dict[str, Any]:
+def _contact_parameters(geom: Any) -> dict[str, Any]:
     return {"condim": 3, "friction": geom.friction, "solref": geom.solref}
 
 

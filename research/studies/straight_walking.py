@@ -27,7 +27,7 @@ from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import Scenario
 from research.pages import markdown
 from research.pages.csv_text import csv_text, flat
-from research.pages.places import RESULTS, page_with, put
+from research.pages.places import RESULTS, page_with, write_block
 
 GROUNDS = {"flat": "level", "push": "pushed", "rough": "uneven"}
 """Scenario -> its name in the tables."""
@@ -72,7 +72,7 @@ def main(options: Options) -> int:
     write_atomically(options.table, csv_text(table))
     short = lines(options, hardware.robot_model, table)
     print("\n".join(short))
-    put(options.page, short)
+    write_block(options.page, short)
     return 0
 
 

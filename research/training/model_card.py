@@ -17,7 +17,7 @@ from research.pages.evaluations import score_table
 from train.config import POSES, TrainConfig
 from train.run_record import command
 
-BOTH = (FALL_RATE, "velocity_error", "yaw_rate_error")
+CARD_METRICS = (FALL_RATE, "velocity_error", "yaw_rate_error")
 """Metrics whose cells have the figures of both the baseline and the policy."""
 
 
@@ -49,12 +49,12 @@ def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: 
     config = shipped.config
     kinds: dict[str, str] = {run.config.policy: run.config.policy for run in runs} | {config.policy: name}
     tables = "\n\n".join(
-        table(called, [run for run in runs if run.config.policy == kind], shipped, results)
-        for kind, called in kinds.items()
+        table(display_names, [run for run in runs if run.config.policy == kind], shipped, results)
+        for kind, display_names in kinds.items()
     )
     return f"""# {name}
 
-A {" × ".join(map(str, config.ppo.actor))} network ({ACTIVATION}) that {does(config)}. \
+A {" × ".join(map(str, config.ppo.actor))} network ({ACTIVATION}) that {describe_correction(config)}. \
 `policy.json` says what it reads, on what base and with which settings it was trained; `policy.safetensors` \
 holds its weights. Nothing in this folder is code.
 
@@ -72,7 +72,7 @@ Success is by the rule `{results.versions["success_rule"]}`; every step after a 
 
 ## Where it is better than `{shipped.baseline}`, and where it is weak
 
-{verdicts(shipped, results)}
+{significant_scenarios(shipped, results)}
 """
 
 
@@ -100,7 +100,7 @@ def origin(run: TrainedRun) -> str:
     )
 
 
-def does(config: TrainConfig) -> str:
+def describe_correction(config: TrainConfig) -> str:
     """What the policy does to its base, in words."""
     rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
     most = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
@@ -113,22 +113,22 @@ def mixture(config: TrainConfig) -> str:
     return ", ".join(f"{share / total:.0%} {name}" for name, share in config.mixture if share)
 
 
-def table(called: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+def table(display_names: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
     """The seeds of one policy and the baseline of the shipped one, a row for each scenario, in Markdown."""
     first, *others = sorted(runs, key=lambda run: run is not shipped)
-    base, name = shipped.baseline, f"{called} {seed(first, shipped)}"
+    base, name = shipped.baseline, f"{display_names} {seed(first, shipped)}"
     rest = ", ".join(str(run.config.seed) for run in others)
     heads = {"scenario": "scenario", "before": f"success, `{base}`", "after": f"success, {name}"}
     heads |= {"seeds": f"seeds {rest}", "median": "median"} if others else {}
     heads[SUCCESS_RATE] = f"{name} minus `{base}`, points"
-    heads |= {metric: f"{markdown.IN_A_LINE[metric]}, `{base}` / {name}" for metric in BOTH}
+    heads |= {metric: f"{markdown.IN_A_LINE[metric]}, `{base}` / {name}" for metric in CARD_METRICS}
     return markdown.table(heads, (_row(scenario, base, (first, *others), results) for scenario in results.scenarios))
 
 
-def scores(called: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+def scores(display_names: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
     """Scores of the baseline and of each run, the highest first, in Markdown; `called`: what to call a policy
     of each kind."""
-    labels = {run.label: f"{called[run.config.policy]} {seed(run, shipped)}" for run in runs}
+    labels = {run.label: f"{display_names[run.config.policy]} {seed(run, shipped)}" for run in runs}
     scored = [score for score in results.scores if len(score.axes) != 1]  # of one axis it is the success in the table
     return "\n".join(score_table(scored, shipped.baseline, labels)) if scored else ""
 
@@ -138,7 +138,7 @@ def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results)
     before, *after = (results.summaries[scenario, policy] for policy in (base, *(run.label for run in runs)))
     shown = after[0]
     seeds = [percent(each.success_rate) for each in after[1:]]
-    found = {metric: difference(_against(base, scenario, runs[0], metric, results)) for metric in METRICS}
+    found = {metric: difference(_baseline_difference(base, scenario, runs[0], metric, results)) for metric in METRICS}
     return {
         "scenario": scenario,
         "before": share(before.success_rate, before.success_rate_ci),
@@ -146,7 +146,7 @@ def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results)
         "seeds": ", ".join(seeds),
         "median": percent(median(each.success_rate for each in after)),
         SUCCESS_RATE: found[SUCCESS_RATE],
-        **{metric: f"{_figure(before, metric)} / {_figure(shown, metric)}, {found[metric]}" for metric in BOTH},
+        **{metric: f"{_figure(before, metric)} / {_figure(shown, metric)}, {found[metric]}" for metric in CARD_METRICS},
     }
 
 
@@ -154,7 +154,7 @@ def _figure(summary: Summary, metric: str) -> str:
     return str(summary.falls) if metric == FALL_RATE else number(getattr(summary, metric))
 
 
-def _against(base: str, scenario: str, run: TrainedRun, metric: str, results: Results) -> Comparison:
+def _baseline_difference(base: str, scenario: str, run: TrainedRun, metric: str, results: Results) -> Comparison:
     """The run's difference from the baseline."""
     return next(
         each
@@ -163,11 +163,11 @@ def _against(base: str, scenario: str, run: TrainedRun, metric: str, results: Re
     )
 
 
-def verdicts(shipped: TrainedRun, results: Results) -> str:
+def significant_scenarios(shipped: TrainedRun, results: Results) -> str:
     """Scenarios where the shipped policy is better or worse than its baseline, in Markdown."""
     base = shipped.baseline
     found = {
-        (metric, scenario): _against(base, scenario, shipped, metric, results)
+        (metric, scenario): _baseline_difference(base, scenario, shipped, metric, results)
         for metric in (SUCCESS_RATE, FALL_RATE)
         for scenario in results.scenarios
     }

@@ -153,7 +153,7 @@ default.
 """
 
 
-def todays(settings: Mapping[str, Any]) -> dict[str, Any]:
+def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return a shipped policy's settings in today's terms. Raises ValueError for a removed setting in use."""
     found = {**_ADDED, **settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
     for group, removed in _REMOVED.items():
@@ -176,7 +176,7 @@ def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
     Raises:
         ValueError: The card says no steps, or the schedules of the run depend on its length.
     """
-    config = from_dict(todays(settings))
+    config = from_dict(migrate_settings(settings))
     said = re.search(r"^([\d,]+) steps of ", card, re.MULTILINE)
     if said is None:
         raise ValueError(f"{CARD}: no number of steps")

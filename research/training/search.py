@@ -23,7 +23,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scaled_name
 from quad_env.seeding import episode_seeds
 from train.config import check_scenarios
-from train.search.cmaes import SHORTEST, SearchOptions, Ranges, SearchProblem, as_json, changes, method, results, search
+from train.search.cmaes import SHORTEST, Ranges, SearchOptions, SearchProblem, as_json, changes, method, results, search
 from train.search.trials import COST_DESCRIPTION, Seeds, compare_parameters, episode_costs, run_candidates
 
 EXERCISES = (
@@ -38,7 +38,7 @@ ADOPTED, KEPT = "The outcome is adopted.", "Those in force are kept: the outcome
 
 
 @dataclass(frozen=True)
-class Searched:
+class SearchTarget:
     """A policy that can be searched."""
 
     file: ParameterFile[Any]
@@ -51,9 +51,9 @@ class Searched:
 
 
 POLICIES = {
-    "mpc_wbc": Searched(mpc_parameters.FILE, mpc_parameters.SEARCH_RANGES),
-    "trot_integral": Searched(integral.FILE, integral.SEARCH_RANGES),
-    "trot_feedback": Searched(virtual_model.FILE, search_ranges_of(virtual_model.VirtualParameters)),
+    "mpc_wbc": SearchTarget(mpc_parameters.FILE, mpc_parameters.SEARCH_RANGES),
+    "trot_integral": SearchTarget(integral.FILE, integral.SEARCH_RANGES),
+    "trot_feedback": SearchTarget(virtual_model.FILE, search_ranges_of(virtual_model.VirtualParameters)),
 }
 
 
@@ -101,7 +101,7 @@ def subject(options: Options) -> SearchProblem[Parameters]:
     def conclude(after: Parameters) -> tuple[str, str]:
         seeds = episode_seeds("validation", options.seed, options.check_episodes)
         walks, differences = compare_parameters(name, in_force, after, exercises, seeds, threads, hardware)
-        better, words = judged(differences)
+        better, words = adoption_decision(differences)
         how = method("python -m research search", options, ", ".join(exercises))
         lines = [f"# The parameters of {name}", "", how, COST_DESCRIPTION, ""]
         lines += [words, "", *changes(in_force, after, ranges), "", *results(walks)]
@@ -111,7 +111,7 @@ def subject(options: Options) -> SearchProblem[Parameters]:
     return SearchProblem(start, ranges, costs, conclude, path, searched.account, digits=4, diagonal=True)
 
 
-def judged(differences: Floats) -> tuple[bool, str]:
+def adoption_decision(differences: Floats) -> tuple[bool, str]:
     """Whether the outcome costs significantly less than the parameters in force, by the difference of each seed; the
     decision and its reason, in words."""
     difference, p_value = float(differences.mean()), sign_flip_test(differences)

@@ -65,7 +65,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return Run(folder, results, stderr.getvalue())
 
 
-def outcomes(policy: str, fell, error=None, scenario: Scenario = NOMINAL["flat"], first_seed: int = 0) -> PolicyScenarioResult:
+def outcomes(
+    policy: str, fell, error=None, scenario: Scenario = NOMINAL["flat"], first_seed: int = 0
+) -> PolicyScenarioResult:
     """Episodes that fell or succeeded, with an error in every error metric; all other figures do not exist."""
     fell = np.asarray(fell, bool)
     errors = np.zeros(len(fell)) if error is None else np.asarray(error, float)
@@ -79,7 +81,9 @@ def outcomes(policy: str, fell, error=None, scenario: Scenario = NOMINAL["flat"]
     nothing = np.full(len(fell), np.nan)
     measures = Measures(**{field.name: known.get(field.name, nothing) for field in dataclasses.fields(Measures)})
     reasons = np.full(len(fell), None, dtype=object)
-    return PolicyScenarioResult(policy, scenario, np.arange(first_seed, first_seed + len(fell)), reasons, measures, reasons)
+    return PolicyScenarioResult(
+        policy, scenario, np.arange(first_seed, first_seed + len(fell)), reasons, measures, reasons
+    )
 
 
 @pytest.fixture

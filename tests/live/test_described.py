@@ -77,9 +77,7 @@ def test_the_description_is_written(policy: PolicySpec, tmp_path: Path, monkeypa
     assert "has no description" in refused(main, "doctor", "--policy", "trot", "--write", written)
 
 
-def test_what_a_file_does_not_say_is_written_as_comments(
-    policy: PolicySpec, monkeypatch, capsys, refused
-) -> None:
+def test_what_a_file_does_not_say_is_written_as_comments(policy: PolicySpec, monkeypatch, capsys, refused) -> None:
     folder = policy.network.parent
     monkeypatch.setattr("live.commands.doctor.run", lambda *_: 0)
     written = folder / "mine.toml"

@@ -202,7 +202,9 @@ def test_a_frame_that_never_comes_is_no_missing_driver(monkeypatch: pytest.Monke
     monkeypatch.setattr(installation, "PATIENCE", 0.2)
     monkeypatch.setattr(installation, "DRAW", "import time; time.sleep(1000)")
     found = installation.opengl(Subject())
-    assert found.observed.startswith("no frame within 0.2 s, without the time in which other programs had the processor")
+    assert found.observed.startswith(
+        "no frame within 0.2 s, without the time in which other programs had the processor"
+    )
     assert "install" not in found.remedy
 
 

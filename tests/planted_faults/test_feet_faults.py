@@ -89,7 +89,9 @@ def of_the_landing(patch: pytest.MonkeyPatch) -> None:
     true_advance = FootContactTracker.advance
 
     def advance(self: FootContactTracker, ids: Any) -> None:
-        self._descent_speed[ids] = np.maximum(self._height[ids] - self._places[ids][:, self._feet, 2], 0.0) / self._period
+        self._descent_speed[ids] = (
+            np.maximum(self._height[ids] - self._places[ids][:, self._feet, 2], 0.0) / self._period
+        )
         true_advance(self, ids)
 
     patch.setattr(FootContactTracker, "advance", advance)

@@ -6,7 +6,13 @@ import pytest
 from evaluate.analysis import breaking_points, severity_levels
 from evaluate.analysis.score import scores
 from evaluate.rollouts import battery
-from evaluate.rollouts.experiment import PolicyScenarioResult, LabelledPolicy, RunSettings, load_labelled_policy, run_cells
+from evaluate.rollouts.experiment import (
+    LabelledPolicy,
+    PolicyScenarioResult,
+    RunSettings,
+    load_labelled_policy,
+    run_cells,
+)
 from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from quad_env import SIMPLE_QUAD
 from quad_env.actuation.hardware import HardwareProfile

@@ -18,7 +18,7 @@ from policies.mpc.sighted import SightedMpcWbc
 from policies.network import Network
 from policies.parameters import ParameterFile
 from policies.residual import Features, ResidualPolicy
-from policies.residual_bases import BASES, describe, base_from_json
+from policies.residual_bases import BASES, base_from_json, describe
 from policies.shipped import MODELS, folder_of
 from policies.trot.integral import integral_parameters
 from policies.trot.open_loop import Trot, TrotParameters

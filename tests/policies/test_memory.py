@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from policies.memory import PerRobotState, warm_start_gain, per_robot, lowpass_gain
+from policies.memory import PerRobotState, lowpass_gain, per_robot, warm_start_gain
 
 
 class Part(PerRobotState):

@@ -4,7 +4,7 @@ import pytest
 import policies
 from policies.history import Inputs
 from policies.network import Network
-from policies.residual import Features, ResidualPolicy, authority_of, apply_correction
+from policies.residual import Features, ResidualPolicy, apply_correction, authority_of
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, HeightScan
@@ -74,9 +74,13 @@ def test_a_clock_of_its_own_turns_by_its_frequency():
 
 def test_correction_is_bounded_by_the_authority():
     base = np.tile(SIMPLE_QUAD.home_pose, (1, 1)).astype(np.float32)
-    corrected = apply_correction(SIMPLE_QUAD, base, np.full((1, 12), 50.0, np.float32), authority_of(SIMPLE_QUAD, 0.15, 0.3))
+    corrected = apply_correction(
+        SIMPLE_QUAD, base, np.full((1, 12), 50.0, np.float32), authority_of(SIMPLE_QUAD, 0.15, 0.3)
+    )
     np.testing.assert_allclose(corrected - base, [[0.15, 0.3, 0.3] * 4], atol=1e-6)
-    halved = apply_correction(SIMPLE_QUAD, base, np.full((1, 12), -0.5, np.float32), authority_of(SIMPLE_QUAD, 0.15, 0.3))
+    halved = apply_correction(
+        SIMPLE_QUAD, base, np.full((1, 12), -0.5, np.float32), authority_of(SIMPLE_QUAD, 0.15, 0.3)
+    )
     np.testing.assert_allclose(halved - base, [[-0.075, -0.15, -0.15] * 4], atol=1e-6)
 
 

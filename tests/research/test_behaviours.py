@@ -20,13 +20,13 @@ from research.studies.recovery import standing
 
 def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch) -> None:
     policy = Behaviour(follow=False)
-    outcome = jump.jumped(policy, episode_seeds("search", 9, 4))
+    outcome = jump.run_jump(policy, episode_seeds("search", 9, 4))
     assert outcome.rise.min() >= 0.15
     assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque
     assert "landed standing: 4 of 4" in jump.report(outcome)
     crouch, *_, stand = keyframes_of(SIMPLE_QUAD)
     monkeypatch.setattr("policies.behaviour.motion.keyframes_of", lambda _: (crouch, stand))
-    outcome = jump.jumped(Behaviour(follow=False), episode_seeds("search", 9, 2))
+    outcome = jump.run_jump(Behaviour(follow=False), episode_seeds("search", 9, 2))
     assert outcome.rise.max() < 0.05
     assert "landed standing: 0 of 2" in jump.report(outcome)
 
@@ -40,7 +40,7 @@ def test_a_robot_whose_simulation_diverges_in_the_air_has_not_landed(monkeypatch
         return found(self, ids) | (first & (self.qpos[ids, 2] > SIMPLE_QUAD.home_height + 0.16))
 
     monkeypatch.setattr(Simulation, "diverged", first_one_diverges)
-    outcome = jump.jumped(Behaviour(follow=False), episode_seeds("search", 9, 2))
+    outcome = jump.run_jump(Behaviour(follow=False), episode_seeds("search", 9, 2))
     assert outcome.rise.min() >= 0.15
     assert "landed standing: 1 of 2" in jump.report(outcome)
 

@@ -30,12 +30,12 @@ def fewer_resamples(monkeypatch) -> None:
 def share(rules, name: str, sets: int, falls=FALLS) -> float:
     """Of yes, over data sets of all those fall probabilities."""
     rows = [check for p in falls for check in rules(COUNT, p) if check.name == name]
-    return float(np.mean([checks.share_of_yes(check, sets // len(falls), seed=2) for check in rows]))
+    return float(np.mean([checks.rejection_rate(check, sets // len(falls), seed=2) for check in rows]))
 
 
 @pytest.mark.parametrize("name", COVERAGE)
 def test_intervals_cover_the_truth_and_80_percent_intervals_would_be_seen(name, monkeypatch) -> None:
-    low, high = checks.COVERS
+    low, high = checks.COVERAGE_BOUNDS
     assert low <= share(checks.coverage_checks, name, 700) <= high
     monkeypatch.setattr(statistics, "CONFIDENCE", 0.8)
     assert share(checks.coverage_checks, name, 150) < low
@@ -46,14 +46,14 @@ def test_breaking_point_intervals_cover_the_truth_whatever_the_shape_and_one_of_
 ) -> None:
     for name, check in BREAKING.items():
         low, high = check.bounds
-        assert low <= checks.share_of_yes(check, 30, seed=2) <= high, name
+        assert low <= checks.rejection_rate(check, 30, seed=2) <= high, name
     monkeypatch.setattr(breaking_point, "CONFIDENCE", 0.6)
-    assert checks.share_of_yes(BREAKING["breaking point, one half at a level"], 200, seed=2) < checks.AT_LEAST[0]
+    assert checks.rejection_rate(BREAKING["breaking point, one half at a level"], 200, seed=2) < checks.AT_LEAST[0]
 
 
 @pytest.mark.parametrize("name", LEVEL)
 def test_tests_hold_their_level(name) -> None:
-    low, high = checks.HOLDS_LEVEL
+    low, high = checks.TYPE_I_ERROR_BOUNDS
     assert low <= share(checks.null_checks, name, 1000) <= high
 
 

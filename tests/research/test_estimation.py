@@ -59,7 +59,7 @@ def test_an_error_counts_in_the_window_after_its_push() -> None:
     pushes = np.array([[150, 600], [300, 700]])
     errors = np.zeros((900, 2, 3))
     errors[700 - estimation.SETTLING :, 1, 2][30:50] = 0.3
-    np.testing.assert_allclose(estimation.pushed(errors, pushes), [0.0, 0.0, 0.0, 0.0, 0.15, 0.0, 0.0])
+    np.testing.assert_allclose(estimation.error_after_push(errors, pushes), [0.0, 0.0, 0.0, 0.0, 0.15, 0.0, 0.0])
 
 
 def test_nees_of_an_error_of_one_deviation_is_one() -> None:
@@ -78,7 +78,7 @@ def test_nees_of_an_error_of_one_deviation_is_one() -> None:
 
 def test_the_band_holds_95_per_cent_of_means() -> None:
     means = np.random.default_rng(0).chisquare(5, size=(20_000, 32)).mean(axis=1)
-    low, high = estimation.band(32)
+    low, high = estimation.nees_bounds(32)
     assert 0.945 < ((means > low) & (means < high)).mean() < 0.955
 
 

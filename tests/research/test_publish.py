@@ -16,8 +16,8 @@ from evaluate.records.store import ChunkStore
 from policies.shipped import MODELS
 from quad_env.cli.command_line import UsageError
 from research.__main__ import main
-from research.training.model_card import TrainedRun, difference, does, model_card, scores, training
-from research.training.publish import choose, settings_of_card, todays
+from research.training.model_card import TrainedRun, describe_correction, difference, model_card, scores, training
+from research.training.publish import choose, migrate_settings, settings_of_card
 from research.training.publish import trained_run as trained_run_of
 from tests.robot_models import NEEDS_MODELS
 from train.__main__ import main as train
@@ -66,9 +66,9 @@ def test_seed_0_ships_whatever_the_order_and_company_and_each_seed_is_one_run():
 def test_the_settings_of_every_shipped_policy_can_be_read(file):
     """Older ones have settings that are gone, with the only value that is left."""
     settings = json.loads(file.read_text(encoding="utf-8"))["training"]
-    assert from_dict(todays(settings)).steps == settings["steps"]
+    assert from_dict(migrate_settings(settings)).steps == settings["steps"]
     with pytest.raises(ValueError, match="space was removed"):
-        todays(settings | {"space": "feet"})
+        migrate_settings(settings | {"space": "feet"})
 
 
 def test_the_command_of_the_card_repeats_the_run():
@@ -110,9 +110,12 @@ def test_steps_of_a_card_are_those_of_its_run_unless_a_schedule_depends_on_them(
 def test_the_card_says_how_the_policy_corrects_its_base_and_names_motors_and_sensors_that_are_not_ideal():
     plain, sensing = trained_run(), trained_run(sensors="typical")
     config = plain.config
-    assert does(config) == "corrects `trot_reference` at 50 Hz by at most 1 rad a joint, 0.6 rad at the hips"
+    assert (
+        describe_correction(config)
+        == "corrects `trot_reference` at 50 Hz by at most 1 rad a joint, 0.6 rad at the hips"
+    )
     held = dataclasses.replace(config, ppo=dataclasses.replace(config.ppo, hold=1))
-    assert does(held).startswith("corrects `trot_reference` at 100 Hz")
+    assert describe_correction(held).startswith("corrects `trot_reference` at 100 Hz")
     nothing = analyse([], seed=0, episodes=1, complete=True, baseline="trot")
     card = model_card("residual", [sensing], sensing, nothing)
     assert "source revision. Motors: ideal; sensors: typical. The shipped" in card

@@ -12,7 +12,7 @@ from evaluate.measures.metrics import measure
 from policies.parameters import limits_of
 from quad_env.seeding import episode_seeds
 from research.__main__ import main
-from research.training.search import ADOPTED, KEPT, POLICIES, Options, judged
+from research.training.search import ADOPTED, KEPT, POLICIES, Options, adoption_decision
 from tests.batches import begun
 from tests.quad_env.robots.alike import alike
 from train.search import trials
@@ -103,9 +103,9 @@ def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_for
 
 
 def test_an_outcome_is_better_where_it_costs_less_on_most_seeds_and_not_by_chance():
-    assert judged(np.full(8, -1.0))[0]  # all of 2^8 signs but two cost less: p = 2 / 256
-    assert not judged(np.full(8, 1.0))[0]
-    assert not judged(np.array([-2.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0]))[0]
+    assert adoption_decision(np.full(8, -1.0))[0]  # all of 2^8 signs but two cost less: p = 2 / 256
+    assert not adoption_decision(np.full(8, 1.0))[0]
+    assert not adoption_decision(np.array([-2.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0]))[0]
 
 
 def test_every_option_reaches_the_robots_and_the_files(tmp_path):

@@ -8,7 +8,7 @@ from quad_env.robots.arena import build_spec
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from research.__main__ import main
 from research.studies import sliding
-from research.studies.sliding import SETTINGS, Options, Setting, ball_spec, slide
+from research.studies.sliding import SETTINGS, Options, Setting, ball_spec, simulate_slide
 
 
 def ball(setting: Setting = SETTINGS["today"], gravity: float | None = None):
@@ -22,17 +22,17 @@ def ball(setting: Setting = SETTINGS["today"], gravity: float | None = None):
 def test_with_exact_friction_a_ball_brakes_at_mu_g_and_stays_on_the_ground(friction: float) -> None:
     """From 2 m/s on the way to rest it takes v / µg, 0.255 s at 0.8; MuJoCo's own contact lifts it."""
     exact = Setting(SETTINGS["exact Coulomb friction"].options, friction=friction, exact=True)
-    lift, _, whole = slide(ball(exact), 2.0, 1.0, exact=True)
+    lift, _, whole = simulate_slide(ball(exact), 2.0, 1.0, exact=True)
     assert lift < 0.0
     assert whole == pytest.approx(1.0, abs=0.03)
-    lift, _, whole = slide(ball(Setting(friction=friction)), 2.0, 1.0, exact=False)
+    lift, _, whole = simulate_slide(ball(Setting(friction=friction)), 2.0, 1.0, exact=False)
     assert lift > 1.0
     assert whole == pytest.approx(1.0, abs=0.03)
 
 
 def test_another_gravity_is_seen() -> None:
     """Braking is in units of the earth's."""
-    assert slide(ball(gravity=0.5 * GRAVITY), 2.0, 1.0, exact=False)[2] == pytest.approx(0.5, abs=0.03)
+    assert simulate_slide(ball(gravity=0.5 * GRAVITY), 2.0, 1.0, exact=False)[2] == pytest.approx(0.5, abs=0.03)
 
 
 def test_every_setting_reaches_ball_and_robot() -> None:

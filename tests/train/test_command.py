@@ -21,7 +21,7 @@ from quad_env.cli.command_line import parse as parse_options
 from quad_env.files.writing import exclusive_lock
 from quad_env.physics import simulation
 from train.__main__ import main
-from train.commands.run import COMMANDS, BASIC_OPTIONS, parse
+from train.commands.run import BASIC_OPTIONS, COMMANDS, parse
 from train.learning_curve import write_curve
 from train.run_folder import CONFIG_FILE, CURVE_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 from train.run_record import load_config, to_dict

@@ -124,7 +124,9 @@ def test_ten_intervals_are_enough_to_change_a_scenario():
 
 
 def test_random_ground_is_that_of_its_purpose_and_seed():
-    found = [with_terrain_seed("rough", purpose, seed).terrain.seed for purpose, seed in (("training", 3), ("search", 0))]
+    found = [
+        with_terrain_seed("rough", purpose, seed).terrain.seed for purpose, seed in (("training", 3), ("search", 0))
+    ]
     assert found == [1003, 2]
     assert with_terrain_seed("rough", "validation").terrain.seed == 1
     assert with_terrain_seed("flat", "training", 3) == scenario("flat")

@@ -30,7 +30,7 @@ from train.config import REWARDS, TrainConfig
 from train.curriculum import TERRAIN_SEEDS
 from train.run import make_env
 from train.run_folder import VALIDATIONS_FILE, steps_done
-from train.sb3.callbacks import TrainingCallback, CallbackState
+from train.sb3.callbacks import CallbackState, TrainingCallback
 from train.sb3.ppo import make_ppo
 from train.training_robots import training_seeds
 

@@ -9,7 +9,7 @@ import pytest
 import policies
 from policies.history import Inputs
 from policies.network import Network
-from policies.residual import NO_HISTORY, Features, ResidualPolicy, authority_of, apply_correction
+from policies.residual import NO_HISTORY, Features, ResidualPolicy, apply_correction, authority_of
 from policies.trot.open_loop import Trot, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds

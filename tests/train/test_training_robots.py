@@ -13,8 +13,8 @@ from train.training_robots import (
     effort_weight_scale,
     make_robots,
     segment_steps,
-    uses_batch_threads,
     training_seeds,
+    uses_batch_threads,
 )
 
 SEEDS = episode_seeds("training", 3, 5).tolist()

@@ -135,7 +135,7 @@ def _stages(options: Options) -> list[Stage]:
     def evaluate() -> None:
         from evaluate.commands.execution import execute
         from evaluate.commands.options import Options as Comparison
-        from evaluate.commands.plan import load_run_options, check
+        from evaluate.commands.plan import check, load_run_options
 
         given = {name: getattr(options, name) for name in ("policies", "scenarios", "episodes", "seed", "threads")}
         plan = Comparison(robot=toml, out=evaluation, **given)
@@ -158,7 +158,9 @@ def _stages(options: Options) -> list[Stage]:
 def _check_same_options(options: Options) -> None:
     """Keep the options in the folder. Raises UsageError where they are others than those that it was started with."""
     robot = str(Path(options.robot).resolve()) if Path(options.robot).suffix else options.robot
-    given = {name: value for name, value in asdict(replace(options, robot=robot)).items() if name not in MUTABLE_OPTIONS}
+    given = {
+        name: value for name, value in asdict(replace(options, robot=robot)).items() if name not in MUTABLE_OPTIONS
+    }
     now, begun = json.loads(json.dumps(given)), options.folder / OPTIONS_FILE
     if not begun.is_file():
         write_atomically(begun, (json.dumps(now, indent=2) + "\n").encode())

@@ -23,7 +23,20 @@ COMMANDS = {
     "search": Command("train.search.trot", "parameters of a robot's trot, by CMA-ES"),
     "export": Command("train.commands.export", "a trained residual as an ONNX file"),
 }
-BASIC_OPTIONS = "policy", "base", "steps", "seed", "out", "resume", "threads", "device", "sighted", "mixture", "robot", "servo"
+BASIC_OPTIONS = (
+    "policy",
+    "base",
+    "steps",
+    "seed",
+    "out",
+    "resume",
+    "threads",
+    "device",
+    "sighted",
+    "mixture",
+    "robot",
+    "servo",
+)
 """Settings that --help explains."""
 ALL = "--help-all"
 MOVED = {

@@ -32,7 +32,14 @@ from train.sb3 import checkpoint
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.progress import Display, RecentIntervals
 from train.sb3.vec_env import TrainingVecEnv
-from train.training_robots import MultiScenarioVectorEnv, make_base, effort_weight_scale, make_batch, segment_steps, training_seeds
+from train.training_robots import (
+    MultiScenarioVectorEnv,
+    effort_weight_scale,
+    make_base,
+    make_batch,
+    segment_steps,
+    training_seeds,
+)
 from train.validation import cost_of_transport, ranking_key, score, success, validate
 
 FIRST_CHECKPOINT_DEADLINE = 30.0
@@ -112,7 +119,12 @@ class TrainingCallback(BaseCallback):
         config, authority = self._config, cast(ResidualVectorEnv, self._env.env).authority
         actor = actor_network(self._learner)
         return ResidualPolicy(
-            copy.deepcopy(self._bases[hardware_profile]), actor, authority, config.policy, config.inputs, config.ppo.hold
+            copy.deepcopy(self._bases[hardware_profile]),
+            actor,
+            authority,
+            config.policy,
+            config.inputs,
+            config.ppo.hold,
         )
 
     def _on_step(self) -> bool:
@@ -235,7 +247,11 @@ class TrainingCallback(BaseCallback):
         """Whether the session's first checkpoint would come after FIRST_CHECKPOINT if it waited for another rollout."""
         rollouts = (self.num_timesteps - self._start) / (self._config.ppo.envs * self._config.ppo.rollout_steps)
         worked = time.monotonic() - self._session_start
-        return self._last_checkpoint_step <= self._start and rollouts > 0 and worked * (1.0 + 1.0 / rollouts) > FIRST_CHECKPOINT_DEADLINE
+        return (
+            self._last_checkpoint_step <= self._start
+            and rollouts > 0
+            and worked * (1.0 + 1.0 / rollouts) > FIRST_CHECKPOINT_DEADLINE
+        )
 
     def _save_checkpoint(self) -> None:
         """Write the last bundle, and a checkpoint with the robots' actions in a segment that is not over.
@@ -247,7 +263,9 @@ class TrainingCallback(BaseCallback):
         policy = self._policy()
         if self._last_checkpoint_step:
             self._save(policy, LAST)
-        state = checkpoint.capture(self._learner, vars(self._state), () if self._segment_finished else self._env.action_log)
+        state = checkpoint.capture(
+            self._learner, vars(self._state), () if self._segment_finished else self._env.action_log
+        )
         checkpoint.save(self._config.folder / CHECKPOINTS, state)
         if not self._last_checkpoint_step:
             self._save(policy, LAST)
@@ -261,4 +279,6 @@ class TrainingCallback(BaseCallback):
             self._save_checkpoint()
         untrained = "" if self._last_checkpoint_step else ", its base without a correction"
         last = self._config.folder / LAST
-        raise KeyboardInterrupt(f"{self._last_checkpoint_step:,} steps are kept; the policy until now is {last}{untrained}")
+        raise KeyboardInterrupt(
+            f"{self._last_checkpoint_step:,} steps are kept; the policy until now is {last}{untrained}"
+        )

@@ -51,7 +51,10 @@ COST_DESCRIPTION = (
     + ", ".join(f"{name} {cost:g}" for name, cost in OUTCOME_COSTS.items())
     + f", and on top of that up to {DEVIATION_COST:g} for the worst command interval, "
     f"{LARGEST_DEVIATION:g} times what is allowed, and for "
-    + ", ".join(f"{name} up to {maximum:g} (x {threshold:+g} / {scale:g})" for name, (maximum, threshold, scale) in GRADES.items())
+    + ", ".join(
+        f"{name} up to {maximum:g} (x {threshold:+g} / {scale:g})"
+        for name, (maximum, threshold, scale) in GRADES.items()
+    )
     + ", in the share x / (1 + x) of it."
 )
 """The cost in words."""
@@ -168,7 +171,10 @@ def compare_parameters(
     outcome less that of those in force, mean over the scenarios, of each seed, (seeds,)."""
     walks: list[tuple[str, str, Measures]] = []
     differences = np.zeros(len(seeds))
-    groups = [scenario_names[first : first + SCENARIOS_PER_BATCH] for first in range(0, len(scenario_names), SCENARIOS_PER_BATCH)]
+    groups = [
+        scenario_names[first : first + SCENARIOS_PER_BATCH]
+        for first in range(0, len(scenario_names), SCENARIOS_PER_BATCH)
+    ]
     for group in track(groups, description="comparison"):
         before, after = (
             map(measure, run_candidates(name, [each], group, seeds, "validation", threads=threads, hardware=hardware))

@@ -141,7 +141,9 @@ def mapped(
     scenario_names: Sequence[str] = EXERCISES,
 ) -> TrotParameters:
     """The same gait with the command map that undoes a robot's response to it on flat ground."""
-    (walk,) = run_candidates("trot", [parameters], scenario_names[:1], seeds, "search", threads=threads, hardware=hardware)
+    (walk,) = run_candidates(
+        "trot", [parameters], scenario_names[:1], seeds, "search", threads=threads, hardware=hardware
+    )
     return try_invert_command_response(parameters, fit_command_response(walk, 1)[0])
 
 

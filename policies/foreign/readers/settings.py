@@ -192,7 +192,9 @@ def load(file: Path) -> Settings:
     except OSError as error:
         raise PolicyError(f"cannot read {file.name} ({error.strerror})") from None
     except (ValueError, RecursionError) as error:
-        raise error if isinstance(error, PolicyError) else PolicyError(f"no settings: {format_exception(error)}") from None
+        raise (
+            error if isinstance(error, PolicyError) else PolicyError(f"no settings: {format_exception(error)}")
+        ) from None
     if not isinstance(found, dict):
         raise PolicyError(f"{file.name} holds no settings by key")
     _check_keys(found, file)

@@ -9,7 +9,7 @@ from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
-from quad_env.columns import Array, EnvSelection, EnvIndices
+from quad_env.columns import Array, EnvIndices, EnvSelection
 from quad_env.physics.array_batch import ArrayBatch
 from quad_env.physics.drake.plant import inertia, plant_of
 from quad_env.robots.collisions import foot_geoms

@@ -47,7 +47,10 @@ def test_only_scenarios_of_the_ranking_show_that_one_of_two_is_better() -> None:
 def test_the_first_look_of_a_run_until_settled_costs_what_it_spends() -> None:
     """A quarter of the episodes spends the share 1 / 4^1.5 of the level: p-values of neighbours count eight times."""
     alone = ranked(neighbours("a", "b", 0.004), episodes=10)
-    at_once, looked = correct_p_values(alone, ())[0].neighbours[0], correct_p_values(alone, (), limit=40)[0].neighbours[0]
+    at_once, looked = (
+        correct_p_values(alone, ())[0].neighbours[0],
+        correct_p_values(alone, (), limit=40)[0].neighbours[0],
+    )
     assert (at_once.p_value_holm, looked.p_value_holm) == (pytest.approx(0.004), pytest.approx(0.032))
 
 

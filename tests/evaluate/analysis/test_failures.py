@@ -17,7 +17,9 @@ TRIP, SLIP = "trip", "slip"
 def cell_of(made_up_cell):
     """Makes a cell of failures by their numbers: time of a fall, None for an upright failure at 6 s, and cause."""
 
-    def make(policy: str, scenario: str, episodes: int, failed: dict[int, tuple[float | None, str | None]]) -> PolicyScenarioResult:
+    def make(
+        policy: str, scenario: str, episodes: int, failed: dict[int, tuple[float | None, str | None]]
+    ) -> PolicyScenarioResult:
         numbers = np.arange(episodes)
         fell = np.isin(numbers, [number for number, (time, _) in failed.items() if time is not None])
         cell = made_up_cell(policy, fell, scenario=resolve((scenario,))[0])

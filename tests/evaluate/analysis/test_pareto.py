@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluate.analysis.pareto import ParetoPoint, pareto_front, pareto
+from evaluate.analysis.pareto import ParetoPoint, pareto, pareto_front
 from evaluate.analysis.results import analyse
 from evaluate.analysis.score import scores
 from evaluate.rollouts.battery import resolve

@@ -16,7 +16,7 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import SUCCEEDED
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from research.studies.failures import CASES, LATE
+from research.studies.failures import CASES, LONG_LATENCY
 
 OF_EACH = 3
 """Episodes of each case that are simulated here; `python -m research causes` simulates all."""
@@ -24,7 +24,7 @@ TRIP, OTHER_TRIP = [number for number, case in enumerate(CASES) if case.cause ==
 PUSH, FORCE = [number for number, case in enumerate(CASES) if case.cause == rules.PUSH]
 NOISE, TURNED_IMU = [number for number, case in enumerate(CASES) if case.cause == rules.ESTIMATE]
 LEGS = ["front left", "front right", "hind left", "hind right"]
-DELAY = next(number for number, case in enumerate(CASES) if case.scenario.latency == LATE)
+DELAY = next(number for number, case in enumerate(CASES) if case.scenario.latency == LONG_LATENCY)
 
 
 @cache

@@ -185,7 +185,9 @@ def test_an_estimate_counts_by_the_error_of_tilt_and_velocity_at_the_moment_that
     moving[:, :, 0] = 0.01 * np.arange(STEPS)[:, None]
     observed[..., 6:9] = 0.0
     observed[3:, :, 6] = moving[:-3, :, 0]
-    (event,) = rules.estimation_error(recorded(scenario, quaternion=quaternion, heading_velocity=moving, observed=observed))
+    (event,) = rules.estimation_error(
+        recorded(scenario, quaternion=quaternion, heading_velocity=moving, observed=observed)
+    )
     assert event.score == pytest.approx(0.0, abs=1e-5)
 
 
@@ -213,5 +215,11 @@ def test_a_servo_without_targets_counts_by_how_far_its_joint_should_have_gone() 
     assert event.score == pytest.approx(3.0, rel=1e-5)
     assert " receives no targets for 0.30 s, 0.45 rad off" in event.words
     assert len(list(rules.delay_or_dropout(recorded(scenario, action=action, window=slice(10, 100), onset=90)))) == 1
-    assert len(list(rules.delay_or_dropout(recorded(scenario, action=action, window=slice(start + 65, 195), onset=190)))) == 1
-    assert len(list(rules.delay_or_dropout(recorded(scenario, action=action, window=slice(start + 64, 195), onset=190)))) == 2
+    assert (
+        len(list(rules.delay_or_dropout(recorded(scenario, action=action, window=slice(start + 65, 195), onset=190))))
+        == 1
+    )
+    assert (
+        len(list(rules.delay_or_dropout(recorded(scenario, action=action, window=slice(start + 64, 195), onset=190))))
+        == 2
+    )

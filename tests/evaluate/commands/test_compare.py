@@ -220,7 +220,9 @@ def test_runs_with_and_without_the_hardware_profile_are_matched(run, tmp_path, c
     def renamed(rows: pa.Table) -> pa.Table:
         return column(rows, "scenario", [f"{name}+hardware" for name in rows.column("scenario").to_pylist()])
 
-    b = other(run, tmp_path / "b", renamed, scenarios=tuple(map(with_hardware_profile, manifest.read(run.folder).scenarios)))
+    b = other(
+        run, tmp_path / "b", renamed, scenarios=tuple(map(with_hardware_profile, manifest.read(run.folder).scenarios))
+    )
     code, said = compare(capsys, run.folder, b)
     assert code == 0
     assert "A and B differ in: the hardware profile, which one of them has" in said

@@ -58,7 +58,9 @@ def test_what_is_carried_is_weighed() -> None:
     masses = [rollout.run(policies.make("stand"), each, seeds, steps=20).weight / 9.81 for each in (bare, loaded)]
     assert masses == pytest.approx([SIMPLE_QUAD.mass, SIMPLE_QUAD.mass + 5.0])
     measures = metrics.measure(uneventful(SIMPLE_QUAD, STEPS, dt=DT, **BRAKING, **WALK))
-    cell = PolicyScenarioResult("stand", loaded, seeds[:1], np.array([None], object), measures, np.array([None], object))
+    cell = PolicyScenarioResult(
+        "stand", loaded, seeds[:1], np.array([None], object), measures, np.array([None], object)
+    )
     expected = 280 / (weight(SIMPLE_QUAD, loaded) * 2.0)
     assert summarise(cell, SIMPLE_QUAD).cost_of_transport == pytest.approx(expected)
 

@@ -92,7 +92,10 @@ def test_touchdown_impulse() -> None:
 
 def test_foot_slip() -> None:
     """One foot slides 1 mm a step along a diagonal of the ground; another swings, and lifts while it stands."""
-    contact, position = empty_signal(SIMPLE_QUAD, "foot_contact", STEPS, 1), empty_signal(SIMPLE_QUAD, "foot_position", STEPS, 1)
+    contact, position = (
+        empty_signal(SIMPLE_QUAD, "foot_contact", STEPS, 1),
+        empty_signal(SIMPLE_QUAD, "foot_position", STEPS, 1),
+    )
     contact[:, 0, [FL, HL]] = True
     time = np.arange(STEPS)
     position[:, 0, FL, 0], position[:, 0, FL, 1] = 0.0006 * time, -0.0008 * time

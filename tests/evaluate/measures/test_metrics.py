@@ -20,7 +20,10 @@ COMMAND_STEPS = 50
 
 def episodes(velocity, command=(1.0, 0.0, 0.5), fall_step=STEPS, power=71.0) -> Episodes:
     """One episode with a constant, or a per-step, heading velocity."""
-    speed, work = empty_signal(SIMPLE_QUAD, "joint_velocity", STEPS, 1), empty_signal(SIMPLE_QUAD, "positive_work", STEPS, 1)
+    speed, work = (
+        empty_signal(SIMPLE_QUAD, "joint_velocity", STEPS, 1),
+        empty_signal(SIMPLE_QUAD, "positive_work", STEPS, 1),
+    )
     speed[..., :4], work[..., 0] = (10.0, 11.0, 11.0, -11.0), power * DT  # three of twelve joints are too fast
     return uneventful(
         SIMPLE_QUAD,

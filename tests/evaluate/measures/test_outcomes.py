@@ -13,8 +13,8 @@ from evaluate.measures.outcomes import (
     OUTCOMES,
     RULES,
     SUCCESS_RULE,
-    outcomes,
     commanded_progress,
+    outcomes,
 )
 from evaluate.rollouts.experiment import PolicyScenarioResult, apply_success_rule
 from evaluate.rollouts.rollout import run
@@ -81,7 +81,9 @@ def test_every_interval_has_to_be_followed_and_the_way_is_that_of_all():
     assert judged([round_] * 4, [round_, *[still] * 3]) == "off_command"
     assert judged([round_] * 2, [still, round_], durations=long_first) == "stalled"
     assert judged([round_] * 2, [still, round_], durations=long_first[::-1]) == "off_command"
-    assert commanded_progress(np.array([[forward] * 2]), np.array([[still, forward]]), long_first) == pytest.approx([0.2])
+    assert commanded_progress(np.array([[forward] * 2]), np.array([[still, forward]]), long_first) == pytest.approx(
+        [0.2]
+    )
 
 
 def test_falls_divergences_and_stops_come_before_everything_else():

@@ -75,7 +75,9 @@ def cell_of(policy: str, scenario: Scenario, generator: np.random.Generator) -> 
     place = POLICIES.index(policy)
     measures = measured(generator, *{"push:1": (11, 1), "push:3": (2, 10)}.get(scenario.name, (8 - place, 3 + place)))
     unfailing = np.full(EPISODES, None, dtype=object)
-    return PolicyScenarioResult(policy, scenario, np.arange(EPISODES), np.where(measures.fell, "tilt", None), measures, unfailing)
+    return PolicyScenarioResult(
+        policy, scenario, np.arange(EPISODES), np.where(measures.fell, "tilt", None), measures, unfailing
+    )
 
 
 @dataclass(frozen=True)

@@ -112,9 +112,7 @@ def test_two_mistakes_at_once_are_named(name: str, described: dict[str, PolicySp
     assert "`scale` of angular_velocity" in line
 
 
-def test_what_nothing_explains_is_said_so(
-    described: dict[str, PolicySpec], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_nothing_explains_is_said_so(described: dict[str, PolicySpec], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(diagnosis, "NEAREST", 0)
     wrong = replace(described["levelled"], action_scale=(1e-6,) * 12, default_position=(0.0,) * 12)
     line = diagnosis.warning(made(wrong, "simple_quad"), "simple_quad")

@@ -13,14 +13,14 @@ from evaluate.measures.episodes import shapes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OFF_COMMAND, STALLED, SUCCEEDED, SuccessRule
 from evaluate.rollouts.experiment import (
-    PolicyScenarioResult,
     EpisodeChunk,
     LabelledPolicy,
-    StoreError,
+    PolicyScenarioResult,
     RunSettings,
+    StoreError,
     Task,
-    join,
     apply_success_rule,
+    join,
     run_cells,
 )
 from evaluate.rollouts.observers import FallRecorder, Step

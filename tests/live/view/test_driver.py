@@ -91,7 +91,9 @@ def test_it_walks_and_turns_where_it_is_steered_and_the_page_is_sent_that(driver
         assert not driver.sessions[0].latest.infos["push"].any()
 
 
-def test_again_is_the_same_episode_to_the_bit_whatever_began_it_and_for_a_second_robot_too(driver: ViewController) -> None:
+def test_again_is_the_same_episode_to_the_bit_whatever_began_it_and_for_a_second_robot_too(
+    driver: ViewController,
+) -> None:
     def positions() -> list[list[float]]:
         walk(driver, 30)
         return [session.latest.infos["position"][0].tolist() for session in driver.sessions]
@@ -103,7 +105,9 @@ def test_again_is_the_same_episode_to_the_bit_whatever_began_it_and_for_a_second
         driver.handle(Request("reset", {"seed": driver.sessions[0].seed}))
         assert positions() == found
     assert found[0] == found[1]
-    driver.handle(Request("policy", {"robot": 1, "name": "mpc_wbc_sighted"}))  # from the start again, though it sees more
+    driver.handle(
+        Request("policy", {"robot": 1, "name": "mpc_wbc_sighted"})
+    )  # from the start again, though it sees more
     assert driver.state()["time"] == 0.0
     assert positions()[0] == found[0] != positions()[1]
     first, second = (session.env.pushes.force[0].tolist() for session in driver.sessions)

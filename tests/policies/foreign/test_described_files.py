@@ -129,9 +129,7 @@ def test_weights_in_another_file_are_refused_whatever_the_ending(
 
 
 @pytest.mark.parametrize("name", ["policy.pt", "policy.jit", "policy.onnx", "policy.bin"])
-def test_torchscript_of_any_ending_wants_trust_and_runs(
-    description: PolicySpec, tmp_path: Path, name: str
-) -> None:
+def test_torchscript_of_any_ending_wants_trust_and_runs(description: PolicySpec, tmp_path: Path, name: str) -> None:
     pytest.importorskip("torch")
     row = np.random.default_rng(0).normal(0.0, 0.3, (1, OBSERVATION_SIZE)).astype(np.float32)
     expected = NetworkPolicy(description).act(row)

@@ -6,7 +6,7 @@ import pytest
 import policies
 from evaluate.rollouts import rollout
 from policies.gaits.change import CHANGE_TIME
-from policies.gaits.parameters import GAITS, OFFSETS, GaitParameters, froude, row, limit_command, stepping
+from policies.gaits.parameters import GAITS, OFFSETS, GaitParameters, froude, limit_command, row, stepping
 from policies.gaits.policy import Gaits
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds

@@ -5,12 +5,12 @@ import pytest
 
 from policies.gait_cycle import Gait, LegCycle
 from policies.legs.foot_path import (
+    cubic_swing,
     cycloid,
     hip_height,
     lift,
     load,
     stride,
-    cubic_swing,
 )
 
 LEG = (0.0, 0.0, 0.0, 0.0)

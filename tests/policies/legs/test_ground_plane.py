@@ -31,7 +31,9 @@ def test_footprints_on_one_line_give_a_finite_plane(spread):
 
 
 def test_footprints_pass_backward_under_a_trunk_that_moves_on_and_turn_right_under_one_that_turns_left():
-    x, y, z = advect_footprints(np.stack((FEET_X, FEET_Y, FEET_X)), (number(1.0), number(0.5), number(0.2)), number(0.0), 0.1)
+    x, y, z = advect_footprints(
+        np.stack((FEET_X, FEET_Y, FEET_X)), (number(1.0), number(0.5), number(0.2)), number(0.0), 0.1
+    )
     np.testing.assert_allclose(x, FEET_X - 0.1)
     np.testing.assert_allclose(y, FEET_Y - 0.05)
     np.testing.assert_allclose(z, FEET_X - 0.02)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from policies.gait_cycle import LegCycle
-from policies.mpc.contact import ContactEstimator, ContactState, wrench_to_acceleration, contact_states
-from policies.mpc.motion import PointLoad, MotionState, PositionErrorIntegrator, estimated_load, motion
+from policies.mpc.contact import ContactEstimator, ContactState, contact_states, wrench_to_acceleration
+from policies.mpc.motion import MotionState, PointLoad, PositionErrorIntegrator, estimated_load, motion
 from policies.mpc.parameters import MpcParameters
 from quad_env import OBSERVATION
 from quad_env.physics.dynamics import Dynamics
@@ -257,7 +257,9 @@ class Noted:
         return np.zeros_like(angle)
 
 
-def looks_at(sense: ContactEstimator, *rows: dict[str, Any], away: Any = False) -> tuple[MotionState, np.ndarray, np.ndarray]:
+def looks_at(
+    sense: ContactEstimator, *rows: dict[str, Any], away: Any = False
+) -> tuple[MotionState, np.ndarray, np.ndarray]:
     """The last of these motions of one robot, its forces of the feet and the wrench that they leave."""
     sense.reset(1)
     for each in rows:

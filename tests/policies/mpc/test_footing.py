@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from policies.mpc.footing import TerrainEstimator, point_velocity, moment_arms, footholds, nominal_footholds, ground_velocity, swing_trajectory
+from policies.mpc.footing import (
+    TerrainEstimator,
+    footholds,
+    ground_velocity,
+    moment_arms,
+    nominal_footholds,
+    point_velocity,
+    swing_trajectory,
+)
 from policies.mpc.motion import MotionState, motion
 from policies.mpc.parameters import MpcParameters
 from quad_env.physics.dynamics import Dynamics
@@ -20,7 +28,9 @@ NEUTRAL = CENTRE + np.array([0.03, 0.0]) + np.array([[0.2, 0.3], [0.2, -0.3], [-
 """Half the length and width off the centre of mass, and 0.03 m ahead."""
 
 
-def moving(velocity: tuple[float, float] = (0.0, 0.0), command: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> MotionState:
+def moving(
+    velocity: tuple[float, float] = (0.0, 0.0), command: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> MotionState:
     """A robot that stands at rest in the home pose but for these, its centre of mass at CENTRE."""
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1))
     centre, centre_velocity = np.array([[*CENTRE, 0.0]]), np.array([[*velocity, 0.0]])

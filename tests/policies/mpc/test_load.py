@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evaluate.rollouts.rollout import roll_out
-from policies.mpc.motion import LARGEST_LOAD, LEAST_LOAD, PointLoad, MotionState, estimated_load, add_load
+from policies.mpc.motion import LARGEST_LOAD, LEAST_LOAD, MotionState, PointLoad, add_load, estimated_load
 from policies.mpc.observer import CALIBRATION_STEPS
 from policies.mpc.policy import MpcWbc
 from quad_env import Scenario

@@ -27,7 +27,9 @@ from train.curriculum import with_terrain_seed
 
 def walked(policy: Mpc, scenario: str = "flat", steps: int = 300) -> Measures:
     """What two robots did, which look for 3 s at the commands of search episodes."""
-    return measure(rollout.run(policy, with_terrain_seed(scenario, "search"), episode_seeds("search", 9, 2), steps=steps))
+    return measure(
+        rollout.run(policy, with_terrain_seed(scenario, "search"), episode_seeds("search", 9, 2), steps=steps)
+    )
 
 
 @pytest.mark.parametrize("policy", [Mpc, MpcWbc])

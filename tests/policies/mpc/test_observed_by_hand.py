@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from policies.mpc.motion import motion
-from policies.mpc.observer import JointPredictor, DelayCompensator, predict_readings
+from policies.mpc.observer import DelayCompensator, JointPredictor, predict_readings
 from policies.mpc.reading_noise import ReadingNoise
 from policies.mpc.servo_step import ServoModel, _integrate, landing
 from quad_env import OBSERVATION

@@ -45,7 +45,9 @@ class Watched(MpcWbc):
 def walked(scenario: str) -> Watched:
     """The policy after a walk of 1.5 s, in which no robot falls."""
     policy, falls = Watched(), FallRecorder(len(SEEDS), STEPS)
-    roll_out(policy, with_terrain_seed(scenario, "search"), SEEDS, lambda step: step.number and falls(step), steps=STEPS)
+    roll_out(
+        policy, with_terrain_seed(scenario, "search"), SEEDS, lambda step: step.number and falls(step), steps=STEPS
+    )
     assert not falls.fell.any()
     return policy
 
@@ -121,7 +123,10 @@ def test_a_restart_forgets_one_robot_alone() -> None:
 
 def test_a_restarted_robot_doubts_its_readings_as_a_new_one_does() -> None:
     """The same noisy readings, after others: the same motions to the bit."""
-    rng, (old, new) = np.random.default_rng(1), (MpcWbc(joint_delay_steps=1).observer, MpcWbc(joint_delay_steps=1).observer)
+    rng, (old, new) = (
+        np.random.default_rng(1),
+        (MpcWbc(joint_delay_steps=1).observer, MpcWbc(joint_delay_steps=1).observer),
+    )
     noisy = reading(40, joint_position=0.05 * rng.standard_normal((40, 12))).astype(np.float32)
     noisy[:, OBSERVATION["linear_velocity"]] = 0.3 * rng.standard_normal((40, 3))
     for row in noisy:

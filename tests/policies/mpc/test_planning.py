@@ -10,7 +10,7 @@ from policies.mpc.footing import TerrainPlane
 from policies.mpc.motion import MotionState, motion
 from policies.mpc.policy import Mpc, MpcWbc
 from policies.mpc.quadratic_program import QpBatch, Solutions, solve
-from policies.mpc.rigid_body import Friction, CondensedMpc
+from policies.mpc.rigid_body import CondensedMpc, Friction
 from policies.mpc.whole_body import WholeBodyReference, leg_torques
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD

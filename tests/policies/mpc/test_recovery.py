@@ -69,7 +69,9 @@ def test_feet_are_lifted_higher_by_how_far_the_footprints_are_off_their_plane() 
         ground = policy.terrain_estimator.ground(now, np.zeros((2, 4), np.bool_))
     aim = now.bodies.feet[..., :2]
     x, y = np.moveaxis(aim, -1, 0)
-    lift = [policy._swing_terrain(aim, ground)(x, y, np.full((2, 4), share)) - ground.at(x, y) for share in (0.0, 0.5, 1.0)]
+    lift = [
+        policy._swing_terrain(aim, ground)(x, y, np.full((2, 4), share)) - ground.at(x, y) for share in (0.0, 0.5, 1.0)
+    ]
     np.testing.assert_allclose(
         lift, np.array([0.0, 0.04, 0.0])[:, None, None] * [[[1.0], [0.0]]] * np.ones(4), atol=1e-5
     )

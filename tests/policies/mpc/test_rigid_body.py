@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from policies.mpc.quadratic_program import QpBatch, solve
-from policies.mpc.rigid_body import MAX_GROUP_SIZE, Body, Friction, CondensedMpc, Reference, Weights, group_by_stance_count, friction_rows
+from policies.mpc.rigid_body import (
+    MAX_GROUP_SIZE,
+    Body,
+    CondensedMpc,
+    Friction,
+    Reference,
+    Weights,
+    friction_rows,
+    group_by_stance_count,
+)
 from quad_env.config import GRAVITY
 
 STEPS, PERIOD, MASS = 6, 0.04, 14.2

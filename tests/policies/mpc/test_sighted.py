@@ -11,8 +11,8 @@ from policies.mpc.footing import TerrainPlane
 from policies.mpc.motion import motion
 from policies.mpc.policy import MpcWbc
 from policies.mpc.sighted import (
-    SCAN,
     PLANE_FIT_HALF_SIZE,
+    SCAN,
     ScannedTerrain,
     SightedMpcWbc,
     SwingProfile,
@@ -216,7 +216,9 @@ def test_a_foot_clears_what_lies_between_its_last_footprint_and_its_next_foothol
     for progress, expected in ((0.0, 0.0), (0.5, 0.1), (1.0, 0.1)):  # at the highest ground halfway
         np.testing.assert_allclose(onto(place, place, place + progress)[0], expected, atol=1e-9)
     away = aim + np.array([-0.6, 0.0])
-    np.testing.assert_allclose(policy._swing_terrain(away, TerrainPlane(*np.zeros((3, 2))))(place, place, place + 0.5), 0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        policy._swing_terrain(away, TerrainPlane(*np.zeros((3, 2))))(place, place, place + 0.5), 0.0, atol=1e-9
+    )
 
 
 @pytest.fixture(scope="module")
@@ -245,7 +247,10 @@ def test_the_less_a_scan_is_trusted_the_more_the_feet_are_lifted_for_rough_footp
     policy, flat = SightedMpcWbc(height_scan=SMALL), TerrainPlane(*np.zeros((3, 3)))
     policy.reset(num_envs=3)
     policy.terrain_estimator.roughness[:] = 0.02
-    policy._scan_weight, policy._seen_ground = np.array([[0.0], [0.25], [1.0]]), ScannedTerrain(SMALL, np.zeros((3, 7, 7)))
+    policy._scan_weight, policy._seen_ground = (
+        np.array([[0.0], [0.25], [1.0]]),
+        ScannedTerrain(SMALL, np.zeros((3, 7, 7))),
+    )
     halfway = policy._swing_terrain(places(3), flat)(np.zeros((3, 4)), np.zeros((3, 4)), np.full((3, 4), 0.5))
     lift = policy.parameters.roughness_gain * 0.02
     assert lift > 0.01

@@ -38,7 +38,9 @@ def wish(of: DynamicsTerms) -> WholeBodyReference:
     return WholeBodyReference(0.5 * random.normal(size=(COUNT, 3)), feet, forces * standing[..., None], standing)
 
 
-def whole(of: DynamicsTerms, wished: WholeBodyReference, wrench: np.ndarray = NOTHING, friction: Friction = FRICTION) -> Torques:
+def whole(
+    of: DynamicsTerms, wished: WholeBodyReference, wrench: np.ndarray = NOTHING, friction: Friction = FRICTION
+) -> Torques:
     return solve_whole_body(of, wished, wrench, friction, LIMITS, PRIORITIES)
 
 

@@ -148,10 +148,14 @@ def test_targets_change_no_faster_than_the_limit_and_not_further_along_a_joint_t
     previous = joints = np.tile(SIMPLE_QUAD.home_pose, (1, 1))
     far, still = joints + 0.25, np.zeros((1, 12))
     limits = SafetyLimits(torque=1e6, target_rate=10.0, joint_speed=5.0)
-    np.testing.assert_allclose(limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, still) - joints, 0.1)
+    np.testing.assert_allclose(
+        limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, still) - joints, 0.1
+    )
     fast = np.full((1, 12), 6.0)
     np.testing.assert_allclose(limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, fast), joints)
-    np.testing.assert_allclose(limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, -fast) - joints, 0.1)
+    np.testing.assert_allclose(
+        limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, -fast) - joints, 0.1
+    )
 
 
 def test_undisturbed_trot_passes_the_layer_unchanged():

@@ -10,7 +10,7 @@ import policies
 from policies.mpc.footing import TerrainPlane
 from policies.mpc.motion import motion
 from policies.mpc.rigid_body import Friction
-from policies.virtual_model.forces import virtual_acceleration, distribute_wrench
+from policies.virtual_model.forces import distribute_wrench, virtual_acceleration
 from policies.virtual_model.parameters import FASTEST, VirtualParameters, searched_parameters
 from policies.virtual_model.policy import TrotFeedback
 from quad_env import OBSERVATION
@@ -30,11 +30,15 @@ def standing(**readings):
 
 def pull(now, height=0.45, forward=0.0, lateral=0.0):
     """By a trunk that stands `height` above ground of that slope, and is to be 0.45 m above it."""
-    return virtual_acceleration(P, now, TerrainPlane(*(np.array([value]) for value in (-height, forward, lateral))), 0.45)[0]
+    return virtual_acceleration(
+        P, now, TerrainPlane(*(np.array([value]) for value in (-height, forward, lateral))), 0.45
+    )[0]
 
 
 def forces(now, wanted, stands=ALL, p=P):
-    return distribute_wrench(p, now, np.atleast_2d(wanted), stands, Friction(np.array([0.6]), np.array([2.0 * WEIGHT])))[0]
+    return distribute_wrench(
+        p, now, np.atleast_2d(wanted), stands, Friction(np.array([0.6]), np.array([2.0 * WEIGHT]))
+    )[0]
 
 
 def test_feet_together_bear_the_weight_and_press_harder_where_the_trunk_is_too_low() -> None:

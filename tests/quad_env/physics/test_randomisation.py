@@ -107,7 +107,10 @@ def test_delays_of_the_scenario_and_of_the_draw_add_up() -> None:
         targets = SIMPLE_QUAD.home_pose + 0.01 * np.arange(1, 12)[:, None, None] * np.ones((3, 12))
         received = np.array([env.step(each) and env.simulation.batch.bind("ctrl")[:, 0].copy() for each in targets])
         for row, seed in enumerate(SEEDS):
-            assert np.count_nonzero(received[:, row] < 0.005) == EpisodeSample(SIMPLE_QUAD, late, seed, 0, 0.01).action_delay
+            assert (
+                np.count_nonzero(received[:, row] < 0.005)
+                == EpisodeSample(SIMPLE_QUAD, late, seed, 0, 0.01).action_delay
+            )
 
 
 def test_figures_stay_within_their_ranges_and_fill_them() -> None:

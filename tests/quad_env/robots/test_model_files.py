@@ -116,7 +116,10 @@ def test_every_option_of_the_compiler_is_kept(
     rows = [[model.joint(name).dofadr[0] for name in names] for model in (ours, theirs)]
     for angles in np.random.default_rng(0).uniform(-0.3, 0.3, (3, 12)):
         masses, passive = [], []
-        for model, moved, place in ((ours, angles, rows[0]), (theirs, found.signs * (angles - found.joint_offsets), rows[1])):
+        for model, moved, place in (
+            (ours, angles, rows[0]),
+            (theirs, found.signs * (angles - found.joint_offsets), rows[1]),
+        ):
             data, inertia = mujoco.MjData(model), np.empty((model.nv, model.nv))
             data.qpos[7:] = moved if model is ours else moved + own.qpos0[7:]
             mujoco.mj_forward(model, data)

@@ -138,9 +138,13 @@ def test_what_hangs_on_the_knees_is_the_other_way_round_where_they_bend_forward(
 
 
 UNIT = re.compile(r"[, ](Hz per m/s|m/s²|rad/s²|m/s|rad/s|rad/m|1/s²|1/s|1/m|s⁴/m²|s⁴/rad²|1/N²|Hz|N|s|m)(?=[.:;,]|$)")
-SAME = {"rad/m": "1/m", "Hz per m/s": "1/m", "s⁴/rad²": "s⁴", similarity.LATERAL_LENGTH: "m", similarity.LONGITUDINAL_LENGTH: "m"} | {
-    similarity.HIGH: "m"
-}
+SAME = {
+    "rad/m": "1/m",
+    "Hz per m/s": "1/m",
+    "s⁴/rad²": "s⁴",
+    similarity.LATERAL_LENGTH: "m",
+    similarity.LONGITUDINAL_LENGTH: "m",
+} | {similarity.HIGH: "m"}
 """Units of one dimension."""
 
 

@@ -63,7 +63,10 @@ def test_the_first_three_scenarios_are_as_ever() -> None:
 def started(scenario: Scenario) -> Simulation:
     """Eight robots at the start of an episode."""
     simulation = Simulation(SIMPLE_QUAD, scenario, 8, 1, 100.0)
-    simulation.reset(np.arange(8), *stack_initial_conditions([EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(8)]))
+    simulation.reset(
+        np.arange(8),
+        *stack_initial_conditions([EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(8)]),
+    )
     return simulation
 
 

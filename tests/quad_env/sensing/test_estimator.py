@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.sensing.estimator import TILT_TIME, VELOCITY_TIME, ComplementaryFilter, AlignedReadings, leg_odometry_velocity
+from quad_env.sensing.estimator import (
+    TILT_TIME,
+    VELOCITY_TIME,
+    AlignedReadings,
+    ComplementaryFilter,
+    leg_odometry_velocity,
+)
 
 DT, ROW = 0.01, np.zeros(1, np.intp)
 DOWN, STILL = np.array([[0.0, 0.0, -1.0]]), np.zeros((1, 3))

@@ -8,7 +8,7 @@ import torch
 
 from train.config import PpoConfig, TrainConfig
 from train.run import make_env
-from train.sb3.ppo import AdaptiveRate, actor_network, make_ppo, learning_rate
+from train.sb3.ppo import AdaptiveRate, actor_network, learning_rate, make_ppo
 
 SMALL = PpoConfig(envs=4, rollout_steps=2, minibatch=8, actor=(8, 6), critic=(8,))
 

@@ -17,7 +17,7 @@ from quad_env import OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from tests.batches import begun
-from train.search.trials import GRADES, OUTCOME_COSTS, PolicyStack, episode_costs, run_each, run_candidates
+from train.search.trials import GRADES, OUTCOME_COSTS, PolicyStack, episode_costs, run_candidates, run_each
 
 FORWARD, STILL, GONE = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (np.nan,) * 3
 

@@ -11,7 +11,14 @@ from policies.trot.open_loop import SEARCH_RANGES, TrotParameters
 from quad_env.seeding import episode_seeds
 from train.search import trot
 from train.search.cmaes import decode, encode
-from train.search.trot import WEAKNESS_WEIGHT, candidate_costs, mapped, fit_command_response, invert_command_response, try_invert_command_response
+from train.search.trot import (
+    WEAKNESS_WEIGHT,
+    candidate_costs,
+    fit_command_response,
+    invert_command_response,
+    mapped,
+    try_invert_command_response,
+)
 
 COMMANDS = np.random.default_rng(0).uniform(-1, 1, (6, 2, 3))
 RESPONSE = np.array([[0.8, 0.0, 0.1], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [-0.1, 0.0, 0.0]])

@@ -52,9 +52,7 @@ def test_every_field_is_read_as_it_was_written(tmp_path: Path, plain: PolicySpec
         assert read(tmp_path / "policy.toml") == each
 
 
-def test_a_file_moves_with_its_network(
-    tmp_path: Path, plain: PolicySpec, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_moves_with_its_network(tmp_path: Path, plain: PolicySpec, monkeypatch: pytest.MonkeyPatch) -> None:
     write_toml(plain, tmp_path / "policy.toml")
     assert 'network = "net.onnx"' in (tmp_path / "policy.toml").read_text()
     monkeypatch.chdir(tmp_path)
