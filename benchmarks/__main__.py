@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from benchmarks import physics, policies, single_env, startup, vector_env
 from benchmarks.support.bars import BARS
 from benchmarks.support.command import Outcome, Output, command
-from benchmarks.support.physics_settings import FIRST, SHIPPED
+from benchmarks.support.physics_settings import ORIGINAL_SETTINGS, SHIPPED
 from quad_env.cli.launcher import launch
 
 
@@ -24,7 +24,7 @@ def measure(options: Options) -> Outcome:
     outcomes = {
         "single_env": single_env.measure(single_env.Options(quick=quick)),
         "vector_env": vector_env.measure(vector_env.Options(quick=quick, envs=(envs,), scenarios=(scenario,))),
-        "physics": physics.measure(physics.Options(quick=quick, settings=(SHIPPED, FIRST))),
+        "physics": physics.measure(physics.Options(quick=quick, settings=(SHIPPED, ORIGINAL_SETTINGS))),
         "policies": policies.measure(policies.Options(quick=quick)),
         "startup": startup.measure(startup.Options(quick=quick)),
     }

@@ -13,9 +13,9 @@ from rich.table import Table
 
 from benchmarks.support.bars import ACCURACY, check
 from benchmarks.support.command import Common, Outcome, cell, command, table
-from benchmarks.support.measure import Floats, Subject, cores, interleave, speed_ratio, spread, stage
+from benchmarks.support.measure import Floats, TimedFunction, cores, interleave, speed_ratio, spread, progress_bar
 from benchmarks.support.physics_accuracy import CONTROL_PERIOD, Accuracy, Stride, accuracy, strides
-from benchmarks.support.physics_settings import FIRST, SETTINGS, SHIPPED
+from benchmarks.support.physics_settings import ORIGINAL_SETTINGS, SETTINGS, SHIPPED
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import launch
 
@@ -40,18 +40,18 @@ def measure(options: Options) -> Outcome:
         options = replace(options, rounds=1, envs=2, settings=("PGS, 5",))
     if unknown := set(options.settings) - set(SETTINGS):
         raise UsageError(f"--settings: unknown {', '.join(sorted(unknown))}; valid: {'; '.join(SETTINGS)}")
-    names = [name for name in SETTINGS if name in {SHIPPED, FIRST, *options.settings}]
-    walked = strides()
-    subjects = {name: _walking(name, walked, options) for name in names}
+    names = [name for name in SETTINGS if name in {SHIPPED, ORIGINAL_SETTINGS, *options.settings}]
+    recorded_strides = strides()
+    subjects = {name: _walking(name, recorded_strides, options) for name in names}
     seconds = interleave(subjects, options.rounds, "physics, speed")
     found: dict[str, Accuracy] = {}
-    with stage("physics, accuracy", len(names)) as advance:
+    with progress_bar("physics, accuracy", len(names)) as advance:
         for name in names:
-            found[name] = accuracy(SETTINGS[name], walked)
+            found[name] = accuracy(SETTINGS[name], recorded_strides)
             advance()
     within = [name for name in names if found[name].within]
     best = min(within, key=lambda name: spread(seconds[name]).median, default="none")
-    speeds = {name: speed_ratio(seconds[name], seconds[FIRST]) for name in names}
+    speeds = {name: speed_ratio(seconds[name], seconds[ORIGINAL_SETTINGS]) for name in names}
     gained = speeds[SHIPPED].median if found[SHIPPED].within else float("nan")
     tables = (_speeds(seconds, found, options), _accuracies(found))
     figures = {"seconds_per_simulated_second": seconds, "speed": speeds, "accuracy": found, "fastest_within": best}
@@ -59,14 +59,14 @@ def measure(options: Options) -> Outcome:
     return Outcome(figures, tables, (check("physics", gained),), notes)
 
 
-def _walking(name: str, walked: tuple[Stride, ...], options: Options) -> Subject:
+def _walking(name: str, recorded_strides: tuple[Stride, ...], options: Options) -> TimedFunction:
     """Seconds a robot and simulated second of one stride, the robots on all strides alike."""
     model = SETTINGS[name].model()
     batch = Batch(model, options.envs, options.threads)
     state = {key: batch.bind(key) for key in ("qpos", "qvel", "qacc_warmstart", "ctrl")}
-    rows = np.arange(options.envs) % len(walked)
-    start = [np.array([getattr(stride, key) for stride in walked])[rows] for key in ("qpos", "qvel", "warmstart")]
-    targets = np.array([stride.targets for stride in walked])[rows].swapaxes(0, 1)
+    rows = np.arange(options.envs) % len(recorded_strides)
+    start = [np.array([getattr(stride, key) for stride in recorded_strides])[rows] for key in ("qpos", "qvel", "warmstart")]
+    targets = np.array([stride.targets for stride in recorded_strides])[rows].swapaxes(0, 1)
     substeps = round(CONTROL_PERIOD / model.opt.timestep)
 
     def stride() -> float:
@@ -91,7 +91,7 @@ def _speeds(seconds: dict[str, Floats], found: dict[str, Accuracy], options: Opt
     )
     for name, values in seconds.items():
         step = spread(values).scaled(SETTINGS[name].model().opt.timestep * 1e6)
-        rows.add_row(name, cell(step), cell(speed_ratio(values, seconds[FIRST])), _mark(found[name]))
+        rows.add_row(name, cell(step), cell(speed_ratio(values, seconds[ORIGINAL_SETTINGS])), _mark(found[name]))
     return rows
 
 

@@ -16,7 +16,7 @@ import policies
 from benchmarks.support import bare
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
-from benchmarks.support.measure import Floats, Subject, interleave, spread
+from benchmarks.support.measure import Floats, TimedFunction, interleave, spread
 from quad_env import ENV_ID
 from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import launch
@@ -56,18 +56,18 @@ def measure(options: Options) -> Outcome:
     for name, values in calls.items():
         row = (*np.percentile(values, shares), *np.percentile(processor[name], shares), values.max())
         tails.add_row(name, *(f"{value * 1e3:.3f}" for value in row))
-    worst = {name: _tail(values) * 1e3 for name, values in calls.items()}
+    worst = {name: _percentile(values) * 1e3 for name, values in calls.items()}
     slowest = max(value for name, value in worst.items() if name != JOINT_LOOP)
     checks = (check("control step", slowest), check("joint step", worst[JOINT_LOOP]))
     figures = {
         "seconds_per_robot_step": costs,
         "percentile_ms": worst,
-        "processor_percentile_ms": {name: _tail(values) * 1e3 for name, values in processor.items()},
+        "processor_percentile_ms": {name: _percentile(values) * 1e3 for name, values in processor.items()},
     }
     return Outcome(figures, (means, tails), checks)
 
 
-def _tail(values: Floats) -> float:
+def _percentile(values: Floats) -> float:
     return float(np.percentile(values, PERCENTILE))
 
 
@@ -75,7 +75,7 @@ def _costs(num_envs: int, options: Options) -> dict[str, Floats]:
     """Seconds a robot and action of each policy, (rounds,)."""
     steps = options.steps
 
-    def subject(name: str) -> Subject:
+    def subject(name: str) -> TimedFunction:
         policy = policies.resolve(name)
         observations, _ = gym.make_vec(ENV_ID, num_envs, height_scan=policy.height_scan).reset(seed=0)
         policy.reset(num_envs)
@@ -95,7 +95,7 @@ def _costs(num_envs: int, options: Options) -> dict[str, Floats]:
 def _calls(options: Options, clock: Clock) -> dict[str, Floats]:
     """Seconds of single calls for one robot, (calls,): each policy's, a control step of the whole, a joint loop's."""
     start = bare.start("flat", 1)
-    data = bare.Loop(start).data
+    data = bare.BareLoop(start).data
 
     def action(name: str) -> Callable[[], object]:
         policy = policies.resolve(name)
@@ -126,7 +126,7 @@ def _control_step() -> Callable[[], object]:
     return step
 
 
-def _timed(call: Callable[[], object], clock: Clock) -> Subject:
+def _timed(call: Callable[[], object], clock: Clock) -> TimedFunction:
     def subject() -> float:
         begin = clock()
         call()

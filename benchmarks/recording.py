@@ -16,7 +16,7 @@ import numpy as np
 import policies
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
-from benchmarks.support.measure import Floats, Subject, interleave, speed_ratio
+from benchmarks.support.measure import Floats, TimedFunction, interleave, speed_ratio
 from evaluate.rollouts.observers import Observer
 from evaluate.rollouts.rollout import roll_out
 from live.recording.recorder import recorder_for
@@ -66,7 +66,7 @@ def _seconds(name: str, options: Options) -> dict[str, dict[str, Floats]]:
     policy = policies.resolve(name)
     taken: dict[str, list[tuple[float, ...]]] = {}
 
-    def subject(kind: str) -> Subject:
+    def subject(kind: str) -> TimedFunction:
         def walk() -> float:
             begin, processor = time.perf_counter(), time.process_time()
             with _recording(FILES.get(kind), policy) as observers:

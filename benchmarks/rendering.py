@@ -11,7 +11,7 @@ import gymnasium as gym
 
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
-from benchmarks.support.measure import Subject, interleave, spread
+from benchmarks.support.measure import TimedFunction, interleave, spread
 from quad_env import ENV_ID
 from quad_env.cli.launcher import launch
 
@@ -45,7 +45,7 @@ def measure(options: Options) -> Outcome:
     return Outcome({"frames_a_second": rates}, (rows,), (check("rendering", rates[REFERENCE].median),))
 
 
-def _frame_of(env: gym.Env, frames: int) -> Subject:
+def _frame_of(env: gym.Env, frames: int) -> TimedFunction:
     def draw() -> float:
         begin = time.process_time()
         for _ in range(frames):

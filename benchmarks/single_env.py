@@ -32,7 +32,7 @@ def measure(options: Options) -> Outcome:
         options = replace(options, rounds=1, steps=20)
     check_numbers(options, {"steps": (1, MAX_EPISODE_STEPS)})
     actions = bare.walk(options.steps, robot=options.robot)
-    loop = bare.Loop(bare.start("flat", 1, options.robot))
+    loop = bare.BareLoop(bare.start("flat", 1, options.robot))
     env = gym.make(ENV_ID, robot=options.robot)
 
     def environment() -> float:

@@ -11,20 +11,20 @@ from dataclasses import dataclass, replace
 
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
-from benchmarks.support.measure import Subject, interleave, spread
+from benchmarks.support.measure import TimedFunction, interleave, spread
 from evaluate.records.provenance import REPOSITORY
 from quad_env.cli.launcher import launch
 
 HEAVY = ("gymnasium", "mujoco", "torch")
 """What `import quad_env` must not load."""
-OURS, THEIRS = "import quad_env, gymnasium", "import gymnasium"
+IMPORT_QUAD_ENV, IMPORT_GYMNASIUM = "import quad_env, gymnasium", "import gymnasium"
 MAKE = "gym.make after it"
 HELPS = ("python -m evaluate --help", "python -m train --help")
 _TIMED = "import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
 _CODE = {
-    OURS: _TIMED.format(code=OURS),
-    THEIRS: _TIMED.format(code=THEIRS),
-    MAKE: f"{OURS}; " + _TIMED.format(code="gymnasium.make(quad_env.ENV_ID)"),
+    IMPORT_QUAD_ENV: _TIMED.format(code=IMPORT_QUAD_ENV),
+    IMPORT_GYMNASIUM: _TIMED.format(code=IMPORT_GYMNASIUM),
+    MAKE: f"{IMPORT_QUAD_ENV}; " + _TIMED.format(code="gymnasium.make(quad_env.ENV_ID)"),
 }
 _LOADED = f"import sys, quad_env; print(*(name for name in {HEAVY} if name in sys.modules))"
 
@@ -41,7 +41,7 @@ def measure(options: Options) -> Outcome:
     """One table; the ratio is that of the two imports."""
     if options.quick:
         options = replace(options, rounds=1)
-    subjects: dict[str, Subject] = {name: _inside(code) for name, code in _CODE.items()}
+    subjects: dict[str, TimedFunction] = {name: _inside(code) for name, code in _CODE.items()}
     subjects |= {name: _outside(name) for name in HELPS}
     warm_up = 0 if options.quick else 1  # the first reads from the disk
     seconds = interleave(subjects, options.rounds, "start-up", warm_up)
@@ -49,8 +49,8 @@ def measure(options: Options) -> Outcome:
     rows = table("Start-up, fresh interpreters", "", "s")
     for name, values in seconds.items():
         rows.add_row(name, cell(spread(values), 3))
-    ratio = spread(seconds[OURS] / seconds[THEIRS])
-    rows.add_row(f"{OURS} / {THEIRS}", cell(ratio))
+    ratio = spread(seconds[IMPORT_QUAD_ENV] / seconds[IMPORT_GYMNASIUM])
+    rows.add_row(f"{IMPORT_QUAD_ENV} / {IMPORT_GYMNASIUM}", cell(ratio))
     slower = max(spread(seconds[name]).median for name in HELPS)
     checks = (check("import", ratio.median), check("loaded", len(loaded)), check("help", slower))
     figures = {"seconds": seconds, "import_ratio": ratio, "loaded_by_quad_env": loaded}
@@ -65,11 +65,11 @@ def _python(*arguments: str) -> str:
     return run.stdout
 
 
-def _inside(code: str) -> Subject:
+def _inside(code: str) -> TimedFunction:
     return lambda: float(_python("-c", code))
 
 
-def _outside(command: str) -> Subject:
+def _outside(command: str) -> TimedFunction:
     def wait() -> float:
         begin = time.perf_counter()
         _python(*command.split()[1:])

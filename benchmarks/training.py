@@ -15,7 +15,7 @@ from stable_baselines3.common.logger import configure
 
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
-from benchmarks.support.measure import Floats, spread, stage
+from benchmarks.support.measure import Floats, spread, progress_bar
 from quad_env.cli.launcher import launch
 from quad_env.physics.simulation import Simulation
 from train.config import DEFAULTS, BaseName, TrainConfig
@@ -58,8 +58,8 @@ def measure(options: Options) -> Outcome:
     speed, limit = (spread(steps / taken).median for taken in (whole, seconds["physics"]))
     note = f"{speed:,.0f} learner steps a second; {limit:,.0f} with the physics alone."
     figures: dict[str, Any] = {"ratio": ratio, "steps/s": speed, "physics steps/s": limit}
-    barred = (options.robot, options.base, options.envs) == (REFERENCE.robot, REFERENCE.base, REFERENCE.ppo.envs)
-    checks = (check("training", ratio.median),) if barred else ()
+    required_figures = (options.robot, options.base, options.envs) == (REFERENCE.robot, REFERENCE.base, REFERENCE.ppo.envs)
+    checks = (check("training", ratio.median),) if required_figures else ()
     return Outcome(figures, (rows,), checks, (note,))
 
 
@@ -75,7 +75,7 @@ def rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
     learn = watch.timed("whole", model.learn)
     taken = []
     try:
-        with stage("training", rounds + 1) as advance:
+        with progress_bar("training", rounds + 1) as advance:
             for _ in range(rounds + 1):
                 watch.seconds.clear()
                 learn(1, reset_num_timesteps=False)

@@ -19,13 +19,13 @@ from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import (
     Advance,
     Floats,
-    Spread,
+    Quartiles,
     cores,
     difference,
     interleave,
     speed_ratio,
     spread,
-    stage,
+    progress_bar,
 )
 from quad_env import ENV_ID, MAX_EPISODE_STEPS, SCENARIOS, CommandRanges
 from quad_env.cli.command_line import UsageError
@@ -65,10 +65,10 @@ class Result:
 
     seconds: dict[str, Floats]
     """Per robot and control step, (rounds,): of the environment with its share of resets, and of the bare batch."""
-    reset_us: Spread
+    reset_us: Quartiles
     """Of one robot, µs."""
-    ratio: Spread
-    overhead_us: Spread
+    ratio: Quartiles
+    overhead_us: Quartiles
 
 
 def measure(options: Options) -> Outcome:
@@ -79,7 +79,7 @@ def measure(options: Options) -> Outcome:
         raise UsageError(f"--scenarios: unknown {', '.join(sorted(unknown))}; valid: {', '.join(SCENARIOS)}")
     results = {}
     parts = [(name, n) for name in options.scenarios for n in options.envs]
-    with stage("vector env", len(parts)) as advance:
+    with progress_bar("vector env", len(parts)) as advance:
         for name, n in parts:
             results[name, n] = compare(name, n, options, advance)
     rows = table(
@@ -98,19 +98,19 @@ def measure(options: Options) -> Outcome:
 def compare(name: str, num_envs: int, options: Options, advance: Advance) -> Result:
     """Environment and bare batch, a control step each in turns."""
     start = bare.start(name, num_envs, options.robot)
-    robots = bare.Robots(start, options.threads)
-    walkers = Walkers(name, start, options.threads, options.robot)
+    robots = bare.BareBatch(start, options.threads)
+    walkers = TrotEnv(name, start, options.threads, options.robot)
     for _ in range(options.warm_up):
         walkers.step()
         robots.run(walkers.action[None])
     rounds = min(max(options.robot_steps // num_envs, options.rounds), MAX_EPISODE_STEPS - options.warm_up - 1)
-    subjects = {"environment": walkers.step, "bare": lambda: robots.run(walkers.action[None])}
-    seconds = interleave(subjects, rounds)
+    timed_functions = {"environment": walkers.step, "bare": lambda: robots.run(walkers.action[None])}
+    seconds = interleave(timed_functions, rounds)
     reset = interleave({"reset": walkers.reset}, RESETS)["reset"]
     walkers.env.close()
     advance()
-    seldom = 1 / MAX_EPISODE_STEPS + start.dt / CommandRanges().interval
-    whole, limit = seconds["environment"] + seldom * float(np.median(reset)), seconds["bare"]
+    amortized_reset = 1 / MAX_EPISODE_STEPS + start.dt / CommandRanges().interval
+    whole, limit = seconds["environment"] + amortized_reset * float(np.median(reset)), seconds["bare"]
     return Result(
         {"environment": whole, "bare": limit},
         spread(reset).scaled(1e6),
@@ -119,10 +119,10 @@ def compare(name: str, num_envs: int, options: Options, advance: Advance) -> Res
     )
 
 
-class Walkers:
+class TrotEnv:
     """The environment's batch under the trot, from the given start."""
 
-    def __init__(self, name: str, start: bare.Start, threads: int, robot: str = SIMPLE_QUAD.name) -> None:
+    def __init__(self, name: str, start: bare.InitialStates, threads: int, robot: str = SIMPLE_QUAD.name) -> None:
         count = len(start.seeds)
         self._policy = policies.make("trot", robot=robot)
         self.env: gym.vector.VectorEnv[Any, Any, Any] = gym.make_vec(

@@ -30,8 +30,8 @@ FLAGS = ("--no-sandbox", "--no-first-run", "--disable-background-networking", "-
 SOFTWARE = ("--enable-unsafe-swiftshader",)
 WARM_UP, LONG_WARM_UP = 5.0, 60.0
 """s before anything counts; of a watch of ten minutes and more, whose growth is of interest, the latter."""
-LONG = 600.0
-EVERY = 1.0
+LONG_RUN = 600.0
+SAMPLE_PERIOD = 1.0
 """s between two readings."""
 SIZE = {"width": 1280, "height": 900}
 
@@ -80,11 +80,11 @@ def _watch(browser: Any, options: Options) -> dict[str, Any]:
         page.goto(address.group())
         page.locator("#frame[data-frames]").wait_for(timeout=60_000)
         first_frame = time.perf_counter() - begun
-        page.wait_for_timeout(1000 * (LONG_WARM_UP if options.seconds >= LONG else WARM_UP))
+        page.wait_for_timeout(1000 * (LONG_WARM_UP if options.seconds >= LONG_RUN else WARM_UP))
         memory, speeds, start, frames = [_memory(view.pid, page)], [], time.perf_counter(), _frames(page)
         with bar("watching") as progress:
             while (passed := time.perf_counter() - start) < options.seconds:
-                page.wait_for_timeout(1000 * EVERY)
+                page.wait_for_timeout(1000 * SAMPLE_PERIOD)
                 speeds.append(float(page.locator("#rate").inner_text().split()[0]))
                 progress(min(1.0, passed / options.seconds))
         rate = (_frames(page) - frames) / (time.perf_counter() - start)

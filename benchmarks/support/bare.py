@@ -23,7 +23,7 @@ MOST_STARTS = 256
 
 
 @dataclass(frozen=True)
-class Start:
+class InitialStates:
     """A model and n states of it, as the environment's resets left them."""
 
     model: mujoco.MjModel
@@ -41,7 +41,7 @@ class Start:
         return round(self.dt / float(self.model.opt.timestep))
 
 
-def start(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.name) -> Start:
+def start(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.name) -> InitialStates:
     """What `reset` with seeds 0, 1, … starts from, n of them."""
     env = gym.make(ENV_ID, scenario=scenario, robot=policies.make("trot", robot=robot).robot)
     distinct = min(num_envs, MOST_STARTS)
@@ -53,7 +53,7 @@ def start(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.name) -> Start:
     dt: float = env.unwrapped.dt  # type: ignore[attr-defined]
     env.close()
     rows = np.arange(num_envs) % distinct
-    return Start(
+    return InitialStates(
         make_stepping_model(model),
         tuple(rows.tolist()),
         np.array([data.qpos for data in snapshots])[rows],
@@ -78,10 +78,10 @@ def walk(
     return np.array(actions)
 
 
-class Loop:
+class BareLoop:
     """One robot in a loop of `mj_step`."""
 
-    def __init__(self, start: Start) -> None:
+    def __init__(self, start: InitialStates) -> None:
         self._start = start
         self.data = mujoco.MjData(start.model)
         self.restart()
@@ -102,10 +102,10 @@ class Loop:
         return (time.perf_counter() - begin) / len(actions)
 
 
-class Robots:
+class BareBatch:
     """n robots on a bare `Batch`."""
 
-    def __init__(self, start: Start, threads: int) -> None:
+    def __init__(self, start: InitialStates, threads: int) -> None:
         self._substeps = start.substeps
         self._batch = Batch(start.model, len(start.qpos), threads)
         self._batch.bind("qpos")[:] = start.qpos

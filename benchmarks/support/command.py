@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.support.bars import BARS, Check
-from benchmarks.support.measure import Spread, machine, machine_line
+from benchmarks.support.measure import Quartiles, machine, machine_line
 from evaluate.analysis.results import without_nan
 from quad_env import MAX_EPISODE_STEPS
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of, parse
@@ -79,7 +79,7 @@ def command(
         options = parse(kind, list(words), program=f"python -m {program}", description=description or "")
         _check(options)
         facts = machine()
-        conclude(measure(options), facts, options, program)
+        write_results(measure(options), facts, options, program)
         return 0
 
     return lambda words=None: exit_code(lambda: run(sys.argv[1:] if words is None else words))
@@ -96,7 +96,7 @@ def _check(options: Output) -> None:
         make_folder_of(options.json, "--json")
 
 
-def conclude(outcome: Outcome, facts: dict[str, Any], options: Output, program: str) -> None:
+def write_results(outcome: Outcome, facts: dict[str, Any], options: Output, program: str) -> None:
     """Print the tables, the notes and the figures with limits; write the JSON file."""
     console = Console(width=WIDTH, highlight=False)
     for part in outcome.tables:
@@ -112,7 +112,7 @@ def conclude(outcome: Outcome, facts: dict[str, Any], options: Output, program: 
             "options": dataclasses.asdict(options),
             "machine": facts,
             "figures": outcome.figures,
-            "checks": [dataclasses.asdict(row) | {"met": row.met} for row in outcome.checks],
+            "checks": [dataclasses.asdict(row) | {"met": row.is_met} for row in outcome.checks],
         }
         write_atomically(options.json, (json.dumps(plain(record), indent=2) + "\n").encode())
 
@@ -123,9 +123,9 @@ def checks_table(checks: Sequence[Check], unmeasured: Sequence[str]) -> Table:
     for each in checks:
         limits = BARS[each.bar].limits
         values = ", ".join(f"{value:.4g}{limit.unit}" for value, limit in zip(each.values, limits, strict=True))
-        rows.add_row(BARS[each.bar].what, _limits(each.bar), values, "[green]met[/]" if each.met else "[red]not met[/]")
+        rows.add_row(BARS[each.bar].name, _limits(each.bar), values, "[green]met[/]" if each.is_met else "[red]not met[/]")
     for name in unmeasured:
-        rows.add_row(BARS[name].what, _limits(name), f"python -m benchmarks.{BARS[name].command}", "")
+        rows.add_row(BARS[name].name, _limits(name), f"python -m benchmarks.{BARS[name].command}", "")
     return rows
 
 
@@ -141,7 +141,7 @@ def table(title: str, *heads: str) -> Table:
     return made
 
 
-def cell(value: Spread, digits: int = 2) -> str:
+def cell(value: Quartiles, digits: int = 2) -> str:
     """Median, and the quartiles in brackets."""
     return f"{value.median:,.{digits}f} \\[{value.low:,.{digits}f} … {value.high:,.{digits}f}]"
 

@@ -18,14 +18,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from evaluate.records.provenance import cpu_model
 
 Floats = NDArray[np.float64]
-Subject = Callable[[], float]
+TimedFunction = Callable[[], float]
 """Does the same work at every call; returns the seconds that one unit of it took."""
 Advance = Callable[[], None]
 """Counts one part of the work as done."""
 
 
 @contextmanager
-def stage(description: str, total: int) -> Iterator[Advance]:
+def progress_bar(description: str, total: int) -> Iterator[Advance]:
     """Progress of `total` parts of work on stderr: a bar on a terminal, one line at the end elsewhere."""
     console = Console(stderr=True)
     begin = time.perf_counter()
@@ -39,15 +39,15 @@ def stage(description: str, total: int) -> Iterator[Advance]:
     print(f"{description}: {time.perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
 
 
-def interleave(subjects: Mapping[str, Subject], rounds: int, title: str = "", warm_up: int = 1) -> dict[str, Floats]:
+def interleave(timed_functions: Mapping[str, TimedFunction], rounds: int, title: str = "", warm_up: int = 1) -> dict[str, Floats]:
     """Seconds a unit of each subject, (rounds,): all take their turn in each round.
 
     The first `warm_up` rounds, on top of the others, count nowhere. Under a title the progress is shown.
     """
-    seconds: dict[str, list[float]] = {name: [] for name in subjects}
-    with stage(title, warm_up + rounds) if title else nullcontext(lambda: None) as advance:
+    seconds: dict[str, list[float]] = {name: [] for name in timed_functions}
+    with progress_bar(title, warm_up + rounds) if title else nullcontext(lambda: None) as advance:
         for number in range(warm_up + rounds):
-            for name, subject in subjects.items():
+            for name, subject in timed_functions.items():
                 taken = subject()
                 if number >= warm_up:
                     seconds[name].append(taken)
@@ -56,30 +56,30 @@ def interleave(subjects: Mapping[str, Subject], rounds: int, title: str = "", wa
 
 
 @dataclass(frozen=True)
-class Spread:
+class Quartiles:
     """Median and quartiles of the rounds."""
 
     median: float
     low: float
     high: float
 
-    def scaled(self, factor: float) -> "Spread":
+    def scaled(self, factor: float) -> "Quartiles":
         """In another unit; `factor` is positive."""
-        return Spread(self.median * factor, self.low * factor, self.high * factor)
+        return Quartiles(self.median * factor, self.low * factor, self.high * factor)
 
 
-def spread(values: Floats) -> Spread:
+def spread(values: Floats) -> Quartiles:
     """Median and quartiles of the rounds (rounds,)."""
     low, median, high = np.quantile(values, (0.25, 0.5, 0.75))
-    return Spread(float(median), float(low), float(high))
+    return Quartiles(float(median), float(low), float(high))
 
 
-def speed_ratio(subject: Floats, other: Floats) -> Spread:
+def speed_ratio(subject: Floats, other: Floats) -> Quartiles:
     """How many times as fast `subject` is as `other`, from the seconds that both took in each round, (rounds,)."""
     return spread(other / subject)
 
 
-def difference(subject: Floats, other: Floats) -> Spread:
+def difference(subject: Floats, other: Floats) -> Quartiles:
     """How much longer `subject` took than `other` in the same rounds, s; both (rounds,)."""
     return spread(subject - other)
 

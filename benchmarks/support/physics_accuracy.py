@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import policies
 from benchmarks.support.bars import ACCURACY
-from benchmarks.support.physics_settings import FINE, Change, Setting, compiled
+from benchmarks.support.physics_settings import FINE, SpecEdit, Setting, compiled
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from quad_env import TaskConfig
@@ -46,7 +46,7 @@ class Accuracy:
     """Largest angle between the two trunks."""
     joints_rad: float
     """Largest difference of a joint angle."""
-    sinks_mm: float
+    penetration_mm: float
     """How deep a standing foot sinks."""
     slip_mm_s: float
     """Speed of a standing foot under a side load of 20 N."""
@@ -54,7 +54,7 @@ class Accuracy:
     @property
     def within(self) -> bool:
         """Whether the setting meets the accuracy bar."""
-        return all(limit.met(getattr(self, name)) for name, limit in ACCURACY.items())
+        return all(limit.is_met(getattr(self, name)) for name, limit in ACCURACY.items())
 
 
 def strides(commands: tuple[tuple[float, float, float], ...] = COMMANDS) -> tuple[Stride, ...]:
@@ -79,7 +79,7 @@ def _stride(command: tuple[float, float, float]) -> Stride:
     return Stride(data.qpos.copy(), data.qvel.copy(), data.qacc_warmstart.copy(), np.array(targets))
 
 
-def accuracy(setting: Setting, walked: tuple[Stride, ...], reference: Change = FINE) -> Accuracy:
+def accuracy(setting: Setting, walked: tuple[Stride, ...], reference: SpecEdit = FINE) -> Accuracy:
     """Every figure of a setting; strides are compared with those of the `reference`."""
     model, true = compiled(setting.change), compiled(reference)
     trunk, tilt, joints = np.max([_deviation(model, true, stride) for stride in walked], axis=0).tolist()

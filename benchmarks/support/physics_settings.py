@@ -9,7 +9,7 @@ import mujoco
 from quad_env.physics.model import make_stepping_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-Change = Callable[[mujoco.MjSpec], None]
+SpecEdit = Callable[[mujoco.MjSpec], None]
 
 NEWTON = int(mujoco.mjtSolver.mjSOL_NEWTON)
 CG = int(mujoco.mjtSolver.mjSOL_CG)
@@ -18,7 +18,7 @@ PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 
 
-def options(**values: Any) -> Change:
+def options(**values: Any) -> SpecEdit:
     """A change of simulation options."""
 
     def change(spec: mujoco.MjSpec) -> None:
@@ -28,7 +28,7 @@ def options(**values: Any) -> Change:
     return change
 
 
-def ground_only(*suffixes: str) -> Change:
+def ground_only(*suffixes: str) -> SpecEdit:
     """Geoms of these names collide with the ground alone, the others with nothing; none named: all with the ground."""
 
     def change(spec: mujoco.MjSpec) -> None:
@@ -40,7 +40,7 @@ def ground_only(*suffixes: str) -> Change:
     return change
 
 
-def together(*changes: Change) -> Change:
+def combine(*changes: SpecEdit) -> SpecEdit:
     """One change after the other."""
 
     def change(spec: mujoco.MjSpec) -> None:
@@ -58,24 +58,24 @@ FINE = options(timestep=0.0005, solver=NEWTON, iterations=100, tolerance=1e-10)
 class Setting:
     """A change of the shipped model."""
 
-    change: Change
-    lean: bool = True
+    change: SpecEdit
+    use_stepping_model: bool = True
     """Stepped as the environment steps it; False: every sensor evaluated, islands of constraints searched."""
 
     def model(self) -> mujoco.MjModel:
         """The compiled model."""
         model = compiled(self.change)
-        return make_stepping_model(model) if self.lean else model
+        return make_stepping_model(model) if self.use_stepping_model else model
 
 
 SHIPPED = "shipped"
-FIRST = "first settings"
+ORIGINAL_SETTINGS = "first settings"
 """Name of the foundation's settings: what a faster setting is measured from."""
 
 SETTINGS: dict[str, Setting] = {
     SHIPPED: Setting(options()),
-    FIRST: Setting(options(solver=NEWTON, iterations=100, cone=ELLIPTIC, impratio=10, timestep=0.002), lean=False),
-    "all sensors, islands": Setting(options(), lean=False),
+    ORIGINAL_SETTINGS: Setting(options(solver=NEWTON, iterations=100, cone=ELLIPTIC, impratio=10, timestep=0.002), use_stepping_model=False),
+    "all sensors, islands": Setting(options(), use_stepping_model=False),
     "Newton, 10": Setting(options(solver=NEWTON, iterations=10)),
     "Newton, 3": Setting(options(solver=NEWTON, iterations=3)),
     "CG, 30": Setting(options(solver=CG, iterations=30)),
@@ -89,13 +89,13 @@ SETTINGS: dict[str, Setting] = {
     "timestep 1 ms": Setting(options(timestep=0.001)),
     "no self-collision": Setting(ground_only()),
     "feet and trunk": Setting(ground_only("foot", "trunk")),
-    "feet and trunk, PGS, 10": Setting(together(ground_only("foot", "trunk"), options(solver=PGS, iterations=10))),
-    "feet and trunk, PGS, 5": Setting(together(ground_only("foot", "trunk"), options(solver=PGS, iterations=5))),
+    "feet and trunk, PGS, 10": Setting(combine(ground_only("foot", "trunk"), options(solver=PGS, iterations=10))),
+    "feet and trunk, PGS, 5": Setting(combine(ground_only("foot", "trunk"), options(solver=PGS, iterations=5))),
 }
 """What follows a solver's name is its number of iterations."""
 
 
-def compiled(change: Change) -> mujoco.MjModel:
+def compiled(change: SpecEdit) -> mujoco.MjModel:
     """The robot with that change."""
     spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
     change(spec)

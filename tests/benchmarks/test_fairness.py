@@ -7,14 +7,14 @@ import pytest
 from benchmarks.support import bare
 from benchmarks.support.physics_accuracy import accuracy, strides
 from benchmarks.support.physics_settings import SETTINGS, SHIPPED, Setting, options
-from benchmarks.vector_env import Walkers
+from benchmarks.vector_env import TrotEnv
 from quad_env import ENV_ID, OBSERVATION
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 def test_bare_loop_ends_where_the_environment_does() -> None:
     actions = bare.walk(30)
-    loop = bare.Loop(bare.start("flat", 1))
+    loop = bare.BareLoop(bare.start("flat", 1))
     loop.run(actions)
     env = gym.make(ENV_ID)
     env.reset(seed=0, options={"command": bare.COMMAND})
@@ -30,7 +30,7 @@ def test_bare_loop_ends_where_the_environment_does() -> None:
 @pytest.mark.parametrize("scenario", ["flat", "rough"])
 def test_bare_batch_walks_as_the_environment_does(scenario: str) -> None:
     start = bare.start(scenario, 3)
-    robots, walkers = bare.Robots(start, 1), Walkers(scenario, start, 1)
+    robots, walkers = bare.BareBatch(start, 1), TrotEnv(scenario, start, 1)
     for _ in range(20):
         walkers.step()
         robots.run(walkers.action[None])

@@ -45,12 +45,12 @@ def test_ratio_and_difference_are_taken_round_by_round() -> None:
 
 
 def test_a_bar_is_met_by_one_of_its_limits() -> None:
-    assert check("single_env", 0.55).met
-    assert not check("single_env", 0.549).met
-    assert not check("help", 0.81).met
-    assert check("vector_env", 0.95, 9.0).met
-    assert check("vector_env", 0.5, 6.0).met
-    assert not check("vector_env", 0.89, 6.1).met
-    assert not check("physics", float("nan")).met
+    assert check("single_env", 0.55).is_met
+    assert not check("single_env", 0.549).is_met
+    assert not check("help", 0.81).is_met
+    assert check("vector_env", 0.95, 9.0).is_met
+    assert check("vector_env", 0.5, 6.0).is_met
+    assert not check("vector_env", 0.89, 6.1).is_met
+    assert not check("physics", float("nan")).is_met
     with pytest.raises(ValueError, match="1 values for 2 limits"):
         check("vector_env", 1.0)
