@@ -13,7 +13,7 @@ from rich.table import Table
 
 from benchmarks.support.bars import ACCURACY, check
 from benchmarks.support.command import Common, Outcome, cell, command, table
-from benchmarks.support.measure import Floats, TimedFunction, cores, interleave, speed_ratio, spread, progress_bar
+from benchmarks.support.measure import Floats, TimedFunction, cores, interleave, progress_bar, speed_ratio, spread
 from benchmarks.support.physics_accuracy import CONTROL_PERIOD, Accuracy, Stride, accuracy, strides
 from benchmarks.support.physics_settings import ORIGINAL_SETTINGS, SETTINGS, SHIPPED
 from quad_env.cli.command_line import UsageError
@@ -65,7 +65,9 @@ def _walking(name: str, recorded_strides: tuple[Stride, ...], options: Options) 
     batch = Batch(model, options.envs, options.threads)
     state = {key: batch.bind(key) for key in ("qpos", "qvel", "qacc_warmstart", "ctrl")}
     rows = np.arange(options.envs) % len(recorded_strides)
-    start = [np.array([getattr(stride, key) for stride in recorded_strides])[rows] for key in ("qpos", "qvel", "warmstart")]
+    start = [
+        np.array([getattr(stride, key) for stride in recorded_strides])[rows] for key in ("qpos", "qvel", "warmstart")
+    ]
     targets = np.array([stride.targets for stride in recorded_strides])[rows].swapaxes(0, 1)
     substeps = round(CONTROL_PERIOD / model.opt.timestep)
 

@@ -15,7 +15,7 @@ from stable_baselines3.common.logger import configure
 
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
-from benchmarks.support.measure import Floats, spread, progress_bar
+from benchmarks.support.measure import Floats, progress_bar, spread
 from quad_env.cli.launcher import launch
 from quad_env.physics.simulation import Simulation
 from train.config import DEFAULTS, BaseName, TrainConfig
@@ -58,7 +58,11 @@ def measure(options: Options) -> Outcome:
     speed, limit = (spread(steps / taken).median for taken in (whole, seconds["physics"]))
     note = f"{speed:,.0f} learner steps a second; {limit:,.0f} with the physics alone."
     figures: dict[str, Any] = {"ratio": ratio, "steps/s": speed, "physics steps/s": limit}
-    required_figures = (options.robot, options.base, options.envs) == (REFERENCE.robot, REFERENCE.base, REFERENCE.ppo.envs)
+    required_figures = (options.robot, options.base, options.envs) == (
+        REFERENCE.robot,
+        REFERENCE.base,
+        REFERENCE.ppo.envs,
+    )
     checks = (check("training", ratio.median),) if required_figures else ()
     return Outcome(figures, (rows,), checks, (note,))
 

@@ -23,9 +23,9 @@ from benchmarks.support.measure import (
     cores,
     difference,
     interleave,
+    progress_bar,
     speed_ratio,
     spread,
-    progress_bar,
 )
 from quad_env import ENV_ID, MAX_EPISODE_STEPS, SCENARIOS, CommandRanges
 from quad_env.cli.command_line import UsageError

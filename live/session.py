@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts.observers import Observer, Step
-from evaluate.rollouts.rollout import advance, batch_of, begin
+from evaluate.rollouts.rollout import advance, batch_of, reset_episodes
 from policies.base import Actions, Policy, PolicyError
 from policies.gait_cycle import smoothstep
 from quad_env.scenarios.scenario import Scenario
@@ -118,7 +118,7 @@ class Session:
         self.user_intervened = False
         """Whether somebody has steered or pushed the robot or changed its policy in the present episode."""
         self.policy.reset(num_envs=1, seed=0)
-        return self._notify_observers(begin(self.env, np.array([self.seed]), self.command))
+        return self._notify_observers(reset_episodes(self.env, np.array([self.seed]), self.command))
 
     def _notify_observers(self, step: Step) -> Step:
         self.latest = step

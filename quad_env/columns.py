@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 EnvIndices = NDArray[np.intp]
 """Places of some robots in a batch, (k,)."""
 EnvSelection = slice | EnvIndices
-ScalarOrBatch = TypeVar("Column", float, Array)
+ScalarOrBatch = TypeVar("ScalarOrBatch", float, Array)
 Components = Sequence[ScalarOrBatch]
 """k columns: a tuple, or an array (k, n) of n robots'."""
 BoolOrMask = bool | Mask
@@ -26,7 +26,7 @@ BoolOrMask = bool | Mask
 
 def to_components(rows: Array) -> Components[Array]:
     """The columns in the rows (n, k) of n robots, as a new array (k, n)."""
-    return cast("Vector[Array]", rows.T.copy())
+    return cast("Components[Array]", rows.T.copy())
 
 
 def to_scalars(rows: Array) -> Components[float]:
@@ -74,7 +74,7 @@ def sum_of_magnitudes(x: Components[ScalarOrBatch], y: Components[ScalarOrBatch]
 def fraction_above(x: Components[ScalarOrBatch], bound: float) -> ScalarOrBatch:
     """Share of the |xᵢ| above a bound."""
     if isinstance(x, np.ndarray):
-        return cast("Column", np.count_nonzero(np.abs(x) > bound, axis=0) / len(x))
+        return cast("ScalarOrBatch", np.count_nonzero(np.abs(x) > bound, axis=0) / len(x))
     # A list takes less time than a generator.
     return sum([value > bound or value < -bound for value in x]) / len(x)  # type: ignore[return-value]  # noqa: C419
 

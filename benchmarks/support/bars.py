@@ -35,18 +35,36 @@ BARS = {
         "vector_env",
         (Threshold("≥", 0.90), Threshold("≤", 6.0, " µs")),
     ),
-    "physics": Requirement("shipped physics / first settings, speed within the accuracy bar", "physics", (Threshold("≥", 1.5),)),
-    "control step": Requirement("control step of one robot, 99.9th percentile", "policies", (Threshold("≤", 10.0, " ms"),)),
-    "joint step": Requirement("joint-loop step of one robot, 99.9th percentile", "policies", (Threshold("≤", 2.0, " ms"),)),
-    "training": Requirement("learner steps / physics alone of the same robots, speed", "training", (Threshold("≥", 0.55),)),
+    "physics": Requirement(
+        "shipped physics / first settings, speed within the accuracy bar", "physics", (Threshold("≥", 1.5),)
+    ),
+    "control step": Requirement(
+        "control step of one robot, 99.9th percentile", "policies", (Threshold("≤", 10.0, " ms"),)
+    ),
+    "joint step": Requirement(
+        "joint-loop step of one robot, 99.9th percentile", "policies", (Threshold("≤", 2.0, " ms"),)
+    ),
+    "training": Requirement(
+        "learner steps / physics alone of the same robots, speed", "training", (Threshold("≥", 0.55),)
+    ),
     "import": Requirement("import quad_env, gymnasium / import gymnasium, time", "startup", (Threshold("≤", 1.25),)),
-    "loaded": Requirement("of gymnasium, mujoco and torch, loaded by import quad_env", "startup", (Threshold("≤", 0.0),)),
+    "loaded": Requirement(
+        "of gymnasium, mujoco and torch, loaded by import quad_env", "startup", (Threshold("≤", 0.0),)
+    ),
     "help": Requirement("--help of evaluate and train, the slower", "startup", (Threshold("≤", 0.8, " s"),)),
     "view real time": Requirement("live view and a browser, speed / real time", "view", (Threshold("≥", 1.0),)),
-    "view frames": Requirement("live view, frames that a browser draws in software", "view", (Threshold("≥", 20.0, "/s"),)),
-    "view first frame": Requirement("live view, from the command to the first frame", "view", (Threshold("≤", 10.0, " s"),)),
-    "rendering": Requirement("frames of 640 x 480, in software on one core", "rendering", (Threshold("≥", 15.0, "/s"),)),
-    "recording": Requirement("60 s recorded / not recorded, time of the simulation", "recording", (Threshold("≤", 1.15),)),
+    "view frames": Requirement(
+        "live view, frames that a browser draws in software", "view", (Threshold("≥", 20.0, "/s"),)
+    ),
+    "view first frame": Requirement(
+        "live view, from the command to the first frame", "view", (Threshold("≤", 10.0, " s"),)
+    ),
+    "rendering": Requirement(
+        "frames of 640 x 480, in software on one core", "rendering", (Threshold("≥", 15.0, "/s"),)
+    ),
+    "recording": Requirement(
+        "60 s recorded / not recorded, time of the simulation", "recording", (Threshold("≤", 1.15),)
+    ),
 }
 
 ACCURACY = {

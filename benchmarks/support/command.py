@@ -123,7 +123,9 @@ def checks_table(checks: Sequence[Check], unmeasured: Sequence[str]) -> Table:
     for each in checks:
         limits = BARS[each.bar].limits
         values = ", ".join(f"{value:.4g}{limit.unit}" for value, limit in zip(each.values, limits, strict=True))
-        rows.add_row(BARS[each.bar].name, _limits(each.bar), values, "[green]met[/]" if each.is_met else "[red]not met[/]")
+        rows.add_row(
+            BARS[each.bar].name, _limits(each.bar), values, "[green]met[/]" if each.is_met else "[red]not met[/]"
+        )
     for name in unmeasured:
         rows.add_row(BARS[name].name, _limits(name), f"python -m benchmarks.{BARS[name].command}", "")
     return rows

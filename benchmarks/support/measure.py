@@ -39,7 +39,9 @@ def progress_bar(description: str, total: int) -> Iterator[Advance]:
     print(f"{description}: {time.perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
 
 
-def interleave(timed_functions: Mapping[str, TimedFunction], rounds: int, title: str = "", warm_up: int = 1) -> dict[str, Floats]:
+def interleave(
+    timed_functions: Mapping[str, TimedFunction], rounds: int, title: str = "", warm_up: int = 1
+) -> dict[str, Floats]:
     """Seconds a unit of each subject, (rounds,): all take their turn in each round.
 
     The first `warm_up` rounds, on top of the others, count nowhere. Under a title the progress is shown.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import policies
 from benchmarks.support.bars import ACCURACY
-from benchmarks.support.physics_settings import FINE, SpecEdit, Setting, compiled
+from benchmarks.support.physics_settings import FINE, Setting, SpecEdit, compiled
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from quad_env import TaskConfig

@@ -74,7 +74,9 @@ ORIGINAL_SETTINGS = "first settings"
 
 SETTINGS: dict[str, Setting] = {
     SHIPPED: Setting(options()),
-    ORIGINAL_SETTINGS: Setting(options(solver=NEWTON, iterations=100, cone=ELLIPTIC, impratio=10, timestep=0.002), use_stepping_model=False),
+    ORIGINAL_SETTINGS: Setting(
+        options(solver=NEWTON, iterations=100, cone=ELLIPTIC, impratio=10, timestep=0.002), use_stepping_model=False
+    ),
     "all sensors, islands": Setting(options(), use_stepping_model=False),
     "Newton, 10": Setting(options(solver=NEWTON, iterations=10)),
     "Newton, 3": Setting(options(solver=NEWTON, iterations=3)),

@@ -48,8 +48,8 @@ class SuccessRule:
             )
         share = f"{100.0 * self.share:g} % of the command"
         moved = (
-            f"; and at least {100.0 * MIN_PROGRESS:g} % of the commanded distance, along the command, in every interval "
-            f"that commands more than {MOVING:g} m/s"
+            f"; and at least {100.0 * MIN_PROGRESS:g} % of the commanded distance, along the command, in every "
+            f"interval that commands more than {MOVING:g} m/s"
         )
         return (
             f"upright, and mean velocity within {self.linear:g} m/s + {share}, mean yaw rate within "

@@ -150,7 +150,8 @@ def read(folder: Path) -> Manifest:
         if not RULES.items() <= dict(found["versions"]).items():
             rules = ", ".join(RULES.values())
             raise UsageError(
-                f"{path}: its figures are not by {rules}, this version's rules; {LAST_COMPATIBLE_REVISION} reads older ones"
+                f"{path}: its figures are not by {rules}, this version's rules; "
+                f"{LAST_COMPATIBLE_REVISION} reads older ones"
             )
         if _is_changed(found):
             raise UsageError(f"{path} has been changed since it was written: restore it, or run the evaluation again")

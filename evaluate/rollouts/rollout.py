@@ -83,7 +83,7 @@ def _steps(
     """The start and the control steps of one episode for each seed; the environment is closed at the end."""
     with closing(env):
         policy.check_compatible(env.robot, env.dt)
-        step, ended = begin(env, seeds, command), False
+        step, ended = reset_episodes(env, seeds, command), False
         policy.reset(num_envs=len(seeds), seed=0)
         yield step
         while not ended:
@@ -117,7 +117,7 @@ def batch_of(
     )
 
 
-def begin(env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command: ArrayLike | None) -> Step:
+def reset_episodes(env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command: ArrayLike | None) -> Step:
     """Start of an episode for each seed; see `roll_out` for the command."""
     options = None if command is None else {"command": command}
     observation, infos = env.reset(seed=seeds.tolist(), options=options)

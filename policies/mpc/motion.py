@@ -189,8 +189,8 @@ def add_load(motion: MotionState, load: PointLoad) -> MotionState:
     loaded_bodies = bodies._replace(
         mass=bodies.mass + load.mass,
         inertia=bodies.inertia + added[..., None] * np.einsum("nxi,nxj->nij", jacobian, jacobian),
-        bias=bodies.bias_force + added * np.einsum("nxk,nx->nk", jacobian, held),
-        centre=bodies.com_position + share * (arm - bodies.com_position),
+        bias_force=bodies.bias_force + added * np.einsum("nxk,nx->nk", jacobian, held),
+        com_position=bodies.com_position + share * (arm - bodies.com_position),
         centre_velocity=bodies.centre_velocity + share * (velocity - bodies.centre_velocity),
         rotational_inertia=bodies.rotational_inertia - reduced * (apart @ apart),
     )

@@ -99,7 +99,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         if "reset_mask" in (options or ()):
             raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
         self._schedule.reseed(seed, mask)
-        self._reset_episodes(_ROW, self._schedule.begin(_ROW, held))
+        self._reset_episodes(_ROW, self._schedule.reset(_ROW, held))
         self._fall, self._started, self._diverged, self._terminated = 0, True, False, False
         self._tracked_command = columns.to_scalars(self._schedule.command)
         self.simulation.sync_model(0)

@@ -189,7 +189,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._terminated[env_ids] = self._truncated[env_ids] = self._diverged[env_ids] = False
         self._fall[env_ids] = 0
         self._state = None
-        episodes = self._schedule.begin(env_ids, held)
+        episodes = self._schedule.reset(env_ids, held)
         self._reset_episodes(env_ids, episodes)
         self._update_observation(self._compute_state(env_ids), env_ids)
 

@@ -29,7 +29,7 @@ class FootContactTracker:
         """See `QuadState`, (n, 4), m/s."""
         self._height, self._descent_speed = np.zeros_like(self._air_steps), np.zeros_like(self._air_steps)
 
-    def begin(self, ids: EnvSelection) -> None:
+    def reset(self, ids: EnvSelection) -> None:
         """Begin the episode of those robots: no step of theirs is under way."""
         self._air_steps[ids] = self.swing_time[ids] = self.touchdown_speed[ids] = self._descent_speed[ids] = 0.0
         self._height[ids] = self._heights(ids)

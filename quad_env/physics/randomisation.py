@@ -33,7 +33,7 @@ class RandomisedModels:
         self._centre = expand("body_ipos")[:, trunk]
         self._usual_centre = self._centre.copy()
 
-    def begin(self, rows: EnvIndices, randomization: Sequence[RandomizationSample]) -> None:
+    def reset(self, rows: EnvIndices, randomization: Sequence[RandomizationSample]) -> None:
         """Give those robots these figures."""
         for row, figures in zip(rows, randomization, strict=True):
             for name, field, usual in self._scaled:

@@ -189,7 +189,7 @@ class Simulation:
         if self._history is not None:
             self._history[env_ids] = self._initial_history
         if self._randomised is not None and randomization:
-            self._randomised.begin(env_ids, randomization)
+            self._randomised.reset(env_ids, randomization)
         if self._actuators is not None:
             self._actuators.reset(env_ids)
         if force is not None:
@@ -216,7 +216,7 @@ class Simulation:
     def _begin_readings(self, env_ids: EnvSelection) -> None:
         """Nothing has happened to those robots yet."""
         if self._footsteps is not None:
-            self._footsteps.begin(env_ids)
+            self._footsteps.reset(env_ids)
         if self.meter is not None:
             self.meter.reset(env_ids)
         if self.probe is not None:

@@ -42,7 +42,7 @@ class EpisodeSchedule:
             if seeds[i] is not None:
                 self._seeds[i], self._next[i] = seeds[i], 0
 
-    def begin(self, env_ids: NDArray[np.intp], held: Array | None) -> list[EpisodeSample]:
+    def reset(self, env_ids: NDArray[np.intp], held: Array | None) -> list[EpisodeSample]:
         """The next episodes of those robots; `held` are the commands of all, (n, 3), or None to draw."""
         for i in env_ids:
             episode = EpisodeSample(self._robot, self._scenario, self._seeds[i], self._next[i], self._dt)

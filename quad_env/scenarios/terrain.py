@@ -84,7 +84,7 @@ class Stairs(Settings):
         """Ground height in the world frame, m; that of the tread right on a riser."""
         steps = (abs(x) - self.landing) / self.run + 1.0
         climbed = self.rise * clipped_index(clip(steps, 0.0, float(self.steps)), self.steps)
-        return cast("Column", where(x > 0.0, climbed, -climbed))
+        return cast("ScalarOrBatch", where(x > 0.0, climbed, -climbed))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
         """Centre height of a ball on the tread there, world frame, m; of no use within `radius` of a riser."""
@@ -150,7 +150,7 @@ class SmoothRandom(Settings):
         column, row = (x + self.half_size) / self.cell, (y + self.half_size) / self.cell
         surface = _interpolate_height(self.heights.unit, self.peak_to_valley, column, row)
         inside = (abs(x) <= self.half_size) & (abs(y) <= self.half_size)
-        return cast("Column", where(inside, surface, 0.0))
+        return cast("ScalarOrBatch", where(inside, surface, 0.0))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
         """Centre height of a ball that touches the ground there, world frame, m; cells wider than it are taken for
@@ -216,7 +216,7 @@ class HeightField(Settings):
         rows, columns = unit.shape
         column, row = (x + half_x) / self.size[0] * (columns - 1), (y + half_y) / self.size[1] * (rows - 1)
         inside = (abs(x) <= half_x) & (abs(y) <= half_y)
-        return cast("Column", lowest + where(inside, _interpolate_height(unit, span, column, row), 0.0))
+        return cast("ScalarOrBatch", lowest + where(inside, _interpolate_height(unit, span, column, row), 0.0))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
         """Centre height of a ball that touches the ground there, world frame, m."""
@@ -232,7 +232,7 @@ def _interpolate_height(grid: Array, span: float, column: ScalarOrBatch, row: Sc
     near, far = where(u < v, u, v), where(u < v, v, u)
     start, end = span * grid[i, j], span * grid[i + 1, j + 1]
     side = span * where(u > v, grid[i, j + 1], grid[i + 1, j])
-    return cast("Column", start + (side - start) * (far - near) + (end - start) * near)
+    return cast("ScalarOrBatch", start + (side - start) * (far - near) + (end - start) * near)
 
 
 def _highest_touching(terrain: SmoothRandom | HeightField, x: Array, y: Array, radius: float) -> Array:

@@ -72,7 +72,7 @@ class ComplementaryFilter:
         """Not looked for: 0 rad/s"""
         self._gyro = np.zeros((num_envs, 3))
 
-    def begin(self, rows: EnvIndices, at_rest: Array, read: AlignedReadings) -> None:
+    def reset(self, rows: EnvIndices, at_rest: Array, read: AlignedReadings) -> None:
         """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
         self.gravity[rows], self.velocity[rows], self._gyro[rows] = -unit(at_rest), 0.0, read.gyro
 

@@ -107,7 +107,7 @@ class Scanner:
         self._channel = Channel(num_envs, width, scan.rate, scan.delay + latency, control_rate)
         self._noise = Noise(num_envs, np.full(width, deviation, np.float32)) if deviation else None
 
-    def begin(self, rows: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
+    def reset(self, rows: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
         """Start these episodes of those robots."""
         if self._noise is not None:
             for row, episode in zip(rows, episodes, strict=True):

@@ -41,7 +41,7 @@ class SensorModels:
             for name, made in makers.items()
         }
 
-    def begin(self, rows: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
+    def reset(self, rows: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
         """Start these episodes of those robots."""
         for row, episode in zip(rows, episodes, strict=True):
             stream = episode.streams.sensors

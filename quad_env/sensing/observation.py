@@ -38,7 +38,7 @@ class ObservationDisturbance:
                 deviations[table.slices[term]] = deviation
             self._noise = Noise(num_envs, deviations)
 
-    def begin(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
+    def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
         """Start these episodes of those robots."""
         if self._noise is not None:
             for row, episode in zip(env_ids, episodes, strict=True):
@@ -89,12 +89,12 @@ class SensorObservation:
         self._shown = np.zeros((num_envs, len(self._bound)), np.float32)
         self._rows = np.arange(num_envs)
 
-    def begin(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
+    def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
         """Start these episodes of those robots."""
         self._last_update_step[env_ids] = -1
-        self._instruments.begin(env_ids, episodes)
+        self._instruments.reset(env_ids, episodes)
         if self._disturbed is not None:
-            self._disturbed.begin(env_ids, episodes)
+            self._disturbed.reset(env_ids, episodes)
 
     def sense(self, observation: NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
         """Turn true observations, (k, …), into what the sensors of those robots show; `clock` is theirs, (k,)."""

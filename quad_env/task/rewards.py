@@ -77,7 +77,7 @@ def tilt(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 def crouch(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Height of the trunk below UPRIGHT, as a share of that in the home pose; 0 above it."""
     missing = UPRIGHT - state.height / state.standing_height
-    return cast("Column", where(missing > 0.0, missing, 0.0))
+    return cast("ScalarOrBatch", where(missing > 0.0, missing, 0.0))
 
 
 def action_rate(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
@@ -105,7 +105,7 @@ def foot_air_time(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     if state.swing_time is None:
         return 0.0 * abs(state.height)
     swings: ScalarOrBatch = ordered_sum(where(swing > 0.0, swing - AIR_TIME, 0.0) for swing in state.swing_time)
-    return cast("Column", where(sum_of_squares(state.command) > MOVING * MOVING, swings, 0.0))
+    return cast("ScalarOrBatch", where(sum_of_squares(state.command) > MOVING * MOVING, swings, 0.0))
 
 
 def touchdown_speed(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:

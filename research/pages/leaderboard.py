@@ -59,7 +59,9 @@ def main(options: Options) -> int:
     """Evaluate and write; the exit code. Raises UsageError."""
     leaderboard_policies = policy_list.read(options.list)
     if options.reference not in (None, *leaderboard_policies.names):
-        raise UsageError(f"--reference: {options.reference} is not in the list: {', '.join(leaderboard_policies.names)}")
+        raise UsageError(
+            f"--reference: {options.reference} is not in the list: {', '.join(leaderboard_policies.names)}"
+        )
     out = options.out or Path("docs") / f"leaderboard_{options.list.stem}.md"
     data = out.parent / "results" / f"{out.stem}.csv"
     make_folder_of(out, "--out")
@@ -68,7 +70,9 @@ def main(options: Options) -> int:
     plans = {name: _plan(name, policy, leaderboard_policies, options) for name, policy in references.items()}
     results = _results({name: _run(plan) for name, plan in plans.items()}, leaderboard_policies.ours, options.reference)
     robots = {name: plan.policies[0].policy.robot for name, plan in plans.items()}
-    write_atomically(out, leaderboard_page.page(results, leaderboard_policies, robots, _made_by(options, results)).encode())
+    write_atomically(
+        out, leaderboard_page.page(results, leaderboard_policies, robots, _made_by(options, results)).encode()
+    )
     rows = [{"scenario": s, "policy": p, **flat(without_nan(asdict(of)))} for (s, p), of in results.summaries.items()]
     write_atomically(data, csv_text(rows))
     differences = [flat(without_nan(asdict(of))) for of in results.comparisons if of.b == results.baseline]

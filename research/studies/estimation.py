@@ -225,6 +225,7 @@ class EstimationErrorObserver:
         self._rows: list[tuple[Floats, ...]] = []
 
     def __call__(self, step: Step) -> None:
+        """Record the errors of a step."""
         count = len(step.observation)
         state, estimator = step.env.simulation.state((np.zeros(count),) * 3), step.env.estimator
         assert estimator is not None

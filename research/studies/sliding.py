@@ -148,7 +148,9 @@ def ball_spec(robot: Robot) -> Any:
     ball = spec.worldbody.add_body(name="ball", pos=(0.0, 0.0, robot.foot_radius))
     for axis in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)):
         ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-    ball.add_geom(name="foot", type=foot.type, size=foot.size, mass=robot.mass / len(robot.leg_names), **_contact_parameters(foot))
+    ball.add_geom(
+        name="foot", type=foot.type, size=foot.size, mass=robot.mass / len(robot.leg_names), **_contact_parameters(foot)
+    )
     return spec
 
 

@@ -105,7 +105,7 @@ def begun(change: Callable[[Any], Any]) -> Plant:
     """Swings begin anew of `change` of the robots that should."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
-        true_begin = FootContactTracker.begin
+        true_begin = FootContactTracker.reset
         patch.setattr(FootContactTracker, "begin", lambda self, ids: true_begin(self, change(ids)))
 
     return plant

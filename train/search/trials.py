@@ -13,7 +13,7 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE
 from evaluate.rollouts.hardware import IDEAL, HardwareConfig
-from evaluate.rollouts.rollout import STEPS, Recorder, advance, batch_of, begin
+from evaluate.rollouts.rollout import STEPS, Recorder, advance, batch_of, reset_episodes
 from policies.base import Actions, Floats, Policy
 from policies.parameters import Parameters
 from quad_env.scenarios.scenario import HARDWARE, Scenario
@@ -142,7 +142,7 @@ def run_each(
         for env in envs:
             stack.enter_context(closing(env))
             policy.check_compatible(env.robot, env.dt)
-        now = [begin(env, seeds, None) for env in envs]
+        now = [reset_episodes(env, seeds, None) for env in envs]
         policy.reset(num_envs=len(envs) * len(seeds), seed=0)
         for recorder, step in zip(recorders, now, strict=True):
             recorder(step)

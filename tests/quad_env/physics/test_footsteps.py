@@ -15,7 +15,7 @@ class Robots:
         self.contacts = [[np.zeros((3, 1)), np.zeros((3, 1))] for _ in FEET]
         self.places = np.zeros((3, SITES, 3))
         self.steps = FootContactTracker(0.01, self.contacts, self.places, FEET)
-        self.steps.begin(slice(None))
+        self.steps.reset(slice(None))
 
     def step(self, contact: list[int], height: float, robots: list[int] | None = None) -> None:
         """A control step of some robots, by default all, in which the first foot is there."""
@@ -72,11 +72,11 @@ def test_a_robot_that_begins_again_has_no_swing_and_no_speed_from_before() -> No
     for height in (0.05, 0.05, 0.03):
         robots.step([0, 0, 0], height)
     robots.places[1, FEET[0], 2] = 0.5
-    robots.steps.begin(np.array([1]))
+    robots.steps.reset(np.array([1]))
     robots.step([1, 1, 0], 0.03)
     assert robots.seen == [pytest.approx((0.03, 2.0)), (0.0, 0.0), (0.0, 0.0)]
     robots.places[2, FEET[0], 2] = 0.5
-    robots.steps.begin(np.array([2]))
+    robots.steps.reset(np.array([2]))
     for contact, height in ((0, 0.5), (0, 0.5), (1, 0.4)):
         robots.step([contact], height, [2])
     assert robots.seen[2] == pytest.approx((0.02, 0.0))  # it did not come down from where it was before

@@ -32,7 +32,7 @@ def test_each_robot_has_the_episodes_of_its_own_seed_one_after_the_other() -> No
     found = schedule()
     numbers = {0: 0, 1: 0, 2: 0}
     for robots in ([0, 1, 2], [1], [0, 1, 2]):
-        begun = found.begin(np.array(robots), None)
+        begun = found.reset(np.array(robots), None)
         for robot, its in zip(robots, begun, strict=True):
             expected = episode(4 + robot, numbers[robot])
             np.testing.assert_array_equal(its.start, expected.start)
@@ -41,7 +41,7 @@ def test_each_robot_has_the_episodes_of_its_own_seed_one_after_the_other() -> No
             np.testing.assert_array_equal(found.pushes.force[robot], expected.pushes.force)
             numbers[robot] += 1
     found.reseed([9, 9, None], np.array([False, True, True]))
-    begun = found.begin(ALL, None)
+    begun = found.reset(ALL, None)
     for its, (seed, number) in zip(begun, ((4, 2), (9, 0), (6, 2)), strict=True):
         np.testing.assert_array_equal(its.start, episode(seed, number).start)
     with pytest.raises(ValueError, match="seeds"):
@@ -51,7 +51,7 @@ def test_each_robot_has_the_episodes_of_its_own_seed_one_after_the_other() -> No
 def test_a_new_command_comes_where_one_has_been_followed_for_its_time() -> None:
     """Every ten control steps of a robot's own clock, from its own stream."""
     found, drawn = schedule(), [episode(4 + robot, 0) for robot in range(3)]
-    found.begin(ALL, None)
+    found.reset(ALL, None)
     commands = [each.next_command() for each in drawn]
     found.step_count[:] = 10, 9, 20
     found.resample_commands(slice(None))
@@ -67,12 +67,12 @@ def test_a_new_command_comes_where_one_has_been_followed_for_its_time() -> None:
 def test_a_command_that_is_given_holds_to_the_end_of_the_episode() -> None:
     """Of each robot its own; one that begins again without is drawn one."""
     found, held = schedule(), np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
-    found.begin(ALL, held)
+    found.reset(ALL, held)
     np.testing.assert_array_equal(found.command, held)
     found.step_count[:] = 10
     found.resample_commands(slice(None))
     np.testing.assert_array_equal(found.command, held)
-    found.begin(np.array([1]), None)
+    found.reset(np.array([1]), None)
     np.testing.assert_array_equal(found.command[1], episode(5, 1).next_command())
     np.testing.assert_array_equal(found.command[[0, 2]], held[[0, 2]])
     found.steer(held[::-1])
@@ -84,7 +84,7 @@ def test_a_command_that_is_given_holds_to_the_end_of_the_episode() -> None:
 def test_pushes_act_for_their_time_and_those_by_hand_on_top_of_them() -> None:
     """The plan's by the clock of each robot; a push by hand from its own step on, and not into the next episode."""
     found = schedule()
-    found.begin(ALL, None)
+    found.reset(ALL, None)
     plans = [episode(4 + robot, 0).pushes for robot in range(3)]
 
     def planned(clock: np.ndarray) -> np.ndarray:
@@ -114,7 +114,7 @@ def test_pushes_act_for_their_time_and_those_by_hand_on_top_of_them() -> None:
         found.step_count += 1
     assert not found.force().any()  # type: ignore[union-attr]
     found.apply_push(by_hand, 5)
-    found.begin(np.array([1]), None)
+    found.reset(np.array([1]), None)
     found.step_count[0], found.step_count[2] = 102, 302
     force = found.force()
     assert force is not None
@@ -125,7 +125,7 @@ def test_pushes_act_for_their_time_and_those_by_hand_on_top_of_them() -> None:
 
 def test_where_nothing_pushes_there_is_no_force_before_the_first_push_by_hand() -> None:
     found = schedule(scenario=Scenario("made"))
-    found.begin(ALL, None)
+    found.reset(ALL, None)
     assert found.force() is None
     found.apply_push(np.ones((3, 2)), 1)
     np.testing.assert_array_equal(found.force(), np.ones((3, 2)))

@@ -24,7 +24,7 @@ def instruments(
     """Make four robots at the start of the episodes of these seeds, 100 Hz."""
     found = SensorModels(SIMPLE_QUAD, suite, 4, 100.0)
     episodes = [EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in seeds]
-    found.begin(ALL, episodes)
+    found.reset(ALL, episodes)
     return found, episodes
 
 

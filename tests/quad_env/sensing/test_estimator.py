@@ -26,7 +26,7 @@ def read(gyro=STILL, force=REST, joints=SIMPLE_QUAD.home_pose, before=None, stan
 
 def estimator(at_rest=REST, gyro=STILL) -> ComplementaryFilter:
     out = ComplementaryFilter(SIMPLE_QUAD, 1, DT, DT)
-    out.begin(ROW, at_rest, read(gyro=gyro))
+    out.reset(ROW, at_rest, read(gyro=gyro))
     return out
 
 
@@ -149,7 +149,7 @@ def test_each_robot_is_estimated_by_its_own_readings_and_begins_by_itself() -> N
     """The first stands and the second flies and accelerates; then the second begins again, tilted."""
     rows, two = np.arange(2), ComplementaryFilter(SIMPLE_QUAD, 2, DT, DT)
     flying = read(gyro=[[0.0, 0.0, 1.0]], force=[[1.0, 0.0, 9.81]], standing=NONE)
-    two.begin(rows, np.concatenate((REST, REST)), both(read(), flying))
+    two.reset(rows, np.concatenate((REST, REST)), both(read(), flying))
     two.velocity[0] = 0.4, 0.0, 0.0
     alone = estimator()
     alone.velocity[0] = 0.4, 0.0, 0.0
@@ -160,7 +160,7 @@ def test_each_robot_is_estimated_by_its_own_readings_and_begins_by_itself() -> N
     np.testing.assert_array_equal(two.gravity[0], alone.gravity[0])
     assert np.hypot(*two.velocity[1, :2]) == pytest.approx(0.1, abs=0.01)
     kept = two.velocity[0].copy()
-    two.begin(rows[1:], np.array([[0.0, 3.0, 9.0]]), read())
+    two.reset(rows[1:], np.array([[0.0, 3.0, 9.0]]), read())
     np.testing.assert_array_equal(two.velocity, [kept, np.zeros(3)])
     np.testing.assert_allclose(two.gravity[1], -np.array([0.0, 3.0, 9.0]) / np.hypot(3.0, 9.0))
     turned = read(gyro=[[1.0, 0.0, 0.0]], force=-9.81 * two.gravity[1:], standing=NONE)
