@@ -38,18 +38,20 @@ TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODEL
 """Names of the trained policies that ship with the project; the residual's, whether it is there or not."""
 
 
-def _shipped(name: str, *, robot: Robot, control_period: float, late: int, actuator: Actuator) -> Policy:
+def _shipped(name: str, *, robot: Robot, control_period: float, joint_delay_steps: int, actuator: Actuator) -> Policy:
     folder = shipped.folder_of(robot) / name
     if not folder.is_dir():
         raise PolicyError(f"no trained policy in {folder}", f"make one with `python -m train` for {robot.name}")
-    policy = _loaded(folder, robot, control_period, late, actuator)
+    policy = _loaded(folder, robot, control_period, joint_delay_steps, actuator)
     policy.name = name
     return policy
 
 
-def _loaded(folder: str | Path, robot: Robot, control_period: float, late: int, actuator: Actuator) -> Policy:
+def _loaded(
+    folder: str | Path, robot: Robot, control_period: float, joint_delay_steps: int, actuator: Actuator
+) -> Policy:
     """The policy of a bundle, which was trained for one robot and one control period."""
-    policy = load(folder, robot, late=late, actuator=actuator)
+    policy = load(folder, robot, joint_delay_steps=joint_delay_steps, actuator=actuator)
     if misfit := policy.mismatch(robot, control_period):
         raise PolicyError(f"the policy in {folder} was {misfit}", "take another policy")
     return policy
@@ -133,12 +135,14 @@ def resolve(
     if is_reference(text):
         return ExternalPolicy(text, robot=robot, control_period=control_period, trust=trust)
     suite = sensor_suite(sensors)
-    late = 0 if suite is None else delay_to_steps(suite.encoders.delay, 1.0 / control_period)
+    joint_delay_steps = 0 if suite is None else delay_to_steps(suite.encoders.delay, 1.0 / control_period)
     if text in _MAKERS:
         made = partial(_MAKERS[text], robot=robot, control_period=control_period, **given)
-        return made(late=late, actuator=_actuator(actuator)) if text in _PREDICTING else made()
+        return (
+            made(joint_delay_steps=joint_delay_steps, actuator=_actuator(actuator)) if text in _PREDICTING else made()
+        )
     if Path(text).is_dir():
-        return _loaded(text, robot, control_period, late, _actuator(actuator))
+        return _loaded(text, robot, control_period, joint_delay_steps, _actuator(actuator))
     if (remedy := unsupported(text)) is not None:
         raise PolicyError(remedy)
     if (missing := missing_file(text)) is not None:

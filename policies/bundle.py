@@ -55,7 +55,7 @@ def copy(folder: Path, to: Path) -> None:
 
 
 def load(
-    path: str | Path, robot: str | Robot | None = None, *, late: int = 0, actuator: Actuator = IDEAL
+    path: str | Path, robot: str | Robot | None = None, *, joint_delay_steps: int = 0, actuator: Actuator = IDEAL
 ) -> ResidualPolicy:
     """The policy of a bundle's folder, or of a training run's, which is that of its best validation; for its `robot`,
     which has to be given where it is none of `quad_env.ROBOTS`. For a base that predicts: by how many control steps
@@ -70,7 +70,9 @@ def load(
     if hashlib.sha256(weights).hexdigest() != description.weights_sha256:
         fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
     network = network_of(folder, description.network, _parse_weights(folder, weights))
-    policy = assembled(folder, description, network, None if robot is None else get_robot(robot), late, actuator)
+    policy = assembled(
+        folder, description, network, None if robot is None else get_robot(robot), joint_delay_steps, actuator
+    )
     check_unaltered(folder, content)
     return policy
 

@@ -138,14 +138,14 @@ def assembled(
     description: Fields,
     network: Network,
     robot: Robot | None = None,
-    late: int = 0,
+    joint_delay_steps: int = 0,
     actuator: Actuator = IDEAL,
 ) -> ResidualPolicy:
     """The policy of a description with its network; `robot`, `late` and `actuator` as in `load`. Raises PolicyError."""
     robot = _made_for(place, description, robot)
     authority = np.array(description.authority, dtype=np.float32)
     try:
-        base = base_from_json(description.base, robot, float(description.control_period), late, actuator)
+        base = base_from_json(description.base, robot, float(description.control_period), joint_delay_steps, actuator)
         for name, here in _of_environment(robot, base.height_scan).items():
             if (there := getattr(description, name)) != here:
                 raise ValueError(f"{name} differs from that of this {ENV_ID} with {robot.name}: {there!r:.80}")

@@ -106,7 +106,7 @@ def base_from_json(
     if scan is None and BASES[name].kind is SightedMpcWbc:
         raise ValueError("mpc_wbc_sighted needs a height_scan")
     if BASES[name].is_model_based:
-        arguments |= {"late": joint_delay_steps, "actuator": actuator}
+        arguments |= {"joint_delay_steps": joint_delay_steps, "actuator": actuator}
     return make_base(BASES[name], scan, robot=robot, control_period=control_period, **arguments)
 
 

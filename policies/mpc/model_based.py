@@ -83,16 +83,16 @@ class ModelBased(GaitedPolicy):
     _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
     _seen: NDArray[np.float32] = per_robot(lambda policy: policy._at_rest)
 
-    def _build_components(self, late: int, actuator: Actuator) -> None:
+    def _build_components(self, joint_delay_steps: int, actuator: Actuator) -> None:
         """Make the gait and the senses by the parameters.
 
         `late`: control steps by which joints are older than the moment at which they are shown.
         """
         robot, period, p = self.robot, self.control_period, self.parameters
         self._gait = Gait(self.leg_offsets, p.duty)
-        self.contact_estimator = ContactEstimator(robot, p, period, actuator, encoders=late > 0)
-        self._joints = JointPredictor(late, period)
-        self.observer = DelayCompensator(robot, Dynamics(robot), period, actuator, late)
+        self.contact_estimator = ContactEstimator(robot, p, period, actuator, encoders=joint_delay_steps > 0)
+        self._joints = JointPredictor(joint_delay_steps, period)
+        self.observer = DelayCompensator(robot, Dynamics(robot), period, actuator, joint_delay_steps)
         self.terrain_estimator = TerrainEstimator(p.slope_time, period)
         self.odometer = PositionErrorIntegrator(p.farthest_behind, period, p.fastest_return)
         self._stop = Stop(robot, period)
@@ -203,8 +203,8 @@ class ModelBased(GaitedPolicy):
 
     def _cycle_at_measurement(self) -> LegCycle:
         """Where the legs were in their cycle when the readings were taken."""
-        late = self.control_period * self.observer.delays
-        return self._gait.legs(self._phase - TURN * self._frequencies * late)
+        joint_delay_steps = self.control_period * self.observer.delays
+        return self._gait.legs(self._phase - TURN * self._frequencies * joint_delay_steps)
 
     @property
     def _height(self) -> float:

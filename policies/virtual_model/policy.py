@@ -33,13 +33,13 @@ class TrotFeedback(ModelBased):
         *,
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
-        late: int = 0,
+        joint_delay_steps: int = 0,
         actuator: Actuator = IDEAL,
     ) -> None:
         super().__init__(robot=robot, control_period=control_period)
         self.parameters = p = parameters if parameters is not None else searched_parameters(self.robot)
         self.frequency, self.leg_offsets = p.frequency, self.robot.in_leg_order(TROT_OFFSETS)
-        self._build_components(late, actuator)
+        self._build_components(joint_delay_steps, actuator)
 
     def _compute_stance_forces(
         self, now: MotionState, standing: Mask, aim: Floats, ground: TerrainPlane, pushed: Floats, friction: Friction
