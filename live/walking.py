@@ -14,9 +14,9 @@ from evaluate.rollouts.walking_test import Walk
 from evaluate.rollouts.walking_test import walks as walks_of
 from policies import ExternalPolicy, PolicyError
 from policies.base import CONTROL_PERIOD, Policy
-from policies.foreign.described import with_gains
-from policies.foreign.description import PolicySpec, Term
-from policies.foreign.mistakes import order_of
+from policies.external.described import with_gains
+from policies.external.description import PolicySpec, Term
+from policies.external.mistakes import order_of
 from quad_env.doctor.causes import self_contacts
 from quad_env.doctor.check import Finding, Subject, ok, problem
 from quad_env.robots.leg_words import contradictions

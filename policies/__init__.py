@@ -16,7 +16,7 @@ from policies import shipped
 from policies.base import CONTROL_PERIOD, Policy, PolicyError
 from policies.behaviour import Behaviour
 from policies.bundle import DESCRIPTION, load
-from policies.foreign import ExternalPolicy, is_reference, unsupported
+from policies.external import ExternalPolicy, is_reference, unsupported
 from policies.mpc.parameters import OTHER_GAITS
 from policies.mpc.policy import MpcWbc
 from policies.poses import Stand

@@ -27,7 +27,7 @@ OF_SIMPLE_QUAD = {
     "train/search/trot.py": "its parameters stand beside the code",
 }
 """Modules that name SIMPLE_QUAD otherwise than as the default of a parameter, and why."""
-OF_OTHER_PROJECTS = "policies/foreign/readers/"
+OF_OTHER_PROJECTS = "policies/external/readers/"
 """Modules that name the legs as other projects do."""
 WITHOUT_NUMBERS = ("quad_env/", "evaluate/measures/", "evaluate/records/", "evaluate/rollouts/")
 LEG = re.compile(r"(?<![a-zA-Z0-9])(fl|fr|hl|hr)(?![a-zA-Z0-9])", re.IGNORECASE)

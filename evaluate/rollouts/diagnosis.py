@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from evaluate.rollouts.hardware import HardwareConfig
 from evaluate.rollouts.walking_test import Command, Walk, walks
 from policies.base import Actions, Policy
-from policies.foreign import ExternalPolicy
-from policies.foreign.described import NetworkPolicy
-from policies.foreign.mistakes import COMMON_ERRORS, ORDERS, Correction, corrections, twofold
+from policies.external import ExternalPolicy
+from policies.external.described import NetworkPolicy
+from policies.external.mistakes import COMMON_ERRORS, ORDERS, Correction, corrections, twofold
 from quad_env.robots.robot import Robot
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.height_scan import table_with

@@ -17,7 +17,7 @@ from evaluate.measures.outcomes import OFF_COMMAND, SUCCEEDED, SuccessRule
 from evaluate.rollouts import rollout
 from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from policies.base import Policy
-from policies.foreign import ExternalPolicy
+from policies.external import ExternalPolicy
 from quad_env.cli.progress import CellProgress
 from quad_env.scenarios.named import Scenario
 from quad_env.seeding import episode_seeds

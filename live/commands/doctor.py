@@ -38,8 +38,8 @@ def main(options: Options) -> int:
 
 def _write(policy: Path, trust: bool, file: Path) -> None:
     """Write the policy's description as TOML, its missing fields as comments. Raises UsageError, PolicyError."""
-    from policies.foreign.readers import Incomplete, write_draft, write_toml
-    from policies.foreign.reference import checked, draft_of
+    from policies.external.readers import Incomplete, write_draft, write_toml
+    from policies.external.reference import checked, draft_of
 
     make_folder_of(file, "--write")
     try:

@@ -16,12 +16,12 @@ import numpy as np
 
 from policies import bundle
 from policies.base import CONTROL_PERIOD, PolicyError
-from policies.foreign import onnx_file, readers
-from policies.foreign.described import period_share, with_gains
-from policies.foreign.description import PolicySpec
-from policies.foreign.packages import package
-from policies.foreign.reference import Reference, checked
-from policies.foreign.terms import ObservationAdapter
+from policies.external import onnx_file, readers
+from policies.external.described import period_share, with_gains
+from policies.external.description import PolicySpec
+from policies.external.packages import package
+from policies.external.reference import Reference, checked
+from policies.external.terms import ObservationAdapter
 from policies.shipped import MODELS
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot

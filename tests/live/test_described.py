@@ -8,13 +8,13 @@ import pytest
 from evaluate.rollouts import diagnosis, walking_test
 from live.commands.doctor import OF_DESCRIPTION
 from live.walking import describe_spec
-from policies.foreign import mistakes
-from policies.foreign.description import PolicySpec
-from policies.foreign.readers import write_toml
+from policies.external import mistakes
+from policies.external.description import PolicySpec
+from policies.external.readers import write_toml
 from quad_env.__main__ import main
 from quad_env.doctor.check import Finding, Subject, examine
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.policies.foreign import walking_network
+from tests.policies.external import walking_network
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from evaluate.rollouts.hardware import parse_robot_option
-from policies.foreign import onnx_file
+from policies.external import onnx_file
 from quad_env.cli.command_line import UsageError, make_folder_of
 
 CHECKED = 10_000

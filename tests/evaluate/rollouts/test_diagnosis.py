@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
-from policies.foreign import ExternalPolicy
-from policies.foreign.described import NetworkPolicy
-from policies.foreign.description import PolicySpec
-from policies.foreign.readers import write_toml
-from tests.policies.foreign import planted_mistakes, walking_network
-from tests.policies.foreign.walking_network import STYLES
+from policies.external import ExternalPolicy
+from policies.external.described import NetworkPolicy
+from policies.external.description import PolicySpec
+from policies.external.readers import write_toml
+from tests.policies.external import planted_mistakes, walking_network
+from tests.policies.external.walking_network import STYLES
 from tests.robot_models import NEEDS_MODELS
 
 NETWORKS = [pytest.param(name, marks=[NEEDS_MODELS] * (STYLES[name].robot != "simple_quad")) for name in STYLES]

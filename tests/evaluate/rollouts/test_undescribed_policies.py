@@ -7,10 +7,10 @@ import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
 from live.commands.doctor import OF_DESCRIPTION
-from policies.foreign import ExternalPolicy
+from policies.external import ExternalPolicy
 from quad_env import OBSERVATION_SIZE
 from quad_env.doctor.check import Subject, examine
-from tests.policies.foreign.made import Numbers
+from tests.policies.external.made import Numbers
 
 pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from policies.base import PolicyError
-from policies.foreign.reference import checked
+from policies.external.reference import checked
 from quad_env import SIMPLE_QUAD, Robot
 from quad_env.files.text import LONGEST, one_line, visible
 

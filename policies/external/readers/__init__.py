@@ -1,0 +1,90 @@
+"""Descriptions of policies from the files of other projects, and a short TOML of our own."""
+
+from pathlib import Path
+
+from policies.base import PolicyError
+from policies.external.description import PolicySpec
+from policies.external.network_kind import is_onnx
+from policies.external.readers import (
+    flat_yaml,
+    io_descriptor,
+    isaac_lab,
+    legged_gym,
+    mjlab_onnx,
+    rl_sar,
+    toml_file,
+    unitree_deploy,
+)
+from policies.external.readers.drafts import Incomplete, write_draft
+from policies.external.readers.settings import BY_HAND, Settings, load
+from policies.external.readers.toml_file import write_toml
+from quad_env.files.text import one_line
+
+
+def read(path: Path) -> PolicySpec | None:
+    """The description that a file holds, or that it and the files next to it do; None for an ONNX file without one and
+    for other kinds of file.
+
+    Raises PolicyError, one line that names the file. No code of any file runs.
+    """
+    try:
+        match path.suffix.lower():
+            case ".onnx":
+                return mjlab_onnx.describe(path)
+            case ".toml":
+                return whole(toml_file.describe(load(path)), corrected=True)
+            case ".yaml" | ".yml" | ".json":
+                return whole(_settings(load(path)))
+    except Incomplete as error:
+        raise error.at(path) from None
+    except PolicyError as error:
+        raise PolicyError(one_line(f"{path}: {error}")) from None
+    except ZeroDivisionError:
+        raise PolicyError(f"{path}: a time step, a period or a scale is zero") from None
+    return None
+
+
+def whole(found: PolicySpec, corrected: bool = False) -> PolicySpec:
+    """Return the description if its network is in one file and has the same joints.
+
+    Args:
+        found: The description.
+        corrected: Whether a user wrote it, so that other joints than the network's are no fault.
+
+    Raises:
+        PolicyError: The network's weights lie in another file, or its joints are others.
+    """
+    if is_onnx(found.network):
+        names = mjlab_onnx.metadata_of(found.network).get("joint_names")
+        if names is not None and not corrected and names != ",".join(found.joints):
+            raise PolicyError(f"`joint_names` in {found.network.name} disagree, {names}", BY_HAND)
+    return found
+
+
+def _settings(found: Settings) -> PolicySpec:
+    """The description by the project whose keys these are."""
+    keys = set(found.values)
+    if "joint_ids_map" in keys:
+        return unitree_deploy.describe(found)
+    if io_descriptor.is_descriptor(found):
+        return io_descriptor.describe(found)
+    if {"scene", "observations", "actions"} <= keys:
+        return isaac_lab.describe(found)
+    if {"init_state", "control"} <= keys:
+        return legged_gym.describe(found)
+    if len(keys) == 1 and any("model_name" in each.values for _, each in found.groups()):
+        ((_, own),) = found.groups()
+        if own.find("observations") is None:
+            known = flat_yaml.known_of(own)
+            raise Incomplete("a config.yaml of rl_sar v2.1 or older", known, flat_yaml.advice_of(own))
+        return rl_sar.describe(found)
+    if flat_yaml.is_flat(found):
+        return flat_yaml.describe(found)
+    raise PolicyError(
+        "it is no deployment file that is read: a deploy.yaml of Unitree, Isaac Lab's params/env.yaml or IO "
+        "descriptor, rl_sar's config.yaml, a configuration of deploy_mujoco, settings of legged_gym",
+        BY_HAND,
+    )
+
+
+__all__ = ["Incomplete", "read", "whole", "write_draft", "write_toml"]

@@ -1,6 +1,0 @@
-"""Policies from outside: a class or function in a Python file, an ONNX file, a model of Stable-Baselines3."""
-
-from policies.foreign.policy import ExternalPolicy
-from policies.foreign.reference import is_reference, unsupported
-
-__all__ = ["ExternalPolicy", "is_reference", "unsupported"]

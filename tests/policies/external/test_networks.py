@@ -1,0 +1,125 @@
+"""Networks of described policies: batches, memories, and files that are none."""
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from policies.base import PolicyError
+from policies.external.description import Term
+from policies.external.networks import Networks, load
+from tests.policies.external.made import Numbers, described
+
+onnx = pytest.importorskip("onnx")
+pytest.importorskip("onnxruntime")
+
+TERMS = (Term("joint_velocity"), Term("command"))
+WIDTH = 15
+
+
+def of(file: Path) -> Networks:
+    return load(described(file, TERMS))
+
+
+@pytest.fixture
+def rows() -> np.ndarray:
+    return np.random.default_rng(0).standard_normal((20, WIDTH)).astype(np.float32)
+
+
+def altered(file: Path, change: Callable[[Any], None]) -> Path:
+    """The ONNX file with its graph changed."""
+    model = onnx.load(file)
+    change(model.graph)
+    file.write_bytes(model.SerializeToString())
+    return file
+
+
+@pytest.mark.parametrize("batch", ["n", 1])
+def test_a_row_has_the_same_bits_whatever_is_next_to_it(batch: int | str, tmp_path: Path, rows) -> None:
+    def mix(graph: Any) -> None:
+        mean = onnx.helper.make_node("ReduceMean", ["last_one"], ["mean"], axes=[0], keepdims=1)
+        graph.node[-1].output[0] = "last_one"
+        graph.node.extend([mean, onnx.helper.make_node("Add", ["last_one", "mean"], ["actions"])])
+
+    mixed = of(altered(Numbers(WIDTH).onnx(tmp_path / "p.onnx", batch), mix))
+    mixed.reset(20)
+    found, act = mixed.actions(rows, np.arange(20)), Numbers(WIDTH).fresh()
+    np.testing.assert_allclose(found, [2.0 * act(row) for row in rows], atol=1e-5)
+    np.testing.assert_array_equal(mixed.actions(rows[7:8], np.array([0])), found[7:8])
+
+
+@pytest.mark.parametrize("kind", ["onnx", "torchscript"])
+def test_a_restart_of_one_robot_leaves_the_memories_of_the_others(kind: str, tmp_path: Path, rows) -> None:
+    if kind == "torchscript":
+        pytest.importorskip("torch")
+    numbers = Numbers(WIDTH, lstm=True)
+    found = of(numbers.onnx(tmp_path / "p.onnx", 1) if kind == "onnx" else numbers.torchscript(tmp_path / "p.pt"))
+    assert found.remembers
+    found.reset(3)
+    acts = [numbers.fresh() for _ in range(3)]
+    for step in range(6):
+        if step == 3:
+            found.reset_where(np.array([False, True, False]))
+            acts[1] = numbers.fresh()
+        who = np.array([0, 1, 2] if step % 2 else [2, 1])
+        expected = [acts[robot](rows[3 * step + robot]) for robot in who]
+        np.testing.assert_allclose(found.actions(rows[3 * step + who], who), expected, atol=1e-6)
+
+
+def test_a_torchscript_that_keeps_its_memory_to_itself(tmp_path: Path, rows) -> None:
+    torch = pytest.importorskip("torch")
+    from tests.policies.external import torch_modules
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.jit.script(torch_modules.Counting(WIDTH)).save(str(tmp_path / "p.pt"))
+    found = of(tmp_path / "p.pt")
+    assert found.remembers
+    found.reset(2)
+    for step in (1, 2, 3):
+        np.testing.assert_allclose(found.actions(rows[:2], np.arange(2))[:, 0], rows[:2].sum(axis=1) + step, rtol=1e-5)
+
+
+def external(graph: Any) -> None:
+    onnx.external_data_helper.set_external_data(graph.initializer[0], location="weights.bin")
+    graph.initializer[0].ClearField("raw_data")
+
+
+def short(graph: Any) -> None:
+    graph.output[0].type.tensor_type.shape.dim[1].dim_value = 16
+    graph.node[-1].input[0], graph.node[-1].op_type = "inner", "Identity"
+    del graph.node[-1].input[1]
+
+
+def unknown_state(graph: Any) -> None:
+    graph.input.append(onnx.helper.make_tensor_value_info("time_step", onnx.TensorProto.FLOAT, [1, 1]))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (external, "cannot be read as ONNX"),
+        (short, "gives 16 numbers of type float32 for the 12 joints"),
+        (unknown_state, "reads time_step besides the observation, and its outputs do not renew"),
+    ],
+)
+def test_what_is_no_network_of_a_policy_is_refused_in_words(change: Any, words: str, tmp_path: Path) -> None:
+    with pytest.raises(PolicyError, match=words):
+        of(altered(Numbers(WIDTH).onnx(tmp_path / "p.onnx"), change))
+
+
+def test_a_checkpoint_is_no_torchscript_and_runs_no_code(tmp_path: Path) -> None:
+    torch = pytest.importorskip("torch")
+    touched = tmp_path / "touched"
+
+    class Harmful:
+        def __reduce__(self) -> Any:
+            return Path.touch, (touched,)
+
+    torch.save({"weights": Harmful()}, tmp_path / "p.pt")
+    with pytest.raises(PolicyError, match=r"p\.pt is no TorchScript .*a checkpoint holds weights alone"):
+        of(tmp_path / "p.pt")
+    assert not touched.exists()

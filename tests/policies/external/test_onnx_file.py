@@ -1,0 +1,102 @@
+"""ONNX files: from one observation to one action, and the residual with its base."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import policies
+from policies.base import CONTROL_PERIOD, PolicyError
+from policies.external import onnx_file
+from policies.external.reference import Reference
+from policies.external.served import PolicyServer, serve
+from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD
+
+onnx = pytest.importorskip("onnx")
+pytest.importorskip("onnxruntime")
+
+
+def served(file: Path) -> PolicyServer:
+    return serve(Reference(file), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
+
+
+def linear(file: Path, shape: list[int | str], *, width: int = 12, inputs: int = 1) -> np.ndarray:
+    """Write `observation @ weights` for observations of that shape; the weights."""
+    weights = np.random.default_rng(0).standard_normal((OBSERVATION_SIZE, width)).astype(np.float32) / 100
+    kind = onnx.TensorProto.FLOAT
+    seen = [onnx.helper.make_tensor_value_info(f"seen{number}", kind, shape) for number in range(inputs)]
+    action = onnx.helper.make_tensor_value_info("action", kind, [*shape[:-1], width])
+    node = onnx.helper.make_node("MatMul", ["seen0", "weights"], ["action"])
+    graph = onnx.helper.make_graph([node], "g", seen, [action], [onnx.numpy_helper.from_array(weights, "weights")])
+    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=8)
+    file.write_bytes(model.SerializeToString())
+    return weights
+
+
+@pytest.mark.parametrize("shape", [[48], [1, 48], ["n", 48]], ids=str)
+def test_a_network_gives_a_robot_the_same_bits_in_any_batch(tmp_path: Path, shape: list[int | str]) -> None:
+    weights = linear(tmp_path / "net.onnx", shape)
+    of = served(tmp_path / "net.onnx")
+    seen = np.random.default_rng(1).standard_normal((5, OBSERVATION_SIZE)).astype(np.float32)
+    of.reset(5, 0)
+    actions = of.step(seen).actions
+    np.testing.assert_allclose(actions, seen @ weights, atol=1e-5)
+    of.reset(1, 0)
+    np.testing.assert_array_equal(of.step(seen[3:4]).actions[0], actions[3])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"shape": [4, 48]}, r"\[4, 48\]: it must read one observation"),
+        ({"shape": ["n", 48], "width": 3}, r"must give an action \(12,\)"),
+        ({"shape": ["n", 48], "inputs": 2}, "reads seen1 besides the observation"),
+    ],
+    ids=lambda value: str(value)[:24],
+)
+def test_what_is_no_policy_is_refused(tmp_path: Path, arguments: dict, words: str) -> None:
+    linear(tmp_path / "net.onnx", **arguments)
+    with pytest.raises(PolicyError, match=words):
+        served(tmp_path / "net.onnx")
+
+
+def test_what_is_no_onnx_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "net.onnx").write_bytes(b"nothing")
+    with pytest.raises(PolicyError, match="cannot be read as ONNX"):
+        served(tmp_path / "net.onnx")
+
+
+def test_the_exported_residual_is_the_residual(tmp_path: Path, repository: Path) -> None:
+    assert onnx_file.export(repository / "models/residual", tmp_path / "residual.onnx", 50) < 1e-5
+    of, residual = served(tmp_path / "residual.onnx"), policies.make("residual")
+    random = np.random.default_rng(2)
+    of.reset(3, 0)
+    residual.reset(3)
+    for _ in range(20):
+        seen = random.standard_normal((3, OBSERVATION_SIZE)).astype(np.float32)
+        answer = of.step(seen)
+        np.testing.assert_array_equal(answer.actions, residual.act(seen))
+        np.testing.assert_array_equal(answer.signals["correction"], residual.correction)
+
+
+def test_an_export_that_answers_otherwise_than_its_bundle_is_refused(
+    tmp_path: Path, repository: Path, monkeypatch
+) -> None:
+    make = onnx.helper.make_node
+
+    def node(kind: str, *rest: list[str]) -> onnx.NodeProto:
+        return make({"Elu": "Tanh"}.get(kind, kind), *rest)
+
+    monkeypatch.setattr(onnx.helper, "make_node", node)
+    with pytest.raises(PolicyError, match="answers otherwise than"):
+        onnx_file.export(repository / "models/residual", tmp_path / "residual.onnx", 50)
+
+
+def test_a_residual_whose_network_is_another_than_its_weights_is_refused(tmp_path: Path, repository: Path) -> None:
+    file = tmp_path / "residual.onnx"
+    onnx_file.export(repository / "models/residual", file, 1)
+    model = onnx.load(file)
+    model.graph.node[1].op_type = {"Elu": "Tanh", "Tanh": "Elu"}[model.graph.node[1].op_type]
+    file.write_bytes(model.SerializeToString())
+    with pytest.raises(PolicyError, match="not the one that its metadata describes"):
+        served(file)
