@@ -94,7 +94,7 @@ class Policy(ABC):
 
     def reset_where(self, mask: ArrayLike) -> None:
         """Restart the robots where `mask`, shape (num_envs,) of bool, is true; the others go on."""
-        self._reset_rows(validate_mask(np.asarray(mask), self.num_envs))
+        self._restart(validate_mask(np.asarray(mask), self.num_envs))
 
     def copy_state_from(self, mask: Mask, other: "Policy") -> None:
         """Go on where the mask, (n,), is true with the robots of another policy made alike, as many as these. For bases
@@ -135,8 +135,12 @@ class Policy(ABC):
         allocate(self, num_envs)
 
     def _reset_rows(self, mask: Mask) -> None:
-        """Put the state of the masked robots back to its start."""
+        """Reset the state of the robots where `mask`, (n,), is true."""
         reset_rows(self, mask)
+
+    def _restart(self, mask: Mask) -> None:
+        """Call `_reset_rows`. Deprecated name, which policies of users may still override."""
+        self._reset_rows(mask)
 
 
 class GaitedPolicy(Policy):

@@ -120,7 +120,7 @@ class ResidualPolicy(Policy):
         super().reset(num_envs, seed)
         self.base.reset(num_envs, seed)
 
-    def _restart(self, mask: NDArray[np.bool_]) -> None:
+    def _reset_rows(self, mask: NDArray[np.bool_]) -> None:
         super()._reset_rows(mask)
         self.base.reset_where(mask)
 

@@ -40,8 +40,8 @@ class ServosByRow(HardwareConfig):
     gains: Any = None
     """Stiffness and damping, (2, n, 12)."""
 
-    def environment(self, robot: Robot) -> dict[str, Any]:
-        """Keyword arguments of an environment of the robots."""
+    def env_kwargs(self, robot: Robot) -> dict[str, Any]:
+        """Return the keyword arguments of an environment of this hardware, for the policy's `robot`."""
         return super().env_kwargs(robot) | {"servo": tuple(self.gains)}
 
     def mean_robot(self) -> Robot:

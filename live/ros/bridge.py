@@ -47,7 +47,7 @@ class JointTargetPolicy(Policy):
         self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
         self.release()
 
-    def _restart(self, mask: Mask) -> None:
+    def _reset_rows(self, mask: Mask) -> None:
         self._targets[mask] = self.robot.home_pose
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:

@@ -66,7 +66,7 @@ class Behaviour(Policy):
         super()._allocate(num_envs)
         self._gait.reset(num_envs)
 
-    def _restart(self, mask: Mask) -> None:
+    def _reset_rows(self, mask: Mask) -> None:
         super()._reset_rows(mask)
         self._gait.reset_where(mask)
 

@@ -93,7 +93,7 @@ class ExternalPolicy(Policy):
         self.failure = np.full(num_envs, None, dtype=object)
         vars(self).update(dict.fromkeys(SIGNALS))
 
-    def _restart(self, mask: Mask) -> None:
+    def _reset_rows(self, mask: Mask) -> None:
         self.failure[mask] = None
         self._note(self._asked("reset_where", mask) or {})
 

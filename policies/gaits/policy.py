@@ -144,7 +144,7 @@ class Gaits(GaitedPolicy):
         super()._allocate(num_envs)
         self._set_out(np.ones(num_envs, np.bool_))
 
-    def _restart(self, mask: Mask) -> None:
+    def _reset_rows(self, mask: Mask) -> None:
         super()._reset_rows(mask)
         self._set_out(mask)
 

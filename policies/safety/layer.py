@@ -94,7 +94,7 @@ class Safe(Policy):
         super().reset(num_envs, seed)
         self.policy.reset(num_envs, seed)
 
-    def _restart(self, mask: Mask) -> None:
+    def _reset_rows(self, mask: Mask) -> None:
         super()._reset_rows(mask)
         self.policy.reset_where(mask)
 
