@@ -50,7 +50,7 @@ class History(PerRobotState):
         """Forget everything of the robots where the mask, (n,), is true."""
         self._new |= mask
 
-    def take_over(self, mask: NDArray[np.bool_], other: "History") -> None:
+    def copy_state_from(self, mask: NDArray[np.bool_], other: "History") -> None:
         """Copy the frames of another history of the same size where the mask, (n,), is true.
 
         Each history has its own index of the newest frame.

@@ -45,7 +45,7 @@ class Options:
 class _Stepped(HardwareConfig):
     timestep: float = STEPS[0]
 
-    def environment(self, robot: Robot) -> dict[str, Any]:
+    def env_kwargs(self, robot: Robot) -> dict[str, Any]:
         return super().env_kwargs(robot) | {"config": TaskConfig(timestep=self.timestep)}
 
 
