@@ -20,8 +20,8 @@ from gymnasium.vector import VectorEnv
 from torch import Tensor, nn
 
 import policies
+from evaluate.hardware import IDEAL
 from evaluate.records.provenance import REPOSITORY, git_revision
-from evaluate.rollouts.hardware import IDEAL
 from policies import bundle
 from policies.network import Network
 from policies.parameters import limits_of, parameter

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig
+from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts.observers import Observer, Step
 from evaluate.rollouts.rollout import advance, batch_of, reset_episodes
 from policies.base import Actions, Policy, PolicyError

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 
 import policies
+from evaluate.hardware import HardwareConfig
 from evaluate.rollouts import diagnosis
-from evaluate.rollouts.hardware import HardwareConfig
 from evaluate.rollouts.walking_test import Walk
 from evaluate.rollouts.walking_test import walks as walks_of
 from policies import ExternalPolicy, PolicyError

@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import fisher_exact
 
 import policies
+from evaluate.hardware import HardwareConfig
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
-from evaluate.rollouts.hardware import HardwareConfig
 from policies.residual_bases import describe
 from quad_env.robots.named import EXTRA, WHEEL
 from quad_env.seeding import episode_seeds

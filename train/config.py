@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from evaluate.rollouts import hardware
-from evaluate.rollouts.hardware import HardwareConfig
+from evaluate import hardware
+from evaluate.hardware import HardwareConfig
 from policies.history import Inputs
 from policies.parameters import limits_of, parameter
 from quad_env.actuation.models import actuator

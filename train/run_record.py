@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from evaluate.analysis.results import without_nan
+from evaluate.hardware import HardwareConfig
 from evaluate.records.provenance import model_of, versions
-from evaluate.rollouts.hardware import HardwareConfig
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from functools import partial
 
+from evaluate.hardware import HardwareConfig
 from evaluate.measures.metrics import summarise
-from evaluate.rollouts.hardware import HardwareConfig
 from evaluate.rollouts.rollout import run
 from policies.base import Policy
 from quad_env.seeding import episode_seeds

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from evaluate.analysis.severity_levels import amount, severity_axes
-from evaluate.rollouts.experiment import PolicyScenarioResult
+from evaluate.cells import PolicyScenarioResult
 from evaluate.statistics.breaking_point import LEAST_LEVELS, Found, breaking_point
 from evaluate.statistics.intervals import Interval
 from quad_env.cli.format import NO_BREAK

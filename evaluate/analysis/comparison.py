@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.analysis.effort import LIMITS
+from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.catalogue import EFFORT
 from evaluate.measures.tracking import VELOCITY_CAP, YAW_RATE_CAP
-from evaluate.rollouts.experiment import PolicyScenarioResult
 from evaluate.statistics.intervals import Floats, Interval, difference_interval, share_difference_interval
 from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
-from evaluate.rollouts.experiment import PolicyScenarioResult
+from evaluate.cells import PolicyScenarioResult
 
 PAGES = "pages"
 """Folder of the pages of episodes, in that of their run."""

@@ -13,9 +13,9 @@ from evaluate.analysis.pareto import ParetoPoint, pareto
 from evaluate.analysis.rank_correlation import LEAST_POLICIES, RankCorrelation, rank_correlation
 from evaluate.analysis.ranking import Ranking, correct_p_values, ranking
 from evaluate.analysis.score import ScoredCells, scores, select_scored_cells
+from evaluate.cells import PolicyScenarioResult
 from evaluate.records.episode_table import cell_of
 from evaluate.records.store import rows_of
-from evaluate.rollouts.experiment import PolicyScenarioResult
 
 Labels = Mapping[str, str]
 """Policy of a run -> what it is called next to those of the other run."""

@@ -7,8 +7,8 @@ import numpy as np
 
 from evaluate.analysis.effort import COST, cost_by_episode, mean_and_interval
 from evaluate.analysis.score import Score
+from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.episodes import weight
-from evaluate.rollouts.experiment import PolicyScenarioResult
 from evaluate.statistics.intervals import Interval
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import HARDWARE

@@ -15,9 +15,9 @@ from evaluate.analysis.pareto import Pareto, pareto
 from evaluate.analysis.ranking import Ranking, correct_p_values, ranking
 from evaluate.analysis.score import Score, scores, select_scored_cells
 from evaluate.analysis.summary import Summary, summarise
+from evaluate.cells import PolicyScenarioResult
+from evaluate.hardware import HardwareConfig
 from evaluate.records.provenance import versions
-from evaluate.rollouts.experiment import PolicyScenarioResult
-from evaluate.rollouts.hardware import HardwareConfig
 from quad_env.files.writing import write_atomically
 
 SCHEMA = 1

@@ -12,7 +12,7 @@ import numpy as np
 
 from evaluate.analysis.comparison import NO_INTERVAL, is_identical
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
-from evaluate.rollouts.experiment import PolicyScenarioResult
+from evaluate.cells import PolicyScenarioResult
 from evaluate.statistics.intervals import (
     Floats,
     Interval,

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from evaluate.rollouts.experiment import PolicyScenarioResult
+from evaluate.cells import PolicyScenarioResult
 from quad_env.cli.format import NO_BREAK
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.scenario import Scenario

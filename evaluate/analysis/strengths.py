@@ -9,8 +9,8 @@ import numpy as np
 from evaluate.analysis.score import is_scored
 from evaluate.analysis.severity_levels import place, severity_axes
 from evaluate.analysis.summary import Summary
+from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.outcomes import SUCCEEDED
-from evaluate.rollouts.experiment import PolicyScenarioResult
 from quad_env.cli.format import counted
 
 

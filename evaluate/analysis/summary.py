@@ -9,11 +9,11 @@ import numpy as np
 from evaluate.analysis.comparison import CAPS, ERRORS
 from evaluate.analysis.effort import effort_by_episode, mean_and_interval
 from evaluate.causes.rules import CAUSES
+from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.catalogue import FIGURES
 from evaluate.measures.effort import cost_of_all
 from evaluate.measures.episodes import weight
 from evaluate.measures.outcomes import OUTCOMES
-from evaluate.rollouts.experiment import PolicyScenarioResult
 from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, wilson_interval
 from quad_env.robots.robot import Robot
 

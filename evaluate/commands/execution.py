@@ -8,6 +8,7 @@ from pathlib import Path
 
 # Everything that is needed to the end, so that no interrupt can come in the middle of an import.
 import quad_env.envs.vector_env  # noqa: F401
+from evaluate.cells import PolicyScenarioResult, evaluation_seeds
 from evaluate.commands.looks import interim_analysis
 from evaluate.commands.options import PROGRAM
 from evaluate.commands.outputs import Show, write_results
@@ -16,7 +17,7 @@ from evaluate.records.manifest import Manifest
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
 from evaluate.rollouts import diagnosis
-from evaluate.rollouts.experiment import PolicyScenarioResult, RunSettings, StoreError, evaluation_seeds, run_cells
+from evaluate.rollouts.run import RunSettings, StoreError, run_cells
 from evaluate.rollouts.workers import WorkerDiedError, process_pool
 from evaluate.statistics.sequential import looks
 from quad_env.cli import launcher

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from evaluate.analysis.score import is_scored, select_scored_cells
+from evaluate.cells import LabelledPolicy, PolicyScenarioResult
 from evaluate.report.verdict import SAME
-from evaluate.rollouts.experiment import LabelledPolicy, PolicyScenarioResult
 from evaluate.statistics.sequential import Neighbours, neighbours
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import number

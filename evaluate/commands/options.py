@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from evaluate.rollouts.hardware import HardwareConfig
+from evaluate.hardware import HardwareConfig
 from quad_env.cli.child_process import available_cores
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]

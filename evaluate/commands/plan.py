@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import policies
+from evaluate import hardware
+from evaluate.cells import LabelledPolicy, load_labelled_policy
 from evaluate.commands.looks import check_ranked
 from evaluate.commands.options import (
     DEFAULT_BATTERY,
@@ -16,11 +18,10 @@ from evaluate.commands.options import (
     describe_changes,
     options_from_json,
 )
+from evaluate.hardware import HardwareConfig
 from evaluate.records import manifest as manifests
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
-from evaluate.rollouts import battery, hardware
-from evaluate.rollouts.experiment import LabelledPolicy, load_labelled_policy
-from evaluate.rollouts.hardware import HardwareConfig
+from evaluate.rollouts import battery, rollout
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import exclusive_lock, make_writable_folder
 from quad_env.physics.batch import MUJOCO
@@ -77,6 +78,7 @@ def check(options: Options) -> Plan:
         seed=options.seed,
         episodes=options.max_episodes,
         limit=options.max_episodes if options.until else 0,
+        steps=rollout.STEPS,
         threads=options.threads,
         hardware=options.hardware_config,
     )

@@ -5,7 +5,7 @@
 
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -14,18 +14,19 @@ import tyro
 
 import policies
 from evaluate.causes.story import in_lines, timeline
+from evaluate.cells import LabelledPolicy, PolicyScenarioResult, load_labelled_policy
 from evaluate.commands.options import PROGRAM, Flag
 from evaluate.film import files
 from evaluate.film.page import write_page
 from evaluate.film.shooting import FilmSpec, Progress, film
+from evaluate.hardware import check
 from evaluate.measures.episodes import Episodes
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import table
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import LabelledPolicy, PolicyScenarioResult, load_labelled_policy, measure_cell
-from evaluate.rollouts.hardware import check
+from evaluate.rollouts.run import measure_cell
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import ABSENT, counted
 from quad_env.cli.format import number as format_number
@@ -206,7 +207,7 @@ def resimulate(
     """The episode once more: what it measured, and its record."""
     scenario, seeds, hardware = found.cell.scenario, found.cell.seeds[[found.number]], manifest.hardware
     with bar("simulating", in_lines=False) as progress:  # takes 1 to 2 s
-        where = policy.on(scenario), scenario, seeds
+        where = policy.policy_for(scenario), scenario, seeds
         episodes = rollout.run(*where, steps=manifest.steps, progress=progress, hardware=hardware)
     return measure_cell(policy.label, scenario, episodes), episodes
 
@@ -223,9 +224,9 @@ def differences(manifest: Manifest, found: ReplayTarget, again: PolicyScenarioRe
 def _causes(then: Manifest, found: ReplayTarget, trust: bool) -> list[str]:
     """What is known to be different now; of a policy that has not walked yet."""
     policies_now, scenarios = [policy_of(found.cell.policy, then, trust)], [found.cell.scenario]
-    numbers = {"seed": then.seed, "episodes": then.episodes, "threads": 1}
+    numbers = {"seed": then.seed, "episodes": then.episodes, "steps": then.steps, "threads": 1}
     now = manifests.manifest(policies_now, scenarios, then.options, **numbers, hardware=then.hardware)
-    return manifests.differences(then, replace(now, steps=then.steps))
+    return manifests.differences(then, now)
 
 
 def policy_of(

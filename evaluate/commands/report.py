@@ -30,12 +30,12 @@ class Options:
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
+    from evaluate.cells import apply_success_rule
     from evaluate.commands.outputs import Terminal, analysed, write_results
     from evaluate.commands.plan import check_baseline
     from evaluate.measures.outcomes import RULES, SUCCESS_RULE
     from evaluate.records.store import read_run, remove_chunks
     from evaluate.report.table import print_results
-    from evaluate.rollouts.experiment import apply_success_rule
     from quad_env.files.writing import FolderInUse, exclusive_lock
 
     run = read_run(options.folder)

@@ -11,9 +11,10 @@ from string import Template
 from typing import Any
 
 from evaluate.causes.story import timeline
+from evaluate.cells import LabelledPolicy
 from evaluate.film.curves import curves, events
 from evaluate.film.shooting import EpisodeView, FilmSpec, Progress, RenderOptions
-from evaluate.rollouts.experiment import LabelledPolicy, measure_cell
+from evaluate.rollouts.run import measure_cell
 from quad_env.config import FallRule
 from quad_env.files.writing import write_atomically
 

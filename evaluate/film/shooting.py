@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from evaluate.cells import LabelledPolicy
 from evaluate.film import captions, files
 from evaluate.film.scene import COMMAND, VELOCITY, Scene
+from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.measures import metrics
 from evaluate.measures.outcomes import DIVERGED, FELL, SUCCEEDED, SUCCESS_RULE
 from evaluate.measures.tracking import SETTLING_TIME
-from evaluate.rollouts.experiment import LabelledPolicy
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import Recorder, iterate_episode
 from policies.base import CONTROL_PERIOD
@@ -136,7 +136,7 @@ class EpisodeView:
     def __init__(self, policy: LabelledPolicy, spec: FilmSpec, look: RenderOptions) -> None:
         self._label, self._look, self._count = policy.label, look, spec.steps
         self._camera: Any = None
-        walker = policy.on(spec.scenario)
+        walker = policy.policy_for(spec.scenario)
         self.recorder = Recorder(walker, np.array([spec.seed]), spec.steps)
         where = walker, spec.scenario, spec.seed
         self._steps = iterate_episode(*where, steps=spec.steps, command=spec.command, hardware=spec.hardware)

@@ -12,9 +12,9 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.metrics import Measures
 from evaluate.records import parquet
-from evaluate.rollouts.experiment import PolicyScenarioResult
 from quad_env.scenarios.named import Scenario
 
 MEASURES = tuple(field.name for field in fields(Measures))

@@ -8,10 +8,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from evaluate.cells import LabelledPolicy
+from evaluate.hardware import IDEAL, HardwareConfig, parse_robot_option
 from evaluate.records.provenance import RULES, code_digest, cpu_model, model_of, policy_digest, versions
-from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import LabelledPolicy
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig, parse_robot_option
 from evaluate.statistics.sequential import looks
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import parse_json, read_bytes
@@ -114,18 +113,19 @@ def manifest(
     *,
     seed: int,
     episodes: int,
+    steps: int,
     threads: int,
     hardware: HardwareConfig = IDEAL,
     limit: int = 0,
 ) -> Manifest:
     """Manifest of a run of these here and now; with a limit it is one until settled, of at most so many episodes."""
     return Manifest(
-        policies={policy.label: policy_digest(*policy.versions) for policy in policies},
+        policies={policy.label: policy_digest(*policy.variants) for policy in policies},
         scenarios=tuple(scenarios),
         seed=seed,
         episodes=looks(limit)[0] if limit else episodes,
         limit=limit,
-        steps=rollout.STEPS,
+        steps=steps,
         versions=versions() | model_of(hardware),
         code=code_digest(),
         cpu=cpu_model(),

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from evaluate.causes.rules import CAUSE_RULE
+from evaluate.hardware import HardwareConfig
 from evaluate.measures.effort import ENERGY_RULE
 from evaluate.measures.outcomes import SUCCESS_RULE
-from evaluate.rollouts.hardware import HardwareConfig
 from policies.base import Policy
 from quad_env.config import FallRule
 

@@ -10,10 +10,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from evaluate.cells import EpisodeChunk, PolicyScenarioResult, evaluation_seeds, join
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import NEEDED, cell_of, read_table, table, write_table
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
-from evaluate.rollouts.experiment import EpisodeChunk, PolicyScenarioResult, evaluation_seeds, join
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import counted
 from quad_env.scenarios.named import Scenario

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluate.analysis.results import Results
+from evaluate.hardware import words as words_of
 from evaluate.report.html import breakable, contents, fold, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
@@ -15,7 +16,6 @@ from evaluate.report.sections.figures import definitions, policy_label
 from evaluate.report.sections.overview import overview
 from evaluate.report.sections.ranking import best_and_worst, ranking
 from evaluate.report.verdict import verdict
-from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
 from quad_env.cli.format import counted, listed
 from quad_env.files.writing import write_atomically

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.rollouts.hardware import HardwareConfig
+from evaluate.hardware import HardwareConfig
 from evaluate.rollouts.walking_test import Command, Walk, walks
 from policies.base import Actions, Policy
 from policies.external import ExternalPolicy

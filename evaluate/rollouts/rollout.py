@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.measures.episodes import OBSERVED, OBSERVED_SIGNAL, POLICY_SIGNALS, Episodes, empty_signal, shapes, weight
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts.observers import FallRecorder, Observer, Step
 from policies.base import Actions, Policy
 from quad_env.scenarios.scenario import Scenario

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluate.hardware import HardwareConfig
 from evaluate.measures.outcomes import RULES, SUCCESS_RULE
-from evaluate.rollouts.hardware import HardwareConfig
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from policies.base import Floats, Policy

@@ -14,7 +14,8 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext
 from typing import Any
 
-from evaluate.rollouts.experiment import EpisodeChunk, Executor, Task, TaskProgress, sequential, simulate
+from evaluate.cells import EpisodeChunk, Task
+from evaluate.rollouts.run import Executor, TaskProgress, sequential, simulate
 from quad_env.cli.child_process import exit_with_parent, without_ctrl_c
 from quad_env.cli.command_line import UsageError
 from quad_env.files.text import format_exception

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from evaluate.commands.options import Flag
+from evaluate.hardware import HardwareConfig, parse_robot_option
 from evaluate.rollouts import battery
-from evaluate.rollouts.hardware import HardwareConfig, parse_robot_option
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.config import COMMAND_BOUND
 from quad_env.scenarios.scenario import Scenario

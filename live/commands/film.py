@@ -9,10 +9,10 @@ from typing import Annotated, Literal
 
 import tyro
 
+from evaluate.cells import load_labelled_policy
 from evaluate.film import files
 from evaluate.film.shooting import FilmSpec, RenderOptions, film
-from evaluate.rollouts.experiment import load_labelled_policy
-from evaluate.rollouts.hardware import IDEAL
+from evaluate.hardware import IDEAL
 from live.commands.episode import Command, EpisodeOptions
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import policies
-from evaluate.rollouts.hardware import parse_robot_option
+from evaluate.hardware import parse_robot_option
 from policies import bundle, shipped
 from policies.description import parsed
 from policies.summaries import SUMMARIES

@@ -35,7 +35,7 @@ def main(options: Options) -> int:
     options.check(seconds=(CONTROL_PERIOD, 86_400.0))
     check(options.out)
     hardware, scenario = options.resolve()
-    policy = hardware.policy(options.policy, options.trust, real=scenario.hardware)
+    policy = hardware.policy(options.policy, options.trust, on_hardware_profile=scenario.hardware)
     steps = round(options.seconds / CONTROL_PERIOD)
     raise_on_interrupt()
     done = 0

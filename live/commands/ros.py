@@ -48,7 +48,7 @@ def main(options: Options) -> int:
     robot = hardware.robot_model
     policy: Policy = JointTargetPolicy(robot=robot)
     if options.policy is not None:
-        policy = hardware.policy(options.policy, options.trust, real=scenario.hardware)
+        policy = hardware.policy(options.policy, options.trust, on_hardware_profile=scenario.hardware)
     command = [python, "-m", "live.ros.node", version, *robot.joint_names]
     raise_on_interrupt()
     recording = nullcontext(None) if options.record is None else recorder_for(options.record, policy)

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 import policies
 from evaluate.film.scene import heading
+from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts import battery
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from live.session import Session
 from live.view.picture import Orbit, RenderRequest
 from live.view.requests import Request
@@ -140,7 +140,7 @@ class ViewController:
         with ExitStack() as stack:
             sessions = []
             for name in names:
-                policy = self._hardware.policy(name, self._trust, real=scenario.hardware)
+                policy = self._hardware.policy(name, self._trust, on_hardware_profile=scenario.hardware)
                 session = Session(policy, scenario, seed=seed, command=command, hardware=self._hardware)
                 stack.callback(session.close)
                 sessions.append(session)
@@ -180,7 +180,9 @@ class ViewController:
         names = [*self._names[:robot], name, *self._names[robot + 1 :]]
         if len(names) == 1:
             with suppress(ValueError):  # other ground heights or servos: only a session from its start has them
-                self.sessions[0].set_policy(self._hardware.policy(name, self._trust, real=self._scenario.hardware))
+                self.sessions[0].set_policy(
+                    self._hardware.policy(name, self._trust, on_hardware_profile=self._scenario.hardware)
+                )
                 self._names = names
                 return
         self._begin_again(self._scenario, names)

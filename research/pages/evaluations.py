@@ -10,11 +10,11 @@ from evaluate.analysis.pareto import Pareto, ParetoPoint, cost_scenario
 from evaluate.analysis.results import with_nan
 from evaluate.analysis.score import SCORES, Score
 from evaluate.commands.options import command
+from evaluate.hardware import HardwareConfig, parse_robot_option
 from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FEW, FIRST, figure_of_effort
 from evaluate.report.plots import drawing, pareto, success
 from evaluate.rollouts.battery import BATTERIES, resolve
-from evaluate.rollouts.hardware import HardwareConfig, parse_robot_option
 from policies.summaries import explained
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import (

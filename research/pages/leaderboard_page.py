@@ -8,12 +8,12 @@ from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE, Comparison
 from evaluate.analysis.pareto import cost_scenario
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import summarise
+from evaluate.cells import apply_success_rule
 from evaluate.measures.outcomes import ISAAC_LAB, RULES
 from evaluate.report.headings import EFFORT_TITLES, FEW, FIRST, figure_of_effort
 from evaluate.report.page import warnings
 from evaluate.report.table import summary_figures
 from evaluate.report.verdict import SAME, claim
-from evaluate.rollouts.experiment import apply_success_rule
 from quad_env.cli.format import ABSENT, counted, estimate, number, points_with, share
 from quad_env.robots.robot import Robot
 from research.pages.markdown import IN_A_LINE, table

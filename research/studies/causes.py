@@ -16,12 +16,12 @@ import numpy as np
 from evaluate.causes.record import THRESHOLDS, EpisodeSignals
 from evaluate.causes.rules import CAUSES
 from evaluate.causes.verdict import Verdict, verdict
+from evaluate.hardware import IDEAL
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
 from evaluate.measures.outcomes import SUCCEEDED
 from evaluate.records.store import read_run
 from evaluate.rollouts import rollout
-from evaluate.rollouts.hardware import IDEAL
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import make_writable_folder, write_atomically
 from research.pages.csv_text import csv_text
@@ -98,7 +98,7 @@ def film(options: Options, folder: Path) -> int:
         fell = cell.measures.fell
         if not (failed := np.flatnonzero(fell if len(key) % 3 < 2 else ~fell & ~cell.measures.succeeded)).size:
             continue
-        policy = IDEAL.policy(cell.policy, real=cell.scenario.hardware)
+        policy = IDEAL.policy(cell.policy, on_hardware_profile=cell.scenario.hardware)
         episodes = rollout.run(policy, cell.scenario, cell.seeds[[draw.choice(failed)]])
         [(record, why)], name = found(episodes), f"{len(key):02d}.png"
         strip(policy, record, frame_range(record, measure(episodes), draw.uniform(0.1, 0.5))).save(folder / name)

@@ -20,7 +20,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig, check
+from evaluate.hardware import IDEAL, HardwareConfig, check
 from evaluate.rollouts.observers import FallRecorder, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
 from policies.base import Floats
@@ -185,7 +185,7 @@ def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
 def _walked(options: Options, scenario: Scenario, hardware: HardwareConfig) -> "EstimationErrorObserver":
     """The observer of the walks of the options."""
     real = hardware.actuator != IDEAL.actuator
-    policy, suite = hardware.policy(options.policy, real=real), sensor_suite(hardware.sensors)
+    policy, suite = hardware.policy(options.policy, on_hardware_profile=real), sensor_suite(hardware.sensors)
     assert suite is not None
     parts = suite.imu, suite.encoders, suite.feet
     late = max(delay_to_steps(part.delay, 1 / policy.control_period) for part in parts)

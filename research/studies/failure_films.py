@@ -9,12 +9,12 @@ from PIL import Image
 
 from evaluate.causes.record import EpisodeSignals
 from evaluate.causes.verdict import worst_interval
+from evaluate.cells import LabelledPolicy
 from evaluate.film.captions import DARK, Text
 from evaluate.film.curves import curves
 from evaluate.film.files import tiled
 from evaluate.film.shooting import EpisodeView, FilmSpec, RenderOptions
 from evaluate.measures.metrics import Measures
-from evaluate.rollouts.experiment import LabelledPolicy
 from policies.base import Policy
 from quad_env.scenarios.axes import AXES
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 import policies
 from evaluate.causes import rules
+from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.measures.episodes import Episodes
 from evaluate.rollouts import rollout
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from policies.base import Actions, Policy, within_limits
 from policies.trot.open_loop import Trot, searched_parameters
 from quad_env import AnyPose, CommandRanges, Imu, Scenario, SensorSuite, StartNoise

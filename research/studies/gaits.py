@@ -26,15 +26,15 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import track
 
+from evaluate.cells import load_labelled_policy
 from evaluate.film.captions import Text
 from evaluate.film.files import moving_picture, tiled
 from evaluate.film.shooting import EpisodeView, FilmSpec, RenderOptions
+from evaluate.hardware import parse_robot_option
 from evaluate.measures.footfalls import SHORTEST_SWING, debounce
 from evaluate.measures.metrics import measure
 from evaluate.report.headings import EFFORT_TITLES, FIRST, figure_of_effort
 from evaluate.report.plots import drawing
-from evaluate.rollouts.experiment import load_labelled_policy
-from evaluate.rollouts.hardware import parse_robot_option
 from evaluate.rollouts.rollout import STEPS
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.child_process import available_cores

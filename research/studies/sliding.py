@@ -18,7 +18,8 @@ import numpy as np
 from mujoco.batch import Batch
 
 import policies
-from evaluate.rollouts.experiment import LabelledPolicy, RunSettings, run_cells
+from evaluate.cells import LabelledPolicy
+from evaluate.rollouts.run import RunSettings, run_cells
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.config import GRAVITY
 from quad_env.files.writing import write_atomically

@@ -13,9 +13,10 @@ from typing import Any
 from rich.progress import track
 
 from evaluate.analysis.summary import summarise
+from evaluate.cells import LabelledPolicy, evaluation_seeds
+from evaluate.hardware import HardwareConfig, parse_robot_option
 from evaluate.report.headings import FIRST
-from evaluate.rollouts.experiment import LabelledPolicy, RunSettings, evaluation_seeds, run_cells
-from evaluate.rollouts.hardware import HardwareConfig, parse_robot_option
+from evaluate.rollouts.run import RunSettings, run_cells
 from evaluate.rollouts.workers import process_pool
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.format import number, percent

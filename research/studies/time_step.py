@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 import policies
+from evaluate.cells import evaluation_seeds
 from evaluate.commands.options import WALKING_POLICIES
+from evaluate.hardware import HardwareConfig
 from evaluate.measures.catalogue import EFFORT
 from evaluate.measures.effort import cost_of_all
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import evaluation_seeds
-from evaluate.rollouts.hardware import HardwareConfig
 from quad_env.cli.command_line import check_numbers
 from quad_env.config import TaskConfig
 from quad_env.files.writing import write_atomically

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
+from evaluate import hardware
 from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SIGNIFICANT, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
-from evaluate.rollouts import hardware
 from policies.base import CONTROL_PERIOD
 from policies.network import ACTIVATION
 from quad_env.cli.format import number, p_value, percent, points, share

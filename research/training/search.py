@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from evaluate.hardware import parse_robot_option
 from evaluate.measures.metrics import measure
-from evaluate.rollouts.hardware import parse_robot_option
 from evaluate.statistics.significance import sign_flip_test
 from policies.base import Floats
 from policies.mpc import parameters as mpc_parameters

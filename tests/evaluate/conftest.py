@@ -12,9 +12,9 @@ import pytest
 
 from evaluate.__main__ import main
 from evaluate.analysis.results import Results, analyse
+from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.experiment import PolicyScenarioResult
 from quad_env import SCENARIOS as NOMINAL
 from quad_env import Scenario
 

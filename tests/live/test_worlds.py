@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluate.rollouts.hardware import HardwareConfig
+from evaluate.hardware import HardwareConfig
 from live.view.driver import ViewController
 from live.view.requests import Request
 from quad_env import SIMPLE_QUAD
@@ -20,7 +20,7 @@ MAKERS = "35 N·m/rad and 0.5 N·m·s/rad"
 def _soft(monkeypatch: pytest.MonkeyPatch) -> None:
     """SimpleQuad's model with a maker's servos, softer than those that our controllers command."""
     robot = SIMPLE_QUAD._with(servo_stiffness=np.full(12, 35.0), servo_damping=np.full(12, 0.5))
-    monkeypatch.setattr(HardwareConfig, "quadruped", property(lambda _: robot))
+    monkeypatch.setattr(HardwareConfig, "robot_model", property(lambda _: robot))
 
 
 def test_a_view_makes_its_policies_for_the_world_that_it_goes_on_to() -> None:

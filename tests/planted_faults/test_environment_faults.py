@@ -15,9 +15,9 @@ import pytest
 
 import policies
 import quad_env
+from evaluate.cells import evaluation_seeds
 from evaluate.measures import metrics
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import evaluation_seeds
 from policies.base import Policy
 from quad_env import seeding
 from quad_env.columns import Components
@@ -221,7 +221,7 @@ def time_out_counted_as_fall(patch: pytest.MonkeyPatch) -> None:
 
 def evaluation_draws_training_seeds(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(
-        "evaluate.rollouts.experiment.episode_seeds",
+        "evaluate.cells.episode_seeds",
         lambda _, seed, count: seeding.episode_seeds("training", seed, count),
     )
 

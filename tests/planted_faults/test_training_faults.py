@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate.rollouts.hardware import IDEAL
+from evaluate.hardware import IDEAL
 from policies.residual import Features
 from quad_env.physics.randomisation import RandomisedModels
 from quad_env.scenarios.named import SCENARIOS, scenario

@@ -5,15 +5,10 @@ import pytest
 
 from evaluate.analysis import breaking_points, severity_levels
 from evaluate.analysis.score import scores
+from evaluate.cells import LabelledPolicy, PolicyScenarioResult, load_labelled_policy
+from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts import battery
-from evaluate.rollouts.experiment import (
-    LabelledPolicy,
-    PolicyScenarioResult,
-    RunSettings,
-    load_labelled_policy,
-    run_cells,
-)
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig
+from evaluate.rollouts.run import RunSettings, run_cells
 from quad_env import SIMPLE_QUAD
 from quad_env.actuation.hardware import HardwareProfile
 from quad_env.actuation.models import Actuator
@@ -51,7 +46,7 @@ def check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains() -> Non
     soft = SIMPLE_QUAD._with(servo_stiffness=np.full(12, 35.0), servo_damping=np.full(12, 0.5))
     both = battery.resolve(("flat", "flat+hardware"), soft)
     with begun() as found, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(HardwareConfig, "quadruped", property(lambda _: soft))
+        patch.setattr(HardwareConfig, "robot_model", property(lambda _: soft))
         trot = load_labelled_policy("trot", IDEAL, both)
         for scenario in both:
             next(run_cells([trot], [scenario], np.array([7]), RunSettings(1, lambda *_: None, steps=110)))

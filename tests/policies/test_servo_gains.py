@@ -10,8 +10,8 @@ import pytest
 
 import policies
 import quad_env
+from evaluate.hardware import HardwareConfig
 from evaluate.rollouts import rollout
-from evaluate.rollouts.hardware import HardwareConfig
 from policies.parameters import scaled_parameters
 from policies.poses import Stand
 from policies.trot.open_loop import TrotParameters, searched_parameters
@@ -63,7 +63,7 @@ def test_a_robot_whose_gains_are_given_has_the_parameters_that_were_searched_for
 
 
 def test_episodes_run_with_the_gains_of_the_policy(soft: quad_env.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(HardwareConfig, "quadruped", property(lambda _: soft))
+    monkeypatch.setattr(HardwareConfig, "robot_model", property(lambda _: soft))
     for policy, stiffness in ((Soft(robot=soft), 35.0), (Stand(robot=soft), 300.0)):
         steps = []
         rollout.roll_out(policy, "flat", np.array([3]), steps.append, steps=2)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import policies
-from evaluate.rollouts.experiment import evaluation_seeds
+from evaluate.cells import evaluation_seeds
 from quad_env.cli.command_line import UsageError
 from quad_env.robots.named import get_robot
 from quad_env.seeding import episode_seeds

@@ -5,7 +5,7 @@ import math
 import pytest
 
 import policies
-from evaluate.rollouts.hardware import HardwareConfig
+from evaluate.hardware import HardwareConfig
 from quad_env.seeding import episode_seeds
 from train import validation
 from train.config import ValidationConfig

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from evaluate.rollouts.hardware import parse_robot_option
+from evaluate.hardware import parse_robot_option
 from policies.external import onnx_file
 from quad_env.cli.command_line import UsageError, make_folder_of
 

@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 
 import tyro
 
-from evaluate.rollouts.hardware import parse_robot_option
+from evaluate.hardware import parse_robot_option
 from policies import bundle
 from policies.parameters import limits_of, parameter
 from policies.shipped import folder_of

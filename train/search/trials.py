@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
+from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts.rollout import STEPS, Recorder, advance, batch_of, reset_episodes
 from policies.base import Actions, Floats, Policy
 from policies.parameters import Parameters
@@ -113,7 +113,9 @@ def run_candidates(
     found = dict[str, Episodes]()
     for real in (False, True):
         if names := [each for each in scenario_names if each.endswith(HARDWARE) == real]:
-            panel = PolicyStack([hardware.policy(name, real=real, parameters=each) for each in candidates], len(names))
+            panel = PolicyStack(
+                [hardware.policy(name, on_hardware_profile=real, parameters=each) for each in candidates], len(names)
+            )
             scenarios = [with_terrain_seed(each, purpose, robot=hardware.robot_model) for each in names]
             every_seed = np.tile(seeds, len(candidates))
             walks = run_each(panel, scenarios, every_seed, nthread=threads, steps=steps, hardware=hardware)

@@ -13,9 +13,9 @@ import numpy as np
 import tyro
 from rich.progress import track
 
+from evaluate.hardware import IDEAL, HardwareConfig, parse_robot_option
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig, parse_robot_option
 from policies.base import Floats
 from policies.parameters import parameter, scaled_parameters, scaled_ranges
 from policies.shipped import folder_of

@@ -7,8 +7,8 @@ import pytest
 
 from evaluate.analysis.failures import failures
 from evaluate.analysis.results import Results, analyse
+from evaluate.cells import PolicyScenarioResult
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.experiment import PolicyScenarioResult
 
 TRIP, SLIP = "trip", "slip"
 

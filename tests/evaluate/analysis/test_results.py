@@ -12,8 +12,8 @@ import pytest
 import policies
 import quad_env
 from evaluate.analysis.results import analyse
+from evaluate.cells import evaluation_seeds
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.experiment import evaluation_seeds
 from quad_env.robots.robot import Robot
 from tests.quad_env.robots.made import Made
 

@@ -10,13 +10,13 @@ from rich.console import Console
 
 from evaluate.__main__ import main
 from evaluate.analysis.severity_levels import severity_axes
+from evaluate.cells import EpisodeChunk
 from evaluate.commands.options import Options
 from evaluate.commands.outputs import analysed
 from evaluate.records.episode_table import read_table, write_table
 from evaluate.records.manifest import read
 from evaluate.records.store import ChunkStore, read_run
 from evaluate.report.table import print_levels
-from evaluate.rollouts.experiment import EpisodeChunk
 from quad_env.scenarios.axes import AXES
 
 

@@ -17,8 +17,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from evaluate.__main__ import COMMANDS, main
+from evaluate.cells import evaluation_seeds
 from evaluate.commands import options as default
-from evaluate.rollouts.experiment import evaluation_seeds
 from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
 from tests.evaluate.commands import test_axes, test_command, test_pages, test_replay

@@ -9,10 +9,10 @@ import pytest
 from evaluate.__main__ import main
 from evaluate.commands.options import DEFAULT_POLICIES, WALKING_POLICIES, Options
 from evaluate.commands.plan import check, policies_asked_for
+from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.records.store import FILES, read_run
 from evaluate.rollouts import rollout
 from evaluate.rollouts.battery import BATTERIES, resolve
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig
 from quad_env.cli.command_line import UsageError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.made import Made

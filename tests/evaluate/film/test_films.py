@@ -9,9 +9,9 @@ from PIL import Image, ImageSequence
 
 import policies
 import quad_env
+from evaluate.cells import LabelledPolicy
 from evaluate.film import files
 from evaluate.film.shooting import ALARM, BAD, GOOD, FilmSpec, RenderOptions, render_frames
-from evaluate.rollouts.experiment import LabelledPolicy
 from quad_env import Pushes
 from quad_env.cli.command_line import UsageError
 

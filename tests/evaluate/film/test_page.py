@@ -14,12 +14,12 @@ from PIL import Image
 
 import policies
 import quad_env
+from evaluate.cells import LabelledPolicy
 from evaluate.film.curves import estimated_state
 from evaluate.film.page import write_page
 from evaluate.film.shooting import EpisodeView, FilmSpec
 from evaluate.measures.episodes import Episodes
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import LabelledPolicy
 from quad_env import Pushes
 
 PUSHES = Pushes(count=1, window=(0.05, 0.2), impulse=20.0)

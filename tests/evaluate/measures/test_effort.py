@@ -8,10 +8,10 @@ import pytest
 import policies
 import quad_env
 from evaluate.analysis.summary import summarise
+from evaluate.cells import PolicyScenarioResult
 from evaluate.measures import metrics
 from evaluate.measures.episodes import empty_signal, weight
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import PolicyScenarioResult
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.evaluate.measures.uneventful import uneventful
 

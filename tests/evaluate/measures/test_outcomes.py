@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import policies
+from evaluate.cells import PolicyScenarioResult, apply_success_rule
 from evaluate.measures.metrics import measure, outcome
 from evaluate.measures.outcomes import (
     ISAAC_LAB,
@@ -16,7 +17,6 @@ from evaluate.measures.outcomes import (
     commanded_progress,
     outcomes,
 )
-from evaluate.rollouts.experiment import PolicyScenarioResult, apply_success_rule
 from evaluate.rollouts.rollout import run
 from policies.safety import Safe
 from quad_env import SCENARIOS, CommandRanges

@@ -17,13 +17,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from evaluate.__main__ import main
+from evaluate.cells import EpisodeChunk
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import RUN, read_table
 from evaluate.records.manifest import NAME
 from evaluate.records.parquet import SHA256, content_hash
 from evaluate.records.store import EPISODES, ChunkStore, read_run
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import EpisodeChunk
 from quad_env.cli.command_line import UsageError
 from tests.evaluate.altered import column, with_value
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evaluate.cells import EpisodeChunk, evaluation_seeds
 from evaluate.records.manifest import CHUNKS, Manifest, differences
 from evaluate.records.provenance import versions
 from evaluate.records.store import ChunkStore, is_unfinished, read_run, remove_chunks
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.experiment import EpisodeChunk, evaluation_seeds
 from quad_env.cli.command_line import UsageError
 
 FLAT, PUSH = resolve(("flat", "push:3"))

@@ -17,11 +17,11 @@ import pytest
 
 from evaluate.__main__ import main
 from evaluate.analysis.results import Results, as_json
+from evaluate.cells import EpisodeChunk
 from evaluate.records import manifest, store
 from evaluate.records.episode_table import cell_of, read_table, table, write_table
 from evaluate.records.store import FILES
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import EpisodeChunk
 from quad_env.files.writing import write_atomically
 
 STEPS = 150

@@ -12,11 +12,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from evaluate.analysis.results import analyse, with_nan, write_json
+from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.catalogue import OF_CAUSES
 from evaluate.measures.metrics import Measures
 from evaluate.report.page import write_report
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.experiment import PolicyScenarioResult
 from quad_env.scenarios.named import Scenario
 
 POLICIES = ("trot", "stand-in", "runs/x/seed-0", "runs/x/seed-1")

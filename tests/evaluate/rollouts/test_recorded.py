@@ -9,22 +9,13 @@ import numpy as np
 import pytest
 
 import policies
+from evaluate.cells import EpisodeChunk, LabelledPolicy, PolicyScenarioResult, Task, apply_success_rule, join
 from evaluate.measures.episodes import shapes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OFF_COMMAND, STALLED, SUCCEEDED, SuccessRule
-from evaluate.rollouts.experiment import (
-    EpisodeChunk,
-    LabelledPolicy,
-    PolicyScenarioResult,
-    RunSettings,
-    StoreError,
-    Task,
-    apply_success_rule,
-    join,
-    run_cells,
-)
 from evaluate.rollouts.observers import FallRecorder, Step
 from evaluate.rollouts.rollout import Recorder
+from evaluate.rollouts.run import RunSettings, StoreError, run_cells
 from quad_env import SCENARIOS, SIMPLE_QUAD
 from quad_env.config import FALL_REASONS
 from quad_env.task.observations import observation_table
@@ -226,13 +217,13 @@ def test_a_policy_runs_on_its_own_scenarios_alone_and_on_the_hardware_profile_as
     policy = LabelledPolicy("trot", made, ("push",), real)
     hardware = dataclasses.replace(FLAT, hardware=True)
     assert [policy.runs_on(SCENARIOS[name]) for name in ("flat", "push")] == [False, True]
-    assert policy.on(FLAT) is made
-    assert policy.on(hardware) is real
-    assert policy.versions == (made, real)
+    assert policy.policy_for(FLAT) is made
+    assert policy.policy_for(hardware) is real
+    assert policy.variants == (made, real)
     alone = LabelledPolicy("trot", made)
     assert alone.runs_on(FLAT)
-    assert alone.on(hardware) is made
-    assert alone.versions == (made,)
+    assert alone.policy_for(hardware) is made
+    assert alone.variants == (made,)
 
 
 def test_another_rule_of_success_makes_successes_of_those_alone_that_follow_it() -> None:

@@ -7,11 +7,12 @@ import pytest
 
 import policies
 import quad_env
+from evaluate.cells import LabelledPolicy, evaluation_seeds
 from evaluate.measures.episodes import OBSERVED_SIGNAL, POLICY_SIGNALS, Episodes, shapes
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import LabelledPolicy, RunSettings, evaluation_seeds, run_cells
 from evaluate.rollouts.observers import FallRecorder, Step
+from evaluate.rollouts.run import RunSettings, run_cells
 from policies.base import Policy
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 

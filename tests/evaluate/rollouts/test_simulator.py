@@ -10,9 +10,9 @@ from evaluate.__main__ import main
 from evaluate.commands import replay
 from evaluate.commands.options import Options
 from evaluate.commands.plan import check, scenarios_asked_for
+from evaluate.hardware import IDEAL, HardwareConfig, words
 from evaluate.records import manifest as manifests
 from evaluate.rollouts import rollout
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig, words
 from evaluate.rollouts.workers import estimated_steps
 from quad_env.cli.command_line import UsageError
 from quad_env.physics import batch

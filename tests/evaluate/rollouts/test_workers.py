@@ -16,10 +16,11 @@ import pytest
 
 import policies
 from evaluate.__main__ import main
+from evaluate.cells import LabelledPolicy, Task, evaluation_seeds
+from evaluate.hardware import IDEAL
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts import workers
-from evaluate.rollouts.experiment import LabelledPolicy, Task, evaluation_seeds, sequential
-from evaluate.rollouts.hardware import IDEAL
+from evaluate.rollouts.run import sequential
 from quad_env import SCENARIOS
 from tests.waiting import until
 

@@ -5,13 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evaluate.cells import load_labelled_policy
 from evaluate.commands.options import Options
 from evaluate.commands.plan import check, scenarios_asked_for
+from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.records import manifest as manifests
 from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import battery
-from evaluate.rollouts.experiment import RunSettings, load_labelled_policy, run_cells
-from evaluate.rollouts.hardware import IDEAL, HardwareConfig
+from evaluate.rollouts.run import RunSettings, run_cells
 from quad_env.actuation.hardware import hardware_profile
 from quad_env.cli.command_line import UsageError
 from quad_env.robots.robot import Robot
@@ -31,17 +32,17 @@ def scenarios(*names: str, robot: Robot = SIMPLE_QUAD) -> tuple[Scenario, ...]:
 def soft(monkeypatch: pytest.MonkeyPatch) -> Robot:
     """SimpleQuad's model with a maker's servos, softer than those that our controllers command."""
     robot = SIMPLE_QUAD._with(servo_stiffness=np.full(12, 35.0), servo_damping=np.full(12, 0.5))
-    monkeypatch.setattr(HardwareConfig, "quadruped", property(lambda _: robot))
+    monkeypatch.setattr(HardwareConfig, "robot_model", property(lambda _: robot))
     return robot
 
 
 def test_our_controllers_command_the_makers_gains_with_the_profile_and_learned_ones_their_own(soft: Robot) -> None:
     flat, real = both = scenarios("flat", "flat+hardware", robot=soft)
     trot, learned = load_labelled_policy("trot", IDEAL, both), load_labelled_policy("residual", IDEAL, both)
-    assert (trot.on(flat).robot.servo, trot.on(real).robot.servo) == (SIMPLE_QUAD.servo, MAKERS)
-    assert learned.on(flat).robot.servo == learned.on(real).robot.servo == SIMPLE_QUAD.servo
+    assert (trot.policy_for(flat).robot.servo, trot.policy_for(real).robot.servo) == (SIMPLE_QUAD.servo, MAKERS)
+    assert learned.policy_for(flat).robot.servo == learned.policy_for(real).robot.servo == SIMPLE_QUAD.servo
     assert load_labelled_policy("trot", IDEAL, (real,)).policy.robot.servo == MAKERS
-    assert len(load_labelled_policy("trot", IDEAL, both, only_on=("flat",)).versions) == 1
+    assert len(load_labelled_policy("trot", IDEAL, both, only_on=("flat",)).variants) == 1
 
 
 def test_the_robots_of_each_cell_have_the_gains_of_their_policy_and_the_profile_or_none(soft: Robot) -> None:
@@ -63,12 +64,12 @@ def test_policies_that_predict_and_safety_layers_know_the_profiles_delays() -> N
 
 def test_a_digest_covers_both_policies_and_is_as_ever_of_one(soft: Robot) -> None:
     both = scenarios("flat", "flat+hardware", robot=soft)
-    numbers = {"seed": 0, "episodes": 1, "threads": 1}
+    numbers = {"seed": 0, "episodes": 1, "steps": 1000, "threads": 1}
     of_both, of_one = (
         manifests.manifest([load_labelled_policy("trot", IDEAL, given)], given, {}, **numbers).policies["trot"]
         for given in (both, both[:1])
     )
-    ideal, real = load_labelled_policy("trot", IDEAL, both).versions
+    ideal, real = load_labelled_policy("trot", IDEAL, both).variants
     assert of_both == policy_digest(ideal, real) != policy_digest(ideal, ideal)
     assert of_one == policy_digest(ideal) != of_both
 

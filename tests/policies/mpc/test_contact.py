@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate.rollouts.hardware import HardwareConfig
+from evaluate.hardware import HardwareConfig
 from evaluate.rollouts.rollout import roll_out
 from policies.mpc.contact import ContactEstimator, wrench_to_acceleration
 from policies.mpc.motion import MotionState, motion
@@ -199,7 +199,7 @@ def test_contact_is_known_on_motors_and_encoders() -> None:
     those that have left it in the period before are taken to stand as well, for the forces are of two periods."""
     real = hardware_profile(SIMPLE_QUAD)
     hardware = HardwareConfig(real.actuator, real.sensors, real.estimator)  # type: ignore[arg-type]
-    policy, estimated, true = hardware.policy("mpc_wbc", real=True), [], []
+    policy, estimated, true = hardware.policy("mpc_wbc", on_hardware_profile=True), [], []
     assert isinstance(policy, MpcWbc)
     estimate = policy.contact_estimator.estimate
 

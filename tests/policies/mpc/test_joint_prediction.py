@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate.rollouts.hardware import HardwareConfig
+from evaluate.hardware import HardwareConfig
 from policies.mpc.observer import JointPredictor
 from quad_env import OBSERVATION
 from tests.policies.readings import reading

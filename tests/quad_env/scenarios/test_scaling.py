@@ -10,7 +10,7 @@ import pytest
 import policies
 from evaluate.commands.options import Options
 from evaluate.commands.plan import check
-from evaluate.rollouts.hardware import HardwareConfig
+from evaluate.hardware import HardwareConfig
 from quad_env import SCENARIOS, SIMPLE_QUAD, Robot, Scenario, scenario
 from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv

@@ -7,10 +7,10 @@ import pytest
 
 import policies
 import quad_env
+from evaluate.hardware import HardwareConfig
 from evaluate.measures.episodes import OBSERVED_SIGNAL, POLICY_SIGNALS, shapes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import FELL, OFF_COMMAND, STALLED, SUCCEEDED
-from evaluate.rollouts.hardware import HardwareConfig
 from evaluate.rollouts.rollout import run
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
@@ -65,7 +65,9 @@ def test_no_success_costs_more_than_a_failure():
 def test_exercises_are_walked_side_by_side_and_every_cost_is_that_of_the_candidate_alone(monkeypatch):
     """Also on the hardware profile, where candidates command the gains of the robot's maker."""
     candidates = [TrotParameters(), TrotParameters(frequency=2.2)]
-    monkeypatch.setattr(HardwareConfig, "quadruped", SIMPLE_QUAD.with_servo()._with(servo_stiffness=np.full(12, 200.0)))
+    monkeypatch.setattr(
+        HardwareConfig, "robot_model", SIMPLE_QUAD.with_servo()._with(servo_stiffness=np.full(12, 200.0))
+    )
     monkeypatch.setattr(Trot, "stiff_servos", True)
     seeds, three = episode_seeds("search", 9, 2), ("flat=1.5", "flat+hardware", "slope=15")
     with begun() as batches:

@@ -47,17 +47,19 @@ class HardwareConfig:
         names = ("actuator", "sensors", "estimator", "simulator")
         return {name: getattr(self, name) for name in names} | {"robot": own}
 
-    def policy(self, name_or_path: str, trust: bool = False, *, real: bool = False, **given: Any) -> "Policy":
+    def policy(
+        self, name_or_path: str, trust: bool = False, *, on_hardware_profile: bool = False, **given: Any
+    ) -> "Policy":
         """A fresh policy for that robot, by name or path, see `policies.resolve`; PolicyError if there is none.
 
-        A `real` one is for scenarios on the hardware profile: our controllers command the robot's own servo gains.
+        One `on_hardware_profile` is for scenarios on it: our controllers command the robot's own servo gains.
         What else is `given` goes to what makes it, such as `parameters`.
         """
         import policies
         from quad_env.actuation.hardware import hardware_profile
 
         made: dict[str, Any] = {"robot": self.robot_model, "actuator": self.actuator, "sensors": self.sensors}
-        if real:
+        if on_hardware_profile:
             profile = hardware_profile(self.robot_model)
             made = {"robot": self.robot_model.with_servo(), "actuator": profile.actuator, "sensors": profile.sensors}
         return policies.resolve(name_or_path, trust=trust, **made | given)

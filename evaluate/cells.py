@@ -1,0 +1,151 @@
+"""Values of a comparison: labelled policies, tasks, and cells, each the episodes of one policy on one scenario."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.hardware import HardwareConfig
+from evaluate.measures.metrics import Measures
+from evaluate.measures.outcomes import OFF_COMMAND, SUCCEEDED, SuccessRule
+from policies.base import Policy
+from policies.external import ExternalPolicy
+from quad_env.scenarios.named import Scenario
+from quad_env.seeding import episode_seeds
+
+
+@dataclass(frozen=True)
+class LabelledPolicy:
+    """A policy and the name or path that the user gave for it, which is its label in every result."""
+
+    label: str
+    policy: Policy
+    """Policy for scenarios without the hardware profile, or for all scenarios if `hardware_policy` is None."""
+    only_on: tuple[str, ...] = ()
+    """Names of the scenarios that the policy runs on; empty for all scenarios."""
+    hardware_policy: Policy | None = None
+    """Policy made for the robot's hardware profile; None if one policy serves all of its scenarios."""
+
+    def runs_on(self, scenario: Scenario) -> bool:
+        """Return True if the policy runs on the scenario."""
+        return not self.only_on or scenario.name in self.only_on
+
+    def policy_for(self, scenario: Scenario) -> Policy:
+        """Return the policy made for the scenario, with or without the hardware profile."""
+        return self.hardware_policy if scenario.hardware and self.hardware_policy is not None else self.policy
+
+    @property
+    def variants(self) -> tuple[Policy, ...]:
+        """The policy, followed by the one for the hardware profile if that is a different one."""
+        return (self.policy,) if self.hardware_policy is None else (self.policy, self.hardware_policy)
+
+
+def load_labelled_policy(
+    label: str,
+    hardware: HardwareConfig,
+    scenarios: Sequence[Scenario],
+    trust: bool = False,
+    only_on: Sequence[str] = (),
+) -> LabelledPolicy:
+    """Load a policy, once without and once with the hardware profile if its scenarios need both.
+
+    Args:
+        label: Name or path of the policy.
+        hardware: Hardware of the robots without the hardware profile.
+        scenarios: Scenarios of the run.
+        trust: True to load files that can hide code.
+        only_on: Names of the scenarios that the policy runs on; empty for all scenarios.
+
+    Returns:
+        The policy under its label. An external policy is loaded once: it has its own process and servo gains.
+    """
+    profiles = {scenario.hardware for scenario in scenarios if not only_on or scenario.name in only_on}
+    policy = hardware.policy(label, trust, on_hardware_profile=profiles == {True})
+    hardware_policy = None
+    if len(profiles) > 1 and not isinstance(policy, ExternalPolicy):
+        hardware_policy = hardware.policy(label, trust, on_hardware_profile=True)
+    return LabelledPolicy(label, policy, tuple(only_on), hardware_policy)
+
+
+@dataclass(frozen=True)
+class PolicyScenarioResult:
+    """A cell: the measured episodes of one policy on one scenario.
+
+    Cells of one scenario have the same seeds, so that policies are compared episode by episode.
+    """
+
+    policy: str
+    """Label of the policy."""
+    scenario: Scenario
+    seeds: NDArray[np.int64]
+    """Seeds of the episodes, (n,)."""
+    fall_reason: NDArray[np.object_]
+    """Name of the fall rule that ended each episode, (n,); None without a fall."""
+    measures: Measures
+    failure: NDArray[np.object_]
+    """Reason of the policy's failure in each episode, (n,); None without a failure."""
+
+    @property
+    def episodes(self) -> int:
+        """Number of episodes."""
+        return len(self.seeds)
+
+
+@dataclass(frozen=True)
+class EpisodeChunk:
+    """A subset of a cell's episodes, simulated side by side and stored as one file."""
+
+    episode_indices: NDArray[np.int64]
+    """Indices of the episodes in their cell, (n,)."""
+    cell: PolicyScenarioResult
+    """The result of these episodes alone."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A chunk of episodes to simulate side by side, with all inputs of the simulation."""
+
+    policy: LabelledPolicy
+    scenario: Scenario
+    episode_indices: NDArray[np.int64]
+    """Indices of the episodes in their cell, (n,)."""
+    seeds: NDArray[np.int64]
+    """Seeds of the episodes, (n,)."""
+    steps: int
+    """Control steps of an episode."""
+    hardware: HardwareConfig
+
+
+def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:
+    """Join the chunks of one cell, with the episodes in the order of their indices."""
+    order = np.argsort(np.concatenate([chunk.episode_indices for chunk in chunks]))
+    cells = [chunk.cell for chunk in chunks]
+    measures = {
+        field.name: np.concatenate([getattr(cell.measures, field.name) for cell in cells])[order]
+        for field in dataclasses.fields(Measures)
+    }
+    return dataclasses.replace(
+        cells[0],
+        seeds=np.concatenate([cell.seeds for cell in cells])[order],
+        fall_reason=np.concatenate([cell.fall_reason for cell in cells])[order],
+        measures=Measures(**measures),
+        failure=np.concatenate([cell.failure for cell in cells])[order],
+    )
+
+
+def apply_success_rule(cell: PolicyScenarioResult, rule: SuccessRule) -> PolicyScenarioResult:
+    """Return the cell with the outcomes by another success rule; a success that it rejects becomes `off_command`."""
+    measures = cell.measures
+    has_policy_failure = np.array([reason is not None for reason in cell.failure], np.bool_)
+    errors = np.stack([measures.velocity_error, measures.yaw_rate_error], axis=-1)
+    is_on_command = rule.on_command(measures.commands, measures.mean_velocities, errors)
+    outcome = np.where(measures.succeeded, OFF_COMMAND, measures.outcome)
+    outcome[is_on_command & ~measures.fell & ~has_policy_failure] = SUCCEEDED
+    return dataclasses.replace(cell, measures=dataclasses.replace(measures, outcome=outcome))
+
+
+def evaluation_seeds(seed: int, count: int) -> NDArray[np.int64]:
+    """Return the seeds of the evaluation's `count` episodes, (count,), from a family that no training draws."""
+    return episode_seeds("evaluation", seed, count)
