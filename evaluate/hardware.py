@@ -29,8 +29,8 @@ class HardwareConfig:
 
     @property
     def robot_model(self) -> "Robot":
-        """The robot of that name, with those servos. Raises as `quad_env.robots.named.robot_of`."""
-        from quad_env.robots.named import get_robot
+        """The robot of that name, with those servos. Raises as `quad_env.robots.registry.robot_of`."""
+        from quad_env.robots.registry import get_robot
 
         robot = get_robot(self.robot)
         if not self.servo:
@@ -116,7 +116,7 @@ def check(hardware: HardwareConfig, scenario: "Scenario | None" = None) -> None:
 @lru_cache
 def _warn(robot: "Robot") -> None:
     """Print, once, what is hard to believe about a user's robot."""
-    from quad_env.robots.leg_words import contradictions
+    from quad_env.robots.leg_names import contradictions
     from quad_env.robots.plausibility import warnings_of
 
     for line in (*contradictions(robot), *warnings_of(robot)):

@@ -19,7 +19,7 @@ from policies.external.description import PolicySpec, Term
 from policies.external.mistakes import order_of
 from quad_env.doctor.causes import self_contacts
 from quad_env.doctor.check import Finding, Subject, ok, problem
-from quad_env.robots.leg_words import contradictions
+from quad_env.robots.leg_names import contradictions
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
 

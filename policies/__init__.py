@@ -28,7 +28,7 @@ from policies.trot.open_loop import Trot
 from quad_env.actuation.models import Actuator
 from quad_env.actuation.models import actuator as _actuator
 from quad_env.files.paths import missing_file
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.channel import delay_to_steps

@@ -12,7 +12,7 @@ from policies.gait_cycle import advance, smoothstep
 from policies.memory import allocate, per_robot, reset_rows, take_over
 from quad_env.cli.command_line import UserError
 from quad_env.config import TaskConfig
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan, table_with

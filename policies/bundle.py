@@ -24,7 +24,7 @@ from policies.residual import ResidualPolicy
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.files.reading import largest_network, read_bytes
 from quad_env.files.writing import write_atomically
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 
 BEST = "best"

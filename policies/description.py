@@ -25,7 +25,7 @@ from quad_env import ENV_ID
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.config import Bounds, Settings
 from quad_env.files.reading import parse_json
-from quad_env.robots.named import ROBOTS
+from quad_env.robots.registry import ROBOTS
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan, table_with

@@ -17,11 +17,11 @@ from quad_env.envs.home_pose import HomePoseSpace as HomePoseSpace
 from quad_env.envs.home_pose import VectorHomePoseActions as VectorHomePoseActions
 from quad_env.registration import ENV_ID as ENV_ID
 from quad_env.registration import MAX_EPISODE_STEPS as MAX_EPISODE_STEPS
-from quad_env.robots.anatomy import ModelError as ModelError
-from quad_env.robots.named import ROBOTS as ROBOTS
+from quad_env.robots.registry import ROBOTS as ROBOTS
 from quad_env.robots.robot import Robot as Robot
 from quad_env.robots.simple_quad import JOINT_NAMES as JOINT_NAMES
 from quad_env.robots.simple_quad import SIMPLE_QUAD as SIMPLE_QUAD
+from quad_env.robots.structure import ModelError as ModelError
 from quad_env.scenarios.axes import AXES as AXES
 from quad_env.scenarios.axes import Axis as Axis
 from quad_env.scenarios.disturbances import Dropouts as Dropouts

@@ -17,16 +17,16 @@ import tyro
 from quad_env.cli.command_line import UsageError
 from quad_env.doctor.check import Subject
 from quad_env.doctor.stance import STAND_TIME, states
-from quad_env.doctor.standing import stands
+from quad_env.doctor.stance_check import stands
 from quad_env.files.text import visible
 from quad_env.info import joint_table
-from quad_env.robots.arena import overlap_remark
-from quad_env.robots.imported import FIGURES
-from quad_env.robots.leg_words import contradictions
+from quad_env.robots.leg_names import contradictions
 from quad_env.robots.model_file import describe_extras
-from quad_env.robots.named import get_robot
+from quad_env.robots.parameter_inference import FIGURES
 from quad_env.robots.plausibility import warnings_of
+from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
+from quad_env.robots.scene import overlap_remark
 
 
 @dataclass(frozen=True)

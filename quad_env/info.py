@@ -8,7 +8,7 @@ import quad_env
 from quad_env.actuation.hardware import hardware_profile
 from quad_env.actuation.models import ACTUATORS
 from quad_env.config import FALL_REASONS, FALL_RULE, TaskConfig
-from quad_env.robots.named import robot_named
+from quad_env.robots.registry import robot_named
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.listing import Options

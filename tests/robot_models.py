@@ -4,6 +4,6 @@ from importlib.util import find_spec
 
 import pytest
 
-from quad_env.robots.named import EXTRA, WHEEL
+from quad_env.robots.registry import EXTRA, WHEEL
 
 NEEDS_MODELS = pytest.mark.skipif(find_spec(WHEEL) is None, reason=EXTRA)

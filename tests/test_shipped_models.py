@@ -13,7 +13,7 @@ from evaluate.hardware import HardwareConfig
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
 from policies.residual_bases import describe
-from quad_env.robots.named import EXTRA, WHEEL
+from quad_env.robots.registry import EXTRA, WHEEL
 from quad_env.seeding import episode_seeds
 from train.curriculum import with_terrain_seed
 

@@ -16,7 +16,7 @@ from live.session import Session
 from policies.base import Policy
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.launcher import raise_on_interrupt
-from quad_env.cli.pace import RealTimeRate
+from quad_env.cli.real_time_rate import RealTimeRate
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from live.view.picture import Orbit, RenderRequest
 from live.view.requests import Request
 from live.view.telemetry import Telemetry, rounded
 from policies.base import PolicyError
-from quad_env.cli.pace import RealTimeRate
+from quad_env.cli.real_time_rate import RealTimeRate
 from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.scenario import Scenario
 

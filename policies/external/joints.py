@@ -1,6 +1,6 @@
 """The joints of a policy from another project on a robot: which of its joints each name means, their signs and zeros.
 
-Robots' angles are zero with the leg straight down and grow about +x or +y (see `quad_env.robots.arena`); a policy's are
+Robots' angles are zero with the leg straight down and grow about +x or +y (see `quad_env.robots.scene`); a policy's are
 those of its maker's model, for which the robot's own model file stands. A robot's angle is zero + sign * the policy's.
 """
 
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from policies.base import Floats, PolicyError
 from policies.external.description import PolicySpec
-from quad_env.robots.anatomy import JOINTS_PER_LEG, LINK_WORDS
-from quad_env.robots.leg_words import leg_of, words_of
+from quad_env.robots.leg_names import leg_of, words_of
 from quad_env.robots.model_file import read
 from quad_env.robots.robot import Robot
+from quad_env.robots.structure import JOINTS_PER_LEG, LINK_WORDS
 
 LINKS = LINK_WORDS | {
     **dict.fromkeys(("abduction", "abductor", "hx", "hipx", "x", "roll"), "0"),

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from policies.external.described import with_gains
 from policies.external.description import OF_JOINTS, Numbers, PolicySpec, Term
 from policies.external.joints import joints_of
-from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.robot import Robot
+from quad_env.robots.structure import JOINTS_PER_LEG
 
 Order = NDArray[np.intp]
 """Places of joints among the robot's, (12,)."""

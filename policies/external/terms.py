@@ -20,8 +20,8 @@ from policies.mpc.parameters import TROT, parameters_of
 from quad_env.columns import EnvIndices
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
-from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.robot import Robot
+from quad_env.robots.structure import JOINTS_PER_LEG
 from quad_env.sensing.height_scan import HeightScan, table_with
 
 CONTACT_SHARE = 0.05

@@ -10,7 +10,7 @@ import numpy as np
 from policies.base import Floats
 from quad_env.actuation.models import Actuator, actuator
 from quad_env.config import Bounds, NonNegative, Positive, Settings
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 
 Limit = Annotated[float | Floats, Bounds("more than 0", sys.float_info.min, inf)]

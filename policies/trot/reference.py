@@ -11,7 +11,7 @@ from pathlib import Path
 from policies.base import CONTROL_PERIOD
 from policies.parameters import ParameterFile, parameter
 from policies.trot.integral import IntegralParameters, TrotIntegral
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 

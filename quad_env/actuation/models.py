@@ -12,8 +12,8 @@ import numpy as np
 
 from quad_env.columns import Array
 from quad_env.config import Bounds, Fraction, Positive, Settings
-from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.robot import JOINTS, Robot
+from quad_env.robots.structure import JOINTS_PER_LEG
 
 UNSETTLED = 0.01
 """Share of a target's change that a lag has not made yet when it is taken to be over."""

@@ -12,10 +12,10 @@ import numpy as np
 
 from quad_env.doctor.check import Subject
 from quad_env.doctor.stance import LARGEST_LAG, Stance, new_env, stance_of
-from quad_env.robots.arena import body_names
-from quad_env.robots.collisions import ATTACH_PREFIX, GROUND_BIT, RENAMED_PREFIX
+from quad_env.robots.collision_rules import ATTACH_PREFIX, GROUND_BIT, RENAMED_PREFIX
 from quad_env.robots.plausibility import LONGEST
 from quad_env.robots.robot import Robot
+from quad_env.robots.scene import body_names
 from quad_env.robots.similarity import servo_gains
 from quad_env.robots.unlikely_inertias import unlikely_inertias
 

@@ -12,7 +12,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import counted
 from quad_env.doctor.check import Check, Finding, Subject, examine
 from quad_env.files.text import visible
-from quad_env.robots.named import ROBOTS, robot_named
+from quad_env.robots.registry import ROBOTS, robot_named
 
 HERE = "quad_env.doctor"
 CHECKS = (

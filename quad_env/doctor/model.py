@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from quad_env.doctor.check import Finding, Subject, ok, problem
-from quad_env.robots.anatomy import JOINTS_PER_LEG, ModelError
-from quad_env.robots.arena import overlap_remark
-from quad_env.robots.leg_words import contradictions
+from quad_env.robots.leg_names import contradictions
 from quad_env.robots.model_file import DECISIVE, log_to_the_console, omitted_from
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
+from quad_env.robots.scene import overlap_remark
+from quad_env.robots.structure import JOINTS_PER_LEG, ModelError
 
 NARROWEST, WIDEST, MARGIN = 0.1, 8.01 * np.pi, 0.03
 """Of a joint's range, and from its home pose to an end of it, rad; ANYmal's joints have ranges of three turns."""

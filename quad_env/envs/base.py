@@ -19,7 +19,7 @@ from quad_env.envs.attributes import check_settable
 from quad_env.physics.batch import MUJOCO
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot, servo_gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import EpisodeSample, stack_initial_conditions

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.robots.arena import build_spec
 from quad_env.robots.robot import Robot
+from quad_env.robots.scene import build_spec
 
 Floats = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from quad_env.actuation.models import ACTUATORS, Actuator, ResolvedTorqueSpeed, min_limit
 from quad_env.columns import Array
 from quad_env.config import GRAVITY
-from quad_env.robots.arena import build_spec
-from quad_env.robots.collisions import GROUND_BIT, foot_geoms, of_name
+from quad_env.robots.collision_rules import GROUND_BIT, foot_geoms, of_name
 from quad_env.robots.model_file import log_to_the_console
 from quad_env.robots.robot import Robot
+from quad_env.robots.scene import build_spec
 from quad_env.robots.shapes import corners, geoms_of, solid, welded
 from quad_env.scenarios.disturbances import Ground, Payload
 from quad_env.scenarios.scenario import Scenario

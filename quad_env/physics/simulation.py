@@ -43,9 +43,9 @@ from quad_env.physics.probe import IdealSensors, ideal_sensor_names
 from quad_env.physics.randomisation import RandomisedModels
 from quad_env.physics.rotations import quaternion
 from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
-from quad_env.robots.anatomy import JOINTS_PER_LEG
 from quad_env.robots.kinematics import foot_depths
 from quad_env.robots.robot import Robot
+from quad_env.robots.structure import JOINTS_PER_LEG
 from quad_env.scenarios.randomisation import RandomizationSample
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.robots.anatomy import ModelError
 from quad_env.robots.shapes import Floats
+from quad_env.robots.structure import ModelError
 
 UNBALANCED = "A + B >= C"
 NOT_POSITIVE = "positive eigenvalues"

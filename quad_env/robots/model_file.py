@@ -16,14 +16,14 @@ import numpy as np
 
 from quad_env.files.reading import check_file, read_bytes
 from quad_env.files.text import format_exception
-from quad_env.robots.anatomy import ModelError, RobotStructure, detect_structure, root_of
-from quad_env.robots.collisions import GROUND_BIT
-from quad_env.robots.finite import nonfinite_line
-from quad_env.robots.held import carried_by, find_non_leg_joints, lock_joints
+from quad_env.robots.collision_rules import GROUND_BIT
+from quad_env.robots.finite_check import nonfinite_line
 from quad_env.robots.inertias import compile_balanced, without_inferred_masses
+from quad_env.robots.locked_joints import carried_by, find_non_leg_joints, lock_joints
 from quad_env.robots.missing_files import leave_out_missing, missing_files, note_missing
 from quad_env.robots.mujoco_messages import explained
 from quad_env.robots.omissions import CONTACT, listed, omissions, unlimited
+from quad_env.robots.structure import ModelError, RobotStructure, detect_structure, root_of
 
 READABLE = ".stl", ".obj", ".msh"
 """Endings of the meshes that MuJoCo reads, of a URDF."""

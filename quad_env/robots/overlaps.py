@@ -7,8 +7,8 @@ simulators without self-collision. On our ground these bodies do not collide wit
 import copy
 from typing import Any, NamedTuple
 
-from quad_env.robots.anatomy import RobotStructure
 from quad_env.robots.shapes import Floats
+from quad_env.robots.structure import RobotStructure
 
 
 class Overlap(NamedTuple):

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from quad_env.files.text import one_line
-from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS
-from quad_env.robots.arena import build_spec
-from quad_env.robots.figures import Floats, RobotParameters, constant
-from quad_env.robots.imported import load_parameters
 from quad_env.robots.model_file import digest
+from quad_env.robots.parameter_inference import load_parameters
+from quad_env.robots.parameters import Floats, RobotParameters, constant
+from quad_env.robots.scene import build_spec
+from quad_env.robots.structure import JOINTS_PER_LEG, LEGS
 
 JOINTS = LEGS * JOINTS_PER_LEG
 

@@ -4,9 +4,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from quad_env.robots.arena import body_names
-from quad_env.robots.collisions import ATTACH_PREFIX, RENAMED_PREFIX
+from quad_env.robots.collision_rules import ATTACH_PREFIX, RENAMED_PREFIX
 from quad_env.robots.robot import Robot
+from quad_env.robots.scene import body_names
 from quad_env.robots.shapes import Floats, corners, descendants, geoms_of, rotation_of, welded
 
 TOO_LARGE = 10.0

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from quad_env.robots.named import robot_named
+from quad_env.robots.registry import robot_named
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import Axis, axes_of

@@ -12,7 +12,7 @@ from typing import Any
 
 from quad_env.config import CommandRanges
 from quad_env.files.paths import missing_file
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of

@@ -23,8 +23,8 @@ from evaluate.rollouts.run import RunSettings, run_cells
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.config import GRAVITY
 from quad_env.files.writing import write_atomically
-from quad_env.robots.arena import build_spec
 from quad_env.robots.robot import Robot
+from quad_env.robots.scene import build_spec
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
 from quad_env.seeding import episode_seeds

@@ -16,7 +16,7 @@ from policies.parameters import scaled_parameters
 from policies.poses import Stand
 from policies.trot.open_loop import TrotParameters, searched_parameters
 from quad_env import SIMPLE_QUAD
-from quad_env.robots.named import ROBOTS, SERVOS
+from quad_env.robots.registry import ROBOTS, SERVOS
 from tests.quad_env.robots.alike import alike
 from tests.robot_models import NEEDS_MODELS
 

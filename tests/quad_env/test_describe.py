@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from quad_env.__main__ import main
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 from tests.quad_env.robots.made import Made
 
 

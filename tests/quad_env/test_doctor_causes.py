@@ -9,7 +9,7 @@ from quad_env.describe import Options, text
 from quad_env.describe import main as describe
 from quad_env.doctor.causes import self_contacts
 from quad_env.doctor.check import Finding, Subject
-from quad_env.doctor.standing import stands
+from quad_env.doctor.stance_check import stands
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.robots.robot import Robot
 from tests.quad_env.robots.made import Made

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quad_env.config import GRAVITY
-from quad_env.robots.arena import build_spec
+from quad_env.robots.scene import build_spec
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from research.__main__ import main
 from research.studies import sliding

@@ -10,7 +10,7 @@ import pytest
 import policies
 from evaluate.cells import evaluation_seeds
 from quad_env.cli.command_line import UsageError
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike

@@ -1,6 +1,6 @@
 """SimpleQuad, the robot of the source article."""
 
-from quad_env.robots.figures import SIMPLE_QUAD_PARAMETERS
+from quad_env.robots.parameters import SIMPLE_QUAD_PARAMETERS
 from quad_env.robots.robot import Robot
 
 SIMPLE_QUAD = Robot(**SIMPLE_QUAD_PARAMETERS.by_name)

@@ -14,7 +14,7 @@ from PIL import Image
 from live.view.driver import ViewController
 from live.view.painter import HEIGHT, WIDTH, RenderThread
 from live.view.picture import DISTANCES, STEEPEST, Orbit
-from quad_env.cli.pace import RealTimeRate
+from quad_env.cli.real_time_rate import RealTimeRate
 
 
 def walking(*names: str, scenario: str = "flat") -> ViewController:
@@ -90,7 +90,7 @@ def test_half_the_speed_takes_twice_the_time_and_a_pause_is_not_caught_up(monkey
         nonlocal now
         now += duration
 
-    monkeypatch.setattr("quad_env.cli.pace.time", SimpleNamespace(perf_counter=lambda: now, sleep=sleep))
+    monkeypatch.setattr("quad_env.cli.real_time_rate.time", SimpleNamespace(perf_counter=lambda: now, sleep=sleep))
 
     def seconds(pace: RealTimeRate, steps: int) -> float:
         begin = now

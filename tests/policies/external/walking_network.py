@@ -17,7 +17,7 @@ import policies
 from policies.external.description import PolicySpec, Term
 from policies.legs.kinematics import joint_angles
 from quad_env import OBSERVATION, OBSERVATION_SIZE, Robot
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 
 onnx = pytest.importorskip("onnx")
 

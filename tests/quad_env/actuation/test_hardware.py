@@ -12,7 +12,7 @@ from quad_env.actuation.models import ACTUATORS, Actuator, TorqueSpeed
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.model import compile_model
-from quad_env.robots.named import ROBOTS
+from quad_env.robots.registry import ROBOTS
 from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.scenario import Scenario
 from quad_env.serialisation import from_plain, to_json_values

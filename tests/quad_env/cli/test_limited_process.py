@@ -11,7 +11,7 @@ import pytest
 from quad_env.cli import limited_process
 from quad_env.cli.child_process import RunClock
 from quad_env.cli.limited_process import MEMORY, TIME, CrashError, LimitExceededError, call, read_limited
-from quad_env.robots.anatomy import ModelError
+from quad_env.robots.structure import ModelError
 
 LINUX = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux limits time and memory so")
 

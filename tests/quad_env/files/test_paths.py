@@ -8,7 +8,7 @@ import policies
 import quad_env
 from evaluate.rollouts import battery
 from quad_env.files.paths import ENDINGS, missing_file
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 
 
 @pytest.mark.parametrize("ending", sorted(ENDINGS))

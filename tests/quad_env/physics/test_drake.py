@@ -12,7 +12,7 @@ from quad_env.physics import batch
 from quad_env.physics.batch import check_simulator
 from quad_env.physics.model import compile_model
 from quad_env.physics.simulation import Simulation
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import with_hardware_profile

@@ -8,10 +8,10 @@ from quad_env import Robot
 from quad_env.describe import text
 from quad_env.doctor.check import Subject
 from quad_env.doctor.model import names
-from quad_env.robots.leg_words import contradictions
-from quad_env.robots.named import ROBOTS
+from quad_env.robots.leg_names import contradictions
+from quad_env.robots.registry import ROBOTS
 from tests.quad_env.robots.made import PLACES, Made
-from tests.quad_env.robots.test_imported import NAMED
+from tests.quad_env.robots.test_parameter_inference import NAMED
 
 WORDS = {"fl": "FL_joint", "fr": "FR_joint", "hl": "RL_joint", "hr": "RR_joint"}
 REVERSED = dict(zip(PLACES, ("hr", "hl", "fr", "fl"), strict=False))

@@ -12,15 +12,15 @@ from quad_env.describe import Options, text
 from quad_env.describe import main as describe
 from quad_env.doctor.check import Subject
 from quad_env.doctor.model import model as doctor_reads
-from quad_env.doctor.standing import stands
+from quad_env.doctor.stance_check import stands
 from quad_env.physics.batch import make_batch
 from quad_env.robots.model_fields import KEPT, MODEL_FIELDS, NAMED, OPTION_FIELDS
 from quad_env.robots.model_file import omitted_from
-from quad_env.robots.named import ROBOTS
+from quad_env.robots.registry import ROBOTS
 from quad_env.robots.robot import Robot
 from tests.quad_env.robots.made import ARM, Made
-from tests.quad_env.robots.test_imported import changed
 from tests.quad_env.robots.test_model_files import PLAIN, TRUNK, robot_of_text, standing
+from tests.quad_env.robots.test_parameter_inference import changed
 from tests.robot_models import NEEDS_MODELS
 
 

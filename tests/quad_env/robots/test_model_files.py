@@ -21,16 +21,16 @@ from quad_env.describe import text
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.model import compile_model
 from quad_env.robots import model_file
-from quad_env.robots.anatomy import ModelError
-from quad_env.robots.collisions import foot_geoms
+from quad_env.robots.collision_rules import foot_geoms
 from quad_env.robots.model_file import read
-from quad_env.robots.named import ROBOTS, WHEEL
 from quad_env.robots.plausibility import warnings_of
+from quad_env.robots.registry import ROBOTS, WHEEL
 from quad_env.robots.shapes import welded
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.robots.structure import ModelError
 from quad_env.scenarios.named import SCENARIOS
 from tests.quad_env.robots.made import Made
-from tests.quad_env.robots.test_imported import NAMED, changed
+from tests.quad_env.robots.test_parameter_inference import NAMED, changed
 
 resource: Any = pytest.importorskip("resource") if os.name != "nt" else None
 PLAIN = Made().xml()

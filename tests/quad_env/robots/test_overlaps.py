@@ -8,11 +8,11 @@ import pytest
 from quad_env.describe import text
 from quad_env.doctor.check import Subject
 from quad_env.doctor.model import model as doctor_reads
-from quad_env.doctor.standing import stands
-from quad_env.robots.named import ROBOTS
+from quad_env.doctor.stance_check import stands
+from quad_env.robots.registry import ROBOTS
 from tests.quad_env.robots.made import Made
-from tests.quad_env.robots.test_imported import NAMED
 from tests.quad_env.robots.test_model_files import SHIN, TRUNK, robot_of_text, standing
+from tests.quad_env.robots.test_parameter_inference import NAMED
 
 THIGH = '<geom name="wide{}" type="capsule" size="0.03" fromto="0 0 0.05 0 0 -0.15" mass="0.2"/><joint name="{}1"'
 INSIDE = "0.21 0.2 0.06"

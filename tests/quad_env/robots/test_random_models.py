@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from quad_env import ModelError, Robot
-from quad_env.robots.collisions import foot_geoms
+from quad_env.robots.collision_rules import foot_geoms
 from quad_env.robots.model_file import omitted_from
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.random_models import RANGES, Drawn, draw

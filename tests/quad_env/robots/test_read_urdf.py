@@ -8,9 +8,9 @@ import pytest
 import policies
 from quad_env import ModelError, Robot
 from quad_env.doctor.check import Subject
-from quad_env.doctor.standing import stands
+from quad_env.doctor.stance_check import stands
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.named import get_robot
+from quad_env.robots.registry import get_robot
 from tests.quad_env.robots.made import PLACES, Made
 
 LEGS = "fl", "fr", "hl", "hr"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from quad_env.physics.model import compile_model
-from quad_env.robots.figures import REFERENCE_MASS
+from quad_env.robots.parameters import REFERENCE_MASS
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import Scenario
 from quad_env.task.observations import observation_table

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.robots.anatomy import LINKS, Leg, RobotStructure
-from quad_env.robots.collisions import (
+from quad_env.robots.collision_rules import (
     ATTACH_PREFIX,
     GROUND_BIT,
     RENAMED_PREFIX,
@@ -27,10 +26,11 @@ from quad_env.robots.collisions import (
     own_rules,
     renamed,
 )
-from quad_env.robots.figures import SIMPLE_QUAD_PARAMETERS, RobotParameters
 from quad_env.robots.model_file import read
 from quad_env.robots.overlaps import overlap_line, overlaps_of
+from quad_env.robots.parameters import SIMPLE_QUAD_PARAMETERS, RobotParameters
 from quad_env.robots.shapes import Floats, surface
+from quad_env.robots.structure import LINKS, Leg, RobotStructure
 
 _SENSOR = "name", "type", "objtype", "objname", "reftype", "refname", "intprm"
 """Fields of a sensor."""

@@ -10,13 +10,13 @@ from quad_env.describe import text
 from quad_env.doctor.check import Subject
 from quad_env.doctor.model import model as doctor_reads
 from quad_env.physics.model import compile_model
-from quad_env.robots.collisions import foot_geoms
-from quad_env.robots.named import ROBOTS
+from quad_env.robots.collision_rules import foot_geoms
+from quad_env.robots.registry import ROBOTS
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.named import SCENARIOS
 from tests.quad_env.robots.made import ARM, WHEEL, Made
-from tests.quad_env.robots.test_imported import changed
 from tests.quad_env.robots.test_model_files import PLAIN, SHIN, TRUNK, UNSEEN, robot_of_text, standing
+from tests.quad_env.robots.test_parameter_inference import changed
 from tests.robot_models import NEEDS_MODELS
 
 NAMES = "shoulder", "elbow", "finger"

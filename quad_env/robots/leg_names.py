@@ -3,8 +3,8 @@
 import re
 from collections.abc import Iterator, Sequence
 
-from quad_env.robots.anatomy import JOINTS_PER_LEG, LEG_WORDS
 from quad_env.robots.robot import Robot
+from quad_env.robots.structure import JOINTS_PER_LEG, LEG_WORDS
 
 PLACES = {"fl": "front left", "fr": "front right", "hl": "hind left", "hr": "hind right"}
 """Legs in words."""

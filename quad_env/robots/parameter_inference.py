@@ -9,10 +9,10 @@ import numpy as np
 
 from quad_env.files.reading import parse_toml, read_bytes
 from quad_env.files.text import brief, format_exception, one_line
-from quad_env.robots.anatomy import JOINTS_PER_LEG, LEAST_BEND, LEGS, Leg, ModelError, RobotStructure
-from quad_env.robots.figures import LEVEL, REFERENCE_MASS, SIMPLE_QUAD_PARAMETERS, RobotParameters
 from quad_env.robots.model_file import read
+from quad_env.robots.parameters import LEVEL, REFERENCE_MASS, SIMPLE_QUAD_PARAMETERS, RobotParameters
 from quad_env.robots.shapes import Floats, corners, geoms_of, rotation_of
+from quad_env.robots.structure import JOINTS_PER_LEG, LEAST_BEND, LEGS, Leg, ModelError, RobotStructure
 from quad_env.robots.torque_limits import torque_ranges
 
 FIGURES = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness"

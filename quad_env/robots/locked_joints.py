@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, are_lateral_axes, branches, is_hip_axis, root_of
 from quad_env.robots.feet import in_world
 from quad_env.robots.shapes import Bools, Floats, descendants, geoms_of, grounded, surface
+from quad_env.robots.structure import JOINTS_PER_LEG, LEGS, are_lateral_axes, branches, is_hip_axis, root_of
 
 ROUND = 0.8
 """Least reach of a wheel from its axis, as a share of its largest."""

@@ -74,7 +74,7 @@ class RobotParameters:
     held: tuple[str, ...] = ()
     """Joints of the model that belong to no leg and are held at their reference, see `held`."""
     imported: bool = False
-    """Whether the MJCF is a user's, to be put on our ground (`quad_env.robots.arena`)."""
+    """Whether the MJCF is a user's, to be put on our ground (`quad_env.robots.scene`)."""
     source: Path | None = None
     """File of a user's that it was read from, its MJCF, URDF or a TOML; None of a robot that has a name here."""
 

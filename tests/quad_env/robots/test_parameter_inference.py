@@ -14,8 +14,8 @@ from quad_env import OBSERVATION, ModelError, Robot
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.kinematics import foot_positions
-from quad_env.robots.named import ROBOTS, get_robot
 from quad_env.robots.plausibility import warnings_of
+from quad_env.robots.registry import ROBOTS, get_robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.made import ANKLE, ARM, PLACES, Made
 from tests.robot_models import NEEDS_MODELS

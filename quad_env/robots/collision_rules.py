@@ -4,9 +4,9 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from quad_env.robots.anatomy import LINKS, RobotStructure
 from quad_env.robots.overlaps import Overlap
 from quad_env.robots.shapes import geoms_of, welded
+from quad_env.robots.structure import LINKS, RobotStructure
 
 GROUND_BIT = 1 << 30
 """Of `contype` of the geoms that meet the ground, and of `conaffinity` of the ground: so that these collide, whatever
