@@ -71,7 +71,7 @@ ACCURACY = {
     "trunk_mm": Threshold("≤", 2.0),
     "tilt_rad": Threshold("≤", 0.01),
     "joints_rad": Threshold("≤", 0.01),
-    "sinks_mm": Threshold("≤", 2.0),
+    "penetration_mm": Threshold("≤", 2.0),
     "slip_mm_s": Threshold("≤", 1.0),
 }
 """What a physics setting must keep, as in `physics_accuracy.Accuracy`."""

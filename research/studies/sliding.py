@@ -161,7 +161,7 @@ def walks(setting: Setting, options: Options) -> dict[str, float]:
     found: dict[str, float] = {}
     policy = LabelledPolicy(options.policy, policies.resolve(options.policy))
     with ExitStack() as patches:
-        patches.enter_context(patch("quad_env.physics.model.spec_of", lambda robot: setting.apply(build_spec(robot))))
+        patches.enter_context(patch("quad_env.physics.model.build_spec", lambda robot: setting.apply(build_spec(robot))))
         if setting.exact:
             patches.enter_context(patch.object(Batch, "step", _exact_step))
         for name in options.scenarios:

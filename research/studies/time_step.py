@@ -42,7 +42,9 @@ class Options:
 
 
 @dataclass(frozen=True)
-class _Stepped(HardwareConfig):
+class _SteppedHardwareConfig(HardwareConfig):
+    """Ideal hardware, simulated with a chosen physics step, s."""
+
     timestep: float = STEPS[0]
 
     def env_kwargs(self, robot: Robot) -> dict[str, Any]:
@@ -62,7 +64,7 @@ def figures(options: Options) -> Iterator[dict[str, Any]]:
     """A row a policy, scenario and physics step: means of the episodes, cost of transport that of all together."""
     seeds = evaluation_seeds(0, options.episodes)
     for scenario, name, step in product(options.scenarios, options.policies, STEPS):
-        record = rollout.run(policies.resolve(name), scenario, seeds, nthread=2, hardware=_Stepped(timestep=step))
+        record = rollout.run(policies.resolve(name), scenario, seeds, nthread=2, hardware=_SteppedHardwareConfig(timestep=step))
         found = measure(record)
         row = {"policy": name, "scenario": scenario, "step": step, "success_rate": float(found.succeeded.mean())}
         row["cost_of_transport"] = cost_of_all(found.energy, found.distance, record.weight)
