@@ -7,28 +7,28 @@ from dataclasses import dataclass
 
 from benchmarks import physics, policies, single_env, startup, vector_env
 from benchmarks.support.bars import BARS
-from benchmarks.support.command import Outcome, Output, command
+from benchmarks.support.command import BenchmarkResult, OutputOptions, command
 from benchmarks.support.physics_settings import ORIGINAL_SETTINGS, SHIPPED
 from quad_env.cli.launcher import launch
 
 
 @dataclass(frozen=True)
-class Options(Output):
+class AllOptions(OutputOptions):
     """Single and vector environment, physics, policies, start-up."""
 
 
-def measure(options: Options) -> Outcome:
+def measure(options: AllOptions) -> BenchmarkResult:
     """One measurement after the other, at the sizes that the bars are for."""
     quick = options.quick
     scenario, envs = vector_env.REFERENCE
     outcomes = {
-        "single_env": single_env.measure(single_env.Options(quick=quick)),
-        "vector_env": vector_env.measure(vector_env.Options(quick=quick, envs=(envs,), scenarios=(scenario,))),
-        "physics": physics.measure(physics.Options(quick=quick, settings=(SHIPPED, ORIGINAL_SETTINGS))),
-        "policies": policies.measure(policies.Options(quick=quick)),
-        "startup": startup.measure(startup.Options(quick=quick)),
+        "single_env": single_env.measure(single_env.SingleEnvOptions(quick=quick)),
+        "vector_env": vector_env.measure(vector_env.VectorEnvOptions(quick=quick, envs=(envs,), scenarios=(scenario,))),
+        "physics": physics.measure(physics.PhysicsOptions(quick=quick, settings=(SHIPPED, ORIGINAL_SETTINGS))),
+        "policies": policies.measure(policies.PoliciesOptions(quick=quick)),
+        "startup": startup.measure(startup.StartupOptions(quick=quick)),
     }
-    return Outcome(
+    return BenchmarkResult(
         {name: outcome.figures for name, outcome in outcomes.items()},
         (),
         tuple(check for outcome in outcomes.values() for check in outcome.checks),
@@ -36,7 +36,7 @@ def measure(options: Options) -> Outcome:
     )
 
 
-main = command(Options, measure, "benchmarks", __doc__)
+main = command(AllOptions, measure, "benchmarks", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

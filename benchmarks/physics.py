@@ -12,7 +12,7 @@ from mujoco.batch import Batch
 from rich.table import Table
 
 from benchmarks.support.bars import ACCURACY, check
-from benchmarks.support.command import Common, Outcome, cell, command, table
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
 from benchmarks.support.measure import Floats, TimedFunction, cores, interleave, progress_bar, speed_ratio, spread
 from benchmarks.support.physics_accuracy import CONTROL_PERIOD, Accuracy, Stride, accuracy, strides
 from benchmarks.support.physics_settings import ORIGINAL_SETTINGS, SETTINGS, SHIPPED
@@ -21,7 +21,7 @@ from quad_env.cli.launcher import launch
 
 
 @dataclass(frozen=True)
-class Options(Common):
+class PhysicsOptions(MeasurementOptions):
     """Solver, iterations, cone, contacts and timestep."""
 
     rounds: int = 9
@@ -34,7 +34,7 @@ class Options(Common):
     """Threads of the simulation (count; default: this machine's cores)."""
 
 
-def measure(options: Options) -> Outcome:
+def measure(options: PhysicsOptions) -> BenchmarkResult:
     """Speeds, accuracies, and which setting is the fastest within the bar."""
     if options.quick:
         options = replace(options, rounds=1, envs=2, settings=("PGS, 5",))
@@ -56,10 +56,10 @@ def measure(options: Options) -> Outcome:
     tables = (_speeds(seconds, found, options), _accuracies(found))
     figures = {"seconds_per_simulated_second": seconds, "speed": speeds, "accuracy": found, "fastest_within": best}
     notes = (f"fastest within the accuracy bar: {best}",)
-    return Outcome(figures, tables, (check("physics", gained),), notes)
+    return BenchmarkResult(figures, tables, (check("physics", gained),), notes)
 
 
-def _walking(name: str, recorded_strides: tuple[Stride, ...], options: Options) -> TimedFunction:
+def _walking(name: str, recorded_strides: tuple[Stride, ...], options: PhysicsOptions) -> TimedFunction:
     """Seconds a robot and simulated second of one stride, the robots on all strides alike."""
     model = SETTINGS[name].model()
     batch = Batch(model, options.envs, options.threads)
@@ -83,7 +83,7 @@ def _walking(name: str, recorded_strides: tuple[Stride, ...], options: Options) 
     return stride
 
 
-def _speeds(seconds: dict[str, Floats], found: dict[str, Accuracy], options: Options) -> Table:
+def _speeds(seconds: dict[str, Floats], found: dict[str, Accuracy], options: PhysicsOptions) -> Table:
     rows = table(
         f"Speed, {options.envs} robots under the trot, {options.threads} threads",
         "setting",
@@ -109,7 +109,7 @@ def _mark(figures: Accuracy) -> str:
     return "yes" if figures.within else "no"
 
 
-main = command(Options, measure, "benchmarks.physics", __doc__)
+main = command(PhysicsOptions, measure, "benchmarks.physics", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -15,7 +15,7 @@ import numpy as np
 import policies
 from benchmarks.support import bare
 from benchmarks.support.bars import check
-from benchmarks.support.command import Common, Outcome, cell, command, table
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
 from benchmarks.support.measure import Floats, TimedFunction, interleave, spread
 from quad_env import ENV_ID
 from quad_env.cli.command_line import check_numbers
@@ -27,7 +27,7 @@ Clock = Callable[[], float]
 
 
 @dataclass(frozen=True)
-class Options(Common):
+class PoliciesOptions(MeasurementOptions):
     """Every policy at several numbers of robots, and one robot's worst calls."""
 
     policies: tuple[str, ...] = policies.names()
@@ -40,7 +40,7 @@ class Options(Common):
     """Calls that the percentiles are over (count); a thousand or more, for one to be beyond them."""
 
 
-def measure(options: Options) -> Outcome:
+def measure(options: PoliciesOptions) -> BenchmarkResult:
     """Means at each size, then the percentiles."""
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 2), steps=2, calls=10)
@@ -64,14 +64,14 @@ def measure(options: Options) -> Outcome:
         "percentile_ms": worst,
         "processor_percentile_ms": {name: _percentile(values) * 1e3 for name, values in processor.items()},
     }
-    return Outcome(figures, (means, tails), checks)
+    return BenchmarkResult(figures, (means, tails), checks)
 
 
 def _percentile(values: Floats) -> float:
     return float(np.percentile(values, PERCENTILE))
 
 
-def _costs(num_envs: int, options: Options) -> dict[str, Floats]:
+def _costs(num_envs: int, options: PoliciesOptions) -> dict[str, Floats]:
     """Seconds a robot and action of each policy, (rounds,)."""
     steps = options.steps
 
@@ -92,7 +92,7 @@ def _costs(num_envs: int, options: Options) -> dict[str, Floats]:
     return interleave(subjects, options.rounds, f"policies, {num_envs} robots")
 
 
-def _calls(options: Options, clock: Clock) -> dict[str, Floats]:
+def _calls(options: PoliciesOptions, clock: Clock) -> dict[str, Floats]:
     """Seconds of single calls for one robot, (calls,): each policy's, a control step of the whole, a joint loop's."""
     start = bare.start("flat", 1)
     data = bare.BareLoop(start).data
@@ -135,7 +135,7 @@ def _timed(call: Callable[[], object], clock: Clock) -> TimedFunction:
     return subject
 
 
-main = command(Options, measure, "benchmarks.policies", __doc__)
+main = command(PoliciesOptions, measure, "benchmarks.policies", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

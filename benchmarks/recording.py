@@ -15,7 +15,7 @@ import numpy as np
 
 import policies
 from benchmarks.support.bars import check
-from benchmarks.support.command import Common, Outcome, cell, command, table
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
 from benchmarks.support.measure import Floats, TimedFunction, interleave, speed_ratio
 from evaluate.rollouts.observers import Observer
 from evaluate.rollouts.rollout import roll_out
@@ -29,7 +29,7 @@ CLOCKS = ("wall", "processor", "until closed")
 
 
 @dataclass(frozen=True)
-class Options(Common):
+class RecordingOptions(MeasurementOptions):
     """One robot that walks, with and without a recording."""
 
     policies: tuple[str, ...] = ("trot", "residual")
@@ -40,7 +40,7 @@ class Options(Common):
     """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
 
 
-def measure(options: Options) -> Outcome:
+def measure(options: RecordingOptions) -> BenchmarkResult:
     """A row for each policy and kind of file: time with it by time without it."""
     if options.quick:
         options = replace(options, rounds=1, seconds=0.2)
@@ -57,10 +57,10 @@ def measure(options: Options) -> Outcome:
             least = float(taken["wall"].min() / plain["wall"].min())
             rows.add_row(name, kind, *map(cell, ratios), f"{least:.2f}")
             walls.append(ratios[0].median)
-    return Outcome({"seconds": seconds}, (rows,), (check("recording", max(walls)),))
+    return BenchmarkResult({"seconds": seconds}, (rows,), (check("recording", max(walls)),))
 
 
-def _seconds(name: str, options: Options) -> dict[str, dict[str, Floats]]:
+def _seconds(name: str, options: RecordingOptions) -> dict[str, dict[str, Floats]]:
     """Kind of file, or `none` -> clock -> seconds, (rounds,)."""
     steps = round(options.seconds / CONTROL_PERIOD)
     policy = policies.resolve(name)
@@ -91,7 +91,7 @@ def _recording(file: str | None, policy: Policy) -> Iterator[tuple[Observer, ...
         yield (observer,)
 
 
-main = command(Options, measure, "benchmarks.recording", __doc__)
+main = command(RecordingOptions, measure, "benchmarks.recording", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

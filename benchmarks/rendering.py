@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import gymnasium as gym
 
 from benchmarks.support.bars import check
-from benchmarks.support.command import Common, Outcome, cell, command, table
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
 from benchmarks.support.measure import TimedFunction, interleave, spread
 from quad_env import ENV_ID
 from quad_env.cli.launcher import launch
@@ -20,14 +20,14 @@ SCENARIOS = (REFERENCE, "stairs", "rough")
 
 
 @dataclass(frozen=True)
-class Options(Common):
+class RenderingOptions(MeasurementOptions):
     """One robot, seen by the camera that follows it, on several grounds."""
 
     frames: int = 5
     """Frames of each ground in a round (count)."""
 
 
-def measure(options: Options) -> Outcome:
+def measure(options: RenderingOptions) -> BenchmarkResult:
     """One table; the grounds take turns."""
     if options.quick:
         options = replace(options, rounds=1, frames=1)
@@ -42,7 +42,7 @@ def measure(options: Options) -> Outcome:
     rows = table("Rendering, 640 x 480", "ground", "frames a second of processor time")
     for name, rate in rates.items():
         rows.add_row(name, cell(rate, 1))
-    return Outcome({"frames_a_second": rates}, (rows,), (check("rendering", rates[REFERENCE].median),))
+    return BenchmarkResult({"frames_a_second": rates}, (rows,), (check("rendering", rates[REFERENCE].median),))
 
 
 def _frame_of(env: gym.Env, frames: int) -> TimedFunction:
@@ -55,7 +55,7 @@ def _frame_of(env: gym.Env, frames: int) -> TimedFunction:
     return draw
 
 
-main = command(Options, measure, "benchmarks.rendering", __doc__)
+main = command(RenderingOptions, measure, "benchmarks.rendering", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -8,7 +8,7 @@ import gymnasium as gym
 
 from benchmarks.support import bare
 from benchmarks.support.bars import check
-from benchmarks.support.command import Common, Outcome, cell, command, table
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
 from benchmarks.support.measure import difference, interleave, speed_ratio, spread
 from quad_env import ENV_ID, MAX_EPISODE_STEPS
 from quad_env.cli.command_line import check_numbers
@@ -17,7 +17,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
-class Options(Common):
+class SingleEnvOptions(MeasurementOptions):
     """One robot: wrappers, checks, commands, observation, reward and infos against the physics alone."""
 
     robot: str = SIMPLE_QUAD.name
@@ -26,7 +26,7 @@ class Options(Common):
     """Control steps of 10 ms in a round (count), at most an episode."""
 
 
-def measure(options: Options) -> Outcome:
+def measure(options: SingleEnvOptions) -> BenchmarkResult:
     """Both walk the same steps from the same state."""
     if options.quick:
         options = replace(options, rounds=1, steps=20)
@@ -54,7 +54,7 @@ def measure(options: Options) -> Outcome:
     rows.add_row("ratio of speeds", cell(ratio), "")
     rows.add_row("overhead, µs", cell(overhead, 1), "")
     figures = {"seconds_per_step": seconds, "ratio": ratio, "overhead_us": overhead}
-    return Outcome(figures, (rows,), (check("single_env", ratio.median),))
+    return BenchmarkResult(figures, (rows,), (check("single_env", ratio.median),))
 
 
 def _run(step: Callable[[bare.Actions], object], actions: bare.Actions) -> float:
@@ -64,7 +64,7 @@ def _run(step: Callable[[bare.Actions], object], actions: bare.Actions) -> float
     return (time.perf_counter() - begin) / len(actions)
 
 
-main = command(Options, measure, "benchmarks.single_env", __doc__)
+main = command(SingleEnvOptions, measure, "benchmarks.single_env", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

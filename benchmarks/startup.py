@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass, replace
 
 from benchmarks.support.bars import check
-from benchmarks.support.command import Common, Outcome, cell, command, table
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
 from benchmarks.support.measure import TimedFunction, interleave, spread
 from evaluate.records.provenance import REPOSITORY
 from quad_env.cli.launcher import launch
@@ -30,14 +30,14 @@ _LOADED = f"import sys, quad_env; print(*(name for name in {HEAVY} if name in sy
 
 
 @dataclass(frozen=True)
-class Options(Common):
+class StartupOptions(MeasurementOptions):
     """Seconds from nothing to what a user asked for."""
 
     rounds: int = 7
     """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
 
 
-def measure(options: Options) -> Outcome:
+def measure(options: StartupOptions) -> BenchmarkResult:
     """One table; the ratio is that of the two imports."""
     if options.quick:
         options = replace(options, rounds=1)
@@ -54,7 +54,7 @@ def measure(options: Options) -> Outcome:
     slower = max(spread(seconds[name]).median for name in HELPS)
     checks = (check("import", ratio.median), check("loaded", len(loaded)), check("help", slower))
     figures = {"seconds": seconds, "import_ratio": ratio, "loaded_by_quad_env": loaded}
-    return Outcome(figures, (rows,), checks)
+    return BenchmarkResult(figures, (rows,), checks)
 
 
 def _python(*arguments: str) -> str:
@@ -78,7 +78,7 @@ def _outside(command: str) -> TimedFunction:
     return wait
 
 
-main = command(Options, measure, "benchmarks.startup", __doc__)
+main = command(StartupOptions, measure, "benchmarks.startup", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -14,7 +14,7 @@ import numpy as np
 from stable_baselines3.common.logger import configure
 
 from benchmarks.support.bars import check
-from benchmarks.support.command import Common, Outcome, cell, command, table
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
 from benchmarks.support.measure import Floats, progress_bar, spread
 from quad_env.cli.launcher import launch
 from quad_env.physics.simulation import Simulation
@@ -27,7 +27,7 @@ REFERENCE = DEFAULTS["residual"]
 
 
 @dataclass(frozen=True)
-class Options(Common):
+class TrainingOptions(MeasurementOptions):
     """One round is a rollout and its update; robots, scenarios and network are those of `python -m train`."""
 
     robot: str = REFERENCE.robot
@@ -40,7 +40,7 @@ class Options(Common):
     """Rollouts (count). Figures are medians and quartiles over them."""
 
 
-def measure(options: Options) -> Outcome:
+def measure(options: TrainingOptions) -> BenchmarkResult:
     """Learner steps a second, those of the physics alone, and where the rest of the time goes."""
     defaults = replace(DEFAULTS["residual"], base=options.base)
     ppo = replace(defaults.ppo, envs=options.envs)
@@ -64,7 +64,7 @@ def measure(options: Options) -> Outcome:
         REFERENCE.ppo.envs,
     )
     checks = (check("training", ratio.median),) if required_figures else ()
-    return Outcome(figures, (rows,), checks, (note,))
+    return BenchmarkResult(figures, (rows,), checks, (note,))
 
 
 def rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
@@ -114,7 +114,7 @@ class Stopwatch:
         return call
 
 
-main = command(Options, measure, "benchmarks.training", __doc__)
+main = command(TrainingOptions, measure, "benchmarks.training", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

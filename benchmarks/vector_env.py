@@ -15,7 +15,7 @@ import numpy as np
 import policies
 from benchmarks.support import bare
 from benchmarks.support.bars import check
-from benchmarks.support.command import Common, Outcome, cell, command, table
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
 from benchmarks.support.measure import (
     Advance,
     Floats,
@@ -40,7 +40,7 @@ RESETS = 5
 
 
 @dataclass(frozen=True)
-class Options(Common):
+class VectorEnvOptions(MeasurementOptions):
     """n robots: commands, observations, rewards, ends, resets, pushes and terrain against the physics alone."""
 
     robot: str = SIMPLE_QUAD.name
@@ -60,7 +60,7 @@ class Options(Common):
 
 
 @dataclass(frozen=True)
-class Result:
+class VectorEnvTiming:
     """One size on one scenario."""
 
     seconds: dict[str, Floats]
@@ -71,7 +71,7 @@ class Result:
     overhead_us: Quartiles
 
 
-def measure(options: Options) -> Outcome:
+def measure(options: VectorEnvOptions) -> BenchmarkResult:
     """A table with a row for each scenario and size."""
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 3), scenarios=("flat", "rough"), robot_steps=1, warm_up=1)
@@ -92,10 +92,10 @@ def measure(options: Options) -> Outcome:
     reference = results.get(REFERENCE)
     checks = (check("vector_env", reference.ratio.median, reference.overhead_us.median),) if reference else ()
     figures = {f"{name} {n}": result for (name, n), result in results.items()}
-    return Outcome(figures, (rows,), checks)
+    return BenchmarkResult(figures, (rows,), checks)
 
 
-def compare(name: str, num_envs: int, options: Options, advance: Advance) -> Result:
+def compare(name: str, num_envs: int, options: VectorEnvOptions, advance: Advance) -> VectorEnvTiming:
     """Environment and bare batch, a control step each in turns."""
     start = bare.start(name, num_envs, options.robot)
     robots = bare.BareBatch(start, options.threads)
@@ -111,7 +111,7 @@ def compare(name: str, num_envs: int, options: Options, advance: Advance) -> Res
     advance()
     amortized_reset = 1 / MAX_EPISODE_STEPS + start.dt / CommandRanges().interval
     whole, limit = seconds["environment"] + amortized_reset * float(np.median(reset)), seconds["bare"]
-    return Result(
+    return VectorEnvTiming(
         {"environment": whole, "bare": limit},
         spread(reset).scaled(1e6),
         speed_ratio(whole, limit),
@@ -151,7 +151,7 @@ class TrotEnv:
         return (time.perf_counter() - begin) / len(self.action)
 
 
-main = command(Options, measure, "benchmarks.vector_env", __doc__)
+main = command(VectorEnvOptions, measure, "benchmarks.vector_env", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

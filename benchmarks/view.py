@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.support.bars import check
-from benchmarks.support.command import Outcome, Output, command, table
+from benchmarks.support.command import BenchmarkResult, OutputOptions, command, table
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import launch
 from quad_env.cli.progress import bar
@@ -37,7 +37,7 @@ SIZE = {"width": 1280, "height": 900}
 
 
 @dataclass(frozen=True)
-class Options(Output):
+class ViewOptions(OutputOptions):
     """The live view in real time, watched by a headless browser."""
 
     seconds: float = 60.0
@@ -48,10 +48,10 @@ class Options(Output):
     """Policies, a robot each."""
 
 
-def measure(options: Options) -> Outcome:
+def measure(options: ViewOptions) -> BenchmarkResult:
     """Watch the view for that long."""
     if options.quick:
-        options = Options(quick=True, seconds=4.0, scenario=options.scenario, policy=options.policy)
+        options = ViewOptions(quick=True, seconds=4.0, scenario=options.scenario, policy=options.policy)
     with _browser() as browser:
         own = _watch(browser, options)
     rows = table("Live view in a headless browser", "viewer", "x real time", "frames/s", "first frame, s")
@@ -65,10 +65,10 @@ def measure(options: Options) -> Outcome:
         check("view frames", own["frames"]),
         check("view first frame", own["first_frame"]),
     )
-    return Outcome({"view": own}, (rows, growth), checks)
+    return BenchmarkResult({"view": own}, (rows, growth), checks)
 
 
-def _watch(browser: Any, options: Options) -> dict[str, Any]:
+def _watch(browser: Any, options: ViewOptions) -> dict[str, Any]:
     words = ["--policy", *options.policy, "--scenario", options.scenario, "--command", "0.5", "0", "0"]
     begun = time.perf_counter()
     with _process("-m", "quad_env", "view", *words, "--port", "0", "--no-browser") as view:
@@ -137,7 +137,7 @@ def _process(*words: str) -> Iterator[subprocess.Popen[str]]:
         process.communicate()
 
 
-main = command(Options, measure, "benchmarks.view", __doc__)
+main = command(ViewOptions, measure, "benchmarks.view", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -78,7 +78,7 @@ ACCURACY = {
 
 
 @dataclass(frozen=True)
-class Check:
+class RequirementCheck:
     """A bar and the values measured for it, one a limit."""
 
     bar: str
@@ -90,8 +90,8 @@ class Check:
         return any(limit.is_met(value) for limit, value in zip(BARS[self.bar].limits, self.values, strict=True))
 
 
-def check(bar: str, *values: float) -> Check:
+def check(bar: str, *values: float) -> RequirementCheck:
     """The values, one for each limit of that bar. Raises ValueError where there are more or fewer."""
     if len(values) != len(BARS[bar].limits):
         raise ValueError(f"{bar}: {len(values)} values for {len(BARS[bar].limits)} limits")
-    return Check(bar, values)
+    return RequirementCheck(bar, values)

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.support.bars import BARS, Check
+from benchmarks.support.bars import BARS, RequirementCheck
 from benchmarks.support.measure import Quartiles, machine, machine_line
 from evaluate.analysis.results import without_nan
 from quad_env import MAX_EPISODE_STEPS
@@ -35,7 +35,7 @@ LIMITS = {
 
 
 @dataclass(frozen=True)
-class Output:
+class OutputOptions:
     """Options of every command."""
 
     quick: bool = False
@@ -45,30 +45,30 @@ class Output:
 
 
 @dataclass(frozen=True)
-class Common(Output):
+class MeasurementOptions(OutputOptions):
     """Options of every measurement."""
 
     rounds: int = 15
     """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
 
 
-Options = TypeVar("Options", bound=Output)
+OptionsT = TypeVar("OptionsT", bound=OutputOptions)
 
 
 @dataclass(frozen=True)
-class Outcome:
+class BenchmarkResult:
     """What a command measured: figures for the JSON file, tables to print, and figures that have limits."""
 
     figures: dict[str, Any]
     tables: tuple[Table, ...]
-    checks: tuple[Check, ...] = ()
+    checks: tuple[RequirementCheck, ...] = ()
     notes: tuple[str, ...] = ()
     unmeasured: tuple[str, ...] = ()
     """Bars that another command measures."""
 
 
 def command(
-    kind: type[Options], measure: Callable[[Options], Outcome], program: str, description: str | None
+    kind: type[OptionsT], measure: Callable[[OptionsT], BenchmarkResult], program: str, description: str | None
 ) -> Callable[..., int]:
     """A function of the command line's words, by default those of the process: it parses, measures, prints and writes.
 
@@ -85,7 +85,7 @@ def command(
     return lambda words=None: exit_code(lambda: run(sys.argv[1:] if words is None else words))
 
 
-def _check(options: Output) -> None:
+def _check(options: OutputOptions) -> None:
     """Raise UsageError, one line, for a number beyond its limits, an empty or double list, or no place for the file."""
     check_numbers(options, {name: limits for name, limits in LIMITS.items() if hasattr(options, name)})
     for name, value in vars(options).items():
@@ -96,7 +96,7 @@ def _check(options: Output) -> None:
         make_folder_of(options.json, "--json")
 
 
-def write_results(outcome: Outcome, facts: dict[str, Any], options: Output, program: str) -> None:
+def write_results(outcome: BenchmarkResult, facts: dict[str, Any], options: OutputOptions, program: str) -> None:
     """Print the tables, the notes and the figures with limits; write the JSON file."""
     console = Console(width=WIDTH, highlight=False)
     for part in outcome.tables:
@@ -117,7 +117,7 @@ def write_results(outcome: Outcome, facts: dict[str, Any], options: Output, prog
         write_atomically(options.json, (json.dumps(plain(record), indent=2) + "\n").encode())
 
 
-def checks_table(checks: Sequence[Check], unmeasured: Sequence[str]) -> Table:
+def checks_table(checks: Sequence[RequirementCheck], unmeasured: Sequence[str]) -> Table:
     """The figures with their limits; an `unmeasured` one names the command that measures it."""
     rows = table("Limits", "figure", "bar", "measured", "")
     for each in checks:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import policies
 from benchmarks.support.bars import ACCURACY
-from benchmarks.support.physics_settings import FINE, Setting, SpecEdit, compiled
+from benchmarks.support.physics_settings import FINE, PhysicsSetting, SpecEdit, compiled
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from quad_env import TaskConfig
@@ -79,7 +79,7 @@ def _stride(command: tuple[float, float, float]) -> Stride:
     return Stride(data.qpos.copy(), data.qvel.copy(), data.qacc_warmstart.copy(), np.array(targets))
 
 
-def accuracy(setting: Setting, walked: tuple[Stride, ...], reference: SpecEdit = FINE) -> Accuracy:
+def accuracy(setting: PhysicsSetting, walked: tuple[Stride, ...], reference: SpecEdit = FINE) -> Accuracy:
     """Every figure of a setting; strides are compared with those of the `reference`."""
     model, true = compiled(setting.change), compiled(reference)
     trunk, tilt, joints = np.max([_deviation(model, true, stride) for stride in walked], axis=0).tolist()

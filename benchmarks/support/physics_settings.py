@@ -55,7 +55,7 @@ FINE = options(timestep=0.0005, solver=NEWTON, iterations=100, tolerance=1e-10)
 
 
 @dataclass(frozen=True)
-class Setting:
+class PhysicsSetting:
     """A change of the shipped model."""
 
     change: SpecEdit
@@ -72,27 +72,29 @@ SHIPPED = "shipped"
 ORIGINAL_SETTINGS = "first settings"
 """Name of the foundation's settings: what a faster setting is measured from."""
 
-SETTINGS: dict[str, Setting] = {
-    SHIPPED: Setting(options()),
-    ORIGINAL_SETTINGS: Setting(
+SETTINGS: dict[str, PhysicsSetting] = {
+    SHIPPED: PhysicsSetting(options()),
+    ORIGINAL_SETTINGS: PhysicsSetting(
         options(solver=NEWTON, iterations=100, cone=ELLIPTIC, impratio=10, timestep=0.002), use_stepping_model=False
     ),
-    "all sensors, islands": Setting(options(), use_stepping_model=False),
-    "Newton, 10": Setting(options(solver=NEWTON, iterations=10)),
-    "Newton, 3": Setting(options(solver=NEWTON, iterations=3)),
-    "CG, 30": Setting(options(solver=CG, iterations=30)),
-    "CG, 10": Setting(options(solver=CG, iterations=10)),
-    "PGS, 30": Setting(options(solver=PGS, iterations=30)),
-    "PGS, 10": Setting(options(solver=PGS, iterations=10)),
-    "PGS, 5": Setting(options(solver=PGS, iterations=5)),
-    "PGS, 3": Setting(options(solver=PGS, iterations=3)),
-    "pyramidal cone": Setting(options(cone=PYRAMIDAL, impratio=1)),
-    "impratio 1": Setting(options(impratio=1)),
-    "timestep 1 ms": Setting(options(timestep=0.001)),
-    "no self-collision": Setting(ground_only()),
-    "feet and trunk": Setting(ground_only("foot", "trunk")),
-    "feet and trunk, PGS, 10": Setting(combine(ground_only("foot", "trunk"), options(solver=PGS, iterations=10))),
-    "feet and trunk, PGS, 5": Setting(combine(ground_only("foot", "trunk"), options(solver=PGS, iterations=5))),
+    "all sensors, islands": PhysicsSetting(options(), use_stepping_model=False),
+    "Newton, 10": PhysicsSetting(options(solver=NEWTON, iterations=10)),
+    "Newton, 3": PhysicsSetting(options(solver=NEWTON, iterations=3)),
+    "CG, 30": PhysicsSetting(options(solver=CG, iterations=30)),
+    "CG, 10": PhysicsSetting(options(solver=CG, iterations=10)),
+    "PGS, 30": PhysicsSetting(options(solver=PGS, iterations=30)),
+    "PGS, 10": PhysicsSetting(options(solver=PGS, iterations=10)),
+    "PGS, 5": PhysicsSetting(options(solver=PGS, iterations=5)),
+    "PGS, 3": PhysicsSetting(options(solver=PGS, iterations=3)),
+    "pyramidal cone": PhysicsSetting(options(cone=PYRAMIDAL, impratio=1)),
+    "impratio 1": PhysicsSetting(options(impratio=1)),
+    "timestep 1 ms": PhysicsSetting(options(timestep=0.001)),
+    "no self-collision": PhysicsSetting(ground_only()),
+    "feet and trunk": PhysicsSetting(ground_only("foot", "trunk")),
+    "feet and trunk, PGS, 10": PhysicsSetting(
+        combine(ground_only("foot", "trunk"), options(solver=PGS, iterations=10))
+    ),
+    "feet and trunk, PGS, 5": PhysicsSetting(combine(ground_only("foot", "trunk"), options(solver=PGS, iterations=5))),
 }
 """What follows a solver's name is its number of iterations."""
 

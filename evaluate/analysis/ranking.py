@@ -20,7 +20,7 @@ POWER = 0.8
 
 
 @dataclass(frozen=True)
-class Neighbours:
+class AdjacentPair:
     """Two policies next to each other in the ranking. The fields are keys of results.json."""
 
     better: str
@@ -66,7 +66,7 @@ class Ranking:
     episodes: int
     places: tuple[ParetoPoint, ...]
     """The most successful first."""
-    neighbours: tuple[Neighbours, ...]
+    neighbours: tuple[AdjacentPair, ...]
 
 
 def ranking(counted: ScoredCells, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:
@@ -74,25 +74,26 @@ def ranking(counted: ScoredCells, places: Sequence[ParetoPoint], *, hardware: bo
     values = {each.policy: counted.by_episode(each.policy) for each in places}
     pairs = pairwise(each.policy for each in places)
     found = [
-        _identical(a, b) if counted.is_identical(a, b) else _neighbours(a, b, values[a], values[b]) for a, b in pairs
+        _identical_pair(a, b) if counted.is_identical(a, b) else _adjacent_pair(a, b, values[a], values[b])
+        for a, b in pairs
     ]
     episodes = len(next(iter(values.values()), ()))
     return Ranking(hardware, len(counted.axes), tuple(counted.scenarios), episodes, tuple(places), tuple(found))
 
 
-def _identical(better: str, worse: str) -> Neighbours:
+def _identical_pair(better: str, worse: str) -> AdjacentPair:
     """Return the comparison of two neighbours with bit-identical episodes."""
-    return Neighbours(better, worse, 0.0, 0.0, NO_INTERVAL, 1.0, identical=True)
+    return AdjacentPair(better, worse, 0.0, 0.0, NO_INTERVAL, 1.0, identical=True)
 
 
-def _neighbours(better: str, worse: str, a: Floats, b: Floats) -> Neighbours:
+def _adjacent_pair(better: str, worse: str, a: Floats, b: Floats) -> AdjacentPair:
     """From the score of each episode, (n,) each, in the same order of seeds."""
     differences = a - b
     deviation = float(differences.std(ddof=1)) if len(differences) > 1 else np.nan
     single = np.isin([a, b], (0.0, 1.0)).all()
     metric = SUCCESS_RATE if single else SCORE
     difference, ci, p_value, _ = paired_difference(metric, a, b)
-    return Neighbours(better, worse, difference, deviation, ci, p_value)
+    return AdjacentPair(better, worse, difference, deviation, ci, p_value)
 
 
 def correct_p_values(
@@ -134,8 +135,8 @@ def correct_p_values(
 
 
 def _with_corrected_p_value(
-    of: Neighbours, p_value: float, level: float, ranked: Ranking, shown: Sequence[Comparison]
-) -> Neighbours:
+    of: AdjacentPair, p_value: float, level: float, ranked: Ranking, shown: Sequence[Comparison]
+) -> AdjacentPair:
     """With its corrected p-value, the episodes that its level takes, and the scenarios that show something alone."""
     on = {each: list[str]() for each in (of.better, of.worse)}
     for c in shown:
@@ -146,7 +147,7 @@ def _with_corrected_p_value(
     return replace(of, p_value_holm=p_value, needed=needed, better_on=better, worse_on=worse)
 
 
-def episodes_needed(of: Neighbours, level: float, episodes: int) -> float:
+def episodes_needed(of: AdjacentPair, level: float, episodes: int) -> float:
     """Episodes with which a two-sided paired test at a level finds a difference of this size with the chance POWER.
 
     ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² / 2 (Guenther 1981, The American

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from evaluate.analysis.score import is_scored, select_scored_cells
 from evaluate.cells import LabelledPolicy, PolicyScenarioResult
 from evaluate.report.verdict import SAME
-from evaluate.statistics.sequential import Neighbours, neighbours
+from evaluate.statistics.sequential import AdjacentTest, compare_adjacent_policies
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import number
 from quad_env.scenarios.scenario import Scenario
@@ -15,7 +15,7 @@ def interim_analysis(cells: Sequence[PolicyScenarioResult], limit: int) -> tuple
     """The ranking of cells with at most so many episodes each, as in `24 of at most 96 episodes, 1 of 2 neighbours
     distinguished: a > b, b ~ c (p = 0.2)`; and why the run ends here, empty where it goes on."""
     found = select_scored_cells(cells, hardware=all(cell.scenario.hardware for cell in cells))
-    pairs = neighbours({policy: found.by_episode(policy) for policy in found.cells_by_policy}, limit)
+    pairs = compare_adjacent_policies({policy: found.by_episode(policy) for policy in found.cells_by_policy}, limit)
     if not pairs:
         raise ValueError("policies that ran different episodes are not ranked")
     episodes, known = cells[0].episodes, sum(each.distinguished for each in pairs)
@@ -29,7 +29,7 @@ def interim_analysis(cells: Sequence[PolicyScenarioResult], limit: int) -> tuple
     return f"{line}: {', '.join(shown)}", ended
 
 
-def _shown(of: Neighbours, *, identical: bool) -> str:
+def _shown(of: AdjacentTest, *, identical: bool) -> str:
     if identical:
         return f"{of.ahead} = {of.behind} ({SAME})"
     if of.distinguished:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from evaluate.analysis.comparison import SIGNIFICANT
-from evaluate.analysis.ranking import Neighbours, Ranking
+from evaluate.analysis.ranking import AdjacentPair, Ranking
 from evaluate.analysis.results import Results
 from evaluate.analysis.strengths import strengths
 from evaluate.statistics.intervals import Interval
@@ -83,12 +83,12 @@ def best_and_worst(results: Results) -> dict[str, tuple[str, str]]:
     return words
 
 
-def _size(of: Neighbours) -> str:
+def _size(of: AdjacentPair) -> str:
     shown = points_with(of.difference, of.ci)
     return f"{shown.value} points {shown.brackets}".rstrip()
 
 
-def _overall_text(of: Neighbours, episodes: int) -> str:
+def _overall_text(of: AdjacentPair, episodes: int) -> str:
     if of.distinguished:
         return f"{of.better} beats {of.worse} by {_size(of)}"
     if of.identical:
@@ -105,7 +105,7 @@ def _overall_text(of: Neighbours, episodes: int) -> str:
     return f"{said} ({_size(of)}, corrected {p_value(of.p_value_holm)}{by_itself})"
 
 
-def _per_scenario_text(of: Neighbours, ranked: Ranking) -> str:
+def _per_scenario_text(of: AdjacentPair, ranked: Ranking) -> str:
     """What single scenarios show, so that they do not seem to contradict all of them together."""
     if len(ranked.scenarios) == 1:
         return ""

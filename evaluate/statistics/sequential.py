@@ -30,7 +30,7 @@ _POINTS = 401
 """Of the density between the boundaries, which is integrated numerically."""
 
 
-class Neighbours(NamedTuple):
+class AdjacentTest(NamedTuple):
     """Two policies that follow each other in a ranking."""
 
     ahead: str
@@ -47,14 +47,14 @@ def looks(most: int) -> tuple[int, ...]:
     return tuple(sorted({math.ceil(most * look / LOOKS) for look in range(1, LOOKS + 1)}))
 
 
-def neighbours(values: Mapping[str, Floats], most: int) -> list[Neighbours]:
+def compare_adjacent_policies(values: Mapping[str, Floats], most: int) -> list[AdjacentTest]:
     """From the best on: of policies' scores in the same episodes, (n,) each, n being `most` at the last look."""
-    order, found = sorted(values, key=lambda policy: -values[policy].mean()), list[Neighbours]()
+    order, found = sorted(values, key=lambda policy: -values[policy].mean()), list[AdjacentTest]()
     levels = nominal_levels(most, len(order)) if len(order) > 1 else {}
     for ahead, behind in pairwise(order):
         p_value, episodes = sign_flip_test(values[ahead] - values[behind]), len(values[ahead])
         chance = predictive_power(p_value, episodes / most, levels[most])
-        found.append(Neighbours(ahead, behind, p_value, p_value < levels[episodes], chance < FUTILITY_POWER))
+        found.append(AdjacentTest(ahead, behind, p_value, p_value < levels[episodes], chance < FUTILITY_POWER))
     return found
 
 

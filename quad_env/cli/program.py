@@ -1,18 +1,19 @@
 """A program of several commands: one table of them, and one way for all to end.
 
-A command is a module with `Options`, a frozen dataclass whose docstrings are its --help, and `main`, which takes them
-and gives the exit code. It raises UserError or OSError for what a user can correct, and after Ctrl-C a
-KeyboardInterrupt, with a text if it has something to say about what is kept.
+A command is a module with a function `main(options)` that returns the exit code. The annotation of its parameter names
+the options: a frozen dataclass with docstrings that --help shows. `main` raises UserError or OSError for an error that
+the user can correct, and KeyboardInterrupt after Ctrl-C, with a text if it kept something.
 """
 
 import difflib
+import inspect
 import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
-from typing import Any
+from typing import Any, cast
 
 from quad_env.cli.command_line import UsageError, UserError, parse, survive_narrow_encodings
 from quad_env.cli.launcher import FAILED, INTERRUPTED, NOTHING_KEPT, OUT_OF_MEMORY, is_broken_pipe, is_out_of_memory
@@ -37,7 +38,7 @@ class Command:
     """One command of a program."""
 
     module: str
-    """Where its `Options` and `main` are; loaded when it is called, so that no other command waits for it."""
+    """Module of its `main`; loaded when it is called, so that no other command waits for it."""
     summary: str
     """What it does, for the list of commands."""
 
@@ -76,7 +77,8 @@ class Program:
         if first in self.commands:
             module: Any = import_module(self.commands[first].module)
             program = f"{self.name} {first}"
-            return int(module.main(parse(module.Options, words[1:], program=program, description=module.__doc__)))
+            kind = options_class(module)
+            return int(module.main(parse(kind, words[1:], program=program, description=module.__doc__)))
         try:
             return self.otherwise(words) if self.otherwise else self._list(words)
         except UsageError as mistake:
@@ -90,6 +92,13 @@ class Program:
             raise UsageError(f"there is no command {words[0]}; there are {', '.join(self.commands)}")
         print(f"{self.name} COMMAND, each with its own --help:\n{self.listing()}")
         return 0
+
+
+def options_class(module: Any) -> type[Any]:
+    """Return the dataclass of a command's options: the type of its `main`'s parameter, else its `Options`."""
+    (parameter,) = inspect.signature(module.main).parameters.values()
+    annotated = parameter.annotation is not inspect.Parameter.empty
+    return cast(type[Any], parameter.annotation if annotated else module.Options)
 
 
 def exit_code(run: Callable[[], int]) -> int:

@@ -30,7 +30,7 @@ SCENARIOS = "flat", "push", "rough", "noise:3", "latency:3"
 
 
 @dataclass(frozen=True)
-class Options:
+class LeaderboardOptions:
     """Policies to compare, and where their results go."""
 
     list: Annotated[Path, tyro.conf.Positional]
@@ -55,7 +55,7 @@ class Options:
     """Page, with CSV files in results/ next to it; by default docs/leaderboard_NAME.md for the list NAME.toml."""
 
 
-def main(options: Options) -> int:
+def main(options: LeaderboardOptions) -> int:
     """Evaluate and write; the exit code. Raises UsageError."""
     leaderboard_policies = policy_list.read(options.list)
     if options.reference not in (None, *leaderboard_policies.names):
@@ -81,16 +81,16 @@ def main(options: Options) -> int:
     return 0
 
 
-def _made_by(options: Options, results: Results) -> str:
+def _made_by(options: LeaderboardOptions, results: Results) -> str:
     """The command and the versions."""
-    words, usual = ["python -m research leaderboard", options.list.as_posix()], Options(options.list)
+    words, usual = ["python -m research leaderboard", options.list.as_posix()], LeaderboardOptions(options.list)
     for name in ("reference", "scenarios", "episodes"):
         if (value := getattr(options, name)) != getattr(usual, name):
             words += [f"--{name}", *map(str, value if isinstance(value, tuple) else (value,))]
     return f"`{' '.join(words)}`; MuJoCo {results.versions['mujoco']}, Python {results.versions['python']}."
 
 
-def _plan(name: str, policy: str, leaderboard_policies: PolicyList, options: Options) -> Plan:
+def _plan(name: str, policy: str, leaderboard_policies: PolicyList, options: LeaderboardOptions) -> Plan:
     """The evaluation of one policy, checked; one that was begun is carried on. Raises UsageError."""
     out = options.runs / options.list.stem / re.sub(r"[^\w.-]+", "_", name)
     same = {each: getattr(options, each) for each in ("trust", "scenarios", "episodes", "threads")}

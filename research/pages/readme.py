@@ -19,7 +19,7 @@ ROBOTS = "robots"
 
 
 @dataclass(frozen=True)
-class Options:
+class ReadmeOptions:
     """Write the results into the README."""
 
     results: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation/results.json")
@@ -32,7 +32,7 @@ class Options:
     """results.json of evaluations of other robots, a row each, for the place `<!-- robots -->`."""
 
 
-def main(options: Options) -> int:
+def main(options: ReadmeOptions) -> int:
     """Write the README; the exit code. Raises UsageError."""
     text, found = page_with(options.readme), evaluations.read(options.results)
     others = [evaluations.read(path) for path in options.robots]

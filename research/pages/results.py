@@ -29,7 +29,7 @@ TABLES = {
 
 
 @dataclass(frozen=True)
-class Options:
+class ResultsOptions:
     """Write results as CSV files and figures, and into pages."""
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional] = tuple(
@@ -42,7 +42,7 @@ class Options:
     """Pages that have a place for one of the evaluations."""
 
 
-def main(options: Options) -> int:
+def main(options: ResultsOptions) -> int:
     """Write the files and pages; the exit code. Raises UsageError."""
     names = [folder.resolve().name for folder in options.folders]
     if not names or len(set(names)) < len(names):

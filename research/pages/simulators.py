@@ -24,7 +24,7 @@ ERROR = "mean_velocity_error"
 
 
 @dataclass(frozen=True)
-class Options:
+class SimulatorsOptions:
     """Compare two runs of the same episodes, each in a simulator of its own."""
 
     a: Annotated[Path, tyro.conf.Positional]
@@ -37,7 +37,7 @@ class Options:
     """CSV file for the figures."""
 
 
-def main(options: Options) -> int:
+def main(options: SimulatorsOptions) -> int:
     """Print and write the table; the exit code. Raises UsageError."""
     a, b = read_rows(options.a), read_rows(options.b)
     names = [manifest.hardware.simulator for manifest, _ in (a, b)]

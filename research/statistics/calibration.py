@@ -14,7 +14,7 @@ from rich.progress import track
 from quad_env.cli.command_line import UsageError, check_numbers
 from research.pages.places import page_with, write_block
 from research.statistics import checks, settled
-from research.statistics.checks import Check
+from research.statistics.checks import CalibrationCheck
 
 LIMITS = {
     "sets": (2, 10_000_000),
@@ -29,7 +29,7 @@ PLACE = "settled"
 
 
 @dataclass(frozen=True)
-class Options:
+class CalibrationOptions:
     """What to repeat, and how often."""
 
     sets: int = 2000
@@ -49,7 +49,7 @@ class Options:
     settled goes."""
 
 
-def main(options: Options) -> int:
+def main(options: CalibrationOptions) -> int:
     """Repeat and print; the exit code."""
     if not options.episodes or not options.fall_probabilities:
         raise UsageError("--episodes and --fall-probabilities must each have at least one value")
@@ -70,7 +70,7 @@ def main(options: Options) -> int:
     return 0
 
 
-def _run(rows: list[Check], options: Options) -> None:
+def _run(rows: list[CalibrationCheck], options: CalibrationOptions) -> None:
     """A line a row, as it is done."""
     standard_error, outside = 100.0 * np.sqrt(0.05 * 0.95 / options.sets), 0
     print(f"share of {options.sets} data sets, %; its standard error is {standard_error:.1f}")

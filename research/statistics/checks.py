@@ -16,7 +16,7 @@ from evaluate.statistics.intervals import (
     wilson_interval,
 )
 from evaluate.statistics.significance import mcnemar, sign_flip_test
-from research.statistics.synthetic import Axis, Episodes, FallCurve, episodes, mean_error
+from research.statistics.synthetic import FallCurve, SyntheticAxis, SyntheticEpisodes, episodes, mean_error
 
 COVERAGE_BOUNDS = (0.93, 0.97)
 """Bounds of the share of 95 % intervals that hold the truth."""
@@ -32,22 +32,22 @@ PUSHES = (20.0, 35.0, 50.0, 65.0, 80.0, 100.0)
 HALF = (FallCurve(0.495, 25.0, 20.0), FallCurve(0.01, 49.5, 90.0), FallCurve(0.495, 60.0, 60.0))
 STRETCH = (FallCurve(0.45, 30.0, 12.0), FallCurve(0.55, 75.0, 12.0))
 AXES = {
-    "": Axis(PUSHES, (FallCurve(1.0, 55.0, 4.0),)),
-    ", a sixth falls anyway": Axis(PUSHES, (FallCurve(1 / 6, 0.0), FallCurve(5 / 6, 55.0, 6.0))),
-    ", less is harder": Axis((1.0, 0.7, 0.5, 0.35, 0.25), (FallCurve(1.0, 0.45, 5.0),)),
-    ", one half at a level": Axis((20.0, 50.0, 65.0, 140.0), HALF),
-    ", flat below one half": Axis(PUSHES, STRETCH),
-    ", flat below one half, three levels": Axis((35.0, 65.0, 100.0), STRETCH),
-    ", an edge": Axis(PUSHES, (FallCurve(0.1, 0.0), FallCurve(0.8, 57.0, 100.0), FallCurve(0.1, np.inf))),
-    ", two fifths never fall": Axis(PUSHES, (FallCurve(0.6, 45.0, 6.0), FallCurve(0.4, np.inf))),
+    "": SyntheticAxis(PUSHES, (FallCurve(1.0, 55.0, 4.0),)),
+    ", a sixth falls anyway": SyntheticAxis(PUSHES, (FallCurve(1 / 6, 0.0), FallCurve(5 / 6, 55.0, 6.0))),
+    ", less is harder": SyntheticAxis((1.0, 0.7, 0.5, 0.35, 0.25), (FallCurve(1.0, 0.45, 5.0),)),
+    ", one half at a level": SyntheticAxis((20.0, 50.0, 65.0, 140.0), HALF),
+    ", flat below one half": SyntheticAxis(PUSHES, STRETCH),
+    ", flat below one half, three levels": SyntheticAxis((35.0, 65.0, 100.0), STRETCH),
+    ", an edge": SyntheticAxis(PUSHES, (FallCurve(0.1, 0.0), FallCurve(0.8, 57.0, 100.0), FallCurve(0.1, np.inf))),
+    ", two fifths never fall": SyntheticAxis(PUSHES, (FallCurve(0.6, 45.0, 6.0), FallCurve(0.4, np.inf))),
 }
 """Logistic curves, and shapes that no model has."""
 
-Outcome = Callable[[np.random.Generator], bool]
+CheckFunction = Callable[[np.random.Generator], bool]
 
 
 @dataclass(frozen=True)
-class Check:
+class CalibrationCheck:
     """A yes or no asked of many data sets."""
 
     name: str
@@ -55,35 +55,35 @@ class Check:
     """Episodes of a data set."""
     fall_probability: float
     """NaN where it has none of its own."""
-    outcome: Outcome
+    outcome: CheckFunction
     bounds: Interval
     """Bounds of the share of yes."""
     expected: float = 0.95
     """Share of yes if all is well; NaN where it is not known."""
 
 
-def coverage_checks(count: int, fall_probability: float) -> Iterator[Check]:
+def coverage_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
     """Does the interval hold the truth?"""
-    rules: dict[str, Outcome] = {
+    rules: dict[str, CheckFunction] = {
         "Wilson, falls": partial(_fall_rate, count, fall_probability),
         "BCa bootstrap, mean error": partial(_mean, count, fall_probability),
         "score, paired difference of falls": partial(_fall_difference, count, fall_probability),
         "bootstrap, paired difference of errors": partial(_mean_difference, count, fall_probability),
     }
     for name, outcome in rules.items():
-        yield Check(name, count, fall_probability, outcome, COVERAGE_BOUNDS)
+        yield CalibrationCheck(name, count, fall_probability, outcome, COVERAGE_BOUNDS)
 
 
-def breaking_checks(count: int) -> Iterator[Check]:
+def breaking_checks(count: int) -> Iterator[CalibrationCheck]:
     """Does the interval hold the true breaking point?"""
     for name, axis in AXES.items():
         outcome = partial(_breaking_point, count, axis)
-        yield Check(f"breaking point{name}", count, np.nan, outcome, AT_LEAST, np.nan)
+        yield CalibrationCheck(f"breaking point{name}", count, np.nan, outcome, AT_LEAST, np.nan)
 
 
-def null_checks(count: int, fall_probability: float) -> Iterator[Check]:
+def null_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
     """Is a difference claimed where there is none?"""
-    rules: dict[str, tuple[Outcome, Interval, float]] = {
+    rules: dict[str, tuple[CheckFunction, Interval, float]] = {
         "sign flips, exchangeable pairs": (
             partial(_sign_flip, count, fall_probability),
             TYPE_I_ERROR_BOUNDS,
@@ -97,10 +97,10 @@ def null_checks(count: int, fall_probability: float) -> Iterator[Check]:
         ),
     }
     for name, (outcome, bounds, expected) in rules.items():
-        yield Check(name, count, fall_probability, outcome, bounds, expected)
+        yield CalibrationCheck(name, count, fall_probability, outcome, bounds, expected)
 
 
-def rejection_rate(check: Check, sets: int, seed: int) -> float:
+def rejection_rate(check: CalibrationCheck, sets: int, seed: int) -> float:
     """Over that many data sets, each of a generator of its own."""
     return float(np.mean([check.outcome(np.random.default_rng([seed, number])) for number in range(sets)]))
 
@@ -109,7 +109,7 @@ def _within(interval: Interval, truth: float) -> bool:
     return interval[0] <= truth <= interval[1]
 
 
-def _made(generator: np.random.Generator, count: int, fall_probability: float, *easier: float) -> Episodes:
+def _made(generator: np.random.Generator, count: int, fall_probability: float, *easier: float) -> SyntheticEpisodes:
     """Of a policy with that fall probability, and of others with those shares of it."""
     return episodes(generator, (fall_probability, *(each * fall_probability for each in easier)), count)
 
@@ -135,7 +135,7 @@ def _mean_difference(count: int, fall_probability: float, generator: np.random.G
     return _within(difference_interval(a - b), mean_error(fall_probability) - mean_error(EASIER * fall_probability))
 
 
-def _breaking_point(count: int, axis: Axis, generator: np.random.Generator) -> bool:
+def _breaking_point(count: int, axis: SyntheticAxis, generator: np.random.Generator) -> bool:
     point = breaking_point(np.array(axis.severities), axis.falls(generator, count))
     return _within(point.ci, axis.breaking_point)
 
@@ -165,7 +165,7 @@ def _mcnemar_p_value(only_a: int, discordant: int) -> float:
     return mcnemar(pairs, ~pairs)
 
 
-def all_checks(counts: Sequence[int], fall_probabilities: Sequence[float]) -> Iterator[Check]:
+def all_checks(counts: Sequence[int], fall_probabilities: Sequence[float]) -> Iterator[CalibrationCheck]:
     """Every check on made-up data."""
     for count in counts:
         for rules in (coverage_checks, null_checks):

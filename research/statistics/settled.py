@@ -75,7 +75,7 @@ def run(battery: Battery, generator: np.random.Generator) -> SequentialRunResult
     values = battery.values(generator)
     fixed = tuple(_found_by_fixed(battery, values, count) for count in FIXED)
     for episodes in sequential.looks(LIMIT):
-        pairs = sequential.neighbours({name: each[:episodes] for name, each in values.items()}, LIMIT)
+        pairs = sequential.compare_adjacent_policies({name: each[:episodes] for name, each in values.items()}, LIMIT)
         if all(pair.distinguished or pair.futile for pair in pairs):
             break
     apart = [(battery.points[int(pair.ahead)] - battery.points[int(pair.behind)], pair.distinguished) for pair in pairs]

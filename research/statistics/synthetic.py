@@ -18,7 +18,7 @@ SHARED = 0.5
 
 
 @dataclass(frozen=True)
-class Episodes:
+class SyntheticEpisodes:
     """Outcomes of policies on the same episodes, (policies, n) each."""
 
     fell: Bools
@@ -26,14 +26,14 @@ class Episodes:
     """m/s"""
 
 
-def episodes(generator: np.random.Generator, fall_probabilities: tuple[float, ...], count: int) -> Episodes:
+def episodes(generator: np.random.Generator, fall_probabilities: tuple[float, ...], count: int) -> SyntheticEpisodes:
     """Policies with those fall probabilities; all of them share SHARED of an episode's luck and of its error."""
     shape = (len(fall_probabilities), count)
     fell = _correlated_uniforms(generator, *shape) < np.array(fall_probabilities)[:, None]
     common = generator.gamma(SHARED * TRACKING_SHAPE, TRACKING_SCALE, count)
     tracking = common + generator.gamma((1.0 - SHARED) * TRACKING_SHAPE, TRACKING_SCALE, shape)
     upright = np.where(fell, generator.uniform(EARLIEST_FALL, 1.0, shape), 1.0)
-    return Episodes(fell, upright * tracking + (1.0 - upright) * CAP)
+    return SyntheticEpisodes(fell, upright * tracking + (1.0 - upright) * CAP)
 
 
 def _correlated_uniforms(generator: np.random.Generator, rows: int, count: int) -> Floats:
@@ -61,7 +61,7 @@ class FallCurve:
 
 
 @dataclass(frozen=True)
-class Axis:
+class SyntheticAxis:
     """Severities, the mildest first, and the kinds of episodes there: sums of logistic curves make any shape."""
 
     severities: tuple[float, ...]

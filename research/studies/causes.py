@@ -32,7 +32,7 @@ from research.studies.failures import CASES
 
 
 @dataclass(frozen=True)
-class Options:
+class CausesOptions:
     """Compare the rules of causes with episodes made to fail, or with a person's reading of films."""
 
     table: Path = Path("docs/results/causes.csv")
@@ -51,7 +51,7 @@ class Options:
     """What the rules say of these films, as `--films` wrote it."""
 
 
-def main(options: Options) -> int:
+def main(options: CausesOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     check_numbers(options, {"count": (1, 999)})
     if options.films is not None:
@@ -88,7 +88,7 @@ def found(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verdict]]:
         yield record, verdict(record, measures)
 
 
-def film(options: Options, folder: Path) -> int:
+def film(options: CausesOptions, folder: Path) -> int:
     """Draw strips of failures of a run, of each policy and scenario one at most, two falls for one without; the exit
     code. Raises UsageError."""
     make_writable_folder(folder)
@@ -110,7 +110,7 @@ def film(options: Options, folder: Path) -> int:
     return 0
 
 
-def read(options: Options, reading: Path) -> int:
+def read(options: CausesOptions, reading: Path) -> int:
     """Write the confusion table of the rules and a person's reading; the exit code. Raises UsageError."""
     try:
         key, seen = (csv.DictReader(path.read_text(encoding="utf-8").splitlines()) for path in (options.key, reading))

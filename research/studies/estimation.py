@@ -57,7 +57,7 @@ _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "thr
 
 
 @dataclass(frozen=True)
-class Options:
+class EstimationOptions:
     """Measure the estimators."""
 
     table: Literal["walks", "pushes"] = "walks"
@@ -93,7 +93,7 @@ class Errors(NamedTuple):
     """(steps, n); not a number where no covariance is claimed"""
 
 
-def main(options: Options) -> int:
+def main(options: EstimationOptions) -> int:
     """Measure, print, and write the table; the exit code. Raises UsageError."""
     check_numbers(options, _LIMITS)
     try:
@@ -113,7 +113,7 @@ def main(options: Options) -> int:
     return 0
 
 
-def table(options: Options) -> Iterator[str]:
+def table(options: EstimationOptions) -> Iterator[str]:
     """Lines of a Markdown table: a row a ground and estimator."""
     columns = ("walk", "estimator", "velocity, m/s", "shown", "of it level", "roll, pitch, °", "NEES", "steps within")
     yield f"| {' | '.join(columns)} |"
@@ -142,7 +142,7 @@ def walks(ground: int) -> dict[str, Scenario]:
     return {"flat": flat, "rough, 0.12 m": rough, "flat, straight on": straight}
 
 
-def after_pushes(options: Options) -> Iterator[str]:
+def after_pushes(options: EstimationOptions) -> Iterator[str]:
     """Lines of a Markdown table: a row a robot and estimator, velocity errors at the readings and as shown."""
     first, *later = WINDOWS
     times = [f"{-first[0] / 100:g} s before", *(f"{start / 100:g} to {end / 100:g} s" for start, end in later)]
@@ -176,13 +176,13 @@ def error_after_push(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
     return out
 
 
-def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
+def errors(options: EstimationOptions, scenario: Scenario, estimator: str) -> Errors:
     """Errors of that estimator in the walks of the options."""
     watch = _walked(options, scenario, HardwareConfig(sensors=options.sensors, estimator=estimator))
     return watch.errors(watch.falls.step)
 
 
-def _walked(options: Options, scenario: Scenario, hardware: HardwareConfig) -> "EstimationErrorObserver":
+def _walked(options: EstimationOptions, scenario: Scenario, hardware: HardwareConfig) -> "EstimationErrorObserver":
     """The observer of the walks of the options."""
     real = hardware.actuator != IDEAL.actuator
     policy, suite = hardware.policy(options.policy, on_hardware_profile=real), sensor_suite(hardware.sensors)

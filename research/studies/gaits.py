@@ -66,7 +66,7 @@ PLACE = re.compile(r"(?<=<!-- gaits )(\S+) (.+?)( -->\n).*?(?=<!-- /gaits -->)",
 
 
 @dataclass(frozen=True)
-class Options:
+class GaitsOptions:
     """Record a steady walk of each controller, and draw it into the pages that name it."""
 
     pages: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
@@ -75,7 +75,7 @@ class Options:
     """Folder of the pictures; next to it goes walking.webp, the README's."""
 
 
-def main(options: Options) -> int:
+def main(options: GaitsOptions) -> int:
     """Record, draw and write; the exit code. Raises UsageError, PolicyError or OSError before anything is drawn."""
     pages = options.pages or sorted((*Path("docs").glob("*.md"), *Path("models").rglob("*.md")))
     texts = {page: text for page in pages if PLACE.search(text := page_with(page))}

@@ -23,7 +23,7 @@ REQUIRED_RISE = 0.15
 
 
 @dataclass(frozen=True)
-class Options:
+class JumpOptions:
     """Measure the jump."""
 
     robots: int = 256
@@ -33,7 +33,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class JumpResult:
     """What became of n robots."""
 
     rise: Floats
@@ -48,14 +48,14 @@ class Outcome:
     """How many simulations diverged."""
 
 
-def main(options: Options) -> int:
+def main(options: JumpOptions) -> int:
     """Measure and print; the exit code."""
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
     print(report(run_jump(Behaviour(follow=False), episode_seeds("evaluation", options.seed, options.robots))))
     return 0
 
 
-def run_jump(policy: Behaviour, seeds: NDArray[np.int64]) -> Outcome:
+def run_jump(policy: Behaviour, seeds: NDArray[np.int64]) -> JumpResult:
     """One robot for each seed, on flat ground, all side by side."""
     robot, period = policy.robot, policy.control_period
     peak, torque = np.zeros(len(seeds)), 0.0
@@ -71,10 +71,10 @@ def run_jump(policy: Behaviour, seeds: NDArray[np.int64]) -> Outcome:
 
     steps = round(WATCHED / period)
     roll_out(policy, "flat", seeds, watch, steps=steps, command=(0.0, 0.0, 0.0), terminate_on_fall=False)
-    return Outcome(peak - robot.home_height, stands, torque, robot.rated_torque, int(diverged.sum()))
+    return JumpResult(peak - robot.home_height, stands, torque, robot.rated_torque, int(diverged.sum()))
 
 
-def report(outcome: Outcome) -> str:
+def report(outcome: JumpResult) -> str:
     """The measured figures as lines of text."""
     done = outcome.stands & (outcome.rise >= REQUIRED_RISE)
     return (

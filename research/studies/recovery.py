@@ -33,7 +33,7 @@ TIME_ALLOWED, WATCHED = 5.0, 6.0
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RecoveryResult:
     """What became of n robots."""
 
     standing_since: Floats
@@ -44,7 +44,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Options:
+class RecoveryOptions:
     """Measure the recovery from falls."""
 
     robots: int = 1000
@@ -55,14 +55,14 @@ class Options:
     """Family of seeds; the keyframes were searched on "search"."""
 
 
-def main(options: Options) -> int:
+def main(options: RecoveryOptions) -> int:
     """Measure and print; the exit code."""
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
     print(report(recover(episode_seeds(options.seeds, options.seed, options.robots))))
     return 0
 
 
-def recover(seeds: NDArray[np.int64]) -> Outcome:
+def recover(seeds: NDArray[np.int64]) -> RecoveryResult:
     """One robot for each seed, all side by side; the policy recovers from the first step on."""
     since, peak, diverged = np.full(len(seeds), np.inf), 0.0, np.zeros(len(seeds), np.bool_)
 
@@ -76,7 +76,7 @@ def recover(seeds: NDArray[np.int64]) -> Outcome:
     steps = round(WATCHED / CONTROL_PERIOD)
     policy, still = Behaviour(start=State.RECOVER, follow=False), np.zeros(3)
     roll_out(policy, LYING, seeds, watch, steps=steps, command=still, terminate_on_fall=False)
-    return Outcome(since, peak, int(diverged.sum()))
+    return RecoveryResult(since, peak, int(diverged.sum()))
 
 
 def standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray[np.bool_]:
@@ -92,7 +92,7 @@ def standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray
     return np.asarray(upright & still & (infos["height"] > STANDING_HEIGHT) & ~infos["diverged"])
 
 
-def report(outcome: Outcome) -> str:
+def report(outcome: RecoveryResult) -> str:
     """The measured figures as lines of text."""
     stands = outcome.standing_since <= TIME_ALLOWED
     share = points_with(float(stands.mean()), wilson_interval(int(stands.sum()), len(stands)))

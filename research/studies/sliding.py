@@ -35,7 +35,7 @@ SPEEDS, BRIEF = (1.0, 4.6), 0.05
 
 
 @dataclass(frozen=True)
-class Setting:
+class ContactSetting:
     """A change of today's physics."""
 
     options: Mapping[str, float] = field(default_factory=dict)
@@ -57,27 +57,27 @@ class Setting:
 
 _NEWTON = {"solver": mujoco.mjtSolver.mjSOL_NEWTON, "iterations": 100}
 SETTINGS = {
-    "today": Setting(),
-    "time step 1 ms": Setting({"timestep": 0.001}),
-    "time step 0.5 ms": Setting({"timestep": 0.0005}),
-    "Newton": Setting(_NEWTON),
-    "Newton, pyramids, impratio 1": Setting(_NEWTON | {"cone": mujoco.mjtCone.mjCONE_PYRAMIDAL, "impratio": 1}),
-    "impratio 1": Setting({"impratio": 1}),
-    "noslip 20": Setting({"noslip_iterations": 20}),
-    "time constant 0.02 s": Setting(solref=(0.02, 1.0)),
-    "damping ratio 0.5": Setting(solref=(0.01, 0.5)),
-    "damping 50 1/s, impratio 40": Setting({"impratio": 40}, solref=(-11080.0, -50.0)),  # as stiff as today
-    "exact Coulomb friction": Setting(_NEWTON, exact=True),
-    "friction 0.6": Setting(friction=0.6),
-    "friction 0.5": Setting(friction=0.5),
-    "push over 0.2 s": Setting(push=0.2),
-    "push over 0.3 s": Setting(push=0.3),
-    "push over 0.5 s": Setting(push=0.5),
+    "today": ContactSetting(),
+    "time step 1 ms": ContactSetting({"timestep": 0.001}),
+    "time step 0.5 ms": ContactSetting({"timestep": 0.0005}),
+    "Newton": ContactSetting(_NEWTON),
+    "Newton, pyramids, impratio 1": ContactSetting(_NEWTON | {"cone": mujoco.mjtCone.mjCONE_PYRAMIDAL, "impratio": 1}),
+    "impratio 1": ContactSetting({"impratio": 1}),
+    "noslip 20": ContactSetting({"noslip_iterations": 20}),
+    "time constant 0.02 s": ContactSetting(solref=(0.02, 1.0)),
+    "damping ratio 0.5": ContactSetting(solref=(0.01, 0.5)),
+    "damping 50 1/s, impratio 40": ContactSetting({"impratio": 40}, solref=(-11080.0, -50.0)),  # as stiff as today
+    "exact Coulomb friction": ContactSetting(_NEWTON, exact=True),
+    "friction 0.6": ContactSetting(friction=0.6),
+    "friction 0.5": ContactSetting(friction=0.5),
+    "push over 0.2 s": ContactSetting(push=0.2),
+    "push over 0.3 s": ContactSetting(push=0.3),
+    "push over 0.5 s": ContactSetting(push=0.5),
 }
 
 
 @dataclass(frozen=True)
-class Options:
+class SlidingOptions:
     """Measure lift, braking and falls by settings of the contact."""
 
     settings: tuple[str, ...] = tuple(SETTINGS)
@@ -94,7 +94,7 @@ class Options:
     """CSV file to write."""
 
 
-def main(options: Options) -> int:
+def main(options: SlidingOptions) -> int:
     """Measure, print and write; the exit code. Raises UsageError."""
     check_numbers(options, {"episodes": (1, 4096), "seed": (0, 2**31)})
     if unknown := set(options.settings) - set(SETTINGS):
@@ -109,7 +109,7 @@ def main(options: Options) -> int:
     return 0
 
 
-def sliding(setting: Setting) -> dict[str, float]:
+def sliding(setting: ContactSetting) -> dict[str, float]:
     """Figures of a ball of a foot's size with a quarter of the robot's mass, and of the robot in its home pose."""
     ball, robot = (setting.apply(make(SIMPLE_QUAD)).compile() for make in (ball_spec, build_spec))
     found: dict[str, float] = {}
@@ -155,13 +155,15 @@ def ball_spec(robot: Robot) -> Any:
     return spec
 
 
-def walks(setting: Setting, options: Options) -> dict[str, float]:
+def walks(setting: ContactSetting, options: SlidingOptions) -> dict[str, float]:
     """Success, share, and falls, count, of the policy on each scenario."""
     seeds = episode_seeds("search", options.seed, options.episodes)
     found: dict[str, float] = {}
     policy = LabelledPolicy(options.policy, policies.resolve(options.policy))
     with ExitStack() as patches:
-        patches.enter_context(patch("quad_env.physics.model.build_spec", lambda robot: setting.apply(build_spec(robot))))
+        patches.enter_context(
+            patch("quad_env.physics.model.build_spec", lambda robot: setting.apply(build_spec(robot)))
+        )
         if setting.exact:
             patches.enter_context(patch.object(Batch, "step", _exact_step))
         for name in options.scenarios:

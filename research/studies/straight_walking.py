@@ -36,7 +36,7 @@ LIMITS = {"episodes": (2, 65_536), "seed": (0, 2**63 - 1), "threads": (1, 256), 
 
 
 @dataclass(frozen=True)
-class Options:
+class StraightWalkingOptions:
     """Compare policies in walking straight ahead."""
 
     robot: str = "go1"
@@ -57,7 +57,7 @@ class Options:
     """Processes that simulate side by side (count). No outcome depends on it."""
 
 
-def main(options: Options) -> int:
+def main(options: StraightWalkingOptions) -> int:
     """Walk, print and write; the exit code. Raises UsageError."""
     check_numbers(options, LIMITS)
     hardware = parse_robot_option(options.robot)
@@ -88,7 +88,10 @@ def scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
 
 
 def rows(
-    options: Options, hardware: HardwareConfig, walks: Sequence[Scenario], compared: Sequence[LabelledPolicy]
+    options: StraightWalkingOptions,
+    hardware: HardwareConfig,
+    walks: Sequence[Scenario],
+    compared: Sequence[LabelledPolicy],
 ) -> list[dict[str, Any]]:
     """A row for each walk and policy; figures of `Summary` with the ends of their 95 % intervals."""
     seeds = evaluation_seeds(options.seed, options.episodes)
@@ -102,7 +105,7 @@ def rows(
     ]
 
 
-def lines(options: Options, robot: Robot, table: Sequence[Mapping[str, Any]]) -> list[str]:
+def lines(options: StraightWalkingOptions, robot: Robot, table: Sequence[Mapping[str, Any]]) -> list[str]:
     """What the page shows, in Markdown: success and cost of transport, a walk a row and a policy a column."""
     push, rough = scenario("push", robot).severity, scenario("rough", robot).severity
     by_walk: dict[str, dict[str, str]] = {}

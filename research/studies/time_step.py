@@ -28,7 +28,7 @@ MEANS = (*(name for name in EFFORT if name != "cost_of_transport"), "mechanical_
 
 
 @dataclass(frozen=True)
-class Options:
+class TimeStepOptions:
     """Write the effort of policies at each physics step as a CSV file."""
 
     policies: tuple[str, ...] = ("document_repaired", *WALKING_POLICIES, "mpc_wbc")
@@ -51,7 +51,7 @@ class _SteppedHardwareConfig(HardwareConfig):
         return super().env_kwargs(robot) | {"config": TaskConfig(timestep=self.timestep)}
 
 
-def main(options: Options) -> int:
+def main(options: TimeStepOptions) -> int:
     """Run, print and write. Raises UsageError."""
     check_numbers(options, {"episodes": (1, 4096)})
     table = list(figures(options))
@@ -60,11 +60,13 @@ def main(options: Options) -> int:
     return 0
 
 
-def figures(options: Options) -> Iterator[dict[str, Any]]:
+def figures(options: TimeStepOptions) -> Iterator[dict[str, Any]]:
     """A row a policy, scenario and physics step: means of the episodes, cost of transport that of all together."""
     seeds = evaluation_seeds(0, options.episodes)
     for scenario, name, step in product(options.scenarios, options.policies, STEPS):
-        record = rollout.run(policies.resolve(name), scenario, seeds, nthread=2, hardware=_SteppedHardwareConfig(timestep=step))
+        record = rollout.run(
+            policies.resolve(name), scenario, seeds, nthread=2, hardware=_SteppedHardwareConfig(timestep=step)
+        )
         found = measure(record)
         row = {"policy": name, "scenario": scenario, "step": step, "success_rate": float(found.succeeded.mean())}
         row["cost_of_transport"] = cost_of_all(found.energy, found.distance, record.weight)

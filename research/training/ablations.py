@@ -56,7 +56,7 @@ VALIDATED_ON = DEFAULTS["residual"].complete_validation.scenarios
 
 
 @dataclass(frozen=True)
-class Options:
+class AblationsOptions:
     """Which variants to compare, with how many steps, seeds and episodes."""
 
     variants: tuple[str, ...] = tuple(VARIANTS)
@@ -75,7 +75,7 @@ class Options:
     """CSV file to write; the figure goes next to it, as a PNG of the same name."""
 
 
-def main(options: Options) -> int:
+def main(options: AblationsOptions) -> int:
     """Train what has not been trained yet, then write table and figure; the exit code. Raises UsageError."""
     check_numbers(options, limits_of(options))
     if unknown := [name for name in options.variants if name not in VARIANTS]:
@@ -96,7 +96,7 @@ def main(options: Options) -> int:
     return 0
 
 
-def config(options: Options, name: str, seed: int) -> TrainConfig:
+def config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
     """Settings of one run."""
     words = f"{VARIANTS[name]} --steps {options.steps} --seed {seed} --threads {options.threads}".split()
     words += ["--validation.interval", "0", "--validation.episodes", str(options.episodes)]

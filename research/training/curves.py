@@ -32,7 +32,7 @@ LONGEST = 48
 
 
 @dataclass(frozen=True)
-class Options:
+class CurvesOptions:
     """Draw learning curves."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
@@ -41,7 +41,7 @@ class Options:
     """Picture to write, an .svg, .png or .pdf; replaced if it is there."""
 
 
-def main(options: Options) -> int:
+def main(options: CurvesOptions) -> int:
     """Write the picture, and print the last point of each curve; the exit code. Raises UsageError or OSError."""
     if options.out.suffix not in DATES:
         raise UsageError(f"--out must end in {', '.join(DATES)}, unlike {options.out}")

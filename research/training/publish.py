@@ -47,7 +47,7 @@ SCENARIOS = (
 
 
 @dataclass(frozen=True)
-class Options:
+class PublishOptions:
     """Which runs to evaluate and where to put the shipped one."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
@@ -72,7 +72,7 @@ class Options:
     """Processes that simulate side by side (count; default: this machine's cores). No outcome depends on it."""
 
 
-def main(options: Options) -> int:
+def main(options: PublishOptions) -> int:
     """Evaluate the runs, then write the shipped one's bundle and card; the exit code. Raises UsageError."""
     check_numbers(options, limits_of(options))
     if not options.runs:
@@ -92,7 +92,7 @@ def main(options: Options) -> int:
     return 0
 
 
-def evaluated(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
+def evaluated(options: PublishOptions, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
     """Results of the runs and of the shipped one's baseline in the evaluation's episodes.
 
     Raises UsageError, and KeyboardInterrupt after a Ctrl-C, once all is kept.

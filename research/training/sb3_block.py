@@ -44,7 +44,7 @@ SCENARIOS = "flat=1", "flat"
 
 
 @dataclass(frozen=True)
-class Options:
+class SB3BlockOptions:
     """Run the README's block for Stable-Baselines3 and evaluate what it trains."""
 
     seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
@@ -61,7 +61,7 @@ class Options:
     """Folder for the models, one folder for each seed."""
 
 
-def main(options: Options) -> int:
+def main(options: SB3BlockOptions) -> int:
     """Train, evaluate, write the record and the page, and return the exit code. Raises UsageError."""
     check_numbers(options, {"episodes": (1, 1_000_000), "evaluation_seed": (0, 2**63 - 1)})
     if len(set(options.seeds)) < max(len(options.seeds), 1) or min(options.seeds) < 0:

@@ -18,14 +18,14 @@ from quad_env.files.writing import write_atomically
 
 
 @dataclass(frozen=True)
-class Options:
+class SealOptions:
     """Add the digest of its description to each bundle."""
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Folders of trained policies, such as models/residual."""
 
 
-def main(options: Options) -> int:
+def main(options: SealOptions) -> int:
     """Write the digests and return the exit code."""
     for folder in options.folders:
         print(f"{folder}: {seal(folder)}")

@@ -58,7 +58,7 @@ POLICIES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(SearchOptions):
+class FeedbackSearchOptions(SearchOptions):
     """Which policy is searched, on what, and how thoroughly."""
 
     robot: str = "simple_quad"
@@ -77,12 +77,12 @@ class Options(SearchOptions):
     """Fresh episodes on which the outcome is compared with the parameters before."""
 
 
-def main(options: Options) -> int:
+def main(options: FeedbackSearchOptions) -> int:
     """Search, conclude, write; the exit code. Raises UsageError."""
     return search(subject, options)
 
 
-def subject(options: Options) -> SearchProblem[Parameters]:
+def subject(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
     """The search of a policy with feedback, from the parameters in force or given."""
     name, hardware, threads = options.policy, parse_robot_option(options.robot), options.threads
     robot, searched, file = hardware.robot_model, POLICIES[name], POLICIES[name].file

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.support import bare
 from benchmarks.support.physics_accuracy import accuracy, strides
-from benchmarks.support.physics_settings import SETTINGS, SHIPPED, Setting, options
+from benchmarks.support.physics_settings import SETTINGS, SHIPPED, PhysicsSetting, options
 from benchmarks.vector_env import TrotEnv
 from quad_env import ENV_ID, OBSERVATION
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -48,11 +48,11 @@ def test_a_large_batch_repeats_its_starts(monkeypatch) -> None:
 
 def test_accuracy_tells_the_shipped_settings_from_ones_that_cannot_hold_and_a_setting_from_a_finer_one() -> None:
     walked = strides(((0.5, 0.0, 0.0),))
-    shipped, crude = (accuracy(each, walked) for each in (SETTINGS[SHIPPED], Setting(options(iterations=1))))
+    shipped, crude = (accuracy(each, walked) for each in (SETTINGS[SHIPPED], PhysicsSetting(options(iterations=1))))
     assert shipped.within
     assert not crude.within
     assert crude.trunk_mm > shipped.trunk_mm
-    itself = accuracy(Setting(options()), walked, reference=options())
+    itself = accuracy(PhysicsSetting(options()), walked, reference=options())
     assert (itself.trunk_mm, itself.joints_rad) == (0.0, 0.0)
     assert itself.tilt_rad < 1e-6
-    assert accuracy(Setting(options()), walked, reference=options(timestep=0.001)).trunk_mm > 0
+    assert accuracy(PhysicsSetting(options()), walked, reference=options(timestep=0.001)).trunk_mm > 0

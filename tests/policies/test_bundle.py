@@ -26,7 +26,7 @@ from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD, Robot
 from quad_env.cli.command_line import UsageError
 from quad_env.robots.similarity import scale_factor
 from quad_env.sensing.height_scan import HeightScan, table_with
-from research.training.seal import Options, main
+from research.training.seal import SealOptions, main
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
 
@@ -379,12 +379,12 @@ def test_the_digests_of_shipped_policies_are_made_by_a_command(tmp_path):
     for shipped in sorted(MODELS.glob("**/policy.json")):
         shutil.copytree(shipped.parent, made := tmp_path / shipped.parent.relative_to(MODELS), dirs_exist_ok=True)
         rewrite(made, description_sha256=None)
-        assert main(Options((made,))) == 0
+        assert main(SealOptions((made,))) == 0
         assert (made / DESCRIPTION).read_bytes() == shipped.read_bytes()
         if (made.parent, made.name) == (tmp_path, "residual"):
             rewrite(made, hold=3)
             with pytest.raises(UsageError, match="is not as it was written"):
-                main(Options((made,)))
+                main(SealOptions((made,)))
 
 
 @pytest.mark.parametrize(("name", "limit"), [(DESCRIPTION, "4 MiB"), (WEIGHTS, "128 MiB")])

@@ -7,12 +7,12 @@ import pytest
 
 from research.__main__ import main
 from research.training import ablations
-from research.training.ablations import DEFAULT, VARIANTS, Options, config, rows
+from research.training.ablations import DEFAULT, VARIANTS, AblationsOptions, config, rows
 from train.config import DEFAULTS
 from train.run import make_env
 from train.run_record import differences
 
-OPTIONS = Options(steps=64, seeds=2, episodes=1)
+OPTIONS = AblationsOptions(steps=64, seeds=2, episodes=1)
 TINY = "--ppo.envs 8 --ppo.rollout-steps 4 --ppo.minibatch 16 --ppo.epochs 1 --mixture flat 1 --max-episode-steps 8"
 
 

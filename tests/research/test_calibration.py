@@ -84,7 +84,7 @@ def test_runs_until_settled_end_early_and_stale_pairs_would_be_seen(monkeypatch)
     found = settled.figures(APART, 60, seed=2)
     assert (found["wrong"], found["found"]) == (0.0, 1.0)
     assert found["episodes"] < 42.0
-    compare = sequential.neighbours
+    compare = sequential.compare_adjacent_policies
 
     def one_episode_late(values, most):
         return compare({name: np.roll(each, int(name)) for name, each in values.items()}, most)

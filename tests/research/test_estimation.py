@@ -27,7 +27,7 @@ def test_the_table_goes_to_its_place(brief, tmp_path: Path, capsys) -> None:
     page = tmp_path / "page.md"
     page.write_text("a\n<!-- results -->\nold\n<!-- /results -->\nb\n", encoding="utf-8")
     with begun() as batches:
-        assert estimation.main(estimation.Options(policy="stand", episodes=2, seed=5, page=page)) == 0
+        assert estimation.main(estimation.EstimationOptions(policy="stand", episodes=2, seed=5, page=page)) == 0
     assert {batch.seeds for batch in batches} == {tuple(episode_seeds("validation", 5, 2).tolist())}
     assert {getattr(batch.env.scenario.terrain, "seed", 1) for batch in batches} == {1}
     text, printed = page.read_text(encoding="utf-8"), capsys.readouterr().out
@@ -43,7 +43,7 @@ def test_errors_after_pushes_go_to_their_own_place(monkeypatch, brief, tmp_path:
     page.write_text(
         "<!-- pushes -->\nold\n<!-- /pushes -->\n<!-- results -->\nkept\n<!-- /results -->\n", encoding="utf-8"
     )
-    options = estimation.Options(table="pushes", policy="stand", episodes=2, seeds="search", page=page)
+    options = estimation.EstimationOptions(table="pushes", policy="stand", episodes=2, seeds="search", page=page)
     with begun() as batches, warnings.catch_warnings(action="ignore"):  # no push within so few steps
         assert estimation.main(options) == 0
     assert [batch.env.estimator.__class__.__name__ for batch in batches] == ["ComplementaryFilter", "KalmanFilter"]
@@ -86,6 +86,6 @@ def test_the_filter_knows_its_error_on_a_hard_and_on_a_soft_gait(monkeypatch) ->
     """NEES of `trot_feedback`, whose feet hit the ground hard and come up with it, is 17 where that is left out."""
     monkeypatch.setattr(estimation, "STEPS", 300)
     for policy in ("trot", "trot_feedback"):
-        options = estimation.Options(policy=policy, episodes=4, seeds="search")
+        options = estimation.EstimationOptions(policy=policy, episodes=4, seeds="search")
         found = estimation.errors(options, estimation.walks(2)["flat"], "kalman")
         assert np.nanmean(found.nees) < 8.0

@@ -8,10 +8,10 @@ from quad_env.robots.scene import build_spec
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from research.__main__ import main
 from research.studies import sliding
-from research.studies.sliding import SETTINGS, Options, Setting, ball_spec, simulate_slide
+from research.studies.sliding import SETTINGS, ContactSetting, SlidingOptions, ball_spec, simulate_slide
 
 
-def ball(setting: Setting = SETTINGS["today"], gravity: float | None = None):
+def ball(setting: ContactSetting = SETTINGS["today"], gravity: float | None = None):
     spec = setting.apply(ball_spec(SIMPLE_QUAD))
     if gravity is not None:
         spec.option.gravity[2] = -gravity
@@ -21,11 +21,11 @@ def ball(setting: Setting = SETTINGS["today"], gravity: float | None = None):
 @pytest.mark.parametrize("friction", [0.4, 0.8])
 def test_with_exact_friction_a_ball_brakes_at_mu_g_and_stays_on_the_ground(friction: float) -> None:
     """From 2 m/s on the way to rest it takes v / µg, 0.255 s at 0.8; MuJoCo's own contact lifts it."""
-    exact = Setting(SETTINGS["exact Coulomb friction"].options, friction=friction, exact=True)
+    exact = ContactSetting(SETTINGS["exact Coulomb friction"].options, friction=friction, exact=True)
     lift, _, whole = simulate_slide(ball(exact), 2.0, 1.0, exact=True)
     assert lift < 0.0
     assert whole == pytest.approx(1.0, abs=0.03)
-    lift, _, whole = simulate_slide(ball(Setting(friction=friction)), 2.0, 1.0, exact=False)
+    lift, _, whole = simulate_slide(ball(ContactSetting(friction=friction)), 2.0, 1.0, exact=False)
     assert lift > 1.0
     assert whole == pytest.approx(1.0, abs=0.03)
 
@@ -47,7 +47,7 @@ def test_every_setting_reaches_ball_and_robot() -> None:
 
 def test_walks_have_the_setting_and_then_today_s_again(tmp_path, monkeypatch) -> None:
     """A trot on ice: friction of 0.02 lets no robot walk, and none is left over for the next setting."""
-    monkeypatch.setitem(SETTINGS, "ice", Setting(friction=0.02))
+    monkeypatch.setitem(SETTINGS, "ice", ContactSetting(friction=0.02))
     monkeypatch.setattr(sliding, "sliding", lambda setting: {})
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
     table = tmp_path / "sliding.csv"
@@ -61,7 +61,7 @@ def test_walks_have_the_setting_and_then_today_s_again(tmp_path, monkeypatch) ->
 def test_exact_friction_walks_as_far_as_today_s(monkeypatch) -> None:
     """On flat ground nothing slides: the trot succeeds under both."""
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
-    options = Options(scenarios=("flat",), episodes=1)
+    options = SlidingOptions(scenarios=("flat",), episodes=1)
     assert sliding.walks(SETTINGS["exact Coulomb friction"], options)["flat success"] == 1.0
 
 

@@ -5,15 +5,15 @@ from unittest.mock import Mock
 import pytest
 
 from evaluate.analysis.comparison import SUCCESS_RATE, Comparison
-from evaluate.analysis.ranking import Neighbours, Ranking, correct_p_values, episodes_needed
+from evaluate.analysis.ranking import AdjacentPair, Ranking, correct_p_values, episodes_needed
 
 
-def neighbours(better: str, worse: str, p_value: float) -> Neighbours:
+def neighbours(better: str, worse: str, p_value: float) -> AdjacentPair:
     """That differ by a tenth of a score, by as much from episode to episode."""
-    return Neighbours(better, worse, 0.1, 0.1, (0.0, 0.2), p_value)
+    return AdjacentPair(better, worse, 0.1, 0.1, (0.0, 0.2), p_value)
 
 
-def ranked(*found: Neighbours, scenarios: tuple[str, ...] = ("flat", "push"), episodes: int = 10) -> Ranking:
+def ranked(*found: AdjacentPair, scenarios: tuple[str, ...] = ("flat", "push"), episodes: int = 10) -> Ranking:
     """A ranking in which only the number of the places counts."""
     places = tuple(Mock() for _ in range(len(found) + 1))
     return Ranking(False, len(scenarios), scenarios, episodes, places, found)
@@ -71,5 +71,5 @@ def test_a_ranking_on_one_scenario_claims_what_its_comparison_claims() -> None:
     ],
 )
 def test_episodes_that_are_needed(deviation: float, episodes: int, needed: int) -> None:
-    of = Neighbours("a", "b", 1.0, deviation, (0.0, 0.0), 0.5)
+    of = AdjacentPair("a", "b", 1.0, deviation, (0.0, 0.0), 0.5)
     assert episodes_needed(of, 0.05, episodes) == needed

@@ -8,7 +8,14 @@ from scipy.stats import multivariate_normal
 from evaluate.analysis.comparison import SIGNIFICANT
 from evaluate.analysis.ranking import RANKING_WEIGHT
 from evaluate.commands.looks import interim_analysis
-from evaluate.statistics.sequential import LEVEL, correction, looks, neighbours, nominal_levels, predictive_power
+from evaluate.statistics.sequential import (
+    LEVEL,
+    compare_adjacent_policies,
+    correction,
+    looks,
+    nominal_levels,
+    predictive_power,
+)
 from evaluate.statistics.significance import holm
 
 
@@ -55,7 +62,7 @@ def test_a_corrected_p_value_is_significant_in_a_report_where_its_look_distingui
 def test_neighbours_are_compared_pair_by_pair_from_the_best_on() -> None:
     luck = np.random.default_rng(2).uniform(0.0, 0.6, 24)
     scores = {"b": luck + 0.05, "c": luck[::-1], "a": luck + 0.1 + 0.01 * (np.arange(24) % 2)}
-    first, second = neighbours(scores, 96)
+    first, second = compare_adjacent_policies(scores, 96)
     assert (first.ahead, first.behind, second.behind) == ("a", "b", "c")
     assert (first.distinguished, first.futile) == (True, False)
     assert not second.distinguished, "5 points are little beside the luck of unpaired episodes"
@@ -68,18 +75,18 @@ def by_a_point(more: int, pairs: int) -> dict[str, np.ndarray]:
 
 def test_two_are_distinguished_by_the_level_of_the_look_and_not_by_that_of_the_last() -> None:
     """Better in 18 of 24 episodes: p = 0.0227, between 0.045 / 8 of the first look and 0.0282 of the last."""
-    (early,) = neighbours(by_a_point(18, 24), 96)
+    (early,) = compare_adjacent_policies(by_a_point(18, 24), 96)
     assert early.p_value == pytest.approx(0.0227, abs=0.005)
     assert (early.distinguished, early.futile) == (False, False)
-    (single,) = neighbours(by_a_point(18, 24), 24)
+    (single,) = compare_adjacent_policies(by_a_point(18, 24), 24)
     assert single.distinguished  # of an only look, at 0.045
 
 
 def test_each_further_policy_leaves_less_for_two_neighbours() -> None:
     """Better in 47 of 72 episodes: p = 0.0128, between 0.0195 of two policies and 0.00935 of three."""
     pair = by_a_point(47, 72)
-    assert neighbours(pair, 96)[0].distinguished
-    first, last = neighbours(pair | {"third": pair["second"] - 5.0}, 96)
+    assert compare_adjacent_policies(pair, 96)[0].distinguished
+    first, last = compare_adjacent_policies(pair | {"third": pair["second"] - 5.0}, 96)
     assert (first.ahead, first.behind, first.distinguished) == ("first", "second", False)
     assert last.distinguished
 
@@ -87,7 +94,7 @@ def test_each_further_policy_leaves_less_for_two_neighbours() -> None:
 def test_two_are_given_up_by_the_level_of_the_last_look() -> None:
     """Better in 26 of 48 episodes, p = 0.665: the chance at 96 is 5.6 % by the last level, 0.0282, and would be 2.9 %
     by that of the look, 0.0121; in 25 of 48, p = 0.885, it is 2.3 %."""
-    (near,), (equal,) = (neighbours(by_a_point(more, 48), 96) for more in (26, 25))
+    (near,), (equal,) = (compare_adjacent_policies(by_a_point(more, 48), 96) for more in (26, 25))
     assert (near.p_value, equal.p_value) == pytest.approx((0.665, 0.885), abs=0.01)
     assert (near.futile, equal.futile) == (False, True)
 
@@ -103,7 +110,7 @@ def test_the_chance_of_the_last_look_is_the_predictive_power_by_hand() -> None:
 
 def test_equal_policies_are_given_up() -> None:
     same = np.tile([0.0, 1.0], 24)
-    assert neighbours({"a": same, "b": same}, 96)[0].futile
+    assert compare_adjacent_policies({"a": same, "b": same}, 96)[0].futile
 
 
 def test_a_look_calls_policies_that_are_the_same_to_the_bit_so(made_up_cell) -> None:
