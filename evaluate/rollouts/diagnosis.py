@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from evaluate.hardware import HardwareConfig
 from evaluate.rollouts.walking_test import Command, Walk, walks
-from policies.base import Actions, Policy
+from policies.base import Policy
 from policies.external import ExternalPolicy
 from policies.external.described import NetworkPolicy
 from policies.external.mistakes import COMMON_ERRORS, ORDERS, Correction, corrections, twofold
+from policies.policy_stack import PolicyStack
 from quad_env.robots.robot import Robot
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.height_scan import table_with
@@ -29,8 +30,6 @@ MOST_WALKS = 10
 """Largest number of corrections that are tried on all commands."""
 NEAREST = 2
 """Number of corrections with a second one on top."""
-UPRIGHT = -0.2
-"""z of gravity in the base frame, unit length, above which a robot lies."""
 
 
 @dataclass(frozen=True)
@@ -48,34 +47,6 @@ class ServosByRow(HardwareConfig):
         """Return the environment's robot with mean gains."""
         is_one = (self.gains == self.gains[:, :1]).all()
         return self.robot_model.with_servo(*(self.gains[:, 0] if is_one else self.gains.mean(axis=1)))
-
-
-class PolicyStack(Policy):
-    """Several policies run as one: each controls an equal, contiguous share of the batch.
-
-    A policy is no longer asked once all its robots have fallen.
-    """
-
-    name = "stack"
-
-    def __init__(self, policies: Sequence[Policy], hardware: ServosByRow) -> None:
-        super().__init__(robot=hardware.mean_robot(), control_period=policies[0].control_period)
-        self.height_scan = policies[0].height_scan
-        self._policies = policies
-        self._up = table_with(self.robot, self.height_scan).slices["projected_gravity"].stop - 1
-
-    def _allocate(self, num_envs: int) -> None:
-        for policy in self._policies:
-            policy.reset(num_envs // len(self._policies))
-
-    def _act(self, observation: NDArray[np.float32]) -> Actions:
-        shares = np.split(observation, len(self._policies))
-        home = self.robot.home_pose.astype(np.float32)
-        actions = [
-            np.tile(home, (len(share), 1)) if (share[:, self._up] > UPRIGHT).all() else policy.act(share)
-            for policy, share in zip(self._policies, shares, strict=True)
-        ]
-        return np.nan_to_num(np.concatenate(actions))  # a network that overflows falls
 
 
 def run_walk_tests(policy: Policy, robot: str, times: int = 1) -> list[Walk]:
@@ -170,7 +141,8 @@ def _worst_deviations(
     rows = len(commands) * len(seeds)
     gains = np.array([(each.robot.servo_stiffness, each.robot.servo_damping) for each in policies])
     hardware = ServosByRow(robot=robot, gains=np.repeat(gains.transpose(1, 0, 2), rows, axis=1))
-    found = walks(PolicyStack(policies, hardware), hardware, commands, seeds, len(policies), shortened_by)
+    stack = PolicyStack(policies, replace_nonfinite=True, idle_when_fallen=True, robot=hardware.mean_robot())
+    found = walks(stack, hardware, commands, seeds, len(policies), shortened_by)
     deviations = np.array([walk.deviation for walk in found], dtype=np.float64)
     worst: NDArray[np.float64] = deviations.reshape(len(policies), -1).max(axis=1)
     return worst

@@ -63,7 +63,7 @@ def test_one_history_goes_on_with_the_robots_of_another_however_many_frames_that
     for step in range(frames):
         other.update(frame(50.0 + 3.0 * step))
         twin.update(frame(50.0 + 3.0 * step))
-    own.take_over(np.array([False, True]), other)
+    own.copy_state_from(np.array([False, True]), other)
     for step in range(4):
         found, expected = own.update(frame(5.0 + step, 60.0 + step)), twin.update(frame(60.0 + step))
         assert found[0, 0] == 3.0 + step

@@ -14,8 +14,9 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE
 from evaluate.rollouts.rollout import STEPS, Recorder, advance, batch_of, reset_episodes
-from policies.base import Actions, Floats, Policy
+from policies.base import Floats, Policy
 from policies.parameters import Parameters
+from policies.policy_stack import PolicyStack
 from quad_env.scenarios.scenario import HARDWARE, Scenario
 from train.curriculum import Purpose, with_terrain_seed
 
@@ -60,32 +61,6 @@ COST_DESCRIPTION = (
 """The cost in words."""
 
 
-class PolicyStack(Policy):
-    """Several policies as one, each on its own equal share of the rows.
-
-    Args:
-        members: the policies, in the order of their shares.
-        blocks: equal parts that the rows come in, such as one a scenario, in each of which each member has its share.
-    """
-
-    name = "panel"
-
-    def __init__(self, members: Sequence[Policy], blocks: int = 1) -> None:
-        super().__init__(robot=members[0].robot, control_period=members[0].control_period)
-        self._members, self._blocks = members, blocks
-
-    def _allocate(self, num_envs: int) -> None:
-        for member in self._members:
-            member.reset(num_envs // len(self._members))
-
-    def _act(self, observation: NDArray[np.float32]) -> Actions:
-        shares = np.arange(len(observation)).reshape(self._blocks, len(self._members), -1).swapaxes(0, 1)
-        actions = np.empty((len(observation), self.robot.num_joints), np.float32)
-        for member, share in zip(self._members, shares, strict=True):
-            actions[share.ravel()] = member.act(observation[share.ravel()])
-        return actions
-
-
 def episode_costs(measures: Measures) -> Floats:
     """Cost of each episode, (episodes,): of its outcome, of how far it was from a better one, and of its effort."""
     total = np.array([OUTCOME_COSTS[each] for each in measures.outcome])
@@ -113,12 +88,11 @@ def run_candidates(
     found = dict[str, Episodes]()
     for real in (False, True):
         if names := [each for each in scenario_names if each.endswith(HARDWARE) == real]:
-            panel = PolicyStack(
-                [hardware.policy(name, on_hardware_profile=real, parameters=each) for each in candidates], len(names)
-            )
+            members = [hardware.policy(name, on_hardware_profile=real, parameters=each) for each in candidates]
+            stack = PolicyStack(members, len(names))
             scenarios = [with_terrain_seed(each, purpose, robot=hardware.robot_model) for each in names]
             every_seed = np.tile(seeds, len(candidates))
-            walks = run_each(panel, scenarios, every_seed, nthread=threads, steps=steps, hardware=hardware)
+            walks = run_each(stack, scenarios, every_seed, nthread=threads, steps=steps, hardware=hardware)
             found |= dict(zip(names, walks, strict=True))
     return [found[each] for each in scenario_names]
 

@@ -12,12 +12,13 @@ from evaluate.measures.episodes import OBSERVED_SIGNAL, POLICY_SIGNALS, shapes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import FELL, OFF_COMMAND, STALLED, SUCCEEDED
 from evaluate.rollouts.rollout import run
+from policies.policy_stack import PolicyStack
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from tests.batches import begun
-from train.search.trials import GRADES, OUTCOME_COSTS, PolicyStack, episode_costs, run_candidates, run_each
+from train.search.trials import GRADES, OUTCOME_COSTS, episode_costs, run_candidates, run_each
 
 FORWARD, STILL, GONE = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (np.nan,) * 3
 
@@ -81,15 +82,15 @@ def test_exercises_are_walked_side_by_side_and_every_cost_is_that_of_the_candida
 
 
 @pytest.mark.parametrize(("blocks", "rows"), [(1, ([0, 1, 2], [3, 4, 5])), (3, ([0, 2, 4], [1, 3, 5]))])
-def test_a_panel_is_its_members_each_on_its_share_of_every_block(blocks, rows):
+def test_a_stack_is_its_members_each_on_its_share_of_every_block(blocks, rows):
     members = [TrotParameters(frequency=2.0), TrotParameters(duty=0.6)]
-    panel, alone = PolicyStack([Trot(each) for each in members], blocks), [Trot(each) for each in members]
-    panel.reset(6)
+    stack, alone = PolicyStack([Trot(each) for each in members], blocks), [Trot(each) for each in members]
+    stack.reset(6)
     for member in alone:
         member.reset(3)
     for step in range(30):
         observation = np.random.default_rng(step).normal(size=(6, OBSERVATION_SIZE)).astype(np.float32)
-        actions = panel.act(observation)
+        actions = stack.act(observation)
         for member, own in zip(alone, rows, strict=True):
             np.testing.assert_array_equal(actions[own], member.act(observation[own]))
 

@@ -1,0 +1,68 @@
+"""Several policies run as one policy."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import Actions, Floats, Policy
+from quad_env.robots.robot import Robot
+from quad_env.sensing.height_scan import table_with
+
+FALLEN_GRAVITY = -0.2
+"""z of the unit gravity vector in the base frame; a robot above it lies on the ground (tilt over 78°)."""
+
+
+class PolicyStack(Policy):
+    """Several policies run as one: each controls an equal share of the batch.
+
+    The rows come in equal blocks, for example one block per scenario. In each block the members have contiguous shares,
+    in the order of the members. A policy search and the diagnosis of a network policy use it, because one large batch
+    simulates faster than several small ones.
+
+    Args:
+        members: Policies with the same joints, control period and height scan.
+        blocks: Number of equal blocks of rows.
+        replace_nonfinite: Replace targets that are not finite by finite ones, so that a network that overflows falls.
+        idle_when_fallen: Do not ask a member while all its robots lie on the ground. They get the home pose.
+        robot: Robot of the stack; that of the first member by default. Needed if the members command different servo
+            gains.
+    """
+
+    name = "stack"
+
+    def __init__(
+        self,
+        members: Sequence[Policy],
+        blocks: int = 1,
+        replace_nonfinite: bool = False,
+        *,
+        idle_when_fallen: bool = False,
+        robot: Robot | None = None,
+    ) -> None:
+        first = members[0]
+        super().__init__(robot=first.robot if robot is None else robot, control_period=first.control_period)
+        self.height_scan = first.height_scan
+        self._members = members
+        self._blocks = blocks
+        self._replace_nonfinite_targets = replace_nonfinite
+        self._idle_when_fallen = idle_when_fallen
+        self._gravity_z = table_with(self.robot, self.height_scan).slices["projected_gravity"].stop - 1
+
+    def _allocate(self, num_envs: int) -> None:
+        for member in self._members:
+            member.reset(num_envs // len(self._members))
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        rows = np.arange(len(observation)).reshape(self._blocks, len(self._members), -1)
+        actions = np.empty((len(observation), self.robot.num_joints), np.float32)
+        for index, member in enumerate(self._members):
+            share = rows[:, index].ravel()
+            actions[share] = self._member_action(member, observation[share])
+        return np.nan_to_num(actions) if self._replace_nonfinite_targets else actions
+
+    def _member_action(self, member: Policy, observation: NDArray[np.float32]) -> Actions | Floats:
+        """Return the joint targets of one member's robots, rad, (k, 12); the home pose if it idles."""
+        if self._idle_when_fallen and (observation[:, self._gravity_z] > FALLEN_GRAVITY).all():
+            return self.robot.home_pose
+        return member.act(observation)
