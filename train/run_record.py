@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 from evaluate.analysis.results import without_nan
 from evaluate.hardware import HardwareConfig
-from evaluate.records.provenance import model_of, versions
+from evaluate.records.provenance import hardware_versions, versions
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
@@ -137,7 +137,7 @@ def write_settings(config: TrainConfig, steps: int) -> list[str]:
     """Write the settings and this session's versions; what differs from the first session, a line each."""
     write_atomically(config.folder / CONFIG_FILE, _lines(to_dict(config)))
     packages = {name: metadata.version(name) for name in LEARNER}
-    path, now = config.folder / RECORD_FILE, versions() | packages | model_of(config.hardware)
+    path, now = config.folder / RECORD_FILE, versions() | packages | hardware_versions(config.hardware)
     earlier = _sessions(path) if steps else []
     write_atomically(path, _lines({"command": command(config), "sessions": [*earlier, {"from_steps": steps, **now}]}))
     first = earlier[0] if earlier else now

@@ -11,6 +11,7 @@ from evaluate.analysis.comparison import ERRORS, FALL_RATE, SUCCESS_RATE, Metric
 from evaluate.analysis.effort import effort_by_episode
 from evaluate.measures.episodes import weight
 from evaluate.measures.outcomes import SUCCEEDED
+from evaluate.records.episode_table import missing_measures
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import rows_of
 from evaluate.statistics.intervals import Floats
@@ -80,7 +81,8 @@ def _values(rows: pa.Table, weighs: float) -> dict[str, Floats]:
 
 def _identical(a: pa.Table, b: pa.Table) -> bool:
     """Whether all measures that both have are the same, to the bit."""
-    names = [name for name in a.column_names if name in b.column_names and name != "policy"]
+    missing = {"policy", *missing_measures(a), *missing_measures(b)}
+    names = [name for name in a.column_names if name in b.column_names and name not in missing]
     return all(repr(a.column(name).to_pylist()) == repr(b.column(name).to_pylist()) for name in names)
 
 

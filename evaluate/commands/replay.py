@@ -99,7 +99,7 @@ def main(options: Options) -> int:
     others = [] if options.against is None else [policy_of(options.against, run.manifest, options.trust, "--against")]
     outputs = _outputs(options)
     again, episodes = resimulate(run.manifest, found, policy)
-    differing = differences(run.manifest, found, again)
+    differing = differences(run, found, again)
     causes = _causes(run.manifest, found, options.trust) if differing else []
     if not differing:
         print(f"{found.title}: identical to the bit")
@@ -212,13 +212,23 @@ def resimulate(
     return measure_cell(policy.label, scenario, episodes), episodes
 
 
-def differences(manifest: Manifest, found: ReplayTarget, again: PolicyScenarioResult) -> list[str]:
-    """`velocity_error: 0.31 then, 0.32 now` for each column in which the episode is not the stored one."""
+def differences(run: Run, found: ReplayTarget, again: PolicyScenarioResult) -> list[str]:
+    """Return a line such as `velocity_error: 0.31 then, 0.32 now` for each measure of the run that is not as stored.
+
+    Args:
+        run: Results folder; measures that it lacks are not compared.
+        found: Stored episode.
+        again: The episode simulated again.
+
+    Returns:
+        Lines in the order of the columns.
+    """
     numbers = np.array([found.number])
     then = table(found.cell).slice(found.number, 1).to_pylist()[0]
     now = table(again, numbers).to_pylist()[0]
     # Not ==, for which 0.0 and -0.0 are the same.
-    return [f"{name}: {then[name]} then, {now[name]} now" for name in then if repr(then[name]) != repr(now[name])]
+    names = [name for name in then if name not in run.missing_measures]
+    return [f"{name}: {then[name]} then, {now[name]} now" for name in names if repr(then[name]) != repr(now[name])]
 
 
 def _causes(then: Manifest, found: ReplayTarget, trust: bool) -> list[str]:

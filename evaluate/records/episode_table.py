@@ -1,10 +1,10 @@
-"""`episodes.parquet`: one row an episode, enough to run it again and to group results by anything.
+"""`episodes.parquet`: one row an episode, from which a cell is read back to the bit and an episode simulated again.
 
-The columns are the fields of `Measures` and who, where and from which seed; a table gives its cells back to the bit.
+The columns are policy, scenario, severity, episode, seed and the fields of `Measures`.
 """
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +19,56 @@ from quad_env.scenarios.named import Scenario
 
 MEASURES = tuple(field.name for field in fields(Measures))
 FIRST = ("outcome", "fell", "fall_reason", "failure", "fall_time", "diverged")
-"""Columns that stand before the other measures."""
-NEEDED = {"policy", "scenario", "episode", "seed", "fall_reason", "failure", *MEASURES}
-"""Columns that no file may lack."""
+"""Columns before the other measures."""
+REQUIRED = {"policy", "scenario", "episode", "seed", "outcome", "fell", "diverged", "fall_reason", "failure"}
+"""Columns that identify an episode and its outcome; a file without one of them cannot be read."""
 RUN = b"run"
-"""Key of the table's metadata: the fingerprint of the run that its rows belong to."""
+"""Key of the table's metadata: fingerprint of the run."""
 _WIDTH = b"width"
-"""Key of a column's metadata: how long the vectors in its lists are."""
+"""Key of a column's metadata: length of the vectors in its lists."""
+_MISSING = b"missing"
+"""Key of a column's metadata: the file lacks the column."""
+
+
+@dataclass(frozen=True)
+class _ListColumn:
+    """Layout of a measure with several values an episode."""
+
+    length: int
+    """Number of entries if the file has no column of `siblings`."""
+    siblings: tuple[str, ...] = ()
+    """Columns whose lists have the same number of entries."""
+    width: int = 0
+    """Length of each entry; 0 if the entries are numbers."""
+
+
+_LIST_COLUMNS = {
+    "duty_factor": _ListColumn(4),
+    "commands": _ListColumn(1, ("mean_velocities",), width=3),
+    "mean_velocities": _ListColumn(1, ("commands",), width=3),
+    "push_time": _ListColumn(0, ("push_fell", "push_impulse")),
+    "push_fell": _ListColumn(0, ("push_time", "push_impulse")),
+    "push_impulse": _ListColumn(0, ("push_time", "push_fell"), width=2),
+}
+_TEXT_COLUMNS = {"cause", "cause_detail"}
 
 
 def table(cell: PolicyScenarioResult, episodes: NDArray[np.int64] | None = None) -> pa.Table:
-    """A cell's rows, null where a figure does not exist; `episodes`, (n,), are their numbers, by default 0 … n − 1.
+    """Return a cell's rows, with null for NaN.
 
     Measures of an interval are lists: `commands` and `mean_velocities` hold forward m/s, lateral m/s, yaw rate rad/s.
+
+    Args:
+        cell: Cell or chunk of a cell.
+        episodes: Indices of the episodes in the cell, (n,); by default 0 … n - 1.
+
+    Returns:
+        A table with one row an episode.
     """
-    count, named = cell.episodes, {name: getattr(cell.measures, name) for name in MEASURES}
-    named |= {"fall_reason": cell.fall_reason, "failure": cell.failure}
+    values = {name: getattr(cell.measures, name) for name in MEASURES}
+    values["fall_reason"] = cell.fall_reason
+    values["failure"] = cell.failure
+    count = cell.episodes
     columns = {
         "policy": pa.array([cell.policy] * count, pa.string()),
         "scenario": pa.array([cell.scenario.name] * count, pa.string()),
@@ -42,17 +76,28 @@ def table(cell: PolicyScenarioResult, episodes: NDArray[np.int64] | None = None)
         "episode": pa.array(np.arange(count) if episodes is None else episodes, pa.int64()),
         "seed": pa.array(cell.seeds, pa.int64()),
     }
-    order = (*FIRST, *(name for name in named if name not in FIRST))
-    columns |= {name: _array(named[name]) for name in order}
-    widths = {name: {_WIDTH: str(v.shape[-1]).encode()} for name, v in named.items() if v.ndim > 2}
-    kinds = [pa.field(name, column.type, metadata=widths.get(name)) for name, column in columns.items()]
-    return pa.table(list(columns.values()), schema=pa.schema(kinds))
+    for name in (*FIRST, *(name for name in values if name not in FIRST)):
+        columns[name] = _to_arrow(values[name])
+    widths = {name: {_WIDTH: str(value.shape[-1]).encode()} for name, value in values.items() if value.ndim > 2}
+    schema = [pa.field(name, column.type, metadata=widths.get(name)) for name, column in columns.items()]
+    return pa.table(list(columns.values()), schema=pa.schema(schema))
 
 
 def cell_of(rows: pa.Table, scenario: Scenario) -> PolicyScenarioResult:
-    """The cell of a table's rows, which are of one policy and this scenario. Raises ValueError."""
+    """Return the cell of a table's rows, which are of one policy and this scenario.
+
+    Args:
+        rows: Rows with every measure.
+        scenario: Scenario of all rows.
+
+    Returns:
+        The cell.
+
+    Raises:
+        ValueError: The lists of a column differ in length within the cell.
+    """
     try:
-        measures = Measures(**{name: _values(rows, name) for name in MEASURES})
+        measures = Measures(**{name: _to_numpy(rows, name) for name in MEASURES})
     except (TypeError, ValueError) as error:
         raise ValueError(f"its lists are not all of one length ({error})") from error
     return PolicyScenarioResult(
@@ -65,27 +110,82 @@ def cell_of(rows: pa.Table, scenario: Scenario) -> PolicyScenarioResult:
     )
 
 
+def add_missing_measures(rows: pa.Table) -> pa.Table:
+    """Add the measures that a file of an older version lacks, as null; ValueError if a required column is missing."""
+    if absent := sorted(REQUIRED - set(rows.column_names)):
+        raise ValueError(f"it lacks the columns {', '.join(absent)}")
+    for name in MEASURES:
+        if name not in rows.column_names:
+            column = _null_column(rows, name)
+            metadata = {_MISSING: b"1"}
+            if name in _LIST_COLUMNS and _LIST_COLUMNS[name].width:
+                metadata[_WIDTH] = str(_LIST_COLUMNS[name].width).encode()
+            rows = rows.append_column(pa.field(name, column.type, metadata=metadata), column)
+    return rows
+
+
+def missing_measures(rows: pa.Table) -> list[str]:
+    """Return the names of the measures that `add_missing_measures` has added."""
+    return [field.name for field in rows.schema if _MISSING in (field.metadata or {})]
+
+
+def _null_column(rows: pa.Table, name: str) -> pa.Array:
+    """Return a column of NaN or no text, with lists as long as those of its siblings."""
+    if name in _TEXT_COLUMNS:
+        return pa.nulls(rows.num_rows, pa.string())
+    if name not in _LIST_COLUMNS:
+        return pa.nulls(rows.num_rows, pa.float64())
+    layout = _LIST_COLUMNS[name]
+    lengths = [layout.length] * rows.num_rows
+    if siblings := [sibling for sibling in layout.siblings if sibling in rows.column_names]:
+        lengths = [len(entries) for entries in rows.column(siblings[0]).to_pylist()]
+    entry = pa.list_(pa.float64()) if layout.width else pa.float64()
+    return pa.array([[None] * length for length in lengths], pa.list_(entry))
+
+
 def write_parquet(cells: Sequence[PolicyScenarioResult], path: Path, run: str = "") -> None:
-    """Write every cell's episodes into one file; `run` is the fingerprint of what they are the outcome of."""
+    """Write the episodes of all cells into one file.
+
+    Args:
+        cells: Cells in the order of the run.
+        path: File to write.
+        run: Fingerprint of the run.
+    """
     write_table(pa.concat_tables([table(cell) for cell in cells]), path, run)
 
 
 def write_table(rows: pa.Table, path: Path, run: str) -> None:
-    """Write rows into a file, whole or not at all."""
+    """Write rows into a file, completely or not at all.
+
+    Args:
+        rows: Rows of a run.
+        path: File to write.
+        run: Fingerprint of the run.
+    """
     parquet.write(rows, path, {RUN: run.encode()})
 
 
 def read_table(path: Path, run: str | None = None) -> pa.Table:
-    """A file's rows; ValueError if it is damaged, changed, or of another run than the given one, OSError if it cannot
-    be read."""
+    """Read the rows of a file.
+
+    Args:
+        path: File to read.
+        run: Fingerprint that the file must have; None for any.
+
+    Returns:
+        The rows as they were written.
+
+    Raises:
+        ValueError: The file is damaged, changed or of another run.
+    """
     rows = parquet.read(path)
     if run is not None and (rows.schema.metadata or {}).get(RUN) != run.encode():
         raise ValueError(f"{path} is of another run")
     return rows
 
 
-def _array(values: NDArray[Any]) -> pa.Array:
-    """A measure of n episodes: (n,) numbers, truth values or texts, (n, k) or (n, k, m) numbers."""
+def _to_arrow(values: NDArray[Any]) -> pa.Array:
+    """Convert a measure of n episodes, (n,) numbers, bools or texts, (n, k) or (n, k, m) numbers."""
     if values.dtype == object:
         return pa.array(values.tolist(), pa.string())
     if values.ndim == 1:
@@ -97,18 +197,20 @@ def _array(values: NDArray[Any]) -> pa.Array:
 
 
 def _nullable(values: NDArray[Any]) -> Any:
-    """Nested lists with None for NaN; None for a whole vector of a matrix."""
+    """Return nested lists with None for NaN, and for a vector of a matrix that is NaN throughout."""
     if values.ndim > 1:
         return [None if np.isnan(entry).all() else _nullable(entry) for entry in values]
     return [None if np.isnan(value) else float(value) for value in values]
 
 
-def _values(rows: pa.Table, name: str) -> NDArray[Any]:
-    """What `_array` was given."""
-    column, field = rows.column(name), rows.schema.field(name)
+def _to_numpy(rows: pa.Table, name: str) -> NDArray[Any]:
+    """Convert a column back to the array that `_to_arrow` received."""
+    column = rows.column(name)
+    field = rows.schema.field(name)
     if not pa.types.is_list(field.type):
         return np.asarray(column.to_numpy())
-    entries, metadata = column.to_pylist(), field.metadata or {}
+    entries = column.to_pylist()
+    metadata = field.metadata or {}
     if _WIDTH in metadata:
         absent = [None] * int(metadata[_WIDTH])
         entries = [[absent if vector is None else vector for vector in entry] for entry in entries]

@@ -1,4 +1,4 @@
-"""`manifest.json`: what a run's figures depend on, written with its first episodes so that it can go on later."""
+"""`manifest.json`: all inputs that a run's results depend on, written with its first episodes to allow --resume."""
 
 import hashlib
 import json
@@ -10,7 +10,7 @@ from typing import Any
 
 from evaluate.cells import LabelledPolicy
 from evaluate.hardware import IDEAL, HardwareConfig, parse_robot_option
-from evaluate.records.provenance import RULES, code_digest, cpu_model, model_of, policy_digest, versions
+from evaluate.records.provenance import RULES, code_digest, cpu_model, hardware_versions, policy_digest, versions
 from evaluate.statistics.sequential import looks
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import parse_json, read_bytes
@@ -21,55 +21,58 @@ from quad_env.serialisation import from_plain, to_json_values
 
 NAME = "manifest.json"
 FILES = ("results.json", "episodes.parquet", "report.html", NAME)
-"""What a comparison leaves in its folder."""
+"""Files of a finished run."""
 CHUNKS = "parts"
-"""Folder of the chunks of cells, while a run is going on."""
+"""Folder of the finished chunks of an unfinished run."""
 SCHEMA = 1
+"""Version of the file's keys."""
 LAST_COMPATIBLE_REVISION = "revision 02bbde28"
-"""Version that reads results by success/1 and energy/1, as of 0.2.0 and before, and without causes."""
+"""Last version that reads results by success/1 and energy/1 (0.2.0 and before) and results without causes."""
 _SHA256 = "sha256"
-"""Key of the hash of all else in the file."""
-_OF_NO_FIGURE = ("options", "date", "fingerprint")
-"""What no figure depends on."""
+"""Key of the hash of all other entries of the file."""
+_NOT_PROVENANCE = ("options", "date", "fingerprint")
+"""Fields that no result depends on."""
 _NOT_COMPARED = {"git_revision"}
-"""Versions that may change without a figure changing: the code's digest says whether one could."""
+"""Versions that do not affect the results by themselves; the code's digest shows a change of the code."""
 _NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
-"""Versions with which the same run may come out to the same bytes; `compare` names them where they differ."""
+"""Versions that may differ between runs with the same bytes; `compare` reports a difference."""
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """A run: every policy on each of its scenarios with the same seeds."""
+    """All inputs of a run: every policy on each of its scenarios, with the same seeds."""
 
     policies: Mapping[str, str]
-    """Label -> SHA-256 of what defines the policy, in the order of the run."""
+    """Label -> digest of the policy, in the order of the run."""
     scenarios: tuple[Scenario, ...]
     seed: int
+    """Evaluation seed."""
     episodes: int
-    """Episodes of each policy on each scenario; in a run --until settled as of its last look."""
+    """Episodes of each policy on each scenario; in a run --until settled those of its latest interim analysis."""
     steps: int
     """Control steps of an episode."""
     versions: Mapping[str, str | None]
+    """Name -> version of each package, rule and library."""
     code: str
-    """SHA-256 of the packages that the figures depend on."""
+    """Digest of the packages that the results depend on."""
     cpu: str
-    """The processor's name for itself."""
+    """Name of the processor."""
     options: Mapping[str, Any]
-    """Options of the command line by name, so that --resume needs none of them again."""
+    """Options of the command line by name; --resume reads them from here."""
     threads: int
-    """Threads of the simulation; no figure depends on it."""
+    """Threads of the simulation; no result depends on it."""
     hardware: HardwareConfig = IDEAL
     """Hardware of the robots."""
     only_on: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    """Label -> names of the scenarios of a policy that does not run on all of them."""
+    """Label -> names of the scenarios, for policies that do not run on all scenarios."""
     limit: int = 0
-    """Most episodes of a run --until settled; 0 of any other."""
+    """Maximum number of episodes of a run --until settled; 0 for other runs."""
     ended: str = ""
-    """Why a run --until settled has ended, in words."""
+    """Reason for the end of a run --until settled; empty before its end and for other runs."""
     date: str = ""
-    """Day on which the run began, UTC; empty where it was not written down."""
+    """Start date of the run, UTC; empty if it was not recorded."""
     fingerprint: str = ""
-    """SHA-256 of all that a figure depends on, as it was written when the run began."""
+    """SHA-256 of all inputs that a result depends on, computed at the start of the run."""
 
     @property
     def cells(self) -> list[tuple[Scenario, str]]:
@@ -83,26 +86,31 @@ class Manifest:
 
     @property
     def is_unsettled(self) -> bool:
-        """Whether it is a run --until settled that has not ended."""
+        """True for a run --until settled that has not ended."""
         return bool(self.limit) and not self.ended
 
     def with_fingerprint(self) -> "Manifest":
-        """With its fingerprint."""
+        """Return a copy with its fingerprint."""
         return replace(self, fingerprint=_fingerprint(self.provenance()))
 
     def as_json(self) -> dict[str, Any]:
-        """The contents of the file."""
-        with_fingerprint = {"fingerprint": self.fingerprint, "date": self.date, "options": dict(self.options)}
-        contents = {"schema": SCHEMA, **with_fingerprint, **self.provenance()}
+        """Return the contents of the file."""
+        contents = {
+            "schema": SCHEMA,
+            "fingerprint": self.fingerprint,
+            "date": self.date,
+            "options": dict(self.options),
+            **self.provenance(),
+        }
         return {**contents, _SHA256: _digest(contents)}
 
     def provenance(self) -> dict[str, Any]:
-        """All but the options, the date and the fingerprint, as JSON values."""
-        kept = {name: value for name, value in vars(self).items() if name not in _OF_NO_FIGURE}
-        return kept | {"hardware": asdict(self.hardware), "scenarios": to_json_values(self.scenarios)}
+        """Return all fields except options, date and fingerprint, as JSON values."""
+        values = {name: value for name, value in vars(self).items() if name not in _NOT_PROVENANCE}
+        return values | {"hardware": asdict(self.hardware), "scenarios": to_json_values(self.scenarios)}
 
     def write(self, folder: Path) -> None:
-        """Write the file."""
+        """Write the file into a folder."""
         write_atomically(folder / NAME, (json.dumps(self.as_json(), indent=2) + "\n").encode())
 
 
@@ -118,7 +126,22 @@ def manifest(
     hardware: HardwareConfig = IDEAL,
     limit: int = 0,
 ) -> Manifest:
-    """Manifest of a run of these here and now; with a limit it is one until settled, of at most so many episodes."""
+    """Make the manifest of a run on this machine with this code.
+
+    Args:
+        policies: Policies in the order of the run.
+        scenarios: Scenarios in the order of the run.
+        options: Options of the command line by name.
+        seed: Evaluation seed.
+        episodes: Episodes of each policy on each scenario; ignored if `limit` is given.
+        steps: Control steps of an episode.
+        threads: Threads of the simulation.
+        hardware: Hardware of the robots.
+        limit: Maximum number of episodes of a run --until settled; 0 for other runs.
+
+    Returns:
+        The manifest with its fingerprint.
+    """
     return Manifest(
         policies={policy.label: policy_digest(*policy.variants) for policy in policies},
         scenarios=tuple(scenarios),
@@ -126,7 +149,7 @@ def manifest(
         episodes=looks(limit)[0] if limit else episodes,
         limit=limit,
         steps=steps,
-        versions=versions() | model_of(hardware),
+        versions=versions() | hardware_versions(hardware),
         code=code_digest(),
         cpu=cpu_model(),
         options=options,
@@ -138,31 +161,45 @@ def manifest(
 
 
 def read(folder: Path) -> Manifest:
-    """The manifest of a folder. Raises UsageError, one line, if there is none or none of this version, or if it is not
-    as it was written."""
+    """Read the manifest of a folder.
+
+    Args:
+        folder: Results folder.
+
+    Returns:
+        The manifest.
+
+    Raises:
+        UsageError: There is no manifest of this version, it was changed, or its robot file is not here. One line.
+    """
     path = folder / NAME
     if not path.is_file():
         raise UsageError(f"{folder} is no folder with results of `python -m evaluate`: it has no {NAME}")
     try:
-        found = parse_json(read_bytes(path))
-        if type(found["schema"]) is not int or found["schema"] != SCHEMA:
-            raise ValueError("it is of another schema")
-        if not RULES.items() <= dict(found["versions"]).items():
-            rules = ", ".join(RULES.values())
-            raise UsageError(
-                f"{path}: its figures are not by {rules}, this version's rules; "
-                f"{LAST_COMPATIBLE_REVISION} reads older ones"
-            )
-        if _is_changed(found):
-            raise UsageError(f"{path} has been changed since it was written: restore it, or run the evaluation again")
-        values = {name: value for name, value in found.items() if name not in ("schema", _SHA256)}
-        made = {"scenarios": from_plain(found["scenarios"]), "hardware": HardwareConfig(**found["hardware"])}
-        manifest = Manifest(**(values | made))
+        manifest = _parse(path)
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise UsageError(f"{path} is no manifest of this version ({error})") from error
     _check_robot_file(path, manifest.hardware.robot)
     parse_robot_option(manifest.hardware.robot, f"{path}: its robot")
     return manifest
+
+
+def _parse(path: Path) -> Manifest:
+    """Parse a manifest file; UsageError if it is by other rules or was changed, other errors if it is malformed."""
+    contents = parse_json(read_bytes(path))
+    if type(contents["schema"]) is not int or contents["schema"] != SCHEMA:
+        raise ValueError("it is of another schema")
+    if not RULES.items() <= dict(contents["versions"]).items():
+        rules = ", ".join(RULES.values())
+        raise UsageError(
+            f"{path}: its figures are not by {rules}, this version's rules; {LAST_COMPATIBLE_REVISION} reads older ones"
+        )
+    if _is_changed(contents):
+        raise UsageError(f"{path} has been changed since it was written: restore it, or run the evaluation again")
+    values = {name: value for name, value in contents.items() if name not in ("schema", _SHA256)}
+    values["scenarios"] = from_plain(contents["scenarios"])
+    values["hardware"] = HardwareConfig(**contents["hardware"])
+    return Manifest(**values)
 
 
 def _check_robot_file(path: Path, robot: str) -> None:
@@ -175,32 +212,34 @@ def _check_robot_file(path: Path, robot: str) -> None:
     raise UsageError(f"{path}: its robot {robot} is no file in {Path.cwd()}; {remedy}")
 
 
-def _is_changed(found: dict[str, Any]) -> bool:
-    """Whether the contents of a file are other than those that its fingerprint and its hash are of."""
-    contents = {name: value for name, value in found.items() if name != _SHA256}
-    provenance = {name: value for name, value in contents.items() if name not in ("schema", *_OF_NO_FIGURE)}
-    digest = _digest(contents)
-    return bool(found["fingerprint"] != _fingerprint(provenance) or found.get(_SHA256) != digest)
+def _is_changed(contents: dict[str, Any]) -> bool:
+    """Return True if the contents of a file do not match its fingerprint and its hash."""
+    hashed = {name: value for name, value in contents.items() if name != _SHA256}
+    provenance = {name: value for name, value in hashed.items() if name not in ("schema", *_NOT_PROVENANCE)}
+    digest = _digest(hashed)
+    return bool(contents["fingerprint"] != _fingerprint(provenance) or contents.get(_SHA256) != digest)
 
 
 def _fingerprint(provenance: Mapping[str, Any]) -> str:
-    """SHA-256 of all that a figure depends on."""
-    known = {name: version for name, version in provenance["versions"].items() if name not in _NOT_IN_FINGERPRINT}
-    with_fingerprint = {name: value for name, value in provenance.items() if name != "ended"}
-    most = with_fingerprint.get("limit") or with_fingerprint["episodes"]
-    return _digest({**with_fingerprint, "versions": known, "threads": None, "episodes": most})
+    """Return the SHA-256 of all inputs that a result depends on."""
+    versions = {name: version for name, version in provenance["versions"].items() if name not in _NOT_IN_FINGERPRINT}
+    inputs = {name: value for name, value in provenance.items() if name != "ended"}
+    max_episodes = inputs.get("limit") or inputs["episodes"]
+    return _digest({**inputs, "versions": versions, "threads": None, "episodes": max_episodes})
 
 
 def _digest(values: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of JSON values, whatever the order of their keys."""
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def differences(then: Manifest, now: Manifest) -> list[str]:
-    """What may make figures of one run differ from those of the other, in words; the options aside."""
+    """Describe each input, other than the options, in which the run `now` differs from the run `then`."""
     return list(_differences(then, now))
 
 
 def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
+    """Yield a description of each difference."""
     for name, version in then.versions.items():
         new = now.versions.get(name, version)  # older results do not name all that newer ones do
         if name not in _NOT_COMPARED and new != version:

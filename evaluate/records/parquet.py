@@ -1,4 +1,4 @@
-"""Parquet files with a hash of their content: written whole or not at all, and read only as they were written."""
+"""Parquet files with a content hash: written completely or not at all, and refused if they were changed."""
 
 import hashlib
 import io
@@ -14,54 +14,55 @@ from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
 
 SHA256 = b"sha256"
-"""Key of a table's metadata: the hash of its content."""
+"""Key of a table's metadata: hash of its content."""
 
 
-def write(rows: pa.Table, path: Path, about: Mapping[bytes, bytes]) -> None:
-    """Write rows with metadata."""
-    described = rows.replace_schema_metadata(dict(about))
+def write(rows: pa.Table, path: Path, metadata: Mapping[bytes, bytes]) -> None:
+    """Write rows with metadata and their content hash into the file at `path`."""
+    described = rows.replace_schema_metadata(dict(metadata))
     buffer = io.BytesIO()
-    hashed = described.replace_schema_metadata({**about, SHA256: content_hash(described).encode()})
+    hashed = described.replace_schema_metadata({**metadata, SHA256: content_hash(described).encode()})
     pq.write_table(hashed, buffer, write_page_checksum=True)
     write_atomically(path, buffer.getvalue())
 
 
 def read(path: Path) -> pa.Table:
-    """A file's rows; ValueError if it is damaged or has been changed, OSError if it cannot be read."""
+    """Read a file's rows; ValueError if it is damaged or was changed, OSError if it cannot be read."""
     content = read_bytes(path, LARGEST)
     try:
         rows = pq.ParquetFile(pa.py_buffer(content), page_checksum_verification=True).read()
         rows.validate(full=True)
-        changed = (rows.schema.metadata or {}).get(SHA256) != content_hash(rows).encode()
+        is_changed = (rows.schema.metadata or {}).get(SHA256) != content_hash(rows).encode()
     except (pa.ArrowException, LookupError, MemoryError, OSError, TypeError, ValueError) as error:
-        raise ValueError(f"{path} is damaged ({(str(error).splitlines() or [type(error).__name__])[0]})") from error
-    if changed:
+        message = (str(error).splitlines() or [type(error).__name__])[0]
+        raise ValueError(f"{path} is damaged ({message})") from error
+    if is_changed:
         raise ValueError(f"{path} has been changed since it was written (its content hash differs)")
     return rows
 
 
 def content_hash(rows: pa.Table) -> str:
-    """SHA-256 of a table's metadata, names, types and values, however the file lays them out."""
-    digest = hashlib.sha256(repr(_about(rows.schema.metadata)).encode())
+    """Return the SHA-256 of a table's metadata, names, types and values, whatever the layout of the file."""
+    digest = hashlib.sha256(repr(_hashed_metadata(rows.schema.metadata)).encode())
     for field, column in zip(rows.schema, rows.columns, strict=True):
-        digest.update(repr((field.name, _about(field.metadata))).encode())
-        _add(digest, column.combine_chunks())
+        digest.update(repr((field.name, _hashed_metadata(field.metadata))).encode())
+        _add_values(digest, column.combine_chunks())
     return digest.hexdigest()
 
 
-def _about(metadata: Mapping[bytes, bytes] | None) -> list[tuple[bytes, bytes]]:
-    """Metadata that is not of the file's format, nor the hash."""
+def _hashed_metadata(metadata: Mapping[bytes, bytes] | None) -> list[tuple[bytes, bytes]]:
+    """Return the sorted metadata without the hash and without entries of the Parquet format."""
     return sorted(pair for pair in (metadata or {}).items() if pair[0] != SHA256 and not pair[0].startswith(b"PARQUET"))
 
 
-def _add(digest: Any, values: pa.Array) -> None:
-    """Which values there are, and then their bytes; of lists their lengths, and then what they hold."""
+def _add_values(digest: Any, values: pa.Array) -> None:
+    """Add to the digest the validity bits and the bytes of the values; for lists the lengths and the flat values."""
     values = values.combine_chunks() if isinstance(values, pa.ChunkedArray) else values
     digest.update(np.packbits(values.is_valid().to_numpy(zero_copy_only=False)).tobytes())
     if isinstance(values, pa.ListArray):
         lengths = values.value_lengths().drop_null()
         digest.update(f"lists {len(values)}".encode() + np.asarray(lengths, np.int64).tobytes())
-        _add(digest, values.flatten())
+        _add_values(digest, values.flatten())
     elif pa.types.is_string(values.type):
         digest.update(repr(values.to_pylist()).encode())
     else:

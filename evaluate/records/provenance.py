@@ -1,10 +1,11 @@
-"""What the figures were made with."""
+"""Provenance of results: versions, processor, and digests of the code, the policies and the robot's model."""
 
+import ast
 import ctypes
 import hashlib
 import platform
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib import metadata
@@ -23,16 +24,17 @@ from quad_env.config import FallRule
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SOURCES = ("quad_env", "policies", "evaluate")
-"""Packages that the figures depend on."""
+"""Packages that the results depend on."""
 RULES = {"success_rule": SUCCESS_RULE, "energy_rule": ENERGY_RULE, "cause_rule": CAUSE_RULE}
-"""Versions with which alone results can be read."""
-DIGEST = "2-"
-"""Start of every policy's digest: by which rule it was made."""
-_KINDS = {".py", ".xml", ".json"}
+"""Versions of the rules; results by other rules cannot be read."""
+DIGEST = "3-"
+"""Prefix of every policy digest: the version of the digest's rule."""
+_SOURCE_SUFFIXES = {".py", ".xml", ".json"}
+"""Suffixes of the files that the code's digest includes."""
 
 
 def versions() -> dict[str, str | None]:
-    """Versions of what the figures depend on, and the git revision, None outside a repository."""
+    """Return the versions that the results depend on, and the git revision, which is None outside a repository."""
     return {
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
@@ -48,13 +50,13 @@ def versions() -> dict[str, str | None]:
 
 
 def blas() -> str:
-    """NumPy's BLAS, and of OpenBLAS the kernel for this processor, which `OPENBLAS_CORETYPE` replaces."""
-    found = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
-    return " ".join((found["name"], found["version"], *sorted(_kernels())))
+    """Return NumPy's BLAS with the processor kernel of OpenBLAS, which `OPENBLAS_CORETYPE` overrides."""
+    library = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
+    return " ".join((library["name"], library["version"], *sorted(_openblas_kernels())))
 
 
-def _kernels() -> set[str]:
-    """Kernels of the OpenBLAS libraries of this process; none where the system does not list a process's libraries."""
+def _openblas_kernels() -> set[str]:
+    """Return the kernels of this process's OpenBLAS libraries; empty if the system does not list the libraries."""
     try:
         lines = Path("/proc/self/maps").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -68,15 +70,18 @@ def _kernels() -> set[str]:
     return kernels
 
 
-def model_of(hardware: HardwareConfig) -> dict[str, str]:
-    """The SHA-256 of the robot's model, where it is none of the code's, and the version of an unusual simulator."""
-    robot = {} if hardware.robot == HardwareConfig.robot else {"robot": hardware.robot_model.sha256}
-    usual = hardware.simulator == HardwareConfig.simulator
-    return robot if usual else robot | {hardware.simulator: metadata.version(hardware.simulator)}
+def hardware_versions(hardware: HardwareConfig) -> dict[str, str]:
+    """Return the SHA-256 of the robot's model unless it is the default robot, and the version of another simulator."""
+    versions = {}
+    if hardware.robot != HardwareConfig.robot:
+        versions["robot"] = hardware.robot_model.sha256
+    if hardware.simulator != HardwareConfig.simulator:
+        versions[hardware.simulator] = metadata.version(hardware.simulator)
+    return versions
 
 
 def git_revision(folder: Path) -> str | None:
-    """The commit of a checkout, with `-dirty` if tracked files differ from it; None if there is none."""
+    """Return the commit of a checkout, with `-dirty` if tracked files differ from it; None without a repository."""
     revision = _git(folder, "rev-parse", "HEAD")
     if revision is None:
         return None
@@ -84,7 +89,7 @@ def git_revision(folder: Path) -> str | None:
 
 
 def cpu_model() -> str:
-    """What the processor calls itself: another one may round the last bit of a function differently."""
+    """Return the processor's name; another processor may round the last bit of a function differently."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -95,29 +100,82 @@ def cpu_model() -> str:
 
 @cache
 def code_digest() -> str:
-    """SHA-256 of the packages that the figures depend on, names and contents: a commit may change nothing of them."""
+    """Return the SHA-256 of the packages that the results depend on: file names, statements and data.
+
+    Comments, docstrings and the layout of Python files do not count, since no result depends on them.
+    """
     digest = hashlib.sha256()
     for path in (path for package in SOURCES for path in sorted((REPOSITORY / package).rglob("*"))):
-        if path.suffix not in _KINDS:
+        if path.suffix not in _SOURCE_SUFFIXES:
             continue
         content = path.read_bytes()
+        if path.suffix == ".py":
+            content = _statements(content)
         digest.update(f"{path.relative_to(REPOSITORY).as_posix()} {len(content)}\n".encode() + content)
     return digest.hexdigest()
 
 
+def _statements(source: bytes) -> bytes:
+    """Return the syntax tree of Python source as text, without docstrings; the source itself if it has no tree."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError):
+        return source
+    words: list[str] = []
+    _add_syntax(tree, words.append)
+    return " ".join(words).encode()
+
+
+def _add_syntax(node: ast.AST, add: Callable[[str], None]) -> None:
+    """Add a node, its fields and its children, without texts that are statements: docstrings.
+
+    Absent and empty fields are left out, so that the text does not depend on the Python version as `ast.dump` does.
+    """
+    add(type(node).__name__)
+    for name in node._fields:
+        value = getattr(node, name, None)
+        if isinstance(value, ast.AST):
+            add(name)
+            _add_syntax(value, add)
+        elif isinstance(value, list):
+            entries = [entry for entry in value if not _is_docstring(entry)]
+            if entries:
+                add(f"{name}[{len(entries)}]")
+            for entry in entries:
+                if isinstance(entry, ast.AST):
+                    _add_syntax(entry, add)
+                else:
+                    add(repr(entry))
+        elif value is not None:
+            add(f"{name}={value!r}")
+
+
+def _is_docstring(node: Any) -> bool:
+    """Return True for a statement that is a text, of a module, class, function or attribute."""
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
 def policy_digest(*policies: Policy) -> str:
-    """SHA-256 of what defines fresh policies: their kinds, and all that they hold, such as parameters and weights."""
+    """Return the SHA-256 of fresh policies: their classes and all attributes, such as parameters and weights."""
     digest = hashlib.sha256()
     for piece in chain.from_iterable(_pieces(policy, ()) for policy in policies):
         digest.update(piece + b"\n")
     return DIGEST + digest.hexdigest()
 
 
-def _pieces(value: Any, within: tuple[int, ...]) -> Iterator[bytes]:
-    """What a value consists of, in an order of its own; of what is neither data nor made of it, the type alone."""
-    kind = type(value).__qualname__  # not its module: policies keep their digests when files move
+def _pieces(value: Any, ancestors: tuple[int, ...]) -> Iterator[bytes]:
+    """Yield the class and the contents of a value in a fixed order, or only the class if it has no known contents.
+
+    Args:
+        value: A policy or a value within it.
+        ancestors: `id` of the values that contain it, for references of a value to itself.
+
+    Yields:
+        Parts of the text to hash. Modules are not among them, so policies keep their digests when files move.
+    """
+    kind = type(value).__qualname__
     if isinstance(value, np.ndarray) and value.dtype == object:
-        yield from _pieces(value.tolist(), within)  # its bytes are the addresses of its entries
+        yield from _pieces(value.tolist(), ancestors)  # its bytes are the addresses of its entries
     elif isinstance(value, np.ndarray | np.generic):
         yield f"{value.dtype} {value.shape}".encode() + value.tobytes()
     elif value is None or isinstance(value, bool | int | float | str | bytes):
@@ -126,18 +184,18 @@ def _pieces(value: Any, within: tuple[int, ...]) -> Iterator[bytes]:
         yield value.name.encode()  # a file of the packages, whose contents are in the code's digest
     elif callable(value) and hasattr(value, "__qualname__"):
         yield value.__qualname__.encode()
-    elif id(value) in within:
+    elif id(value) in ancestors:
         yield b"itself"
     else:
         contents = _contents(value)
         yield f"{kind} of {len(contents)}".encode()
         for name, entry in contents:
             yield repr(name).encode()
-            yield from _pieces(entry, (*within, id(value)))
+            yield from _pieces(entry, (*ancestors, id(value)))
 
 
 def _contents(value: Any) -> list[tuple[Any, Any]]:
-    """Names, keys or places, and what is there."""
+    """Return pairs of name, key or index and the entry."""
     if isinstance(value, Mapping):
         return sorted(value.items(), key=lambda item: repr(item[0]))
     if isinstance(value, list | tuple):
@@ -149,8 +207,9 @@ def _contents(value: Any) -> list[tuple[Any, Any]]:
 
 
 def _git(folder: Path, *arguments: str) -> str | None:
+    """Return the output of a git command in a folder; None if it fails."""
+    command = ["git", "-C", str(folder), *arguments]
     try:
-        command = ["git", "-C", str(folder), *arguments]
         finished = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", timeout=10)
     except (OSError, subprocess.TimeoutExpired):
         return None
@@ -158,6 +217,7 @@ def _git(folder: Path, *arguments: str) -> str | None:
 
 
 def _version_of(distribution: str) -> str | None:
+    """Return the version of an installed distribution; None if it is not installed."""
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""A run's folder: its manifest, the episodes that are done, and the whole run read back from there."""
+"""A results folder: saves the chunks of a run that is not finished, and reads a run back."""
 
 import re
 import sys
@@ -12,7 +12,14 @@ import pyarrow.compute as pc
 
 from evaluate.cells import EpisodeChunk, PolicyScenarioResult, evaluation_seeds, join
 from evaluate.records import manifest as manifests
-from evaluate.records.episode_table import NEEDED, cell_of, read_table, table, write_table
+from evaluate.records.episode_table import (
+    add_missing_measures,
+    cell_of,
+    missing_measures,
+    read_table,
+    table,
+    write_table,
+)
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import counted
@@ -20,65 +27,79 @@ from quad_env.scenarios.named import Scenario
 
 EPISODES = "episodes.parquet"
 _CHUNK = re.compile(r"\d{5}-\d{7}(-[0-9a-f]{8})?\.parquet")
-"""Numbers of the cell and of the first episode, and the beginning of the run's fingerprint."""
+"""Name of a chunk's file: cell index, index of the first episode, and first digits of the run's fingerprint."""
+_FIRST_EPISODE = slice(6, 13)
+"""Part of a chunk's file name that is the index of its first episode."""
 _TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, FILES))}|{_CHUNK.pattern})\..{{8}}")
+"""Name of a file that a killed run left half written."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """What a folder holds."""
+    """A run read from a folder, finished or not."""
 
     manifest: Manifest
     cells: tuple[PolicyScenarioResult, ...]
-    """The finished ones, in the order of the run."""
+    """Finished cells, in the order of the run."""
     stored: bool = False
-    """Whether they were read from the folder's episodes.parquet, and from there alone."""
+    """True if all cells come from the folder's episodes.parquet."""
+    missing_measures: tuple[str, ...] = ()
+    """Measures that the folder's episodes.parquet lacks; they are NaN or None in the cells."""
 
     @property
     def complete(self) -> bool:
-        """Whether every cell is there, and no more episodes are to come."""
+        """True if every cell is finished and no episodes will be added."""
         return len(self.cells) == len(self.manifest.cells) and not self.manifest.is_unsettled
 
 
 class ChunkStore:
-    """Folder of a run under way, into which its chunks go as they come, each whole or not at all."""
+    """Chunks of a run that is not finished, in files that are written completely or not at all."""
 
     def __init__(self, folder: Path, manifest: Manifest, resumed: bool = False) -> None:
-        self.folder, self.manifest = folder, manifest
+        self.folder = folder
+        self.manifest = manifest
         self.begun = resumed
-        """Whether the folder is this run's; until its first chunk it belongs to whatever was there before."""
+        """True if the folder belongs to this run. Before the first chunk it belongs to an earlier run."""
         self._policies = list(manifest.policies)
 
     def load(self, policy: str, scenario: Scenario) -> Sequence[EpisodeChunk]:
-        """Chunks of that cell that are done already; damaged ones, other runs' and later episodes are left out."""
+        """Return the finished chunks of a cell, without files that are damaged or of other runs, seeds or episodes.
+
+        Args:
+            policy: Label of the policy.
+            scenario: Scenario of the cell.
+
+        Returns:
+            Chunks of which no two have an episode in common.
+        """
         if not self.begun:
             return ()
-        found: list[EpisodeChunk] = []
-        done = np.zeros(self.manifest.episodes, bool)
-        for path in sorted((self.folder / CHUNKS).glob(f"{self._number(policy, scenario):05d}-*.parquet")):
+        chunks: list[EpisodeChunk] = []
+        is_loaded = np.zeros(self.manifest.episodes, bool)
+        for path in sorted((self.folder / CHUNKS).glob(f"{self._cell_index(policy, scenario):05d}-*.parquet")):
             chunk = self._read(path, scenario)
-            if chunk is not None and not done[chunk.episode_indices].any():
-                done[chunk.episode_indices] = True
-                found.append(chunk)
-        return found
+            if chunk is not None and not is_loaded[chunk.episode_indices].any():
+                is_loaded[chunk.episode_indices] = True
+                chunks.append(chunk)
+        return chunks
 
     def save(self, chunk: EpisodeChunk) -> None:
-        """Write a chunk; OSError if that fails."""
-        number = self._number(chunk.cell.policy, chunk.cell.scenario)
-        name = f"{number:05d}-{chunk.episode_indices[0]:07d}-{self.manifest.fingerprint[:8]}.parquet"
+        """Write a chunk, and before the first one of a run replace the earlier run; OSError if that fails."""
+        cell_index = self._cell_index(chunk.cell.policy, chunk.cell.scenario)
+        name = f"{cell_index:05d}-{chunk.episode_indices[0]:07d}-{self.manifest.fingerprint[:8]}.parquet"
         (self.folder / CHUNKS).mkdir(exist_ok=True)
         write_table(table(chunk.cell, chunk.episode_indices), self.folder / CHUNKS / name, self.manifest.fingerprint)
         if not self.begun:
-            # Only now, and at once: until here the folder is that of whatever was there before.
             self.manifest.write(self.folder)
             remove_chunks(self.folder, but=name)
             self.begun = True
 
-    def _number(self, policy: str, scenario: Scenario) -> int:
-        """Number of the cell, in the order of the run."""
+    def _cell_index(self, policy: str, scenario: Scenario) -> int:
+        """Return the index of a cell in the order of the run."""
         return self.manifest.scenarios.index(scenario) * len(self._policies) + self._policies.index(policy)
 
     def _read(self, path: Path, scenario: Scenario) -> EpisodeChunk | None:
+        """Read a chunk; None if it is damaged or of another run or another seed."""
         try:
             rows = read_table(path, self.manifest.fingerprint)
             chunk = EpisodeChunk(rows.column("episode").to_numpy(), cell_of(rows, scenario))
@@ -89,103 +110,129 @@ class ChunkStore:
 
 
 def read_run(folder: Path) -> Run:
-    """The run in a folder, finished or not. Raises UsageError or OSError, one line, if there is none to be read."""
+    """Read the run in a folder, finished or not; UsageError, one line, or OSError if it cannot be read."""
     manifest, rows, stored = _read(folder)
     try:
-        return Run(manifest, tuple(_cells(manifest, rows)), stored)
+        return Run(manifest, tuple(_cells(manifest, rows)), stored, tuple(missing_measures(rows)))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise _unreadable(folder, error) from error
 
 
 def read_rows(folder: Path) -> tuple[Manifest, pa.Table]:
-    """The rows of the finished cells, with the columns that they were written with; errors as of `read_run`."""
-    return _read(folder)[:2]
+    """Read the manifest and the rows of the finished cells in a folder; errors as for `read_run`."""
+    manifest, rows, _ = _read(folder)
+    return manifest, rows
 
 
 def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
-    """Manifest, rows, and whether these are those of episodes.parquet; errors as of `read_run`."""
-    manifest, parts = manifests.read(folder), is_unfinished(folder)
+    """Read the manifest, the rows, and whether they come from episodes.parquet; errors as for `read_run`."""
+    manifest = manifests.read(folder)
+    has_chunks = is_unfinished(folder)
     try:
-        rows = _stored(folder / EPISODES, manifest)
+        rows = _stored_rows(folder / EPISODES, manifest)
     except ValueError as error:
-        if not parts:
+        if not has_chunks:
             raise _unreadable(folder, error) from error
         rows = pa.table({})
-    if not parts or rows.num_rows == manifest.episodes * len(manifest.cells):
+    if not has_chunks or rows.num_rows == manifest.episodes * len(manifest.cells):
         return manifest, rows, bool(rows.num_rows)
     cells = [table(cell) for cell in _from_chunks(ChunkStore(folder, manifest, True))]
     return manifest, pa.concat_tables(cells) if cells else pa.table({}), False
 
 
-def _stored(path: Path, manifest: Manifest) -> pa.Table:
-    """The rows of episodes.parquet, none if there is no such file; ValueError unless they are whole cells of the run
-    in its order, as they were written; an interrupted run has not come to all."""
+def _stored_rows(path: Path, manifest: Manifest) -> pa.Table:
+    """Read episodes.parquet; empty if there is no such file.
+
+    A measure that the file lacks is added as missing values and named on stderr.
+
+    Args:
+        path: The file.
+        manifest: Manifest of its run.
+
+    Returns:
+        Rows of complete cells in the order of the run; an interrupted run may lack cells.
+
+    Raises:
+        ValueError: The rows are not as the run wrote them, or a required column is missing.
+    """
     if not path.exists():
         return pa.table({})
-    rows = read_table(path, manifest.fingerprint)
-    if lacking := sorted(NEEDED - set(rows.column_names)):
-        raise ValueError(f"it lacks the columns {', '.join(lacking)}")
+    rows = add_missing_measures(read_table(path, manifest.fingerprint))
     found = list(zip(*(rows.column(name).to_pylist() for name in ("scenario", "policy", "episode")), strict=True))
-    there = {(scenario, policy) for scenario, policy, _ in found}
+    stored_cells = {(scenario, policy) for scenario, policy, _ in found}
     cells = [(scenario.name, policy) for scenario, policy in manifest.cells]
-    wanted = [(*cell, number) for cell in cells if cell in there for number in range(manifest.episodes)]
-    if found != wanted:
+    expected = [(*cell, number) for cell in cells if cell in stored_cells for number in range(manifest.episodes)]
+    if found != expected:
         raise ValueError("episodes are missing, there twice, not of this run or not in their order")
+    if missing := missing_measures(rows):
+        print(f"{path} has no column {', '.join(missing)}: read as missing values", file=sys.stderr)
     return rows
 
 
 def rows_of(rows: pa.Table, policy: str, scenario: str) -> pa.Table:
-    """The rows of one cell."""
+    """Return the rows of one cell, by policy and scenario."""
     return rows.filter((pc.field("policy") == policy) & (pc.field("scenario") == scenario))
 
 
 def is_unfinished(folder: Path) -> bool:
-    """Whether the folder holds chunks of a run that has not come to its end."""
-    return (folder / manifests.NAME).is_file() and any(_chunks(folder))
+    """Return True if the folder holds a manifest and chunks, as an unfinished run does."""
+    return (folder / manifests.NAME).is_file() and any(_chunk_files(folder))
 
 
 def remove_chunks(folder: Path, but: str = "") -> None:
-    """Remove the chunks of a run, whose episodes stand elsewhere, and what a killed one left half written; `but` stays,
-    and what else is kept there."""
-    for path in _chunks(folder):
+    """Remove a run's chunks and the files that a killed run left half written.
+
+    Args:
+        folder: Results folder; other files stay.
+        but: File name of a chunk that stays.
+    """
+    for path in _chunk_files(folder):
         if path.name != but:
             path.unlink(missing_ok=True)
-    for place in (folder / CHUNKS, folder):
-        for path in place.glob(".*"):
+    for parent in (folder / CHUNKS, folder):
+        for path in parent.glob(".*"):
             if _TEMPORARY.fullmatch(path.name):
                 path.unlink(missing_ok=True)
     try:
         (folder / CHUNKS).rmdir()
-    except OSError:  # not there, or something else is kept in it
+    except OSError:  # there is no such folder, or it has other files
         return
 
 
-def _chunks(folder: Path) -> Iterator[Path]:
+def _chunk_files(folder: Path) -> Iterator[Path]:
+    """Yield the files of chunks, of any run."""
     return (path for path in (folder / CHUNKS).glob("*.parquet") if _CHUNK.fullmatch(path.name))
 
 
 def _from_chunks(store: ChunkStore) -> Iterator[PolicyScenarioResult]:
-    """The cells of which every part is there; how many parts cannot be used is reported on stderr."""
-    there, used = sum(int(path.name[6:13]) < store.manifest.episodes for path in _chunks(store.folder)), 0
+    """Yield the cells whose chunks are all there, and report on stderr the number of files that cannot be used."""
+    files = [path for path in _chunk_files(store.folder) if int(path.name[_FIRST_EPISODE]) < store.manifest.episodes]
+    file_count = len(files)
+    used = 0
     for scenario, policy in store.manifest.cells:
         chunks = store.load(policy, scenario)
         used += len(chunks)
         if sum(len(chunk.episode_indices) for chunk in chunks) == store.manifest.episodes:
             yield join(chunks)
-    if used < there:
-        left_out = (
-            f"{there - used} of {counted(there, 'part')} in {store.folder / CHUNKS} left out, as damaged, changed"
+    if used < file_count:
+        unused = f"{file_count - used} of {counted(file_count, 'part')} in {store.folder / CHUNKS} left out"
+        print(
+            f"{unused}, as damaged, changed or of another run; --resume simulates what is missing",
+            file=sys.stderr,
         )
-        print(f"{left_out} or of another run; --resume simulates what is missing", file=sys.stderr)
 
 
 def _cells(manifest: Manifest, rows: pa.Table) -> Iterator[PolicyScenarioResult]:
-    for scenario, policy in manifest.cells if rows.num_rows else ():
-        mine = rows_of(rows, policy, scenario.name)
-        if mine.num_rows:
-            yield cell_of(mine, scenario)
+    """Yield the cells of a run's rows, in the order of the run."""
+    if not rows.num_rows:
+        return
+    for scenario, policy in manifest.cells:
+        cell_rows = rows_of(rows, policy, scenario.name)
+        if cell_rows.num_rows:
+            yield cell_of(cell_rows, scenario)
 
 
 def _unreadable(folder: Path, error: Exception) -> UsageError:
+    """Return the error for an episodes.parquet that does not match the manifest."""
     remedy = "restore it, or run the evaluation again"
     return UsageError(f"{folder / EPISODES} cannot be read as the run of {manifests.NAME}: {error}; {remedy}")

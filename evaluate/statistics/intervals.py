@@ -104,6 +104,8 @@ def bootstrap_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int =
 
     if len(values) < 2 or _agree(values):
         return identical_values_interval(values, bounds)
+    if np.isnan(values).any():
+        return (np.nan, np.nan)
     sums = _resampled_sums(values, RESAMPLES, seed)
     below, not_above = (sums < values.sum()).mean(), (sums <= values.sum()).mean()
     bias = ndtri((below + not_above) / 2)

@@ -81,8 +81,8 @@ def test_it_goes_on_with_what_was_done(folder, tmp_path, monkeypatch) -> None:
     assert (tmp_path / "results.json").is_file()
 
 
-def test_a_report_of_measures_that_are_no_more_is_refused(folder, tmp_path, refused) -> None:
+def test_a_report_of_episodes_without_their_outcome_is_refused(folder, tmp_path, refused) -> None:
     shutil.copytree(folder / "out", tmp_path, dirs_exist_ok=True)
     path = tmp_path / "episodes.parquet"
-    write_table(read_table(path).drop_columns(["distance"]), path, read(tmp_path).fingerprint)
-    assert "it lacks the columns distance" in refused(main, "report", tmp_path)
+    write_table(read_table(path).drop_columns(["outcome"]), path, read(tmp_path).fingerprint)
+    assert "it lacks the columns outcome" in refused(main, "report", tmp_path)

@@ -83,6 +83,42 @@ def test_the_codes_digest_is_of_names_and_contents(tmp_path, monkeypatch) -> Non
     assert found[3] == found[4]
 
 
+@pytest.fixture
+def sources(tmp_path, monkeypatch) -> Path:
+    """A module of a repository of its own, of which the code's digest is."""
+    module = tmp_path / "policies" / "a.py"
+    module.parent.mkdir()
+    module.write_text('"""Doc."""\n\nX = 1\n"""Unit."""\n\n\ndef f():\n    return "text"\n', encoding="utf-8")
+    monkeypatch.setattr(provenance, "REPOSITORY", tmp_path)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "counts"),
+    [
+        ("X = 1", "X = 1  # why", False),
+        ("Doc.", "Another summary.", False),
+        ("Unit.", "Another unit.", False),
+        ('return "text"', '"""Return a text."""\n    return "text"', False),
+        ("X = 1", "X = (\n    1\n)", False),
+        ("X = 1", "X = 2", True),
+        ("X = 1", "Y = 1", True),
+        ("X = 1", "X = 1.0", True),
+        ('return "text"', 'return "other"', True),
+        ('return "text"', '"text"', True),
+    ],
+)
+def test_the_codes_digest_is_of_statements_not_of_comments_and_docstrings(sources, old, new, counts) -> None:
+    code_digest.cache_clear()
+    before = code_digest()
+    content = sources.read_text(encoding="utf-8")
+    assert old in content
+    sources.write_text(content.replace(old, new), encoding="utf-8")
+    code_digest.cache_clear()
+    assert (code_digest() != before) == counts
+    code_digest.cache_clear()
+
+
 def test_a_policys_robot_shows_wherever_its_files_lie_and_whatever_was_asked_of_it() -> None:
     """Figures that a robot works out are kept with it; they define nothing."""
 

@@ -18,7 +18,7 @@ import pytest
 from evaluate.__main__ import main
 from evaluate.analysis.results import Results, as_json
 from evaluate.cells import EpisodeChunk
-from evaluate.records import manifest, store
+from evaluate.records import manifest, provenance, store
 from evaluate.records.episode_table import cell_of, read_table, table, write_table
 from evaluate.records.store import FILES
 from evaluate.rollouts import rollout
@@ -177,6 +177,23 @@ def test_another_machine_or_version_is_refused_and_another_commit_of_the_same_co
     monkeypatch.setattr(manifest, "versions", lambda: versions | {"git_revision": "0" * 40})
     assert evaluate("--resume", "--out", folder)[0] == 0
     assert_same(tmp_path, whole)
+
+
+@pytest.mark.parametrize(("edit", "code"), [("# a comment\n", 0), ('"""A docstring."""\n', 0), ("EXTRA = 1\n", 2)])
+def test_an_edit_of_comments_does_not_stop_a_run_from_going_on(repository, tmp_path, monkeypatch, edit, code) -> None:
+    """An edit of a statement does."""
+    copy, out = tmp_path / "repository", tmp_path / "out"
+    for package in provenance.SOURCES:
+        shutil.copytree(repository / package, copy / package, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(provenance, "REPOSITORY", copy)
+    provenance.code_digest.cache_clear()
+    assert evaluate(*RUN, "--out", out)[0] == 0
+    module = copy / "policies" / "base.py"
+    module.write_text(module.read_text(encoding="utf-8") + edit, encoding="utf-8")
+    provenance.code_digest.cache_clear()
+    found, error = evaluate("--resume", "--out", unfinished(out, tmp_path / "unfinished"))
+    provenance.code_digest.cache_clear()
+    assert found == code, error
 
 
 @pytest.mark.parametrize("damage", ["flipped", "changed", "another run's"])
