@@ -15,6 +15,9 @@ from quad_env.config import TaskConfig as TaskConfig
 from quad_env.envs.home_pose import HomePoseActions as HomePoseActions
 from quad_env.envs.home_pose import HomePoseSpace as HomePoseSpace
 from quad_env.envs.home_pose import VectorHomePoseActions as VectorHomePoseActions
+from quad_env.extensions import Extension as Extension
+from quad_env.extensions import add_extension as add_extension
+from quad_env.physics.state import QuadState as QuadState
 from quad_env.registration import ENV_ID as ENV_ID
 from quad_env.registration import MAX_EPISODE_STEPS as MAX_EPISODE_STEPS
 from quad_env.robots.registry import ROBOTS as ROBOTS
@@ -51,5 +54,6 @@ from quad_env.sensing.suite import JointTorque as JointTorque
 from quad_env.sensing.suite import SensorSuite as SensorSuite
 from quad_env.task.observations import OBSERVATION as OBSERVATION
 from quad_env.task.observations import OBSERVATION_SIZE as OBSERVATION_SIZE
+from quad_env.task.observations import ObservationTerm as ObservationTerm
 
 __version__: str

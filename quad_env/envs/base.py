@@ -31,7 +31,8 @@ from quad_env.sensing.height_scan import HeightScan, scanner_of, table_with
 from quad_env.sensing.observation import SensorObservation, make_observation_model
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
-from quad_env.task.rewards import reward_terms, step_weights
+from quad_env.task.observations import ObservationTerm, user_terms
+from quad_env.task.rewards import reward_terms, step_weights, user_rewards
 
 
 class EnvKwargs(TypedDict, total=False):
@@ -43,6 +44,8 @@ class EnvKwargs(TypedDict, total=False):
     robot: str | Robot
     estimator: str
     height_scan: HeightScan | None
+    rewards: Mapping[str, Any] | None
+    observations: Sequence[str | ObservationTerm]
     servo: Any
     simulator: str
 
@@ -92,6 +95,8 @@ class QuadEnvBase:
         robot: str | Robot = SIMPLE_QUAD,
         estimator: str = COMPLEMENTARY,
         height_scan: HeightScan | None = None,
+        rewards: Mapping[str, Any] | None = None,
+        observations: Sequence[str | ObservationTerm] = (),
         servo: Any = None,
         simulator: str = MUJOCO,
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
@@ -124,9 +129,13 @@ class QuadEnvBase:
             suite = sensor_suite(named)
         check_estimator(estimator, suite)
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
+        self._user_rewards = user_rewards(rewards)
+        self._user_terms = user_terms(observations)
         self._weights = step_weights(self.config.reward_weights, self.dt)
+        self._reward_keys = (*self._weights, *self._user_rewards)
         weights = self.config.reward_weights
-        feet = weights.foot_air_time != 0.0 or weights.touchdown_speed != 0.0
+        weighted_feet = weights.foot_air_time != 0.0 or weights.touchdown_speed != 0.0
+        feet = weighted_feet or bool(self._user_rewards or self._user_terms)
         self.simulation = Simulation(
             *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet),
             timestep=self.config.timestep,
@@ -139,7 +148,7 @@ class QuadEnvBase:
         self._sensors = make_observation_model(suite, estimator, self.simulation, self.scenario, num_envs, rate)
         scan = _setting(height_scan)
         self._scanner = scanner_of(scan, self.scenario, num_envs, rate)
-        self.observation_table = table = table_with(robot, scan)
+        self.observation_table = table = table_with(robot, scan, self._user_terms)
         """Terms and slices of the observation."""
         self._lower, self._upper = robot.joint_lower, robot.joint_upper
         actions = Box(self._lower.astype(np.float32), self._upper.astype(np.float32))
@@ -173,10 +182,11 @@ class QuadEnvBase:
         observation = self.observation_table.observe(state, command)
         if self._sensors is not None:
             self._sensors.sense(np.atleast_2d(observation), clock, env_ids)
-        if self._scanner is None:
+        further = [] if self._scanner is None else [self._scanner.scan(state, clock, env_ids)]
+        further += [term.evaluate(state) for term in self._user_terms]
+        if not further:
             return observation
-        scan = self._scanner.scan(state, clock, env_ids)
-        return np.concatenate((observation, scan if observation.ndim == 2 else scan[0]), axis=-1)
+        return np.concatenate((observation, *(part if observation.ndim == 2 else part[0] for part in further)), axis=-1)
 
     def _step_terms(
         self, state: QuadState[ScalarOrBatch], ended: BoolOrMask, diverged: BoolOrMask
@@ -186,6 +196,7 @@ class QuadEnvBase:
             "mechanical_power": state.mechanical_power,
             "overspeed": fraction_above(state.joint_velocity, self.robot.rated_speed),
             **reward_terms(state, ended, diverged, self._weights),
+            **{key: term.weighted(state, diverged, self.dt) for key, term in self._user_rewards.items()},
         }
 
     def close_extras(self, **_: Any) -> None:

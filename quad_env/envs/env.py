@@ -37,7 +37,11 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         render_mode: None, "rgb_array" or "human".
         width, height: of rendered frames, pixels.
         camera: name of a camera of the model.
-        config: control rate, fall rule, reward weights and reward terms of your own.
+        config: control rate, fall rule and reward weights.
+        rewards: reward terms of yours, name -> (function, weight), or name -> weight of an extension's term; see
+            docs/extending.md.
+        observations: observation terms of yours, the last of the observation: `quad_env.ObservationTerm`, or names of
+            an extension's terms. They show the true state.
         actuator: a name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
         sensors: what the observation is built from: None or "truth", a name of `quad_env.SENSORS`, or a
             `quad_env.SensorSuite`; all but the truth add `sensor_<name>`, its value, and
@@ -132,7 +136,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         observation = self._observe(state)
         if self.render_mode == "human":
             self.render()
-        reward = columns.ordered_sum(step_terms[key] for key in self._weights)
+        reward = columns.ordered_sum(step_terms[key] for key in self._reward_keys)
         return observation, reward, self._terminated, False, self._info(state, step_terms)
 
     def _update_termination(self) -> QuadState[float]:
@@ -149,7 +153,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     def _current_observation(self) -> tuple[Observation, dict[str, Any]]:
         """Observation and info of a robot that has not moved."""
         state = self.simulation.state(self._tracked_command, None)
-        step_terms = dict.fromkeys(("mechanical_power", "overspeed", *self._weights), 0.0)
+        step_terms = dict.fromkeys(("mechanical_power", "overspeed", *self._reward_keys), 0.0)
         return self._observe(state), self._info(state, step_terms)
 
     def _observe(self, state: QuadState[float]) -> Observation:

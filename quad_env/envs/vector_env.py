@@ -135,7 +135,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self.simulation.step(targets, schedule.force(), moving, received)
         schedule.step_count[moving] += 1
         step_terms = self._update_termination(moving)
-        rewards = columns.ordered_sum(step_terms[key] for key in self._weights)
+        rewards = columns.ordered_sum(step_terms[key] for key in self._reward_keys)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and moving is not ALL:
             self._begin(np.flatnonzero(done), None)
         terminated, truncated = self._terminated.copy(), self._truncated.copy()
@@ -233,7 +233,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         return out
 
     def _zero_step_terms(self) -> Infos:
-        return {key: np.zeros(self.num_envs) for key in ("mechanical_power", "overspeed", *self._weights)}
+        return {key: np.zeros(self.num_envs) for key in ("mechanical_power", "overspeed", *self._reward_keys)}
 
     def _infos(self, step_terms: Infos) -> Infos:
         infos: Infos = {

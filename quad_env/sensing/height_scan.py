@@ -19,7 +19,7 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Terrain
 from quad_env.sensing.channel import Channel, Clock, Noise
 from quad_env.sensing.suite import Sampled
-from quad_env.task.observations import ObservationTable, Term, observation_table
+from quad_env.task.observations import ObservationTable, ObservationTerm, observation_table
 
 UNSEEN = -2.0
 """Least that a point reads, m: its ground is so deep, or not known yet."""
@@ -76,16 +76,25 @@ class HeightScan(Sampled):
         return self.grid.reshape(-1, 2)
 
     @property
-    def term(self) -> Term:
+    def term(self) -> ObservationTerm:
         """Its term of the observation."""
         unit = "m, ground minus trunk's centre"
-        return Term("height_scan", math.prod(self._grid), unit, -UNSEEN, _SCALE)
+        return ObservationTerm("height_scan", math.prod(self._grid), unit, -UNSEEN, _SCALE)
 
 
 @cache
-def table_with(robot: Robot, scan: HeightScan | None) -> ObservationTable:
-    """The observation of a robot with that scan, or without one."""
-    return observation_table(robot) if scan is None else observation_table(robot, scan.term)
+def table_with(robot: Robot, scan: HeightScan | None, user_terms: tuple[ObservationTerm, ...] = ()) -> ObservationTable:
+    """Return the observation table of a robot.
+
+    Args:
+        robot: The robot.
+        scan: Its height scan, the next term; None for none.
+        user_terms: Terms of a user, the last.
+
+    Returns:
+        The table, the same object for the same arguments.
+    """
+    return observation_table(robot, *(() if scan is None else (scan.term,)), *user_terms)
 
 
 class Scanner:

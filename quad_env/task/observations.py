@@ -1,29 +1,60 @@
 """The observation as one table: name, width, unit, frame, bound and scale of each term, in order."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.columns import Components, ScalarOrBatch, differences, in_single_precision
 from quad_env.config import COMMAND_BOUND
+from quad_env.extensions import check_new
 from quad_env.physics.state import QuadState
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
-class Term:
-    """One entry of the observation."""
+class ObservationTerm:
+    """One term of the observation; the environment has its own, a user adds terms with a `function`."""
 
     name: str
     width: int
+    """Number of entries."""
     unit: str
     bound: float
     """Readings are clipped to ± this, so that the space is finite."""
     scale: float
     """Factor that brings the reading to about unit size for a learner."""
+    function: Callable[[Any], Any] | None = None
+    """Values of the true state, a `QuadState`: a scalar, or a sequence of `width` scalars, each a float of one robot or
+    an array (n,) of n robots. None for the environment's own terms."""
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.width, int) and self.width > 0):
+            raise ValueError(f"observation term {self.name}: width is a whole number from 1, got {self.width!r}")
+        if not (np.isfinite(self.bound) and self.bound > 0.0):
+            raise ValueError(f"observation term {self.name}: bound is finite and above 0, got {self.bound!r}")
+        if not np.isfinite(self.scale):
+            raise ValueError(f"observation term {self.name}: scale is finite, got {self.scale!r}")
+
+    def evaluate(self, state: QuadState[ScalarOrBatch]) -> NDArray[np.float32]:
+        """Return the clipped values of a user's term in a state, (1, width) of one robot or (n, width) of a batch.
+
+        Raises:
+            ValueError: The function returned another shape, or a value that is not finite.
+        """
+        assert self.function is not None
+        batch_shape = np.shape(state.height)
+        values = np.asarray(self.function(state), dtype=np.float64)
+        expected = (self.width, *batch_shape)
+        if values.shape != expected and not (self.width == 1 and values.shape == batch_shape):
+            raise ValueError(f"observation term {self.name}: expected the shape {expected}, got {values.shape}")
+        if not np.isfinite(values).all():
+            raise ValueError(f"observation term {self.name}: a value is not finite")
+        return np.clip(values.reshape(self.width, -1).T, -self.bound, self.bound).astype(np.float32)
 
 
 class ObservationTable:
@@ -34,16 +65,16 @@ class ObservationTable:
         more: terms that follow those that every observation has; `observe` does not give them.
     """
 
-    def __init__(self, robot: Robot, *more: Term) -> None:
+    def __init__(self, robot: Robot, *more: ObservationTerm) -> None:
         joints = robot.num_joints
         self.terms = (
-            Term("projected_gravity", 3, "1, body", 1.0, 1.0),
-            Term("angular_velocity", 3, "rad/s, body", 100.0, 0.25),
-            Term("linear_velocity", 3, "m/s, body", 100.0, 1.0),
-            Term("joint_position", joints, "rad, minus the home pose", 10.0, 1.0),
-            Term("joint_velocity", joints, "rad/s", 1000.0, 0.05),
-            Term("previous_action", joints, "rad, as clipped, minus the home pose", 10.0, 1.0),
-            Term("command", 3, "forward m/s, lateral m/s, yaw rate rad/s", COMMAND_BOUND, 1.0),
+            ObservationTerm("projected_gravity", 3, "1, body", 1.0, 1.0),
+            ObservationTerm("angular_velocity", 3, "rad/s, body", 100.0, 0.25),
+            ObservationTerm("linear_velocity", 3, "m/s, body", 100.0, 1.0),
+            ObservationTerm("joint_position", joints, "rad, minus the home pose", 10.0, 1.0),
+            ObservationTerm("joint_velocity", joints, "rad/s", 1000.0, 0.05),
+            ObservationTerm("previous_action", joints, "rad, as clipped, minus the home pose", 10.0, 1.0),
+            ObservationTerm("command", 3, "forward m/s, lateral m/s, yaw rate rad/s", COMMAND_BOUND, 1.0),
             *more,
         )
         widths = [term.width for term in self.terms]
@@ -80,7 +111,38 @@ class ObservationTable:
 
 
 observation_table = cache(ObservationTable)
-"""The observation of a robot, with so many more terms."""
+"""The observation of a robot, followed by further terms."""
 OBSERVATION = observation_table(SIMPLE_QUAD).slices
 """Name of each term of SimpleQuad's observation -> its slice."""
 OBSERVATION_SIZE = observation_table(SIMPLE_QUAD).size
+
+
+def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[ObservationTerm, ...]:
+    """Return the terms that the option `observations` of an environment names, in order.
+
+    Args:
+        observations: Terms, or names of terms that an extension has.
+
+    Raises:
+        ValueError: An unknown or repeated name, a built-in name, or a term without a function.
+    """
+    if isinstance(observations, str | ObservationTerm):
+        observations = (observations,)
+    builtin = {**OBSERVATION, "height_scan": None}
+    terms: list[ObservationTerm] = []
+    for entry in observations:
+        term = _extension_term(entry, builtin) if isinstance(entry, str) else entry
+        if not isinstance(term, ObservationTerm) or not callable(term.function):
+            raise ValueError(f"observations: expected a quad_env.ObservationTerm with a function, got {term!r}")
+        if term.name in builtin or term.name in (other.name for other in terms):
+            raise ValueError(f"observations: {term.name} exists already; choose another name")
+        terms.append(term)
+    return tuple(terms)
+
+
+def _extension_term(name: str, builtin: dict[str, Any]) -> Any:
+    known = check_new("observations", builtin)
+    if name not in known:
+        valid = ", ".join(known) or "none is installed"
+        raise ValueError(f"observations: unknown term {name!r}; valid: {valid}, or a quad_env.ObservationTerm")
+    return known[name]

@@ -5,9 +5,11 @@ the field, with the error itself rather than its square in the exponent, so that
 pay.
 """
 
-from collections.abc import Callable
-from dataclasses import asdict, fields
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
 from typing import Any, cast
+
+import numpy as np
 
 from quad_env.columns import (
     BoolOrMask,
@@ -21,6 +23,7 @@ from quad_env.columns import (
     where,
 )
 from quad_env.config import RewardWeights
+from quad_env.extensions import check_new
 from quad_env.physics.state import QuadState
 
 LINEAR_WIDTH = 0.25
@@ -114,10 +117,29 @@ def touchdown_speed(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     return 0.0 * abs(state.height) if state.touchdown_speed is None else sum_of_squares(state.touchdown_speed)
 
 
+RewardFunction = Callable[[QuadState[Any]], Any]
+"""Unweighted reward term of a state: a float of one robot, an array (n,) of n robots."""
 REWARD = "reward_"
-"""Begins the key of every term in the infos."""
-TERMS: dict[str, Callable[..., Any]] = {
-    f"{REWARD}{term.name}": globals()[term.name] for term in fields(RewardWeights) if term.name != "fall"
+"""Prefix of the key of every term in the infos."""
+FUNCTIONS: tuple[RewardFunction, ...] = (
+    linear_velocity_tracking,
+    yaw_rate_tracking,
+    linear_velocity_error,
+    yaw_rate_error,
+    vertical_velocity,
+    roll_pitch_rate,
+    tilt,
+    crouch,
+    action_rate,
+    torque,
+    mechanical_power,
+    foot_air_time,
+    touchdown_speed,
+)
+"""Functions of the terms that `RewardWeights` weighs, by their names."""
+_FUNCTION_OF: dict[str, RewardFunction] = {function.__name__: function for function in FUNCTIONS}
+TERMS: dict[str, RewardFunction] = {
+    f"{REWARD}{term.name}": _FUNCTION_OF[term.name] for term in fields(RewardWeights) if term.name != "fall"
 }
 """Key of each term in the infos -> its function of the state."""
 FALL = f"{REWARD}fall"
@@ -143,3 +165,69 @@ def reward_terms(
         terms = {key: where(diverged, 0.0, value) for key, value in terms.items()}
     terms[FALL] = weights[FALL] * where(ended, 1.0, 0.0)
     return terms
+
+
+@dataclass(frozen=True)
+class UserReward:
+    """A reward term of a user, from the option `rewards` of an environment."""
+
+    name: str
+    function: RewardFunction
+    weight: float
+    """Reward a second and unit of the function."""
+
+    def weighted(self, state: QuadState[ScalarOrBatch], diverged: BoolOrMask, dt: float) -> ScalarOrBatch:
+        """Return the weighted term of a step; 0 of a diverged robot.
+
+        Args:
+            state: State after the step.
+            diverged: True of robots without a finite state.
+            dt: Control period, s.
+
+        Returns:
+            The term, a float of one robot or an array (n,) of n robots.
+
+        Raises:
+            ValueError: The function returned another shape, or a value that is not finite.
+        """
+        value = self.function(state)
+        if np.shape(value) != np.shape(state.height):
+            expected = "a number" if np.shape(state.height) == () else f"the shape {np.shape(state.height)}"
+            raise ValueError(f"reward {self.name}: expected {expected}, got {value!r}")
+        if not np.isfinite(value).all():
+            raise ValueError(f"reward {self.name}: a value is not finite")
+        return cast("ScalarOrBatch", where(diverged, 0.0, (self.weight * dt) * value))
+
+
+def user_rewards(rewards: Mapping[str, Any] | None) -> dict[str, UserReward]:
+    """Return the terms of the option `rewards` of an environment by their keys in the infos.
+
+    Args:
+        rewards: Name -> (function, weight), or name -> weight of a term that an extension has.
+
+    Raises:
+        ValueError: An unknown or built-in name, or a value of another kind.
+    """
+    builtin = {term.name: None for term in fields(RewardWeights)}
+    terms: dict[str, UserReward] = {}
+    for name, given in (rewards or {}).items():
+        if name in builtin:
+            raise ValueError(f"rewards: {name} exists already; its weight is config.reward_weights.{name}")
+        if not (isinstance(name, str) and name.isidentifier()):
+            raise ValueError(f"rewards: name {name!r} is not a Python identifier")
+        function, weight = given if isinstance(given, tuple) else (_extension_reward(name, builtin), given)
+        if not callable(function):
+            raise ValueError(f"rewards: {name}: expected (function, weight), got {given!r}")
+        if isinstance(weight, bool) or not isinstance(weight, int | float) or not np.isfinite(weight):
+            raise ValueError(f"rewards: {name}: weight is a finite number, got {weight!r}")
+        terms[f"{REWARD}{name}"] = UserReward(name, function, float(weight))
+    return terms
+
+
+def _extension_reward(name: str, builtin: dict[str, Any]) -> RewardFunction:
+    known = check_new("rewards", builtin)
+    if name not in known:
+        valid = ", ".join(known) or "none is installed"
+        raise ValueError(f"rewards: unknown term {name!r}; valid: {valid}, or a pair (function, weight)")
+    function: RewardFunction = known[name]
+    return function
