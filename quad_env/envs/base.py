@@ -179,10 +179,10 @@ class QuadEnvBase:
         env_ids: EnvIndices,
     ) -> NDArray[np.float32]:
         """What those robots, (k,), observe, whose `state` it is: (size,), or (k, size) of a batch."""
-        observation = self.observation_table.observe(state, command)
+        observation: NDArray[np.float32] = self.observation_table.observe(state, command)
         if self._sensors is not None:
             self._sensors.sense(np.atleast_2d(observation), clock, env_ids)
-        further = [] if self._scanner is None else [self._scanner.scan(state, clock, env_ids)]
+        further: list[NDArray[np.float32]] = [] if self._scanner is None else [self._scanner.scan(state, clock, env_ids)]
         further += [term.evaluate(state) for term in self._user_terms]
         if not further:
             return observation

@@ -47,8 +47,8 @@ class ObservationTerm:
             ValueError: The function returned another shape, or a value that is not finite.
         """
         assert self.function is not None
-        batch_shape = np.shape(state.height)
-        values = np.asarray(self.function(state), dtype=np.float64)
+        batch_shape: tuple[int, ...] = np.shape(state.height)
+        values: NDArray[np.float64] = np.asarray(self.function(state), dtype=np.float64)
         expected = (self.width, *batch_shape)
         if values.shape != expected and not (self.width == 1 and values.shape == batch_shape):
             raise ValueError(f"observation term {self.name}: expected the shape {expected}, got {values.shape}")
