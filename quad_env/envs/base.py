@@ -182,8 +182,9 @@ class QuadEnvBase:
         observation: NDArray[np.float32] = self.observation_table.observe(state, command)
         if self._sensors is not None:
             self._sensors.sense(np.atleast_2d(observation), clock, env_ids)
-        further: list[NDArray[np.float32]] = [] if self._scanner is None else [self._scanner.scan(state, clock, env_ids)]
-        further += [term.evaluate(state) for term in self._user_terms]
+        further = [term.evaluate(state) for term in self._user_terms]
+        if self._scanner is not None:
+            further.insert(0, self._scanner.scan(state, clock, env_ids))
         if not further:
             return observation
         return np.concatenate((observation, *(part if observation.ndim == 2 else part[0] for part in further)), axis=-1)
