@@ -182,7 +182,7 @@ class QuadEnvBase:
         observation: NDArray[np.float32] = self.observation_table.observe(state, command)
         if self._sensors is not None:
             self._sensors.sense(np.atleast_2d(observation), clock, env_ids)
-        further = [term.evaluate(state) for term in self._user_terms]
+        further: list[NDArray[np.float32]] = [term.evaluate(state) for term in self._user_terms]
         if self._scanner is not None:
             further.insert(0, self._scanner.scan(state, clock, env_ids))
         if not further:
