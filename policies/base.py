@@ -85,6 +85,10 @@ class Policy(ABC):
                 "with robot=policy.robot"
             )
 
+    def check_fits(self, robot: Robot, control_period: float) -> None:
+        """Call `check_compatible(robot, control_period)`. Deprecated name."""
+        self.check_compatible(robot, control_period)
+
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
         """Restart the policy for `num_envs` robots. `seed` is for policies that draw; none here does."""
         if num_envs < 1:

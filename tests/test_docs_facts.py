@@ -254,7 +254,7 @@ def test_a_dotted_name_of_the_project_exists(page: str) -> None:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_a_name_said_to_be_in_a_file_is_there(page: str) -> None:
-    """As in "`_MAKERS` of `policies/__init__.py`" and "`BASES` in `policies/residual_bases.py`"."""
+    """As in "`MAKERS` of `policies/registry.py`" and "`BASES` in `policies/residual_bases.py`"."""
     said = re.findall(r"`([A-Za-z_][\w.]*)` (?:of|in) `([\w/]+\.py)`", PAGES[page])
     said += [(name, file) for file, name in re.findall(r"`([\w/]+\.py)`: .*? in `([A-Z_]{3,})`", PAGES[page])]
     for name, file in said:

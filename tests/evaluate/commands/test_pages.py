@@ -69,7 +69,7 @@ def test_what_was_made_is_kept(copied, made, capsys, monkeypatch, error, code) -
 
 def test_pages_are_of_whole_runs_with_policies_that_are_there(copied, made, refused) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("policies._MAKERS", {})
+        patch.setattr("policies.registry.MAKERS", {})
         assert "the policy of that episode is not here" in refused(main, "report", copied, "--pages")
     (copied / "pages").write_text("", encoding="utf-8")
     assert "--pages: cannot write to the folder" in refused(main, "report", copied, "--pages")

@@ -1,0 +1,182 @@
+"""Policies by name or path: `make`, `resolve` and the table of all names."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from policies import shipped
+from policies.base import CONTROL_PERIOD, Policy, PolicyError
+from policies.behaviour import Behaviour
+from policies.bundle import DESCRIPTION, load
+from policies.external import ExternalPolicy, is_reference, unsupported
+from policies.mpc.parameters import OTHER_GAITS
+from policies.mpc.policy import MpcWbc
+from policies.residual_bases import BASES, make_base
+from policies.safety import Safe, SafetyLimits
+from policies.summaries import SUMMARIES
+from quad_env.actuation.models import Actuator
+from quad_env.actuation.models import actuator as find_actuator
+from quad_env.files.paths import missing_file
+from quad_env.robots.registry import get_robot
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.sensing.channel import delay_to_steps
+from quad_env.sensing.suite import SensorSuite, sensor_suite
+
+TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))}))
+"""Names of the trained policies that ship with the project. `residual` is one even without its bundle."""
+SAFE = "safe:"
+"""Prefix of the name of any policy: the policy runs within the safety layer."""
+
+
+def _load_shipped(
+    name: str, *, robot: Robot, control_period: float, joint_delay_steps: int, actuator: Actuator
+) -> Policy:
+    """Load the trained policy of that name for a robot. Raises PolicyError if there is none."""
+    folder = shipped.folder_of(robot) / name
+    if not folder.is_dir():
+        raise PolicyError(f"no trained policy in {folder}", f"make one with `python -m train` for {robot.name}")
+    policy = _load_bundle(folder, robot, control_period, joint_delay_steps, actuator)
+    policy.name = name
+    return policy
+
+
+def _load_bundle(
+    folder: str | Path, robot: Robot, control_period: float, joint_delay_steps: int, actuator: Actuator
+) -> Policy:
+    """Load a bundle. Raises PolicyError if it was trained for another robot or control period."""
+    policy = load(folder, robot, joint_delay_steps=joint_delay_steps, actuator=actuator)
+    if mismatch := policy.mismatch(robot, control_period):
+        raise PolicyError(f"the policy in {folder} was {mismatch}", "take another policy")
+    return policy
+
+
+_MPC_GAITS = {f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in OTHER_GAITS}
+MAKERS: dict[str, Callable[..., Policy]] = {
+    **{name: partial(make_base, base) for name, base in BASES.items()},
+    "behaviour": Behaviour,
+    **_MPC_GAITS,
+    **{name: partial(_load_shipped, name) for name in TRAINED},
+}
+"""Factory of each policy by name; it takes `robot` and `control_period`, s."""
+_MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), *_MPC_GAITS, *TRAINED)
+"""Names of the policies whose factories also take `joint_delay_steps` and `actuator`."""
+
+
+def names() -> tuple[str, ...]:
+    """Return the names that `make` knows, sorted."""
+    return tuple(sorted(MAKERS))
+
+
+def is_missing(name: str, robot: Robot) -> bool:
+    """Return whether `name` is a trained policy without a bundle for `robot`."""
+    return name in TRAINED and not (shipped.folder_of(robot) / name).is_dir()
+
+
+def summary(name: str) -> str:
+    """Return one line about the policy `name`. Raises PolicyError if there is none."""
+    _check_name(name)
+    return SUMMARIES.get(name, "a trained policy in models/ that does not ship with the project")
+
+
+def make(
+    name: str,
+    *,
+    robot: str | Robot = SIMPLE_QUAD,
+    control_period: float = CONTROL_PERIOD,
+    actuator: str | Actuator = "ideal",
+    sensors: str | SensorSuite | None = None,
+    **options: Any,
+) -> Policy:
+    """Make a fresh policy by name.
+
+    PolicyError is raised for an unknown name, and for a trained policy that is missing or was trained for another robot
+    or control period.
+
+    Args:
+        name: One of `names()`, or `safe:NAME` for that policy within the safety layer.
+        robot: The environment's `robot`, or a name of `quad_env.ROBOTS`.
+        control_period: The environment's `dt`, s.
+        actuator: The environment's actuator. Model-based policies and the limits of the safety layer use it.
+        sensors: The environment's sensors. Model-based policies compensate the delay of the encoders.
+        **options: Further arguments of the policy's factory, such as `parameters`.
+
+    Returns:
+        The policy, for one robot until `reset`.
+    """
+    _check_name(name.rpartition(SAFE)[2])
+    return resolve(name, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors, **options)
+
+
+def resolve(
+    name_or_path: str | Path,
+    *,
+    robot: str | Robot = SIMPLE_QUAD,
+    control_period: float = CONTROL_PERIOD,
+    actuator: str | Actuator = "ideal",
+    sensors: str | SensorSuite | None = None,
+    trust: bool = False,
+    **options: Any,
+) -> Policy:
+    """Make a fresh policy by name, from a bundle, or from a file of another project.
+
+    Args:
+        name_or_path: A name as `make` takes it, the folder of a bundle or training run, or a reference that
+            `ExternalPolicy` takes, such as `my_file.py:MyPolicy`.
+        robot: As in `make`.
+        control_period: As in `make`, s.
+        actuator: As in `make`.
+        sensors: As in `make`.
+        trust: Allow files that can hold hidden code.
+        **options: As in `make`.
+
+    Returns:
+        The policy, for one robot until `reset`.
+
+    Raises:
+        PolicyError: There is no such policy, or it cannot be loaded.
+    """
+    reference = str(name_or_path)
+    robot = get_robot(robot)
+    if reference.startswith(SAFE):
+        inner = reference.removeprefix(SAFE)
+        policy = resolve(
+            inner,
+            robot=robot,
+            control_period=control_period,
+            actuator=actuator,
+            sensors=sensors,
+            trust=trust,
+            **options,
+        )
+        return Safe(policy, SafetyLimits.of(robot, actuator))
+    if is_reference(reference):
+        return ExternalPolicy(reference, robot=robot, control_period=control_period, trust=trust)
+    suite = sensor_suite(sensors)
+    joint_delay_steps = 0 if suite is None else delay_to_steps(suite.encoders.delay, 1.0 / control_period)
+    if reference in MAKERS:
+        if reference in _MODEL_BASED:
+            options |= {"joint_delay_steps": joint_delay_steps, "actuator": find_actuator(actuator)}
+        return MAKERS[reference](robot=robot, control_period=control_period, **options)
+    if Path(reference).is_dir():
+        return _load_bundle(reference, robot, control_period, joint_delay_steps, find_actuator(actuator))
+    raise PolicyError(_unknown_reference(reference))
+
+
+def _check_name(name: str) -> None:
+    """Raise PolicyError if there is no policy of that name."""
+    if name not in MAKERS:
+        raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names())}")
+
+
+def _unknown_reference(reference: str) -> str:
+    """Return the error message for a reference that is neither a name, nor a bundle, nor an external policy."""
+    if (remedy := unsupported(reference)) is not None:
+        return remedy
+    if (missing := missing_file(reference)) is not None:
+        return missing
+    return (
+        f"no policy {reference!r}: name one of {', '.join(names())}, the folder of a trained policy, or a policy of "
+        "yours: my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3, a deployment file of another project"
+    )
