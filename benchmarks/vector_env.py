@@ -29,7 +29,7 @@ from benchmarks.support.measure import (
 )
 from quad_env import ENV_ID, MAX_EPISODE_STEPS, SCENARIOS, CommandRanges
 from quad_env.cli.command_line import UsageError
-from quad_env.cli.format import counted
+from quad_env.cli.format import with_count
 from quad_env.cli.launcher import launch
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -83,7 +83,7 @@ def measure(options: VectorEnvOptions) -> BenchmarkResult:
         for name, n in parts:
             results[name, n] = compare(name, n, options, advance)
     rows = table(
-        f"Vector env, {counted(options.threads, 'thread')}, control steps of 10 ms of all robots together",
+        f"Vector env, {with_count(options.threads, 'thread')}, control steps of 10 ms of all robots together",
         *("scenario, robots", "ratio", "overhead, µs", "steps/s", "bare steps/s"),
     )
     for (name, n), result in results.items():

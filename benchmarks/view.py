@@ -23,7 +23,7 @@ from benchmarks.support.bars import check
 from benchmarks.support.command import BenchmarkResult, OutputOptions, command, table
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import launch
-from quad_env.cli.progress import bar
+from quad_env.cli.progress import show_bar
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-sync")
@@ -82,7 +82,7 @@ def _watch(browser: Any, options: ViewOptions) -> dict[str, Any]:
         first_frame = time.perf_counter() - begun
         page.wait_for_timeout(1000 * (LONG_WARM_UP if options.seconds >= LONG_RUN else WARM_UP))
         memory, speeds, start, frames = [_memory(view.pid, page)], [], time.perf_counter(), _frames(page)
-        with bar("watching") as progress:
+        with show_bar("watching") as progress:
             while (passed := time.perf_counter() - start) < options.seconds:
                 page.wait_for_timeout(1000 * SAMPLE_PERIOD)
                 speeds.append(float(page.locator("#rate").inner_text().split()[0]))

@@ -116,8 +116,8 @@ def check(hardware: HardwareConfig, scenario: "Scenario | None" = None) -> None:
 @lru_cache
 def _warn(robot: "Robot") -> None:
     """Print, once, what is hard to believe about a user's robot."""
-    from quad_env.robots.leg_names import contradictions
-    from quad_env.robots.plausibility import warnings_of
+    from quad_env.robots.leg_names import find_contradictions
+    from quad_env.robots.plausibility import find_warnings
 
-    for line in (*contradictions(robot), *warnings_of(robot)):
+    for line in (*find_contradictions(robot), *find_warnings(robot)):
         print(f"warning: {robot.name}: {line}", file=sys.stderr)

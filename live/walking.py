@@ -18,9 +18,9 @@ from policies.external.described import with_gains
 from policies.external.description import PolicySpec, Term
 from policies.external.mistakes import order_of
 from quad_env.doctor.causes import self_contacts
-from quad_env.doctor.check import Finding, Subject, ok, problem
-from quad_env.robots.leg_names import contradictions
-from quad_env.robots.plausibility import warnings_of
+from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
+from quad_env.robots.leg_names import find_contradictions
+from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.robot import Robot
 
 REFERENCE_POLICY = "trot_feedback"
@@ -33,14 +33,14 @@ NAME_ANOTHER = "name an existing policy: python -m quad_env policies"
 SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
 
-def walks(subject: Subject) -> Finding:
+def walks(subject: DoctorSubject) -> Finding:
     """Whether the robot walks with a policy that works on others."""
     robot = subject.robot
     tracked, not_tracked = walk(policies.make(REFERENCE_POLICY, robot=robot), subject)
     if not not_tracked:
         return ok(f"{REFERENCE_POLICY}: {'; '.join(tracked)}")
     cause = f"it stands, so its masses, inertias or limits differ from those that {REFERENCE_POLICY} was made for"
-    if noticed := [*contradictions(robot), *warnings_of(robot), *self_contacts(subject)]:
+    if noticed := [*find_contradictions(robot), *find_warnings(robot), *self_contacts(subject)]:
         cause = f"it stands, but {'; '.join(noticed)}"
     return problem(
         f"{REFERENCE_POLICY} {'; '.join(not_tracked)}",
@@ -50,7 +50,7 @@ def walks(subject: Subject) -> Finding:
     )
 
 
-def policy(subject: Subject) -> Finding:
+def policy(subject: DoctorSubject) -> Finding:
     """Whether the named policy loads, is for this robot and control period, and follows commands."""
     assert subject.policy is not None
     try:
@@ -76,7 +76,7 @@ def policy(subject: Subject) -> Finding:
     return problem(f"{subject.policy}: {'; '.join(not_tracked)}", cause, remedy)
 
 
-def walk(policy: Policy, subject: Subject) -> tuple[list[str], list[str]]:
+def walk(policy: Policy, subject: DoctorSubject) -> tuple[list[str], list[str]]:
     """Words about each of COMMANDS that it follows, such as `forward 0.49 of 0.50 m/s`, and about each other one."""
     found = walks_of(policy, HardwareConfig(robot=subject.name), COMMANDS, np.arange(1))
     tracked, not_tracked = (
@@ -93,7 +93,7 @@ NO_DESCRIPTION = ok("it acts on this environment's observation by itself, withou
 CORRECT = "in the description: --write mine.toml writes it, to correct and to name in its place"
 
 
-def description(subject: Subject) -> Finding:
+def description(subject: DoctorSubject) -> Finding:
     """Whether a policy's description is whole, and fits the robot and the network; what it says."""
     try:
         policy = _loaded(subject)
@@ -106,7 +106,7 @@ def description(subject: Subject) -> Finding:
     return Finding("ok", seen, details=tuple(describe_spec(found, subject.robot)))
 
 
-def _without_description(subject: Subject) -> Finding:
+def _without_description(subject: DoctorSubject) -> Finding:
     """Return whether a policy without a description of its observation walks on this environment's."""
     found = _walks(subject)
     if not (seen := diagnosis.failure_messages(found)):
@@ -118,12 +118,12 @@ def _without_description(subject: Subject) -> Finding:
     return problem(f"its file does not say what it reads, and {words}", asked, remedy)
 
 
-def standing(subject: Subject) -> Finding:
+def standing(subject: DoctorSubject) -> Finding:
     """Whether the policy stands at command zero; what may be wrong in its description."""
     return _finding(subject, (diagnosis.STAND,))
 
 
-def walking(subject: Subject) -> Finding:
+def walking(subject: DoctorSubject) -> Finding:
     """Whether the policy follows moderate commands; what may be wrong in its description."""
     return _finding(subject, tuple(way for way in diagnosis.COMMANDS if way != diagnosis.STAND))
 
@@ -151,7 +151,7 @@ def _numbers(values: Iterable[float]) -> str:
     return " ".join(f"{value:g}" for value in values)
 
 
-def _finding(subject: Subject, ways: tuple[str, ...]) -> Finding:
+def _finding(subject: DoctorSubject, ways: tuple[str, ...]) -> Finding:
     """What became of the walks at those commands."""
     if _loaded(subject).description is None:
         return NO_DESCRIPTION
@@ -166,7 +166,7 @@ def _finding(subject: Subject, ways: tuple[str, ...]) -> Finding:
 
 
 @lru_cache(maxsize=1)
-def _loaded(subject: Subject) -> ExternalPolicy:
+def _loaded(subject: DoctorSubject) -> ExternalPolicy:
     """The policy. Raises PolicyError."""
     assert subject.policy is not None
     reference = subject.policy.removeprefix(policies.SAFE)
@@ -174,5 +174,5 @@ def _loaded(subject: Subject) -> ExternalPolicy:
 
 
 @lru_cache(maxsize=1)
-def _walks(subject: Subject) -> list[Walk]:
+def _walks(subject: DoctorSubject) -> list[Walk]:
     return diagnosis.run_walk_tests(_loaded(subject), subject.name)

@@ -22,7 +22,7 @@ from policies.description import assembled, check_unaltered, description_of, fai
 from policies.network import Network
 from policies.residual import ResidualPolicy
 from quad_env.actuation.models import IDEAL, Actuator
-from quad_env.files.reading import largest_network, read_bytes
+from quad_env.files.reading import max_network_size, read_bytes
 from quad_env.files.writing import write_atomically
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
@@ -66,7 +66,7 @@ def load(
     folder = folder_of(Path(path))
     content = _read(folder / DESCRIPTION, LARGEST_DESCRIPTION)
     description = parsed(folder, content)
-    weights = _read(folder / WEIGHTS, largest_network())
+    weights = _read(folder / WEIGHTS, max_network_size())
     if hashlib.sha256(weights).hexdigest() != description.weights_sha256:
         fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
     network = network_of(folder, description.network, _parse_weights(folder, weights))

@@ -69,7 +69,9 @@ def scaled_parameters(parameters: P, robot: Robot) -> P:
     """SimpleQuad's parameters for a robot, by dynamic similarity. Raises PolicyError for one of a size beyond any."""
     values = ((each.name, each.metadata["unit"], getattr(parameters, each.name)) for each in fields(parameters))
     try:
-        return replace(parameters, **{name: similarity.scaled(robot, value, unit) for name, unit, value in values})
+        return replace(
+            parameters, **{name: similarity.scale_to_robot(robot, value, unit) for name, unit, value in values}
+        )
     except ValueError as error:
         raise PolicyError(f"SimpleQuad's parameters are none for {robot.name}: {error}") from None
 
@@ -77,9 +79,13 @@ def scaled_parameters(parameters: P, robot: Robot) -> P:
 def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Robot) -> dict[str, Range]:
     """Bounds of a search of SimpleQuad's parameters of that kind, for a robot."""
     units = {each.name: each.metadata["unit"] for each in fields(kind)}
-    ends = {name: [similarity.scaled(robot, end, units[name]) for end in bounds] for name, bounds in ranges.items()}
+    ends = {
+        name: [similarity.scale_to_robot(robot, end, units[name]) for end in bounds] for name, bounds in ranges.items()
+    }
     if "frequency" in ranges:
-        ends["frequency"] = [end * similarity.scaled(robot, 1.0, "kg") ** STRIDES for end in ranges["frequency"]]
+        ends["frequency"] = [
+            end * similarity.scale_to_robot(robot, 1.0, "kg") ** STRIDES for end in ranges["frequency"]
+        ]
     return {name: (min(both), max(both)) for name, both in ends.items()}
 
 

@@ -15,22 +15,22 @@ import numpy as np
 import tyro
 
 from quad_env.cli.command_line import UsageError
-from quad_env.doctor.check import Subject
-from quad_env.doctor.stance import STAND_TIME, states
+from quad_env.doctor.check import DoctorSubject
+from quad_env.doctor.stance import STAND_TIME, hold_target
 from quad_env.doctor.stance_check import stands
-from quad_env.files.text import visible
+from quad_env.files.text import escape_control_characters
 from quad_env.info import joint_table
-from quad_env.robots.leg_names import contradictions
+from quad_env.robots.leg_names import find_contradictions
 from quad_env.robots.model_file import describe_extras
-from quad_env.robots.parameter_inference import FIGURES
-from quad_env.robots.plausibility import warnings_of
+from quad_env.robots.parameter_inference import GIVEN_PARAMETERS
+from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.scene import overlap_remark
 
 
 @dataclass(frozen=True)
-class Options:
+class DescribeOptions:
     """Describe a robot, and let it stand for two seconds."""
 
     robot: Annotated[str, tyro.conf.Positional]
@@ -41,18 +41,18 @@ class Options:
     """File of the robot's figures to write, TOML, for changes by hand."""
 
 
-def main(options: Options) -> int:
+def main(options: DescribeOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     try:
         robot = get_robot(options.robot)
-        print(visible("\n".join(text(robot))))
+        print(escape_control_characters("\n".join(text(robot))))
         if options.toml is not None:
             write_toml(options.toml, robot.mjcf, robot)
             print(f"written: {options.toml}")
         if options.picture is not None:
             draw(robot, options.picture)
             print(f"written: {options.picture}")
-        found = stands(Subject(robot))
+        found = stands(DoctorSubject(robot))
     except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:
         model, toml = Path(options.robot), options.toml
         if toml is not None and model.suffix in (".xml", ".urdf") and model.is_file() and not toml.exists():
@@ -79,13 +79,13 @@ def text(robot: Robot) -> Iterator[str]:
     yield (f"servos       {robot.servo}, at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s")
     if robot.joint_damping_line:
         yield f"{'':12} {robot.joint_damping_line}"
-    if robot.held:
-        yield f"joints       held at their reference: {', '.join(robot.held)}"
+    if robot.locked_joints:
+        yield f"joints       held at their reference: {', '.join(robot.locked_joints)}"
     if robot.imported:
         yield from (f"{heading:12} {remark}" for heading, remark in describe_extras(robot.mjcf, robot.keeps_contact))
     if (line := overlap_remark(robot)) is not None:
         yield f"overlap      {line}"
-    yield from (f"warning      {line}" for line in (*contradictions(robot), *warnings_of(robot)))
+    yield from (f"warning      {line}" for line in (*find_contradictions(robot), *find_warnings(robot)))
     yield from joint_table(robot)
     yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
 
@@ -106,7 +106,7 @@ def draw(robot: Robot, picture: Path) -> None:
 
     env = SimpleQuadEnv(robot=robot.with_stiff_servos, render_mode="rgb_array", terminate_on_fall=False)
     env.reset(seed=0, options={"command": np.zeros(3)})
-    states(env, robot.home_pose, STAND_TIME)
+    hold_target(env, robot.home_pose, STAND_TIME)
     Image.fromarray(np.asarray(env.render())).save(picture)
     env.close()
 
@@ -114,13 +114,13 @@ def draw(robot: Robot, picture: Path) -> None:
 def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
     """Write a robot's figures, all of them inferred or, without a robot, all still to be given."""
     lines = [f"mjcf = {json.dumps(Path(os.path.relpath(mjcf, path.parent)).as_posix())}"]
-    lines += [f"# {figure} =" for figure in FIGURES] if robot is None else _figures(robot)
+    lines += [f"# {figure} =" for figure in GIVEN_PARAMETERS] if robot is None else _figures(robot)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 
 def _figures(robot: Robot) -> Iterator[str]:
     yield f"name = {json.dumps(robot.name)}"
-    for figure in FIGURES:
+    for figure in GIVEN_PARAMETERS:
         value = np.asarray(getattr(robot, figure))
         alike = figure != "home_pose" and np.ptp(value) == 0.0
         yield f"{figure} = {(value.flat[0] if alike else value).tolist()}"  # to the last digit: the same robot

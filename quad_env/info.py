@@ -8,7 +8,7 @@ import quad_env
 from quad_env.actuation.hardware import hardware_profile
 from quad_env.actuation.models import ACTUATORS
 from quad_env.config import FALL_REASONS, FALL_RULE, TaskConfig
-from quad_env.robots.registry import robot_named
+from quad_env.robots.registry import parse_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.listing import Options
@@ -19,7 +19,7 @@ from quad_env.task.observations import observation_table
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    print(text(robot_named(options.robot)))
+    print(text(parse_robot(options.robot)))
     return 0
 
 

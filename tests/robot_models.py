@@ -4,6 +4,6 @@ from importlib.util import find_spec
 
 import pytest
 
-from quad_env.robots.registry import EXTRA, WHEEL
+from quad_env.robots.registry import INSTALL_COMMAND, MODEL_PACKAGE
 
-NEEDS_MODELS = pytest.mark.skipif(find_spec(WHEEL) is None, reason=EXTRA)
+NEEDS_MODELS = pytest.mark.skipif(find_spec(MODEL_PACKAGE) is None, reason=INSTALL_COMMAND)

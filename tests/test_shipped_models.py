@@ -13,7 +13,7 @@ from evaluate.hardware import HardwareConfig
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
 from policies.residual_bases import describe
-from quad_env.robots.registry import EXTRA, WHEEL
+from quad_env.robots.registry import INSTALL_COMMAND, MODEL_PACKAGE
 from quad_env.seeding import episode_seeds
 from train.curriculum import with_terrain_seed
 
@@ -70,8 +70,8 @@ def chance(claimed: float, of: int, seen: int) -> float:
 def test_a_shipped_policy_is_over_the_base_in_force_and_succeeds_as_often_as_its_card_says(
     robot: str, name: str
 ) -> None:
-    if robot != HardwareConfig.robot and find_spec(WHEEL) is None:
-        pytest.skip(EXTRA)
+    if robot != HardwareConfig.robot and find_spec(MODEL_PACKAGE) is None:
+        pytest.skip(INSTALL_COMMAND)
     hardware = HardwareConfig(robot=robot)
     said = card(policies.shipped.folder_of(hardware.robot_model) / name)
     policy = hardware.policy(name)

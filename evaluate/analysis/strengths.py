@@ -11,7 +11,7 @@ from evaluate.analysis.severity_levels import place, severity_axes
 from evaluate.analysis.summary import Summary
 from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.outcomes import SUCCEEDED
-from quad_env.cli.format import counted
+from quad_env.cli.format import with_count
 
 
 @dataclass(frozen=True)
@@ -51,4 +51,4 @@ def _reason(of: Sequence[Summary]) -> str:
     outcomes = sum((Counter(each.outcomes) for each in of), Counter[str]())
     del outcomes[SUCCEEDED]
     ((name, count),) = (causes or outcomes).most_common(1) if failures else (("", 0),)
-    return f"{name.replace('_', ' ')} in {count} of {counted(failures, 'failure')}" if failures else ""
+    return f"{name.replace('_', ' ')} in {count} of {with_count(failures, 'failure')}" if failures else ""

@@ -22,8 +22,8 @@ from evaluate.report.headings import FEW, FIRST, NARROW_DIFFERENCES, effort_with
 from evaluate.report.table import print_ranking
 from evaluate.report.verdict import ALIKE, BY_ITSELF, SAME, excludes_zero
 from quad_env.cli.command_line import UsageError, make_folder_of
-from quad_env.cli.format import ABSENT, counted, estimate, p_value, points, points_with
-from quad_env.cli.progress import waiting
+from quad_env.cli.format import ABSENT, estimate, p_value, points, points_with, with_count
+from quad_env.cli.progress import show_waiting
 from quad_env.files.writing import write_atomically
 
 
@@ -50,7 +50,7 @@ def main(options: Options) -> int:
     if {each.name for each in a[0].scenarios}.isdisjoint(each.name for each in b[0].scenarios):
         changed = [*changed, "the hardware profile, which one of them has"]
         a, b = map(without_profile, (a, b))
-    with waiting("comparing"):
+    with show_waiting("comparing"):
         found: Sequence[Match] = matches(pairs, a, b)
         both = combine_runs(found, (a, b), _labels(options, found, a[0], b[0]))
     if not found and not both.ranking.places:
@@ -154,7 +154,7 @@ def _shown(found: MetricDifference, corrected: float, identical: bool) -> str:
 def _notes(a: Stored, b: Stored, found: Sequence[Match]) -> Iterator[str]:
     """How the episodes were compared."""
     seeds = [{*rows.column("seed").to_pylist()} for _, rows in (a, b)]
-    count = counted(len(seeds[0] & seeds[1]), "episode")
+    count = with_count(len(seeds[0] & seeds[1]), "episode")
     yield f"paired by episode: {count} of the same seeds, of A's {len(seeds[0])} and B's {len(seeds[1])}"
     if same := sum(match.identical for match in found):
         yield f"(=): {SAME} in every episode, so that differences are 0 and have no interval; {same} of {len(found)}"

@@ -24,7 +24,7 @@ from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.program import format_os_error
-from quad_env.cli.progress import show_progress, waiting
+from quad_env.cli.progress import show_progress, show_waiting
 from quad_env.files.writing import exclusive_lock
 from quad_env.physics.batch import MUJOCO, RELATIVE_STEP_TIME
 
@@ -50,7 +50,7 @@ def _execute(plan: Plan, show: Show) -> int:
         if is_unfinished(out):
             print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
         for each in plan.policies:
-            with waiting(f"trying whether {each.label} stands and walks"):
+            with show_waiting(f"trying whether {each.label} stands and walks"):
                 words = diagnosis.warning(each.policy, manifest.hardware.robot)
             for line in (*diagnosis.remarks(each.policy), *([words] if words else ())):
                 print(f"warning: {each.label}: {line}", file=sys.stderr)

@@ -20,7 +20,7 @@ from evaluate.report.page import warnings, write_report
 from evaluate.report.table import print_results
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import silence_stdout
-from quad_env.cli.progress import waiting
+from quad_env.cli.progress import show_waiting
 
 Show = Callable[[Results, Console], None]
 """Prints an outcome."""
@@ -47,7 +47,7 @@ def write_results(run: Run, folder: Path, baseline: str | None = None, show: Sho
     The table comes first and no failure keeps the rest from being tried: simulating took long. Raises UsageError, which
     names what could not be written.
     """
-    with waiting("working out the results"):
+    with show_waiting("working out the results"):
         results = analysed(run, baseline)
     console = Terminal()
     say = partial(console.print, highlight=False, markup=False, soft_wrap=True)
@@ -68,7 +68,7 @@ def write_results(run: Run, folder: Path, baseline: str | None = None, show: Sho
         ("report.html", partial(write_report, results, made_by=made_by)),
     ):
         path = folder / name
-        with waiting(f"writing {path}"):
+        with show_waiting(f"writing {path}"):
             unwritten = _run_writer(str(path), partial(write, path))
         failed += unwritten or _run_writer("its name", partial(say, str(path)))
     if failed:

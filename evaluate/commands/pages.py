@@ -9,7 +9,7 @@ from evaluate.commands.replay import ReplayTarget, check_here, policy_of
 from evaluate.film.page import part, write_page
 from evaluate.records.store import Run
 from quad_env.cli.command_line import UsageError, make_folder_of
-from quad_env.cli.progress import bar
+from quad_env.cli.progress import show_bar
 
 
 def make_pages(run: Run, folder: Path, trust: bool) -> None:
@@ -29,7 +29,7 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
         make_folder_of(path, "--pages")
     done = len(wanted) - len(left)
     try:
-        with bar("pages") as progress:
+        with show_bar("pages") as progress:
             for path, each in left.items():
                 take = each.take(run.manifest, policies[each.cell.policy])
                 write_page(take, path, part(progress, done, len(wanted)))

@@ -28,9 +28,9 @@ from evaluate.records.store import Run, read_run
 from evaluate.rollouts import rollout
 from evaluate.rollouts.run import measure_cell
 from quad_env.cli.command_line import UsageError, make_folder_of
-from quad_env.cli.format import ABSENT, counted
+from quad_env.cli.format import ABSENT, with_count
 from quad_env.cli.format import number as format_number
-from quad_env.cli.progress import bar
+from quad_env.cli.progress import show_bar
 from quad_env.files.text import one_line
 from quad_env.scenarios.height_file import check_unchanged
 from quad_env.scenarios.scenario import Scenario
@@ -108,7 +108,7 @@ def main(options: Options) -> int:
         print(f"because {'; '.join(causes) or 'of something that leaves no trace'}")
     print(*in_lines(timeline(episodes, again.measures)), sep="\n")
     for option, path, write in outputs:
-        with bar("filming") as progress:
+        with show_bar("filming") as progress:
             try:
                 write(found.take(run.manifest, policy, *others), path, progress)
             except OSError as error:
@@ -154,7 +154,7 @@ def _list_failed(run: Run, options: Options) -> int:
         first_failed = rows[0][0]
         replay = f"{PROGRAM} replay {shlex.quote(str(options.results))}"
         see = f"; see one: {replay} {first_failed} --page {first_failed}.html"
-    print(f"{counted(len(rows), 'failed episode')}{see}")
+    print(f"{with_count(len(rows), 'failed episode')}{see}")
     return 0
 
 
@@ -206,7 +206,7 @@ def resimulate(
 ) -> tuple[PolicyScenarioResult, Episodes]:
     """The episode once more: what it measured, and its record."""
     scenario, seeds, hardware = found.cell.scenario, found.cell.seeds[[found.number]], manifest.hardware
-    with bar("simulating", in_lines=False) as progress:  # takes 1 to 2 s
+    with show_bar("simulating", in_lines=False) as progress:  # takes 1 to 2 s
         where = policy.policy_for(scenario), scenario, seeds
         episodes = rollout.run(*where, steps=manifest.steps, progress=progress, hardware=hardware)
     return measure_cell(policy.label, scenario, episodes), episodes

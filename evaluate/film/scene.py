@@ -10,7 +10,7 @@ from quad_env.columns import Array, to_components
 from quad_env.config import GRAVITY
 from quad_env.physics.arrows import Arrow, Ball, Colour
 from quad_env.physics.state import rotation_matrix
-from quad_env.robots.similarity import scaled
+from quad_env.robots.similarity import scale_to_robot
 
 COMMAND: Colour = (0.25, 0.95, 0.35, 1.0)
 VELOCITY: Colour = (1.0, 0.8, 0.1, 1.0)
@@ -71,7 +71,7 @@ class Scene:
     def marks(self) -> list[Arrow | Ball]:
         """The arrows, and a ball at each foot with the leg's name: blue on the ground, white in the air."""
         infos, robot = self.step.infos, self.step.env.robot
-        radius = max(scaled(robot, _FOOT, "m"), 1.1 * robot.foot_radius)
+        radius = max(scale_to_robot(robot, _FOOT, "m"), 1.1 * robot.foot_radius)
         feet = zip(infos["foot_position"][0].tolist(), infos["foot_contact"][0], robot.leg_names, strict=True)
         balls = [Ball(tuple(place), radius, CONTACT if on else SWING, leg.upper()) for place, on, leg in feet]
         return [*self.arrows(), *balls]
@@ -80,21 +80,23 @@ class Scene:
         """Arrows of the command and of the velocity, and of a push."""
         robot, trunk = self.step.env.robot, self.step.infos["position"][0]
         payload = self.step.env.scenario.payload
-        above = scaled(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
+        above = (
+            scale_to_robot(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
+        )
         yaw = heading(self.step)
-        ahead, cos, sin = scaled(robot, AHEAD, "s"), math.cos(yaw), math.sin(yaw)
+        ahead, cos, sin = scale_to_robot(robot, AHEAD, "s"), math.cos(yaw), math.sin(yaw)
         found = []
         for (forward, left, _), colour, lift in (
             (self.step.infos["command"][0], COMMAND, above),
-            (self.velocity, VELOCITY, above + scaled(robot, 3.0 * _RADIUS, "m")),
+            (self.velocity, VELOCITY, above + scale_to_robot(robot, 3.0 * _RADIUS, "m")),
         ):
             way = ahead * np.array([cos * forward - sin * left, sin * forward + cos * left, 0.0])
             found.append(self._arrow(trunk + np.array([0.0, 0.0, lift]), way, colour))
         if self.pushed:
             weights = self._push / (robot.mass * GRAVITY)
-            found.append(self._arrow(trunk, scaled(robot, _FORCE, "m") * np.array([*weights, 0.0]), PUSH, 1.5))
+            found.append(self._arrow(trunk, scale_to_robot(robot, _FORCE, "m") * np.array([*weights, 0.0]), PUSH, 1.5))
         return found
 
     def _arrow(self, start: Array, way: Array, colour: Colour, thickness: float = 1.0) -> Arrow:
-        radius = thickness * scaled(self.step.env.robot, _RADIUS, "m")
+        radius = thickness * scale_to_robot(self.step.env.robot, _RADIUS, "m")
         return Arrow(tuple(start.tolist()), tuple((start + way).tolist()), radius, colour)

@@ -23,7 +23,7 @@ from evaluate.rollouts.rollout import Recorder, iterate_episode
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError
 from quad_env.physics.arrows import Arrow, Ball
-from quad_env.robots.similarity import scaled
+from quad_env.robots.similarity import scale_to_robot
 from quad_env.scenarios.scenario import Scenario
 
 POST_FALL_TIME = 1.0
@@ -189,7 +189,9 @@ class EpisodeView:
             self._camera = self._camera or Camera(env.simulation.model, *look.size, look.camera)
             data = env.simulation.snapshot(0)
             x, y, z = data.body("base_link").xpos
-            near = Viewpoint(110.0, -12.0, scaled(env.robot, NEAR, "m"), (x, y, z - env.robot.home_height / 3.0))
+            near = Viewpoint(
+                110.0, -12.0, scale_to_robot(env.robot, NEAR, "m"), (x, y, z - env.robot.home_height / 3.0)
+            )
             frame: NDArray[np.uint8] = self._camera.draw(data, arrows=marks, viewpoint=near)
         except ValueError:
             raise

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from quad_env.files.reading import LARGEST, read_bytes
+from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 
 SHA256 = b"sha256"
@@ -28,7 +28,7 @@ def write(rows: pa.Table, path: Path, metadata: Mapping[bytes, bytes]) -> None:
 
 def read(path: Path) -> pa.Table:
     """Read a file's rows; ValueError if it is damaged or was changed, OSError if it cannot be read."""
-    content = read_bytes(path, LARGEST)
+    content = read_bytes(path, MAX_DATA_SIZE)
     try:
         rows = pq.ParquetFile(pa.py_buffer(content), page_checksum_verification=True).read()
         rows.validate(full=True)

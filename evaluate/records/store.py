@@ -22,7 +22,7 @@ from evaluate.records.episode_table import (
 )
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from quad_env.cli.command_line import UsageError
-from quad_env.cli.format import counted
+from quad_env.cli.format import with_count
 from quad_env.scenarios.named import Scenario
 
 EPISODES = "episodes.parquet"
@@ -215,7 +215,7 @@ def _from_chunks(store: ChunkStore) -> Iterator[PolicyScenarioResult]:
         if sum(len(chunk.episode_indices) for chunk in chunks) == store.manifest.episodes:
             yield join(chunks)
     if used < file_count:
-        unused = f"{file_count - used} of {counted(file_count, 'part')} in {store.folder / CHUNKS} left out"
+        unused = f"{file_count - used} of {with_count(file_count, 'part')} in {store.folder / CHUNKS} left out"
         print(
             f"{unused}, as damaged, changed or of another run; --resume simulates what is missing",
             file=sys.stderr,

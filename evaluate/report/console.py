@@ -11,7 +11,7 @@ from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
 
-from quad_env.cli.format import NO_BREAK, broken
+from quad_env.cli.format import NO_BREAK, break_name
 
 NAME_WIDTH = 20
 """Characters of a name in a line at the head of a row; the rest goes on below."""
@@ -34,12 +34,12 @@ def name_in_lines(name: str, width: int, indent: str = "") -> str:
         width: Characters of a line.
         indent: Text before each further line.
     """
-    return f"{_BREAK}{indent}".join(broken(name, width))
+    return f"{_BREAK}{indent}".join(break_name(name, width))
 
 
 def breaking_names(text: str, width: int) -> str:
     """Break words longer than a line, such as paths, at the ends of their parts."""
-    return re.sub(r"\S+", lambda word: "\n".join(broken(word[0], width)) if len(word[0]) > width else word[0], text)
+    return re.sub(r"\S+", lambda word: "\n".join(break_name(word[0], width)) if len(word[0]) > width else word[0], text)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from evaluate.report.sections.overview import overview
 from evaluate.report.sections.ranking import best_and_worst, ranking
 from evaluate.report.verdict import verdict
 from policies.summaries import explained
-from quad_env.cli.format import counted, listed
+from quad_env.cli.format import join_names, with_count
 from quad_env.files.writing import write_atomically
 
 NOTES = (
@@ -102,7 +102,7 @@ def _notes(results: Results) -> str:
 def warnings(results: Results) -> list[str]:
     """What a reader has to know first: policies with errors, and why a run until settled ended."""
     lines = [
-        f"{each.policy} failed in {each.failed} of {counted(each.episodes, 'episode')}; in the first it {each.first}"
+        f"{each.policy} failed in {each.failed} of {with_count(each.episodes, 'episode')}; in the first it {each.first}"
         for each in results.policy_errors
     ]
     if why := results.provenance.get("ended"):
@@ -118,6 +118,6 @@ def extent(results: Results) -> str:
     """`64 episodes of each policy on each of 27 scenarios, of document on flat alone`."""
     ran = {policy: [name for name, other in results.summaries if other == policy] for policy in results.policies}
     fewer = {policy: names for policy, names in ran.items() if len(names) < len(results.scenarios)}
-    alone = [f"of {policy} on {listed(names)} alone" for policy, names in fewer.items() if results.complete]
-    scenarios = counted(len(results.scenarios), "scenario")
-    return ", ".join([f"{counted(results.episodes, 'episode')} of each policy on each of {scenarios}", *alone])
+    alone = [f"of {policy} on {join_names(names)} alone" for policy, names in fewer.items() if results.complete]
+    scenarios = with_count(len(results.scenarios), "scenario")
+    return ", ".join([f"{with_count(results.episodes, 'episode')} of each policy on each of {scenarios}", *alone])

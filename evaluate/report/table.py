@@ -18,7 +18,7 @@ from evaluate.analysis.summary import Summary
 from evaluate.report.console import FittedTable, breaking_names, console_table, name_in_lines, row_name
 from evaluate.report.headings import FIRST, NARROW
 from evaluate.report.verdict import best_and_worst, lines, unranked, verdict
-from quad_env.cli.format import ABSENT, counted, estimate, number, plus_minus, share
+from quad_env.cli.format import ABSENT, estimate, number, plus_minus, share, with_count
 
 MOST_SCENARIOS = 6
 """Scenarios of which every figure is printed."""
@@ -117,7 +117,7 @@ def _success(results: Results, axis: SeverityAxis, policy: str) -> str:
 
 def summary_table(results: Results) -> FittedTable:
     """A row for each policy on each scenario, intervals below their figures."""
-    title = f"{counted(results.episodes, 'episode')} each, with 95 % intervals (± half of one)"
+    title = f"{with_count(results.episodes, 'episode')} each, with 95 % intervals (± half of one)"
     shown = (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")
     heads = {FIRST: "policy", **{metric: NARROW[metric] for metric in shown}, "cost_of_transport": "cost of\ntransport"}
     groups: dict[str, list[dict[str, str]]] = {scenario: [] for scenario in results.scenarios}

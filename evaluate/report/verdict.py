@@ -7,7 +7,7 @@ from evaluate.analysis.ranking import AdjacentPair, Ranking
 from evaluate.analysis.results import Results
 from evaluate.analysis.strengths import strengths
 from evaluate.statistics.intervals import Interval
-from quad_env.cli.format import counted, listed, p_value, percent, points_with, share
+from quad_env.cli.format import join_names, p_value, percent, points_with, share, with_count
 
 MAX_REPORTED_EPISODES = 10_000
 """Episodes beyond which no number is given."""
@@ -60,7 +60,7 @@ def excludes_zero(ci: Interval) -> bool:
 def unranked(results: Results) -> str:
     """Which policies have no place in the ranking, and why; empty where all have one."""
     rest = [name for name in results.policies if all(each.policy != name for each in results.ranking.places)]
-    return f"not ranked, for want of scenarios that the others ran: {listed(rest)}" if rest else ""
+    return f"not ranked, for want of scenarios that the others ran: {join_names(rest)}" if rest else ""
 
 
 def lines(ranked: Ranking) -> Iterator[str]:
@@ -92,8 +92,8 @@ def _overall_text(of: AdjacentPair, episodes: int) -> str:
     if of.distinguished:
         return f"{of.better} beats {of.worse} by {_size(of)}"
     if of.identical:
-        return f"{of.better} and {of.worse} are {SAME} in {counted(episodes, 'episode')} of each scenario"
-    said = f"{of.better} and {of.worse} {ALIKE} with {counted(episodes, 'episode')}"
+        return f"{of.better} and {of.worse} are {SAME} in {with_count(episodes, 'episode')} of each scenario"
+    said = f"{of.better} and {of.worse} {ALIKE} with {with_count(episodes, 'episode')}"
     if episodes > 1:
         needed = (
             f"about {float(f'{of.needed:.2g}'):.0f}"
@@ -111,7 +111,7 @@ def _per_scenario_text(of: AdjacentPair, ranked: Ranking) -> str:
         return ""
     against = [(of.worse, of.worse_on)] if of.distinguished else [(of.better, of.better_on), (of.worse, of.worse_on)]
     but = [f"{policy} is better on {_named(on)}" for policy, on in against if on]
-    said = [f"but {listed(but)}"] if but else []
+    said = [f"but {join_names(but)}"] if but else []
     if of.distinguished and of.better_on:
         said = [f"{_named(of.better_on)} alone show{'s' * (len(of.better_on) == 1)} it", *said]
     elif of.distinguished:
@@ -122,4 +122,4 @@ def _per_scenario_text(of: AdjacentPair, ranked: Ranking) -> str:
 
 def _named(scenarios: Sequence[str]) -> str:
     more = len(scenarios) - NAMED
-    return listed([*scenarios[:NAMED], f"{more} more"] if more > 0 else scenarios)
+    return join_names([*scenarios[:NAMED], f"{more} more"] if more > 0 else scenarios)

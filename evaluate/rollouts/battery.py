@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from quad_env.files.paths import missing_file
-from quad_env.files.reading import TEXT, check_file
+from quad_env.files.reading import MAX_TEXT_SIZE, check_file
 from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -142,7 +142,7 @@ def _contents_of(file: Path) -> dict[str, Any]:
     if not file.is_file():
         raise ValueError(f"there is no file {file}")
     try:
-        check_file(file, TEXT)
+        check_file(file, MAX_TEXT_SIZE)
         return runpy.run_path(str(file))
     except (Exception, SystemExit) as error:
         raise ValueError(f"{file} fails: {format_exception(error)}") from error

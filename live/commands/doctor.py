@@ -3,26 +3,26 @@
 from pathlib import Path
 
 from quad_env.cli.command_line import UsageError, make_folder_of
-from quad_env.doctor.check import Check
-from quad_env.doctor.command import Options, run
+from quad_env.doctor.check import DoctorCheck
+from quad_env.doctor.command import DoctorOptions, run
 from quad_env.files.paths import missing_file
 
-__all__ = ["CHECKS", "OF_DESCRIPTION", "Options", "main"]
+__all__ = ["CHECKS", "OF_DESCRIPTION", "DoctorOptions", "main"]
 
 CHECKS = (
-    Check("walks", "live.walking:walks", ("stands",)),
-    Check("policy", "live.walking:policy", ("walks", "walking")),
+    DoctorCheck("walks", "live.walking:walks", ("stands",)),
+    DoctorCheck("policy", "live.walking:policy", ("walks", "walking")),
 )
 """They follow those of `quad_env.doctor`; the second is for runs with a policy."""
 OF_DESCRIPTION = (
-    Check("description", "live.walking:description", ("stands",)),
-    Check("standing", "live.walking:standing", ("description",)),
-    Check("walking", "live.walking:walking", ("standing",)),
+    DoctorCheck("description", "live.walking:description", ("stands",)),
+    DoctorCheck("standing", "live.walking:standing", ("description",)),
+    DoctorCheck("walking", "live.walking:walking", ("standing",)),
 )
 """Between them, for a policy from another project."""
 
 
-def main(options: Options) -> int:
+def main(options: DoctorOptions) -> int:
     """Run all checks, of walking and of the policy too; the exit code. Raises UsageError and PolicyError."""
     if options.policy is None:
         if options.write is not None:

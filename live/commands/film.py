@@ -17,7 +17,7 @@ from live.commands.episode import Command, EpisodeOptions
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import raise_on_interrupt
-from quad_env.cli.progress import bar
+from quad_env.cli.progress import show_bar
 
 MOST_POLICIES = 9
 LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "speed": (0.01, 100.0), "fps": (1.0, 100.0), "size": (64, 4096)}
@@ -60,7 +60,7 @@ def main(options: Options) -> int:
     look = RenderOptions(options.size, options.camera, options.speed, options.fps, options.arrows)
     files.check(options.out, "the film")
     raise_on_interrupt()
-    with bar("filming") as progress:
+    with show_bar("filming") as progress:
         try:
             film(take, options.out, progress, look)
         except OSError as error:

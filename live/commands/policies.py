@@ -9,7 +9,7 @@ from evaluate.hardware import parse_robot_option
 from policies import bundle, shipped
 from policies.description import parsed
 from policies.summaries import SUMMARIES
-from quad_env.cli.format import counted
+from quad_env.cli.format import with_count
 from quad_env.files.reading import read_bytes
 from quad_env.files.text import one_line
 from quad_env.robots.robot import Robot
@@ -53,7 +53,7 @@ def _trained(folder: Path) -> Iterator[str]:
     try:
         description = parsed(folder, read_bytes(folder / bundle.DESCRIPTION))
         base, training = description.base["name"], description.training
-        authority, scenarios = max(description.authority), counted(len(training["mixture"]), "scenario")
+        authority, scenarios = max(description.authority), with_count(len(training["mixture"]), "scenario")
         yield (
             f"base {base}, at most {authority:.2g} rad a joint; {training['steps']:,} steps of training, "
             f"seed {training['seed']}, on {scenarios}"

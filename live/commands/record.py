@@ -13,7 +13,7 @@ from live.commands.episode import Command, EpisodeOptions
 from live.recording.recorder import check, recorder_for
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.launcher import raise_on_interrupt
-from quad_env.cli.progress import bar
+from quad_env.cli.progress import show_bar
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def main(options: Options) -> int:
     steps = round(options.seconds / CONTROL_PERIOD)
     raise_on_interrupt()
     done = 0
-    with bar("recording") as progress, recorder_for(options.out, policy) as recorder:
+    with show_bar("recording") as progress, recorder_for(options.out, policy) as recorder:
 
         def watch(step: Step) -> None:
             nonlocal done

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from policies.base import Floats, PolicyError
 from policies.external.description import PolicySpec
-from quad_env.robots.leg_names import leg_of, words_of
+from quad_env.robots.leg_names import leg_from_words, split_words
 from quad_env.robots.model_file import read
 from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG, LINK_WORDS
@@ -92,8 +92,8 @@ def _exact(names: Sequence[str], robot: Robot) -> list[int]:
 
 def _by_words(names: Sequence[str], robot: Robot) -> list[int]:
     """Places of the joints that the names describe. Raises PolicyError, which names the first that describes none."""
-    words = [words_of(name) for name in names]
-    legs = [leg_of(each) for each in words]
+    words = [split_words(name) for name in names]
+    legs = [leg_from_words(each) for each in words]
     places = dict[int, int]()
     for number, leg in enumerate(robot.leg_names):
         its = [index for index, found in enumerate(legs) if found == leg]

@@ -14,7 +14,7 @@ from policies.external.network_kind import TORCH_ENDS, check_is_network, is_onnx
 from policies.external.packages import check_package
 from policies.external.readers.settings import BY_HAND
 from quad_env.cli.limited_process import CrashError, LimitExceededError, call, read_limited
-from quad_env.files.reading import TEXT, check_file, largest_network
+from quad_env.files.reading import MAX_TEXT_SIZE, check_file, max_network_size
 from quad_env.files.text import brief
 
 DESCRIBED = ".onnx", ".pt", ".jit", ".toml", ".yaml", ".yml", ".json"
@@ -150,7 +150,7 @@ def _check_file(file: Path) -> None:
     if not file.is_file():
         raise PolicyError(f"there is no file {file}")
     try:
-        check_file(file, TEXT if file.suffix.lower() == ".py" else largest_network())
+        check_file(file, MAX_TEXT_SIZE if file.suffix.lower() == ".py" else max_network_size())
     except OSError as error:
         raise PolicyError(f"cannot read {file} ({error.strerror})") from None
 

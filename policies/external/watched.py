@@ -85,16 +85,16 @@ class PolicyProcess:
         try:
             connection.send(question)
             while (reply := connection.recv()) is None:  # still at work
-                watchdog.call_off()
+                watchdog.cancel()
                 timeout = timeout if patience_then is None else patience_then
                 watchdog = Watchdog(process, timeout)
         except (EOFError, OSError) as error:
             self.close()
-            if watchdog.has_bitten:
+            if watchdog.has_killed:
                 raise DeadlineMissed(f"no answer within {timeout * 1e3:g} ms") from None
             raise PolicyProcessError("the policy's process has ended") from error
         finally:
-            watchdog.call_off()
+            watchdog.cancel()
         failure, answer = reply
         if failure is not None:
             raise PolicyProcessError(failure)

@@ -20,7 +20,7 @@ from policies.trot.open_loop import FILE as TROT_FILE
 from policies.trot.open_loop import Trot, TrotParameters, searched_parameters
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import scaled
+from quad_env.robots.similarity import scale_to_robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
@@ -75,7 +75,7 @@ class TrotIntegral(Trot):
     @cached_property
     def _each(self) -> Floats:
         """Of a number of m/s and of rad/s, which are not alike on other robots than SimpleQuad."""
-        return np.array([1.0, 1.0, scaled(self.robot, 1.0, "rad/s") / scaled(self.robot, 1.0, "m/s")])
+        return np.array([1.0, 1.0, scale_to_robot(self.robot, 1.0, "rad/s") / scale_to_robot(self.robot, 1.0, "m/s")])
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         command = observation[:, OBSERVATION["command"]].astype(np.float64)

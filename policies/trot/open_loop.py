@@ -18,7 +18,7 @@ from policies.memory import per_robot
 from policies.parameters import CommandMap, ParameterFile, parameter, search_ranges_of
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import HIGH, LATERAL_LENGTH
+from quad_env.robots.similarity import HIP_HEIGHT, LATERAL_LENGTH
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
@@ -30,7 +30,7 @@ class TrotParameters(CommandMap):
     """Gait cycles a second, Hz."""
     duty: float = parameter(0.55, limits=(0.01, 0.99), search=(0.5, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    body_height: float = parameter(0.47, limits=(0.01, 5.0), search=(0.45, 0.52), unit=HIGH)
+    body_height: float = parameter(0.47, limits=(0.01, 5.0), search=(0.45, 0.52), unit=HIP_HEIGHT)
     """Hip joints above the centres of the standing feet, m."""
     step_height: float = parameter(0.07, limits=(-1.0, 1.0), search=(0.03, 0.14), unit="m")
     """Lift of the foot at mid-swing, m."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from policies.mpc.parameters import ModelParameters
 from policies.parameters import ParameterFile, parameter
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import HIGH
+from quad_env.robots.similarity import HIP_HEIGHT
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 FASTEST = 3.2
@@ -21,7 +21,7 @@ class VirtualParameters(ModelParameters):
     """Gait cycles a second, Hz."""
     duty: float = parameter(0.5, limits=(0.05, 0.95), search=(0.5, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    height: float = parameter(0.43, limits=(0.01, 5.0), search=(0.42, 0.54), unit=HIGH)
+    height: float = parameter(0.43, limits=(0.01, 5.0), search=(0.42, 0.54), unit=HIP_HEIGHT)
     """Hip joints above the ground, m; of SimpleQuad the trunk's centre too."""
     step_height: float = parameter(0.05, limits=(0.0, 2.0), search=(0.035, 0.12), unit="m")
     """Lift of a swinging foot, m."""

@@ -71,7 +71,7 @@ class Watchdog:
         self._patience = patience
         self._clock = RunClock(process.pid)
         self._called_off = threading.Event()
-        self.has_bitten = False
+        self.has_killed = False
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
         self._thread.start()
 
@@ -81,10 +81,10 @@ class Watchdog:
             if self._called_off.wait(max(left, 0.01)):
                 return
             left = self._patience - self._clock.elapsed()
-        self.has_bitten = True
+        self.has_killed = True
         self._process.kill()
 
-    def call_off(self) -> None:
+    def cancel(self) -> None:
         """Let the process live."""
         self._called_off.set()
         self._thread.join()

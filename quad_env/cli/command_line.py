@@ -52,7 +52,7 @@ def parse(
     """
     import tyro
 
-    words = as_spelled(kind, sys.argv[1:] if arguments is None else arguments)
+    words = normalise_option_names(kind, sys.argv[1:] if arguments is None else arguments)
     if "" in words or any(word.startswith("--") and word.endswith("=") for word in words):
         raise UsageError(f"a value is empty, which names no file, folder or number; see `{program} --help`")
     complaint, registry = io.StringIO(), tyro.constructors.ConstructorRegistry()
@@ -103,7 +103,7 @@ def _whole_numbers(asked: Any) -> Any:
     )
 
 
-def as_spelled(kind: type, words: list[str]) -> list[str]:
+def normalise_option_names(kind: type, words: list[str]) -> list[str]:
     """The words with `--policies` for `--policy` and `--scenarios` for `--scenario`, or the reverse, as the command of
     these options has it."""
     known = {field.name for field in fields(kind)}

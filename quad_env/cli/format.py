@@ -138,12 +138,12 @@ def p_value(value: float) -> str:
     return f"p{NO_BREAK}={NO_BREAK}{value:.{3 if value < 0.1 else 2}f}"
 
 
-def listed(names: Sequence[str]) -> str:
+def join_names(names: Sequence[str]) -> str:
     """`a, b and c`."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def broken(name: str, width: int) -> list[str]:
+def break_name(name: str, width: int) -> list[str]:
     """Break a name into lines of at most `width` characters, at the ends of its words.
 
     Words end after `/`, `_`, `-`, `:`, `@`, `+` or a space. Only a word longer than a line is broken inside, if
@@ -159,7 +159,7 @@ def broken(name: str, width: int) -> list[str]:
     return lines
 
 
-def counted(count: int, thing: str) -> str:
+def with_count(count: int, thing: str) -> str:
     """`1 episode`, `128 episodes`."""
     return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
 

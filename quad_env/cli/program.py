@@ -51,7 +51,7 @@ class Program:
     """As it is called, `python -m train`."""
     commands: Mapping[str, Command]
     """By the word that calls them."""
-    otherwise: Callable[[list[str]], int] | None = None
+    fallback: Callable[[list[str]], int] | None = None
     """Runs the words that begin with no command, and gives the exit code; None where they are a mistake."""
     moved_commands: Mapping[str, str] = field(default_factory=dict)
     """Where commands are that are not here, such as those of older versions: "now `python -m research jump`"."""
@@ -80,7 +80,7 @@ class Program:
             kind = options_class(module)
             return int(module.main(parse(kind, words[1:], program=program, description=module.__doc__)))
         try:
-            return self.otherwise(words) if self.otherwise else self._list(words)
+            return self.fallback(words) if self.fallback else self._list(words)
         except UsageError as mistake:
             if meant := difflib.get_close_matches(first, self.commands, 1, 0.7):
                 raise UsageError(f"{mistake}; did you mean the command {meant[0]}?") from mistake

@@ -41,17 +41,19 @@ def show_progress(total: int) -> Iterator[CellProgress]:
             shares[policy, scenario] = share
             done, elapsed = sum(shares.values()), time.perf_counter() - begun
             advance = done - sum(kept.values())
-            left = f"{duration(elapsed * (total - done) / advance)} left" if advance > 0.0 and done < total else ""
+            left = (
+                f"{format_duration(elapsed * (total - done) / advance)} left" if advance > 0.0 and done < total else ""
+            )
             progress.update(task, description=f"{scenario}: {policy}", completed=done, left=left)
             if share < 1.0 or console.is_terminal:
                 return
-            took = duration(elapsed) + (left and f", about {left}")
+            took = format_duration(elapsed) + (left and f", about {left}")
             _say(f"[{next(finished)}/{total}] {scenario}: {policy} ({took})")
 
         yield show
 
 
-def duration(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """`8 s`, `3 min 20 s`, `2 h 5 min`."""
     whole = round(seconds)
     if whole < 60:
@@ -62,7 +64,7 @@ def duration(seconds: float) -> str:
 
 
 @contextmanager
-def bar(what: str, *, in_lines: bool = True) -> Iterator[Callable[[float], None]]:
+def show_bar(what: str, *, in_lines: bool = True) -> Iterator[Callable[[float], None]]:
     """Show the progress of some work; the result takes the share that is done, 0 … 1.
 
     The display is a bar on a terminal. Elsewhere it is a line after QUIET seconds and then every PERIOD seconds, if
@@ -96,14 +98,14 @@ def bar(what: str, *, in_lines: bool = True) -> Iterator[Callable[[float], None]
             if console.is_terminal or not in_lines or elapsed < due:
                 return
             due = elapsed + PERIOD
-            left = f", about {duration(elapsed * (1.0 - share) / share)} left" if 0.0 < share < 1.0 else ""
-            _say(f"{what}: {100.0 * share:.0f} % ({duration(elapsed)}{left})")
+            left = f", about {format_duration(elapsed * (1.0 - share) / share)} left" if 0.0 < share < 1.0 else ""
+            _say(f"{what}: {100.0 * share:.0f} % ({format_duration(elapsed)}{left})")
 
         yield report
 
 
 @contextmanager
-def waiting(what: str) -> Iterator[None]:
+def show_waiting(what: str) -> Iterator[None]:
     """Show that work of unknown duration goes on: a spinner on a terminal, else a line after QUIET seconds."""
     from rich.console import Console
 

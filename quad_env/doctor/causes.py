@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.doctor.check import Subject
-from quad_env.doctor.stance import LARGEST_LAG, Stance, new_env, stance_of
+from quad_env.doctor.check import DoctorSubject
+from quad_env.doctor.stance import LARGEST_LAG, Stance, make_standing_env, measure_stance
 from quad_env.robots.collision_rules import ATTACH_PREFIX, GROUND_BIT, RENAMED_PREFIX
-from quad_env.robots.plausibility import LONGEST
+from quad_env.robots.plausibility import MAX_LEG_LENGTH
 from quad_env.robots.robot import Robot
 from quad_env.robots.scene import body_names
-from quad_env.robots.similarity import servo_gains
-from quad_env.robots.unlikely_inertias import unlikely_inertias
+from quad_env.robots.similarity import scaled_servo_gains
+from quad_env.robots.unlikely_inertias import find_unlikely_inertias
 
 GAIN_TOLERANCE = 0.1
 """Largest relative difference of servo gains that count as equal."""
@@ -34,28 +34,28 @@ class Suspect:
 
     cause: str
     remedy: str
-    mend: Mend | None = None
+    apply_remedy: Mend | None = None
     """None where the remedy changes the robot itself."""
     robot: Robot | None = None
     """The robot after the remedy; None if it is unchanged."""
 
     def helps(self, robot: Robot) -> bool:
         """Return whether the robot stands after the remedy."""
-        env = new_env(self.robot or robot)
-        if self.mend is not None:
-            self.mend(env.simulation)
+        env = make_standing_env(self.robot or robot)
+        if self.apply_remedy is not None:
+            self.apply_remedy(env.simulation)
             env.simulation.batch.set_const(np.array([0]))
-        return stance_of(env).fault is None
+        return measure_stance(env).fault is None
 
 
-def diagnosis(subject: Subject, stance: Stance) -> tuple[str, str]:
+def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
     """Return cause and remedy of a robot that does not stand."""
     robot = stance.robot
     suspects = list(_suspects(subject, stance))
     for suspect in suspects:
         if suspect.helps(robot):
             return suspect.cause, suspect.remedy
-    if stance.is_overloaded and robot.leg_length > LONGEST:
+    if stance.is_overloaded and robot.leg_length > MAX_LEG_LENGTH:
         cause = f"its legs are {robot.leg_length:.3g} m long, as of a model in millimetres"
         return cause, f"lengths in metres in {robot.mjcf}, such as scale of the meshes and pos of the bodies"
     if stance.is_overloaded:
@@ -74,35 +74,35 @@ def _is_held(stance: Stance) -> bool:
     return stance.fault is not None and stance.fault.startswith("it does not stand")
 
 
-def _suspects(subject: Subject, stance: Stance) -> Iterator[Suspect]:
+def _suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
     """Yield possible causes, the likeliest first."""
     robot = stance.robot
     yield from _gains(subject, stance)
-    inertias = unlikely_inertias(robot)
+    inertias = find_unlikely_inertias(robot)
     if inertias:
         names = _some([each.name for each in inertias])
         first = inertias[0]
         cause = (
             f"{names} has a moment of inertia of {first.moment:.3g} kg·m², and {first.mass:.3g} kg within "
-            f"{first.reach:.2f} m have at most {first.largest:.1g}: a placeholder"
+            f"{first.reach:.2f} m have at most {first.max_moment:.1g}: a placeholder"
         )
         remedy = f"correct the inertia of {names} in {robot.mjcf}"
 
         def reduce_inertias(simulation: Any) -> None:
             for each in inertias:
-                _expanded(simulation, "body_inertia")[:, each.body] = 0.2 * each.largest
+                _expanded(simulation, "body_inertia")[:, each.body] = 0.2 * each.max_moment
 
         yield Suspect(cause, remedy, reduce_inertias)
     yield from _joint_suspects(robot)
     yield from _contacts(robot, stance)
 
 
-def _gains(subject: Subject, stance: Stance) -> Iterator[Suspect]:
+def _gains(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
     """Yield scaled gains of SimpleQuad where others are in force."""
     robot = stance.robot
     if stance.is_overloaded:
         return
-    stiffness, damping = (_rounded(gain) for gain in servo_gains(robot))
+    stiffness, damping = (_rounded(gain) for gain in scaled_servo_gains(robot))
     in_force = np.stack((robot.servo_stiffness, robot.servo_damping))
     proposed = np.array(((float(stiffness),), (float(damping),)))
     if (np.abs(in_force / proposed - 1.0) < GAIN_TOLERANCE).all():
@@ -135,7 +135,7 @@ def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
         yield Suspect(cause, f"stiffness = 0 of these joints in {robot.mjcf}", remove_springs)
 
 
-def self_contacts(subject: Subject) -> list[str]:
+def self_contacts(subject: DoctorSubject) -> list[str]:
     """Return a line that names the bodies of the robot in self-contact after a stand; empty without any."""
     pairs = _self_contact_pairs(subject.env)
     return [f"bodies of the robot press against each other: {_in_words(pairs)}"] if pairs else []
@@ -143,7 +143,7 @@ def self_contacts(subject: Subject) -> list[str]:
 
 def _self_contact_pairs(env: Any) -> list[tuple[str, str]]:
     """Return the pairs of names of bodies in self-contact after a stand, as in the robot's file."""
-    stance_of(env)
+    measure_stance(env)
     model = env.model
     bodies = model.geom_bodyid[env.data.contact.geom]
     own = bodies[(bodies > 0).all(axis=1)]
@@ -158,7 +158,7 @@ def _in_words(pairs: list[tuple[str, str]]) -> str:
 
 def _contacts(robot: Robot, stance: Stance) -> Iterator[Suspect]:
     """Yield bodies of the robot in self-contact at the end of its stand."""
-    pairs = [] if stance.diverged else _self_contact_pairs(new_env(robot))
+    pairs = [] if stance.diverged else _self_contact_pairs(make_standing_env(robot))
     if not pairs:
         return
 

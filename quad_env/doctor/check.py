@@ -11,7 +11,7 @@ from quad_env.robots.robot import Robot
 
 
 @dataclass(frozen=True)
-class Subject:
+class DoctorSubject:
     """The robot, and perhaps the policy, that a run of checks examines."""
 
     robot_source: str | Robot = "simple_quad"
@@ -77,7 +77,7 @@ def problem(seen: str, cause: str, remedy: str) -> Finding:
 
 
 @dataclass(frozen=True)
-class Check:
+class DoctorCheck:
     """One check by name."""
 
     name: str
@@ -86,7 +86,7 @@ class Check:
     needs: tuple[str, ...] = ()
     """Checks that have to succeed first, since this one would only find their problems again."""
 
-    def run(self, subject: Subject) -> Finding:
+    def run(self, subject: DoctorSubject) -> Finding:
         """Finding of the check; an unexpected error is a problem too."""
         module, _, function = self.place.partition(":")
         try:
@@ -101,7 +101,7 @@ class Check:
         return found
 
 
-def examine(checks: Iterable[Check], subject: Subject) -> Iterator[tuple[str, Finding]]:
+def run_checks(checks: Iterable[DoctorCheck], subject: DoctorSubject) -> Iterator[tuple[str, Finding]]:
     """Name and finding of each check, in their order; one whose needs are not met is left out."""
     broken: set[str] = set()
     for check in checks:

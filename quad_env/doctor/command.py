@@ -9,29 +9,29 @@ from typing import Annotated
 import tyro
 
 from quad_env.cli.command_line import UsageError
-from quad_env.cli.format import counted
-from quad_env.doctor.check import Check, Finding, Subject, examine
-from quad_env.files.text import visible
-from quad_env.robots.registry import ROBOTS, robot_named
+from quad_env.cli.format import with_count
+from quad_env.doctor.check import DoctorCheck, DoctorSubject, Finding, run_checks
+from quad_env.files.text import escape_control_characters
+from quad_env.robots.registry import ROBOTS, parse_robot
 
 HERE = "quad_env.doctor"
 CHECKS = (
-    Check("packages", f"{HERE}.installation:packages"),
-    Check("mujoco", f"{HERE}.installation:mujoco", ("packages",)),
-    Check("opengl", f"{HERE}.installation:opengl", ("mujoco",)),
-    Check("model", f"{HERE}.model:model", ("mujoco",)),
-    Check("names", f"{HERE}.model:names", ("model",)),
-    Check("limits", f"{HERE}.model:limits", ("model",)),
-    Check("joints", f"{HERE}.model:joints", ("limits",)),
-    Check("stands", f"{HERE}.standing:stands", ("joints",)),
-    Check("plausible", f"{HERE}.model:plausible", ("stands",)),
+    DoctorCheck("packages", f"{HERE}.installation:packages"),
+    DoctorCheck("mujoco", f"{HERE}.installation:mujoco", ("packages",)),
+    DoctorCheck("opengl", f"{HERE}.installation:opengl", ("mujoco",)),
+    DoctorCheck("model", f"{HERE}.model:model", ("mujoco",)),
+    DoctorCheck("names", f"{HERE}.model:names", ("model",)),
+    DoctorCheck("limits", f"{HERE}.model:limits", ("model",)),
+    DoctorCheck("joints", f"{HERE}.model:joints", ("limits",)),
+    DoctorCheck("stands", f"{HERE}.standing:stands", ("joints",)),
+    DoctorCheck("plausible", f"{HERE}.model:plausible", ("stands",)),
 )
 """In the order in which one depends on another: the first problem is the one to repair."""
 NO_CLONE = "walking and policies were not examined: they need a clone of the project"
 
 
 @dataclass(frozen=True)
-class Options:
+class DoctorOptions:
     """Examine installation, robot and policy; the exit code is 1 where something is wrong."""
 
     robot: str = "simple_quad"
@@ -44,26 +44,26 @@ class Options:
     """File for the description of the policy, as TOML, to see and correct what was understood."""
 
 
-def main(options: Options) -> int:
+def main(options: DoctorOptions) -> int:
     """Run the checks of this package; the exit code. Raises UsageError."""
     if options.policy is not None or options.write is not None:
         raise UsageError("policies come with a clone of the project, not with quad_env alone: no --policy, no --write")
     return run(options, None)
 
 
-def run(options: Options, of_policies: tuple[Check, ...] | None) -> int:
+def run(options: DoctorOptions, of_policies: tuple[DoctorCheck, ...] | None) -> int:
     """Run the checks; 0 where there is no problem, 1 where there is one. Raises UsageError.
 
     `of_policies` are the checks that need policies, None where this package is installed alone.
     """
     if options.robot not in ROBOTS and not Path(options.robot).is_file():
-        robot_named(options.robot)  # raises
-    subject = Subject(options.robot, options.policy, options.trust)
+        parse_robot(options.robot)  # raises
+    subject = DoctorSubject(options.robot, options.policy, options.trust)
     counts = Counter[str]()
-    for name, found in examine((*CHECKS, *(of_policies or ())), subject):
+    for name, found in run_checks((*CHECKS, *(of_policies or ())), subject):
         counts[found.result] += 1
-        print(visible("\n".join(_lines(name, found))), flush=True)
-    faults = [counted(counts[kind], kind) for kind in ("problem", "warning") if counts[kind]]
+        print(escape_control_characters("\n".join(_lines(name, found))), flush=True)
+    faults = [with_count(counts[kind], kind) for kind in ("problem", "warning") if counts[kind]]
     others = [f"{counts[kind]} {kind}" for kind in ("ok", "left out") if counts[kind]]
     print(", ".join(faults + others) + (f"; {NO_CLONE}" if of_policies is None else ""))
     return int(counts["problem"] > 0)

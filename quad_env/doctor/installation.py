@@ -10,7 +10,7 @@ from importlib import import_module, metadata
 from packaging.requirements import Requirement
 
 from quad_env.cli.child_process import RunClock
-from quad_env.doctor.check import Finding, Subject, ok, problem
+from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
 
 PROJECT = "simple-quad"
 RENDER_TIMEOUT = 60.0
@@ -27,7 +27,7 @@ env.close()
 """Draws a frame: a program of its own, since a broken OpenGL may end a whole process."""
 
 
-def packages(_: Subject) -> Finding:
+def packages(_: DoctorSubject) -> Finding:
     """Whether the packages that every command needs are there, in versions that fit."""
     asked = map(Requirement, metadata.requires(PROJECT) or ())
     needed = [each for each in asked if not each.marker or each.marker.evaluate({"extra": ""})]
@@ -48,7 +48,7 @@ def _fault(needed: Requirement) -> str | None:
     return f"{needed.name} is {version}, {needed.specifier} is required"
 
 
-def mujoco(_: Subject) -> Finding:
+def mujoco(_: DoctorSubject) -> Finding:
     """Whether MuJoCo loads, with its batch of simulations."""
     try:
         import_module("quad_env.physics.simulation")  # imports of MuJoCo what all commands do
@@ -61,7 +61,7 @@ def mujoco(_: Subject) -> Finding:
     return ok("MuJoCo loads, with its batch")
 
 
-def opengl(_: Subject) -> Finding:
+def opengl(_: DoctorSubject) -> Finding:
     """Whether a frame is drawn, in another process."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = sys.executable, "-c", DRAW

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from quad_env.doctor.check import Finding, Subject, ok, problem
-from quad_env.robots.leg_names import contradictions
-from quad_env.robots.model_file import DECISIVE, log_to_the_console, omitted_from
-from quad_env.robots.plausibility import warnings_of
+from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
+from quad_env.robots.leg_names import find_contradictions
+from quad_env.robots.model_file import DIGEST_FIELDS, log_to_console, omitted_from
+from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.robot import Robot
 from quad_env.robots.scene import overlap_remark
 from quad_env.robots.structure import JOINTS_PER_LEG, ModelError
@@ -19,9 +19,9 @@ UNLIKE = 0.2
 """Largest difference between a left and a right leg in an angle, rad; Boston Dynamics' Spot has 0.05 in a limit."""
 
 
-def model(subject: Subject) -> Finding:
+def model(subject: DoctorSubject) -> Finding:
     """Whether the robot can be read, compiled and put on our ground."""
-    log_to_the_console()
+    log_to_console()
     try:
         robot = subject.robot
         compiled = robot.model
@@ -32,13 +32,13 @@ def model(subject: Subject) -> Finding:
         cause = "the model or a file that it names is not there or has a fault, or a figure is missing"
         remedy = f"repair what the line names, in {subject.name}, or give the figure in {subject.figures}"
         return problem(" ".join(str(error).split()), cause, remedy)
-    broken = [name for name in DECISIVE if not np.isfinite(getattr(compiled, name)).all()]
+    broken = [name for name in DIGEST_FIELDS if not np.isfinite(getattr(compiled, name)).all()]
     if broken:
         cause = "a NaN in the MJCF, or an overflow as MuJoCo works out masses and inertias"
         return problem(
             f"{robot.name} has no finite {', '.join(broken)}", cause, f"correct these numbers in {robot.mjcf}"
         )
-    held = f"; held at their reference: {', '.join(robot.held)}" if robot.held else ""
+    held = f"; held at their reference: {', '.join(robot.locked_joints)}" if robot.locked_joints else ""
     trunk = f"trunk {robot.home_height:.2f} m high"
     omitted = omitted_from(robot.mjcf, robot.keeps_contact) if robot.imported else ()
     details = [f"{heading}: {text}" for heading, text in omitted]
@@ -48,26 +48,26 @@ def model(subject: Subject) -> Finding:
     return replace(ok(seen), details=tuple(details))
 
 
-def plausible(subject: Subject) -> Finding:
+def plausible(subject: DoctorSubject) -> Finding:
     """Whether the robot's size, motors and servos are those of a real robot."""
-    if found := list(warnings_of(subject.robot)):
+    if found := list(find_warnings(subject.robot)):
         cause = "a placeholder that was never filled in, or a model in other units than metres, kilograms and radians"
         remedy = f"correct them in {subject.robot.mjcf}, or give them in {subject.figures}"
         return Finding("warning", "; ".join(found), cause, remedy)
     return ok("size, motors and servos are in proportion to the weight")
 
 
-def names(subject: Subject) -> Finding:
+def names(subject: DoctorSubject) -> Finding:
     """Check that the joints are at the places that their names say."""
     robot = subject.robot
-    if found := next(contradictions(robot), None):
+    if found := next(find_contradictions(robot), None):
         seen, _, remedy = found.partition("; ")
         cause = "the model's trunk frame is turned or mirrored, or legs are named wrongly"
         return Finding("warning", seen, cause, f"{remedy}; in {robot.mjcf}")
     return ok("the joints are where their names say")
 
 
-def limits(subject: Subject) -> Finding:
+def limits(subject: DoctorSubject) -> Finding:
     """Whether the joints' ranges are those of a leg, alike left and right, with the home pose well inside."""
     robot = subject.robot
     lower, upper, home = robot.joint_lower, robot.joint_upper, robot.home_pose
@@ -99,7 +99,7 @@ def limits(subject: Subject) -> Finding:
     return ok(f"ranges of {spans.min():.1f} … {spans.max():.1f} rad, home pose {margin.min():.2f} rad inside")
 
 
-def joints(subject: Subject) -> Finding:
+def joints(subject: DoctorSubject) -> Finding:
     """Whether the knees of left and right legs bend the same way, and their home poses mirror each other."""
     robot = subject.robot
     for left, right in _pairs(robot):

@@ -70,31 +70,31 @@ class Stance:
         if self.is_overloaded:
             return f"standing takes all of the joints' {robot.rated_torque:g} N·m, for {robot.mass:.3g} kg"
         if self.lag > LARGEST_LAG:
-            return self.held
+            return self.tracking_text
         if self.ringing > RINGING:
             return f"half a second after a step of their targets the joints still move at {self.ringing:.1f} rad/s"
         if self.tilt > LARGEST_TILT or self.height < (1.0 - LARGEST_SINK) * robot.home_height:
-            return f"it does not stand: {self.trunk}"
+            return f"it does not stand: {self.trunk_text}"
         return None
 
     @property
-    def held(self) -> str:
+    def tracking_text(self) -> str:
         """Tracking of the joint targets, in words."""
         assert self.lags is not None
         return f"standing, {self.robot.joint_names[int(self.lags.argmax())]} is {self.lag:.3f} rad off its target"
 
     @property
-    def trunk(self) -> str:
+    def trunk_text(self) -> str:
         """Pose of the trunk, in words."""
         return f"its trunk is {self.height:.3f} m high and tilted by {self.tilt:.3f} rad"
 
 
-def stance_of(env: Any) -> Stance:
+def measure_stance(env: Any) -> Stance:
     """Reset a single environment, let its robot stand and squat, and return the result."""
     robot = env.robot
     env.reset(seed=0, options={"command": np.zeros(3)})
     try:
-        at_rest = states(env, robot.home_pose, STAND_TIME)[-round(LAST / env.dt) :]
+        at_rest = hold_target(env, robot.home_pose, STAND_TIME)[-round(LAST / env.dt) :]
         ringing = _ringing(env)
     except DivergedError:
         return Stance(robot, diverged=True)
@@ -112,11 +112,11 @@ def _ringing(env: Any) -> float:
     """Return the root mean square of all joint speeds at the end of a squat, rad/s."""
     robot = env.robot
     step = SQUAT * np.array([[0.0, -knee, 2.0 * knee] for knee in robot.knee_direction]).ravel()
-    squatting = states(env, robot.home_pose + step, SETTLED)[-round(LAST / env.dt) :]
+    squatting = hold_target(env, robot.home_pose + step, SETTLED)[-round(LAST / env.dt) :]
     return float(np.sqrt(np.mean(np.square([state.joint_velocity for state in squatting]))))
 
 
-def states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
+def hold_target(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
     """Return the states of the robot of a single environment while it holds a target.
 
     Args:
@@ -136,6 +136,6 @@ def states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
     return found
 
 
-def new_env(robot: Robot) -> SimpleQuadEnv:
+def make_standing_env(robot: Robot) -> SimpleQuadEnv:
     """Make a single environment with a robot, falls ignored."""
     return SimpleQuadEnv(robot=robot, terminate_on_fall=False)

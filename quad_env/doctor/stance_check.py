@@ -1,16 +1,16 @@
 """Check that the robot stands; the named remedy is one with which it stood, see `causes`."""
 
-from quad_env.doctor.causes import diagnosis
-from quad_env.doctor.check import Finding, Subject, ok, problem
-from quad_env.doctor.stance import stance_of
+from quad_env.doctor.causes import diagnose
+from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
+from quad_env.doctor.stance import measure_stance
 
 
-def stands(subject: Subject) -> Finding:
+def stands(subject: DoctorSubject) -> Finding:
     """Whether the joints hold their targets under the robot's weight and come to rest, and the robot stands."""
     env = subject.env
     robot = env.robot
-    stance = stance_of(env)
+    stance = measure_stance(env)
     if (fault := stance.fault) is not None:
-        return problem(fault, *diagnosis(subject, stance))
+        return problem(fault, *diagnose(subject, stance))
     share = 100.0 * stance.torque / robot.rated_torque
-    return ok(f"{stance.trunk}; {stance.held}, with {share:.0f} % of the largest torque")
+    return ok(f"{stance.trunk_text}; {stance.tracking_text}, with {share:.0f} % of the largest torque")

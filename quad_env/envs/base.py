@@ -20,7 +20,7 @@ from quad_env.physics.batch import MUJOCO
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
 from quad_env.robots.registry import get_robot
-from quad_env.robots.robot import Robot, servo_gains
+from quad_env.robots.robot import Robot, parse_servo_gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import EpisodeSample, stack_initial_conditions
 from quad_env.scenarios.named import scenario as find_scenario
@@ -110,7 +110,7 @@ class QuadEnvBase:
         self.config = config or TaskConfig()
         robot = get_robot(robot)
         own = robot.servo_stiffness, robot.servo_damping
-        gains = servo_gains(own if servo is None else servo, num_envs)
+        gains = parse_servo_gains(own if servo is None else servo, num_envs)
         differ = bool(np.ptp(gains, axis=1).any())
         self.robot = robot = robot.with_servo(*(gains.mean(axis=1) if differ else gains[:, 0]))
         """All that the environment knows of the robot; the mean of the servo gains where robots differ."""

@@ -11,13 +11,13 @@ from typing import Any
 
 from quad_env.files.text import brief
 
-TEXT = 64 * 2**20
+MAX_TEXT_SIZE = 64 * 2**20
 """Largest text, such as a description, a model or a script, byte."""
-LARGEST = 4 * 2**30
+MAX_DATA_SIZE = 4 * 2**30
 """Byte. Largest file of numbers that this project writes, such as a table or a checkpoint."""
-LARGEST_TOML = 2**17
+MAX_TOML_SIZE = 2**17
 """Byte. Largest TOML; the time of Python's reader grows with the square of its size."""
-MAX_PARTS = 20
+MAX_KEY_PARTS = 20
 """Largest number of parts of a dotted key, for the same reason."""
 _BETWEEN = re.compile(r"[],=[{}\"']")
 NETWORK_LIMIT = "QUAD_ENV_LARGEST_NETWORK"
@@ -26,26 +26,26 @@ _NETWORK_MIB = 128
 """MiB. Networks of published policies have 0.1 to 20 MiB, with an image encoder up to 100 MiB."""
 
 
-def largest_network() -> int:
+def max_network_size() -> int:
     """Return the size of the largest policy network that is read, byte."""
     given = os.environ.get(NETWORK_LIMIT, "")
     number = int(given) if given.isascii() and given.isdigit() and len(given) < 10 else 0
     return (number or _NETWORK_MIB) * 2**20
 
 
-def read_bytes(path: Path, limit: int = TEXT) -> bytes:
+def read_bytes(path: Path, limit: int = MAX_TEXT_SIZE) -> bytes:
     """The content of a regular file of at most so many bytes; OSError for what is none."""
     check_file(path, limit)
     return path.read_bytes()
 
 
-def check_file(path: Path, limit: int = LARGEST) -> None:
+def check_file(path: Path, limit: int = MAX_DATA_SIZE) -> None:
     """Raise OSError unless it is a regular file of at most so many bytes: to read a pipe or a device may never end."""
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
         raise OSError(errno.EINVAL, "it is no regular file", str(path))
     if found.st_size > limit:
-        remedy = f"; {NETWORK_LIMIT} raises the limit, MiB" if limit == largest_network() else ""
+        remedy = f"; {NETWORK_LIMIT} raises the limit, MiB" if limit == max_network_size() else ""
         raise OSError(errno.EFBIG, f"it is larger than {limit // 2**20} MiB{remedy}", str(path))
 
 
@@ -59,13 +59,13 @@ def parse_json(content: bytes | str) -> Any:
 
 def parse_toml(content: bytes | str) -> dict[str, Any]:
     """Parse TOML. Raises ValueError for invalid TOML, a text that is too large, or a key of too many parts."""
-    if len(content) > LARGEST_TOML:
-        raise ValueError(f"it is larger than {LARGEST_TOML // 1024} KiB")
+    if len(content) > MAX_TOML_SIZE:
+        raise ValueError(f"it is larger than {MAX_TOML_SIZE // 1024} KiB")
     text = content if isinstance(content, str) else content.decode()
     for number, line in enumerate(text.splitlines(), 1):
         plain = line.partition("#")[0]
-        if plain.count(".") > MAX_PARTS and max(part.count(".") for part in _BETWEEN.split(plain)) >= MAX_PARTS:
-            raise ValueError(f"line {number} has a key of more than {MAX_PARTS} parts")
+        if plain.count(".") > MAX_KEY_PARTS and max(part.count(".") for part in _BETWEEN.split(plain)) >= MAX_KEY_PARTS:
+            raise ValueError(f"line {number} has a key of more than {MAX_KEY_PARTS} parts")
     try:
         return tomllib.loads(text)
     except RecursionError:

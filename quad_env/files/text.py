@@ -3,7 +3,7 @@
 from itertools import islice
 from traceback import TracebackException
 
-LONGEST = 2000
+MAX_LINE_LENGTH = 2000
 """Characters of a line that is printed."""
 MAX_SHOWN = 60
 """Number of characters of a value that an error shows."""
@@ -14,10 +14,10 @@ _MAX_BITS = 200
 def one_line(text: str) -> str:
     """A text on one line of bounded length, without the characters that steer a terminal."""
     plain = " ".join("".join(sign if sign.isprintable() else " " for sign in text).split())
-    return plain if len(plain) <= LONGEST else f"{plain[:LONGEST]} …"
+    return plain if len(plain) <= MAX_LINE_LENGTH else f"{plain[:MAX_LINE_LENGTH]} …"
 
 
-def visible(text: str) -> str:
+def escape_control_characters(text: str) -> str:
     """Return a text whose control characters, other than line breaks, are shown as escapes such as `\\x1b`."""
     return "".join(
         sign if sign.isprintable() or sign == "\n" else sign.encode("unicode_escape").decode("ascii") for sign in text

@@ -8,7 +8,7 @@ import numpy as np
 from quad_env.actuation.models import Actuator
 from quad_env.columns import Array, EnvSelection
 from quad_env.physics.batch import MUJOCO, Batch
-from quad_env.robots.collision_rules import of_name
+from quad_env.robots.collision_rules import names_of_part
 from quad_env.robots.robot import Robot
 
 JOINT_READINGS = (
@@ -94,7 +94,7 @@ def touch_sensors(robot: Robot, model: Any) -> list[list[str]]:
     if not robot.imported:
         return [[f"{leg}_foot_touch"] for leg in robot.leg_names]
     names = [model.sensor(number).name for number in range(model.nsensor)]
-    return [of_name(f"{leg}_foot_touch", names) for leg in robot.leg_names]
+    return [names_of_part(f"{leg}_foot_touch", names) for leg in robot.leg_names]
 
 
 def summed(touch: Sequence[Sequence[Array]], ids: EnvSelection) -> Array:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from quad_env.actuation.models import ACTUATORS, Actuator, ResolvedTorqueSpeed, min_limit
 from quad_env.columns import Array
 from quad_env.config import GRAVITY
-from quad_env.robots.collision_rules import GROUND_BIT, foot_geoms, of_name
-from quad_env.robots.model_file import log_to_the_console
+from quad_env.robots.collision_rules import GROUND_BIT, foot_geoms, names_of_part
+from quad_env.robots.model_file import log_to_console
 from quad_env.robots.robot import Robot
 from quad_env.robots.scene import build_spec
-from quad_env.robots.shapes import corners, geoms_of, solid, welded
+from quad_env.robots.shapes import box_corners, collision_mask, geom_ids, welded_bodies
 from quad_env.scenarios.disturbances import Ground, Payload
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom, Stairs
@@ -36,7 +36,7 @@ def compile_model(
 ) -> mujoco.MjModel:
     """The robot with these motors in that scenario, with that time, s, and contact-solver iterations a physics step, or
     the MJCF's."""
-    log_to_the_console()
+    log_to_console()
     terrain, motors = scenario.terrain, scenario.motors
     spec = build_spec(robot)
     spec.option.timestep = timestep or spec.option.timestep
@@ -78,7 +78,7 @@ def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 def contact_sensors(model: mujoco.MjModel, part: str) -> list[str]:
     """Names of the sensors of the contacts of a part, such as `trunk` or `fl_foot`, with the ground."""
-    return of_name(f"{part}_ground", (model.sensor(number).name for number in range(model.nsensor)))
+    return names_of_part(f"{part}_ground", (model.sensor(number).name for number in range(model.nsensor)))
 
 
 def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
@@ -86,9 +86,9 @@ def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
     data, root = mujoco.MjData(model), model.body("base_link").id
     mujoco.mj_kinematics(model, data)
     axes, found = data.xmat[root].reshape(3, 3), []
-    for body in welded(model, root):
-        for geom in geoms_of(model, [body], solid(model)):
-            at = corners(model, geom) @ data.xmat[body].reshape(3, 3).T + (data.xpos[body] - data.xpos[root])
+    for body in welded_bodies(model, root):
+        for geom in geom_ids(model, [body], collision_mask(model)):
+            at = box_corners(model, geom) @ data.xmat[body].reshape(3, 3).T + (data.xpos[body] - data.xpos[root])
             found.append(at @ axes)
     return np.concatenate(found)
 
@@ -254,7 +254,7 @@ def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
 
 def _disable_shin_contacts(model: mujoco.MjModel, ground: NDArray[np.intp], robot: Robot) -> None:
     """Ground and shins do not collide, all else as before: the ground has a bit of its own, see `collisions`."""
-    model.geom_contype[(model.geom_bodyid != 0) & solid(model)] |= GROUND_BIT
+    model.geom_contype[(model.geom_bodyid != 0) & collision_mask(model)] |= GROUND_BIT
     shins = model.body_weldid[[model.body(f"{leg}_calf_link").id for leg in robot.leg_names]]
     below = np.isin(model.body_weldid[model.geom_bodyid], shins)
     below[[geom for leg in robot.leg_names for geom in foot_geoms(model, leg)]] = False

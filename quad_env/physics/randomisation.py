@@ -5,7 +5,7 @@ from typing import Any
 
 from quad_env.columns import Array, EnvIndices
 from quad_env.physics.model import PAYLOAD, servo_fields
-from quad_env.robots.shapes import welded
+from quad_env.robots.shapes import welded_bodies
 from quad_env.scenarios.randomisation import RandomizationSample
 
 
@@ -19,7 +19,7 @@ class RandomisedModels:
     def __init__(self, model: Any, expand: Callable[[str], Array], limits: Array | None = None) -> None:
         limits = expand("actuator_forcerange") if limits is None else limits
         stiffness, damping = servo_fields(model, expand)
-        bodies = [body for body in welded(model, model.body("base_link").id) if model.body(body).name != PAYLOAD]
+        bodies = [body for body in welded_bodies(model, model.body("base_link").id) if model.body(body).name != PAYLOAD]
         trunk, ground = max(bodies, key=lambda body: float(model.body_mass[body])), slice(model.body_geomnum[0])
         of_factors = {
             "friction": (expand("geom_friction")[:, ground, 0],),

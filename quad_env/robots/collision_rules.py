@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from quad_env.robots.overlaps import Overlap
-from quad_env.robots.shapes import geoms_of, welded
+from quad_env.robots.shapes import geom_ids, welded_bodies
 from quad_env.robots.structure import LINKS, RobotStructure
 
 GROUND_BIT = 1 << 30
@@ -31,7 +31,7 @@ Rule = tuple[Any, str, Any]
 """Rule of a specification, its field, and the part that it names."""
 
 
-def own_rules(own: Any, found: RobotStructure, overlaps: Sequence[Overlap]) -> list[Rule]:
+def keep_robot_rules(own: Any, found: RobotStructure, overlaps: Sequence[Overlap]) -> list[Rule]:
     """Return the rules of a specification between parts of the robot, and delete the others from it.
 
     Rules with parts of the scene are deleted, since the ground is ours. So are pairs of geoms of the bodies in
@@ -55,7 +55,7 @@ def own_rules(own: Any, found: RobotStructure, overlaps: Sequence[Overlap]) -> l
     return kept
 
 
-def excluded(own: Any, parts: SpecElements, overlaps: Sequence[Overlap]) -> list[Rule]:
+def add_exclusions(own: Any, parts: SpecElements, overlaps: Sequence[Overlap]) -> list[Rule]:
     """Exclude bodies with overlapping shapes from collision in a specification and return the new rules.
 
     Args:
@@ -71,7 +71,7 @@ def excluded(own: Any, parts: SpecElements, overlaps: Sequence[Overlap]) -> list
     return rules
 
 
-def renamed(name: str) -> str:
+def scene_name(name: str) -> str:
     """Name on our ground of a part that has got one from here; the name as it is of any other."""
     return name.removeprefix(ATTACH_PREFIX + RENAMED_PREFIX)
 
@@ -89,14 +89,14 @@ def contact_parts(parts: SpecElements, model: Any, found: RobotStructure) -> Ite
 def _solid(parts: SpecElements, model: Any, found: RobotStructure, body: int, feet: Sequence[int]) -> list[Any]:
     """The body and those welded to it, as far as they meet the ground; instead of one with a foot its other geoms."""
     solid: list[Any] = []
-    for each in welded(model, body):
-        geoms = geoms_of(model, [each], found.collides_with_ground)
+    for each in welded_bodies(model, body):
+        geoms = geom_ids(model, [each], found.collides_with_ground)
         others = [parts.geoms[geom] for geom in geoms if geom not in feet]
         solid += [parts.bodies[each]] if others and len(others) == len(geoms) else others
     return solid
 
 
-def meet_the_ground(parts: SpecElements, found: RobotStructure) -> None:
+def set_ground_bits(parts: SpecElements, found: RobotStructure) -> None:
     """Give the ground's bit to the geoms that meet it, and to no other."""
     for geom, meets in enumerate(found.collides_with_ground):
         part = parts.geoms[geom]
@@ -104,12 +104,12 @@ def meet_the_ground(parts: SpecElements, found: RobotStructure) -> None:
         part.contype |= GROUND_BIT * int(meets)
 
 
-def numbered(name: str, number: int) -> str:
+def numbered_name(name: str, number: int) -> str:
     """`name` of the first of several parts, counted from 0, `name_2` of the second, and so on."""
     return name if number == 0 else f"{name}_{number + 1}"
 
 
-def of_name(name: str, names: Iterable[str]) -> list[str]:
+def names_of_part(name: str, names: Iterable[str]) -> list[str]:
     """Those of these names that `numbered` gives to parts of that name."""
     return [each for each in names if re.fullmatch(rf"{re.escape(name)}(_\d+)?", each)]
 
@@ -117,4 +117,4 @@ def of_name(name: str, names: Iterable[str]) -> list[str]:
 def foot_geoms(model: Any, leg: str) -> list[int]:
     """Ids of the geoms that are the foot of that leg in a model of `spec_of`."""
     names = [model.geom(number).name for number in range(model.ngeom)]
-    return [model.geom(name).id for name in of_name(f"{leg}_foot", names)]
+    return [model.geom(name).id for name in names_of_part(f"{leg}_foot", names)]

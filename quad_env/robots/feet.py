@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from quad_env.robots.shapes import Floats, balls, box, rounded, surface
+from quad_env.robots.shapes import Floats, bounding_box, end_spheres, rounded_hull, surface_points
 
 _LEVEL = 1e-3
 """Height above the lowest point up to which another geom is part of the foot too, m."""
@@ -52,7 +52,7 @@ class Foot(NamedTuple):
     """Ids, the lowest first."""
     body: int
     """Id of the body of the first of them."""
-    place: Floats
+    centre: Floats
     """Centre of the ball, (3,)."""
     radius: float
     points: Floats
@@ -80,22 +80,22 @@ def find_foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot 
     if not candidates:
         return None
     knee = data.xanchor[joint]
-    hulls = {geom: in_world(model, data, geom, surface(model, geom)) for geom in candidates}
+    hulls = {geom: geom_points_to_world(model, data, geom, surface_points(model, geom)) for geom in candidates}
     down = _down(model, data, joint, hulls)
     if down is None:
         return None
-    depths = {geom: float(((points - knee) @ down).max()) for geom, points in hulls.items()}
-    lowest = max(depths.values())
-    level = [geom for geom in candidates if depths[geom] >= lowest - _LEVEL]
+    depths_below_centre = {geom: float(((points - knee) @ down).max()) for geom, points in hulls.items()}
+    lowest = max(depths_below_centre.values())
+    level = [geom for geom in candidates if depths_below_centre[geom] >= lowest - _LEVEL]
     short = [geom for geom in level if np.ptp(hulls[geom] @ down) < _LONG * lowest]
-    geoms = tuple(sorted(short or level, key=lambda geom: -depths[geom]))
+    geoms = tuple(sorted(short or level, key=lambda geom: -depths_below_centre[geom]))
     body = int(model.geom_bodyid[geoms[0]])
-    ends = balls(model, geoms[0]) if len(geoms) == 1 else []
-    heights = [float((knee - in_world(model, data, geoms[0], place)) @ down) for place, _ in ends]
+    ends = end_spheres(model, geoms[0]) if len(geoms) == 1 else []
+    heights = [float((knee - geom_points_to_world(model, data, geoms[0], place)) @ down) for place, _ in ends]
     if len(ends) == 1 or (ends and np.ptp(heights) > ends[0][1]):  # no capsule that lies across the leg
         return Foot(geoms, body, *ends[int(np.argmin(heights))], np.zeros((0, 3)), np.zeros(0))
     points = np.concatenate([hulls[geom] for geom in geoms])
-    radius = min(float(np.min([box(model, geom)[1].min() for geom in geoms])), _THICKEST * lowest)
+    radius = min(float(np.min([bounding_box(model, geom)[1].min() for geom in geoms])), _THICKEST * lowest)
     centre = _sole(points, knee, down, _FLAT * radius) - radius * down
     axes = data.xmat[body].reshape(3, 3)
     return _with_points(model, data, Foot(geoms, body, (centre - data.xpos[body]) @ axes, radius, points, np.zeros(0)))
@@ -119,9 +119,11 @@ def standing_foot(
     """
     knee = data.xanchor[joint]
     axis = data.xaxis[joint]
-    shapes = {geom: rounded(model, geom) for geom in candidates}
-    hulls = {geom: (in_world(model, data, geom, points), radius) for geom, (points, radius) in shapes.items()}
-    centre = in_world_of(data, foot.body, foot.place)
+    shapes = {geom: rounded_hull(model, geom) for geom in candidates}
+    hulls = {
+        geom: (geom_points_to_world(model, data, geom, points), radius) for geom, (points, radius) in shapes.items()
+    }
+    centre = body_points_to_world(data, foot.body, foot.centre)
     down = centre - knee
     down -= (down @ axis) * axis
     down /= np.linalg.norm(down)
@@ -168,7 +170,7 @@ def _down(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) -> Floats
 
 def _is_ball(model: Any, geom: int, hull: Floats, down: Floats) -> bool:
     """Return whether the lower end of a geom is that of a sphere or of a capsule that does not lie across the leg."""
-    ends = balls(model, geom)
+    ends = end_spheres(model, geom)
     return len(ends) == 1 or (len(ends) == 2 and float(np.ptp(hull @ down)) > 3.0 * ends[0][1])
 
 
@@ -199,14 +201,14 @@ def _stance(down: Floats, axis: Floats, tilts: tuple[float, float]) -> Floats:
 
 def _with_points(model: Any, data: Any, foot: Foot) -> Foot:
     """Return the foot with the points and radii of its geoms."""
-    shapes = [(geom, *rounded(model, geom)) for geom in foot.geoms]
-    points = np.concatenate([in_world(model, data, geom, points) for geom, points, _ in shapes])
+    shapes = [(geom, *rounded_hull(model, geom)) for geom in foot.geoms]
+    points = np.concatenate([geom_points_to_world(model, data, geom, points) for geom, points, _ in shapes])
     radii = np.concatenate([np.full(len(points), radius) for _, points, radius in shapes])
     axes = data.xmat[foot.body].reshape(3, 3)
-    return foot._replace(points=(points - in_world_of(data, foot.body, foot.place)) @ axes, radii=radii)
+    return foot._replace(points=(points - body_points_to_world(data, foot.body, foot.centre)) @ axes, radii=radii)
 
 
-def extremes(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
+def extreme_points(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
     """Drop the points that are the farthest in no sampled direction, and add those straight below a round end.
 
     Args:
@@ -247,25 +249,27 @@ def depths(points: Floats, radii: Floats, angles: Floats, up: Floats) -> Floats:
 
 def _sole(points: Floats, knee: Floats, down: Floats, slack: float) -> Floats:
     """Middle of the lowest points, in a frame whose `down` is a unit vector; all in the world frame, m."""
-    depths = (points - knee) @ down
-    low = points[depths > depths.max() - slack]
+    depths_below_centre = (points - knee) @ down
+    low = points[depths_below_centre > depths_below_centre.max() - slack]
     flat = low - np.outer((low - knee) @ down, down)
     middle: Floats = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
-    return middle + float(depths.max()) * down
+    return middle + float(depths_below_centre.max()) * down
 
 
 def _centre(model: Any, data: Any, geom: int, knee: Floats) -> Floats:
     """Centre of the lower end of a capsule or of a sphere, of the box around any other shape, world frame, m."""
-    places = [place for place, _ in balls(model, geom)] or [box(model, geom)[0]]
-    return max((in_world(model, data, geom, place) for place in places), key=lambda at: np.linalg.norm(at - knee))
+    places = [place for place, _ in end_spheres(model, geom)] or [bounding_box(model, geom)[0]]
+    return max(
+        (geom_points_to_world(model, data, geom, place) for place in places), key=lambda at: np.linalg.norm(at - knee)
+    )
 
 
-def in_world(model: Any, data: Any, geom: int, points: Floats) -> Floats:
+def geom_points_to_world(model: Any, data: Any, geom: int, points: Floats) -> Floats:
     """Points of a geom's body, (..., 3), in the world frame."""
-    return in_world_of(data, int(model.geom_bodyid[geom]), points)
+    return body_points_to_world(data, int(model.geom_bodyid[geom]), points)
 
 
-def in_world_of(data: Any, body: int, points: Floats) -> Floats:
+def body_points_to_world(data: Any, body: int, points: Floats) -> Floats:
     """Transform points of a body, (..., 3), m, to the world frame.
 
     Args:

@@ -11,13 +11,13 @@ UNBALANCED = "A + B >= C"
 NOT_POSITIVE = "positive eigenvalues"
 NOTHING = "must be larger than mjMINVAL"
 """Parts of error messages of MuJoCo's compiler about inertias."""
-LEAST = 1e-15
+MIN_INERTIA = 1e-15
 """kg, kg·m². Least mass and moment of inertia of a moving body: mjMINVAL of MuJoCo."""
 FROM_GEOMS = 1
 """Value of `inertiafromgeom` that ignores the inertias of the file: mjINERTIAFROMGEOM_TRUE of MuJoCo."""
-LEAST_MASS = 1e-9
+MIN_LINK_MASS = 1e-9
 """kg. Mass that a moving link without a mass gets; a millionth of a gram."""
-LEAST_RADIUS = 0.01
+MIN_LINK_RADIUS = 0.01
 """m. Radius of gyration of this link."""
 
 
@@ -38,7 +38,7 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
     """
     moments = [(body, _moments(body)) for body in spec.bodies[1:] if body.explicitinertial]
     for body, own in moments:
-        if own[0] < 0.0 and own.mean() < LEAST:
+        if own[0] < 0.0 and own.mean() < MIN_INERTIA:
             raise ModelError(_refusal(body.name))
     try:
         model = spec.compile()
@@ -47,7 +47,7 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
         if not any(text in str(error) for text in (UNBALANCED, NOT_POSITIVE, NOTHING)):
             raise
     for body, own in moments:
-        if own.min() < LEAST <= own.mean():
+        if own.min() < MIN_INERTIA <= own.mean():
             body.fullinertia = np.full(6, np.nan)
             body.inertia = np.full(3, own.mean())
     for part in (spec, *spec.bodies):
@@ -68,14 +68,15 @@ def _balanced_bodies(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -
     return tuple(
         body.name or f"number {body.id}"
         for body, own in moments
-        if (own[0] < LEAST or own[0] + own[1] < own[2]) and np.ptp(own) > np.ptp(model.body_inertia[body.id]) == 0.0
+        if (own[0] < MIN_INERTIA or own[0] + own[1] < own[2])
+        and np.ptp(own) > np.ptp(model.body_inertia[body.id]) == 0.0
     )
 
 
-def without_inferred_masses(spec: Any) -> tuple[str, ...]:
+def remove_inferred_masses(spec: Any) -> tuple[str, ...]:
     """Give links of a URDF without `<inertial>` no mass, even if they have shapes.
 
-    A moving link that carries others gets `LEAST_MASS`; MuJoCo refuses a mass of zero there.
+    A moving link that carries others gets `MIN_LINK_MASS`; MuJoCo refuses a mass of zero there.
 
     Args:
         spec: The `mujoco.MjSpec` of the URDF, changed.
@@ -93,9 +94,9 @@ def without_inferred_masses(spec: Any) -> tuple[str, ...]:
             found.append(body.name)
         if body.joints and not _mass(body, welded_only=True) and _mass(body):
             body.explicitinertial = True
-            body.mass = LEAST_MASS
+            body.mass = MIN_LINK_MASS
             body.fullinertia = np.full(6, np.nan)
-            body.inertia = np.full(3, LEAST_MASS * LEAST_RADIUS**2)
+            body.inertia = np.full(3, MIN_LINK_MASS * MIN_LINK_RADIUS**2)
     return tuple(found)
 
 

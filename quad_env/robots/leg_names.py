@@ -26,7 +26,7 @@ PARTIAL = "the other legs are where their names say: exchange the names of these
 """Remedy where some of the names differ from the places, and others do not."""
 
 
-def words_of(name: str) -> list[str]:
+def split_words(name: str) -> list[str]:
     """Return the words of a name in lower case."""
     words = [word.lower() for word in _WORD.findall(name)]
     return [part for word in words for part in _parts(word)]
@@ -37,7 +37,7 @@ def _parts(word: str) -> list[str]:
     return [part for part in match.groups() if part] if match else [word]
 
 
-def leg_of(words: Sequence[str]) -> str | None:
+def leg_from_words(words: Sequence[str]) -> str | None:
     """Return fl, fr, hl or hr; None where the words name no leg."""
     known = {LEG_WORDS[word] for word in words if word in LEG_WORDS}
     ends = {_ENDS[word] for word in words if word in _ENDS}
@@ -47,9 +47,9 @@ def leg_of(words: Sequence[str]) -> str | None:
     return known.pop() if len(known) == 1 else None
 
 
-def contradictions(robot: Robot) -> Iterator[str]:
+def find_contradictions(robot: Robot) -> Iterator[str]:
     """Yield a line with the joint names that contradict the places of their hips, and the remedy; nothing if none."""
-    said = [leg_of(words_of(name)) for name in robot.joint_names]
+    said = [leg_from_words(split_words(name)) for name in robot.joint_names]
     places = [leg for leg in robot.leg_names for _ in range(JOINTS_PER_LEG)]
     wrong = [
         (name, leg, place)

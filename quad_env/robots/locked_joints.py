@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.robots.feet import in_world
-from quad_env.robots.shapes import Bools, Floats, descendants, geoms_of, grounded, surface
-from quad_env.robots.structure import JOINTS_PER_LEG, LEGS, are_lateral_axes, branches, is_hip_axis, root_of
+from quad_env.robots.feet import geom_points_to_world
+from quad_env.robots.shapes import Bools, Floats, descendant_mask, geom_ids, ground_collision_mask, surface_points
+from quad_env.robots.structure import JOINTS_PER_LEG, LEGS, are_lateral_axes, find_branches, find_root_body, is_hip_axis
 
 ROUND = 0.8
 """Least reach of a wheel from its axis, as a share of its largest."""
@@ -27,12 +27,12 @@ def find_non_leg_joints(mujoco: Any, model: Any) -> list[int]:
     A leg has a hinge about the trunk's x axis and two parallel ones. Of more than three hinges those count that bear:
     that move what collides and do not just turn it on the spot, as a wheel is.
     """
-    root, kinds = root_of(mujoco, model), mujoco.mjtJoint
-    trees = branches(model, root)
+    root, kinds = find_root_body(mujoco, model), mujoco.mjtJoint
+    trees = find_branches(model, root)
     joints = [joint for tree in trees.values() for joint in tree]
     if not joints or not np.isin(model.jnt_type[joints], (kinds.mjJNT_HINGE, kinds.mjJNT_SLIDE)).all():
         return []
-    data, meets = mujoco.MjData(model), grounded(model, root)
+    data, meets = mujoco.MjData(model), ground_collision_mask(model, root)
     mujoco.mj_kinematics(model, data)
     (above, count), *_ = Counter(int(model.body_parentid[first]) for first in trees).most_common()
     base = data.xmat[above if count >= LEGS else root].reshape(3, 3)
@@ -93,13 +93,13 @@ def _referring(mujoco: Any, spec: Any, names: set[str]) -> list[Any]:
     return [*spec.sensors, *motors, *equalities, *over]
 
 
-def carried_by(model: Any, joints: Sequence[int]) -> frozenset[int]:
+def bodies_moved_by(model: Any, joints: Sequence[int]) -> frozenset[int]:
     """Ids of the bodies that these joints move."""
     return frozenset(int(body) for joint in joints for body in np.flatnonzero(_moved(model, joint)))
 
 
 def _moved(model: Any, joint: int) -> Bools:
-    return descendants(model, int(model.jnt_bodyid[joint]))
+    return descendant_mask(model, int(model.jnt_bodyid[joint]))
 
 
 def _is_leg(axes: Floats) -> bool:
@@ -109,13 +109,16 @@ def _is_leg(axes: Floats) -> bool:
 
 def _is_load_bearing(model: Any, data: Any, joint: int, meets: Bools) -> bool:
     """Whether a hinge moves what meets the ground, and not as the axle of a wheel does."""
-    geoms = geoms_of(model, np.flatnonzero(_moved(model, joint)), meets)
+    geoms = geom_ids(model, np.flatnonzero(_moved(model, joint)), meets)
     if not geoms:
         return False
     axis = data.xaxis[joint]
     one = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
     one /= np.linalg.norm(one)
     around = np.outer(np.cos(_TURNS), one) + np.outer(np.sin(_TURNS), np.cross(axis, one))
-    points = np.concatenate([in_world(model, data, geom, surface(model, geom)) for geom in geoms]) - data.xanchor[joint]
+    points = (
+        np.concatenate([geom_points_to_world(model, data, geom, surface_points(model, geom)) for geom in geoms])
+        - data.xanchor[joint]
+    )
     reaches = (points @ around.T).max(axis=0)
     return bool(reaches.min() < ROUND * reaches.max())

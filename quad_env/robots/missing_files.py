@@ -8,16 +8,16 @@ NOTE = "quad_env: files that are not there"
 """Name of the custom text in a specification that lists the files left out."""
 
 
-def leave_out_missing(spec: Any) -> None:
+def remove_missing_files(spec: Any) -> None:
     """Delete from a specification the geoms of missing meshes that neither collide nor weigh, and missing textures.
 
     A mesh that collides or gives its body a mass stays: MuJoCo refuses the model and names the file.
     """
     missing = [*_meshes(spec), *_textures(spec)]
-    note_missing(spec, missing)
+    record_missing_files(spec, missing)
 
 
-def note_missing(spec: Any, files: list[str]) -> None:
+def record_missing_files(spec: Any, files: list[str]) -> None:
     """Add the names of files that were left out to a specification."""
     if files:
         spec.add_text(name=NOTE, data=", ".join(files))

@@ -18,16 +18,16 @@ from quad_env.files.reading import check_file, read_bytes
 from quad_env.files.text import format_exception
 from quad_env.robots.collision_rules import GROUND_BIT
 from quad_env.robots.finite_check import nonfinite_line
-from quad_env.robots.inertias import compile_balanced, without_inferred_masses
-from quad_env.robots.locked_joints import carried_by, find_non_leg_joints, lock_joints
-from quad_env.robots.missing_files import leave_out_missing, missing_files, note_missing
-from quad_env.robots.mujoco_messages import explained
-from quad_env.robots.omissions import CONTACT, listed, omissions, unlimited
-from quad_env.robots.structure import ModelError, RobotStructure, detect_structure, root_of
+from quad_env.robots.inertias import compile_balanced, remove_inferred_masses
+from quad_env.robots.locked_joints import bodies_moved_by, find_non_leg_joints, lock_joints
+from quad_env.robots.missing_files import missing_files, record_missing_files, remove_missing_files
+from quad_env.robots.mujoco_messages import explain_message
+from quad_env.robots.omissions import CONTACT, find_omissions, join_names, unlimited_joint_lines
+from quad_env.robots.structure import ModelError, RobotStructure, detect_structure, find_root_body
 
 READABLE = ".stl", ".obj", ".msh"
 """Endings of the meshes that MuJoCo reads, of a URDF."""
-LEAST_INERTIA = 1e-12
+MIN_LINK_INERTIA = 1e-12
 """Of a URDF's link, kg·m²; converters write less for links that are mere frames, which MuJoCo refuses."""
 _PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.*)")
 _FILES = re.compile(rb"""\b(?:file|filename)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
@@ -43,7 +43,7 @@ _DELETED = "keys", "sensors", "actuators", "tendons", "equalities", "cameras", "
 """Kinds of parts that a robot's model has not from its file, see `arena`."""
 _DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
-DECISIVE = (
+DIGEST_FIELDS = (
     *("body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat"),
     *("jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness", "qpos_spring"),
     *("dof_armature", "dof_damping", "dof_frictionloss"),
@@ -51,14 +51,14 @@ DECISIVE = (
     *("actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "key_qpos"),
 )
 """Arrays of a model that its motion hangs on."""
-RARE = "jnt_stiffnesspoly", "dof_dampingpoly"
+OPTIONAL_DIGEST_FIELDS = "jnt_stiffnesspoly", "dof_dampingpoly"
 """Arrays that are zero in most models and enter digests only if not zero, since digests are older."""
 
 
 def digest(names: Iterable[str], model: Any) -> str:
     """SHA-256 of the robot by its model on flat ground, see `Robot.sha256`."""
     found = hashlib.sha256(" ".join(names).encode())
-    for name in (*DECISIVE, *(name for name in RARE if getattr(model, name).any())):
+    for name in (*DIGEST_FIELDS, *(name for name in OPTIONAL_DIGEST_FIELDS if getattr(model, name).any())):
         values = np.asarray(getattr(model, name)).ravel()
         values = (values & ~GROUND_BIT if name in ("geom_contype", "geom_conaffinity") else values).astype(np.float64)
         found.update(" ".join(f"{value + 0.0:.6g}" for value in values).encode())
@@ -143,36 +143,46 @@ def _is_installed(path: Path) -> bool:
 def _read(path: Path) -> tuple[Any, Any, RobotStructure]:
     import mujoco
 
-    log_to_the_console()
+    log_to_console()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of attributes that are deprecated: they are read all the same
             is_urdf = path.suffix == ".urdf"
             spec = _urdf_spec(mujoco, path) if is_urdf else mujoco.MjSpec.from_file(str(path))
             _check_counts(spec)
-            leave_out_missing(spec)
+            remove_missing_files(spec)
             _keep_parts(mujoco, spec)
-            massless = without_inferred_masses(spec) if is_urdf else ()
+            massless = remove_inferred_masses(spec) if is_urdf else ()
             model, balanced = compile_balanced(mujoco, spec)
             if (line := nonfinite_line(model)) is not None:
                 raise ModelError(line)
             omitted = (
-                *omissions(mujoco, spec, model, root_of(mujoco, model)),
+                *find_omissions(mujoco, spec, model, find_root_body(mujoco, model)),
                 *_about_inertias(massless, balanced),
                 *_about_files(spec),
             )
             if not (spare := find_non_leg_joints(mujoco, model)):
                 found = detect_structure(mujoco, model)
-                return spec, model, replace(found, omitted=(*omitted, *unlimited(model, found.joints)))
+                return (
+                    spec,
+                    model,
+                    replace(found, omission_lines=(*omitted, *unlimited_joint_lines(model, found.joints))),
+                )
             names = [model.joint(joint).name or f"number {joint}" for joint in spare]
             still = lock_joints(mujoco, spec, model, spare)
     except ModelError:
         raise
     except ValueError as error:
-        raise ModelError(f"MuJoCo cannot read it: {explained(str(error))}") from error
+        raise ModelError(f"MuJoCo cannot read it: {explain_message(str(error))}") from error
     found = detect_structure(mujoco, still)
-    omitted = (*omitted, *unlimited(still, found.joints))
-    return spec, still, replace(found, held=tuple(names), carried=carried_by(model, spare), omitted=omitted)
+    omitted = (*omitted, *unlimited_joint_lines(still, found.joints))
+    return (
+        spec,
+        still,
+        replace(
+            found, locked_joints=tuple(names), carried_bodies=bodies_moved_by(model, spare), omission_lines=omitted
+        ),
+    )
 
 
 def _check_counts(spec: Any) -> None:
@@ -184,9 +194,9 @@ def _check_counts(spec: Any) -> None:
 
 def _about_inertias(massless: Iterable[str], balanced: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Yield lines about links without a mass and about changed inertias."""
-    if names := listed(massless):
+    if names := join_names(massless):
         yield "no mass", f"{names}: the URDF gives none, and shapes do not"
-    if names := listed(balanced):
+    if names := join_names(balanced):
         yield "inertia", f"of {names} is impossible: three equal moments of the same mean instead"
 
 
@@ -219,7 +229,7 @@ def omitted_from(path: Path, keeps_contact: bool = False) -> Iterator[tuple[str,
 
 
 def _remark_lines(found: RobotStructure, keeps_contact: bool) -> Iterator[tuple[str, str]]:
-    yield from (line for line in found.omitted if not (keeps_contact and line[0] == CONTACT))
+    yield from (line for line in found.omission_lines if not (keeps_contact and line[0] == CONTACT))
 
 
 def _keep_parts(mujoco: Any, spec: Any) -> None:
@@ -231,7 +241,7 @@ def _keep_parts(mujoco: Any, spec: Any) -> None:
         joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
 
 
-def log_to_the_console() -> None:
+def log_to_console() -> None:
     """Keep MuJoCo's warnings out of MUJOCO_LOG.TXT in the working folder; a log file that the user chose is kept."""
     import mujoco
 
@@ -269,7 +279,7 @@ def _urdf_spec(mujoco: Any, path: Path) -> Any:
                 link.remove(seen)
                 missing.append(name)
     for inertia in robot.iter("inertia"):
-        if all(abs(float(moment)) < LEAST_INERTIA for moment in inertia.attrib.values()):
+        if all(abs(float(moment)) < MIN_LINK_INERTIA for moment in inertia.attrib.values()):
             inertia.attrib.update(dict.fromkeys(inertia.attrib, "0"))
     files: dict[str, Path] = {}
     for mesh in robot.iter("mesh"):  # by numbers: MuJoCo takes two files of one name in two folders for one
@@ -278,7 +288,7 @@ def _urdf_spec(mujoco: Any, path: Path) -> Any:
         files[number] = file
         mesh.set("filename", number)
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"))
-    note_missing(spec, missing)
+    record_missing_files(spec, missing)
     for mesh in spec.meshes:
         mesh.file = str(files[mesh.file])
     if not any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints) and spec.bodies[1:]:

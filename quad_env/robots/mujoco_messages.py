@@ -25,7 +25,7 @@ _MEANINGS = {
 """Cause and remedy by a part of the message; the first match counts."""
 
 
-def explained(message: str) -> str:
+def explain_message(message: str) -> str:
     """Return a message of MuJoCo in one line, after its explanation where there is one."""
     line = " ".join(message.split())
     meaning = next((meaning for part, meaning in _MEANINGS.items() if part in line), None)

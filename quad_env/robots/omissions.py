@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from quad_env.robots.model_fields import OPTION_FIELDS
-from quad_env.robots.shapes import Bools, descendants, solid
+from quad_env.robots.shapes import Bools, collision_mask, descendant_mask
 
 Lines = tuple[tuple[str, str], ...]
-MOST_NAMES = 6
+MAX_NAMES = 6
 """Largest number of names in a list."""
 CONTACT = "contact"
 """Heading of the line about contact parameters."""
@@ -42,7 +42,7 @@ _FLAGS = (
 """Disable flags of physics; the other flags concern numerics."""
 
 
-def omissions(mujoco: Any, spec: Any, model: Any, root: int) -> Lines:
+def find_omissions(mujoco: Any, spec: Any, model: Any, root: int) -> Lines:
     """Return the parts of a model that the robot lacks.
 
     Args:
@@ -54,7 +54,7 @@ def omissions(mujoco: Any, spec: Any, model: Any, root: int) -> Lines:
     Returns:
         Heading and text of each line.
     """
-    own = descendants(model, root)
+    own = descendant_mask(model, root)
     return (
         *_left_out(mujoco, spec, model, own),
         *_forces(mujoco, model, own, root),
@@ -63,11 +63,11 @@ def omissions(mujoco: Any, spec: Any, model: Any, root: int) -> Lines:
     )
 
 
-def listed(names: Iterable[str]) -> str:
+def join_names(names: Iterable[str]) -> str:
     """Join names with commas; the last ones are counted where there are many."""
     names = list(names)
-    more = len(names) - MOST_NAMES
-    return ", ".join(names) if more <= 0 else f"{', '.join(names[:MOST_NAMES])} and {more} more"
+    more = len(names) - MAX_NAMES
+    return ", ".join(names) if more <= 0 else f"{', '.join(names[:MAX_NAMES])} and {more} more"
 
 
 def _left_out(mujoco: Any, spec: Any, model: Any, own: Bools) -> Iterator[tuple[str, str]]:
@@ -89,7 +89,7 @@ def _left_out(mujoco: Any, spec: Any, model: Any, own: Bools) -> Iterator[tuple[
             [_body(model, each) for each in np.flatnonzero(own & (model.body_plugin >= 0))],
         ),
     ):
-        found += [f"{len(names)} {one if len(names) == 1 else many} ({listed(names)})"] if names else []
+        found += [f"{len(names)} {one if len(names) == 1 else many} ({join_names(names)})"] if names else []
     if found:
         yield "left out", ", ".join(found)
 
@@ -107,16 +107,16 @@ def _body(model: Any, body: Any) -> str:
     return str(model.body(int(body)).name or f"number {body}")
 
 
-def unlimited(model: Any, joints: Iterable[int]) -> Lines:
+def unlimited_joint_lines(model: Any, joints: Iterable[int]) -> Lines:
     """Yield a line about leg joints without a range; they get one."""
     names = [model.joint(joint).name for joint in joints if not model.jnt_limited[joint]]
-    return (("no range", f"of {listed(names)} in the model: ±π rad"),) if names else ()
+    return (("no range", f"of {join_names(names)} in the model: ±π rad"),) if names else ()
 
 
 def _forces(mujoco: Any, model: Any, own: Bools, root: int) -> Iterator[tuple[str, str]]:
     """Yield the forces on the robot besides its weight, its motors and the ground."""
     if (lifted := np.flatnonzero(own & (model.body_gravcomp != 0.0))).size:
-        names = listed(_body(model, body) for body in lifted)
+        names = join_names(_body(model, body) for body in lifted)
         yield "gravcomp", f"of {names} is left out: the feet carry the whole weight"
     free = int(model.body_jntadr[root])
     dof = int(model.jnt_dofadr[free])
@@ -131,13 +131,13 @@ def _forces(mujoco: Any, model: Any, own: Bools, root: int) -> Iterator[tuple[st
     plastic = np.flatnonzero(own[model.jnt_bodyid] & (model.jnt_springyield != 0.0))
     hinges = [joint for joint in plastic if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE]
     if hinges:
-        names = listed(model.joint(int(joint)).name or f"number {joint}" for joint in hinges)
+        names = join_names(model.joint(int(joint)).name or f"number {joint}" for joint in hinges)
         yield "springyield", f"of {names} is left out: their springs stay elastic"
 
 
 def _contact(mujoco: Any, model: Any, own: Bools) -> Iterator[tuple[str, str]]:
     """Yield the contact parameters that the file sets."""
-    geoms = own[model.geom_bodyid] & solid(model)
+    geoms = own[model.geom_bodyid] & collision_mask(model)
     pairs = own[model.geom_bodyid[model.pair_geom1]] & own[model.geom_bodyid[model.pair_geom2]]
     default = mujoco.MjModel.from_xml_string('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
     found = [

@@ -22,7 +22,7 @@ class Overlap(NamedTuple):
     """Penetration depth of these two, m."""
 
 
-def overlaps_of(mujoco: Any, model: Any, found: RobotStructure, home_pose: Floats) -> list[Overlap]:
+def find_overlaps(mujoco: Any, model: Any, found: RobotStructure, home_pose: Floats) -> list[Overlap]:
     """Return the body pairs that overlap in the home pose and collide in the model, in the model's order.
 
     Args:
@@ -50,7 +50,7 @@ def overlaps_of(mujoco: Any, model: Any, found: RobotStructure, home_pose: Float
     return [deepest[pair] for pair in sorted(deepest)]
 
 
-def overlap_line(model: Any, overlaps: list[Overlap]) -> str:
+def format_overlaps(model: Any, overlaps: list[Overlap]) -> str:
     """Name the pairs of bodies with their penetration depths."""
     pairs = [
         f"{_name(model, overlap.bodies[0])} and {_name(model, overlap.bodies[1])} by {1e3 * overlap.depth:.1f} mm"

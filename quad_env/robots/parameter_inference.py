@@ -10,14 +10,14 @@ import numpy as np
 from quad_env.files.reading import parse_toml, read_bytes
 from quad_env.files.text import brief, format_exception, one_line
 from quad_env.robots.model_file import read
-from quad_env.robots.parameters import LEVEL, REFERENCE_MASS, SIMPLE_QUAD_PARAMETERS, RobotParameters
-from quad_env.robots.shapes import Floats, corners, geoms_of, rotation_of
+from quad_env.robots.parameters import LEVEL_TOLERANCE, REFERENCE_MASS, SIMPLE_QUAD_PARAMETERS, RobotParameters
+from quad_env.robots.shapes import Floats, box_corners, geom_ids, rotation_matrix
 from quad_env.robots.structure import JOINTS_PER_LEG, LEAST_BEND, LEGS, Leg, ModelError, RobotStructure
 from quad_env.robots.torque_limits import torque_ranges
 
-FIGURES = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness"
+GIVEN_PARAMETERS = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness"
 """Fields of a robot that may be given instead of being inferred."""
-SHORTEST_BEND, LONGEST_BEND = 0.5, 0.97
+MIN_STAND_HEIGHT_RATIO, MAX_STAND_HEIGHT_RATIO = 0.5, 0.97
 """Hip joints above the feet in a keyframe that is taken for a stand, as a share of a leg's length."""
 MIN_MASS = 1e-3
 """kg. Least mass of a robot."""
@@ -25,7 +25,7 @@ MAX_MASS = 1e6
 """kg. Largest mass of a robot."""
 
 
-class GivenError(ModelError):
+class GivenParameterError(ModelError):
     """Given figure that does not fit the model."""
 
 
@@ -43,7 +43,7 @@ def load_parameters(path: Path, name: str | None = None, **figures: Any) -> Robo
     try:
         return replace(_inferred(path, own, given), source=source)
     except ModelError as error:
-        is_of_the_figures = isinstance(error, GivenError) and source != path
+        is_of_the_figures = isinstance(error, GivenParameterError) and source != path
         raise ModelError(one_line(f"{source if is_of_the_figures else path}: {error}")) from error
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
         raise ModelError(one_line(f"{path}: its figures cannot be computed ({format_exception(error)})")) from error
@@ -88,7 +88,7 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> RobotParameters
         name=name,
         mjcf=path,
         urdf=None,
-        held=found.held,
+        locked_joints=found.locked_joints,
         imported=True,
         leg_names=tuple(leg.name for leg in found.legs),
         joint_names=tuple(model.joint(joint).name for joint in found.joints),
@@ -116,7 +116,7 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> RobotParameters
     outside = (robot.home_pose < lower) | (robot.home_pose > upper)
     if outside.any():
         names = ", ".join(name for name, out in zip(robot.joint_names, outside, strict=True) if out)
-        kind = GivenError if "home_pose" in figures else ModelError
+        kind = GivenParameterError if "home_pose" in figures else ModelError
         raise kind(f"the home pose lies outside the limits of {names}")
     _check_finite(robot)
     mass = float(model.body_subtreemass[found.root])
@@ -140,8 +140,8 @@ def _given(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
 
 def _figure(name: str, value: Any) -> Any:
     """A figure as `Robot` has it; ModelError for what is none."""
-    if name not in FIGURES:
-        raise ModelError(f"a robot's {name!r} cannot be given; what can: {', '.join(FIGURES)}")
+    if name not in GIVEN_PARAMETERS:
+        raise ModelError(f"a robot's {name!r} cannot be given; what can: {', '.join(GIVEN_PARAMETERS)}")
     try:
         numbers = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -201,7 +201,7 @@ def _stand(model: Any, found: RobotStructure) -> Floats | None:
     for key in range(model.nkey):
         angles: Floats = found.joint_offsets + found.signs * (model.key_qpos[key] - model.qpos0)[places]
         share = _height(leg, angles) / (leg.thigh_length + leg.calf_length)
-        if SHORTEST_BEND < share < LONGEST_BEND:
+        if MIN_STAND_HEIGHT_RATIO < share < MAX_STAND_HEIGHT_RATIO:
             return angles
     return None
 
@@ -227,7 +227,7 @@ def _level_feet(robot: RobotParameters) -> RobotParameters:
     """Return the robot with a home pose in which all feet touch: deeper or lower feet get a more bent leg."""
     for _ in range(10):  # the depth of a foot that is no ball depends on the tilt of its shin
         heights = robot.leg_heights
-        if np.ptp(heights) < LEVEL:
+        if np.ptp(heights) < LEVEL_TOLERANCE:
             break
         pose = _home_pose(robot, (robot.hip_heights + 0.5 * (heights.min() + heights.max()) - heights).tolist())
         robot = replace(robot, home_pose=pose)
@@ -263,15 +263,17 @@ def _thigh_radius(model: Any, found: RobotStructure, leg: Leg) -> float:
     """Distance from the line between a thigh's joints to the farthest point of what collides of it, rounded up, m."""
     start, end = leg.joints[1:]
     thigh, calf = (int(model.jnt_bodyid[joint]) for joint in (start, end))
-    geoms = geoms_of(model, [thigh], found.collides_with_ground)
+    geoms = geom_ids(model, [thigh], found.collides_with_ground)
     if not geoms:
         return leg.foot.radius
-    along = model.body_pos[calf] + rotation_of(model.body_quat[calf]) @ model.jnt_pos[end]
+    along = model.body_pos[calf] + rotation_matrix(model.body_quat[calf]) @ model.jnt_pos[end]
     if model.body_parentid[calf] != thigh:  # a body that is welded to the thigh lies between
-        along = found.places[calf] + found.axes[calf] @ model.jnt_pos[end] - found.places[thigh]
-        along = along @ found.axes[thigh]
+        along = (
+            found.body_positions[calf] + found.body_rotations[calf] @ model.jnt_pos[end] - found.body_positions[thigh]
+        )
+        along = along @ found.body_rotations[thigh]
     along = along - model.jnt_pos[start]
-    points = np.concatenate([corners(model, geom) for geom in geoms]) - model.jnt_pos[start]
+    points = np.concatenate([box_corners(model, geom) for geom in geoms]) - model.jnt_pos[start]
     share = np.clip(points @ along / (along @ along), 0.0, 1.0)
     beside = np.linalg.norm(points - share[:, None] * along, axis=1)
     return float(np.ceil(100.0 * beside.max()) / 100.0)

@@ -17,7 +17,7 @@ from quad_env.robots.feet import depths
 from quad_env.robots.shapes import Floats as Floats
 
 T = TypeVar("T")
-LEVEL = 2e-4
+LEVEL_TOLERANCE = 2e-4
 """m. Largest height difference of the feet in the home pose that counts as a manufacturing tolerance."""
 
 
@@ -71,8 +71,8 @@ class RobotParameters:
     scaled by mass and leg length, or those of a user's TOML; given as two numbers where all joints are alike."""
     servo_fixed: bool = False
     """Whether every controller has to use `servo_stiffness` and `servo_damping`, see `Robot.with_servo`."""
-    held: tuple[str, ...] = ()
-    """Joints of the model that belong to no leg and are held at their reference, see `held`."""
+    locked_joints: tuple[str, ...] = ()
+    """Joints of the model that belong to no leg and are held at their reference, see `locked_joints`."""
     imported: bool = False
     """Whether the MJCF is a user's, to be put on our ground (`quad_env.robots.scene`)."""
     source: Path | None = None
@@ -83,15 +83,20 @@ class RobotParameters:
         """Return whether geoms keep the model's contact parameters: true for named robots with published results."""
         return self.imported and self.source is None
 
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Deprecated name of `locked_joints`."""
+        return self.locked_joints
+
     def __post_init__(self) -> None:
         for name in ("home_pose", "hip_positions", "trunk_size", "trunk_centre", "foot_points", "foot_radii"):
-            object.__setattr__(self, name, constant(getattr(self, name)))
+            object.__setattr__(self, name, read_only_array(getattr(self, name)))
         spread = {"knee_direction": len(self.leg_names)}
         spread |= dict.fromkeys(("servo_stiffness", "servo_damping"), len(self.joint_names))
         for name, count in spread.items():
-            object.__setattr__(self, name, constant(np.broadcast_to(getattr(self, name), count)))
+            object.__setattr__(self, name, read_only_array(np.broadcast_to(getattr(self, name), count)))
         stiff = np.reshape(self.stiff_servo, (2, -1))
-        object.__setattr__(self, "stiff_servo", constant(np.broadcast_to(stiff, (2, len(self.joint_names)))))
+        object.__setattr__(self, "stiff_servo", read_only_array(np.broadcast_to(stiff, (2, len(self.joint_names)))))
 
     @property
     def by_name(self) -> dict[str, Any]:
@@ -115,7 +120,7 @@ class RobotParameters:
     @cached_property
     def side(self) -> Floats:
         """+1 for left legs, -1 for right legs, shape (4,)."""
-        return constant(np.sign(self.hip_positions[:, 1]))
+        return read_only_array(np.sign(self.hip_positions[:, 1]))
 
     def in_leg_order(self, corners: Sequence[T]) -> tuple[T, ...]:
         """Values of the front left, front right, hind left and hind right leg, in the order of the legs."""
@@ -131,7 +136,7 @@ class RobotParameters:
     def home_hip_height(self) -> float:
         """Height of the hip joints above the centres of the feet in the home pose, mean over the legs, m."""
         heights = self.hip_heights
-        return float(heights[0] if np.ptp(heights) < LEVEL else heights.mean())
+        return float(heights[0] if np.ptp(heights) < LEVEL_TOLERANCE else heights.mean())
 
     @cached_property
     def hip_heights(self) -> Floats:
@@ -145,7 +150,7 @@ class RobotParameters:
     def home_height(self) -> float:
         """Height of the base frame's origin above flat ground in the level home pose, lowest foot in contact, m."""
         parts = self.hip_heights, self._foot_depths, self.hip_positions[:, 2], self.leg_heights
-        if max(np.ptp(part) for part in parts) < LEVEL:
+        if max(np.ptp(part) for part in parts) < LEVEL_TOLERANCE:
             return self.home_hip_height + self.foot_depth - self.hip_rise
         return float(self.leg_heights.max())
 
@@ -173,7 +178,7 @@ class RobotParameters:
         return depths(self.foot_points, self.foot_radii, self.home_pose.reshape(-1, 3), up)
 
 
-def constant(values: ArrayLike) -> Floats:
+def read_only_array(values: ArrayLike) -> Floats:
     """A copy of the values that cannot be written to."""
     array = np.array(values, dtype=np.float64)
     array.flags.writeable = False

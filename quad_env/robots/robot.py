@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from quad_env.files.text import one_line
 from quad_env.robots.model_file import digest
 from quad_env.robots.parameter_inference import load_parameters
-from quad_env.robots.parameters import Floats, RobotParameters, constant
+from quad_env.robots.parameters import Floats, RobotParameters, read_only_array
 from quad_env.robots.scene import build_spec
 from quad_env.robots.structure import JOINTS_PER_LEG, LEGS
 
@@ -51,7 +51,7 @@ class Robot(RobotParameters):
         None keeps the robot's own. Raises ValueError for what is no gain.
         """
         pairs = (self.servo_stiffness, stiffness), (self.servo_damping, damping)
-        gains = servo_gains([own if given is None else given for own, given in pairs], 1)[:, 0]
+        gains = parse_servo_gains([own if given is None else given for own, given in pairs], 1)[:, 0]
         fixed = bool((gains != self.stiff_servo).any())
         return self._with(servo_stiffness=gains[0], servo_damping=gains[1], servo_fixed=fixed)
 
@@ -103,7 +103,7 @@ class Robot(RobotParameters):
     def joint_damping(self) -> Floats:
         """Damping of the model's joints in addition to the servos', (12,), N·m·s/rad."""
         dofs = [int(self.model.joint(name).dofadr[0]) for name in self.joint_names]
-        return constant(self.model.dof_damping[dofs])
+        return read_only_array(self.model.dof_damping[dofs])
 
     @property
     def joint_damping_line(self) -> str:
@@ -123,7 +123,7 @@ class Robot(RobotParameters):
     def _compiled(self) -> tuple[Floats, Floats, float]:
         model = self.model
         lower, upper = model.jnt_range[[model.joint(name).id for name in self.joint_names]].T
-        return constant(lower), constant(upper), float(np.round(model.body_mass.sum(), 9))
+        return read_only_array(lower), read_only_array(upper), float(np.round(model.body_mass.sum(), 9))
 
     @cached_property
     def model(self) -> Any:
@@ -131,7 +131,7 @@ class Robot(RobotParameters):
         return build_spec(self).compile()
 
 
-def servo_gains(servo: Any, num_robots: int) -> Floats:
+def parse_servo_gains(servo: Any, num_robots: int) -> Floats:
     """Stiffness and damping of servos, (2, num_robots, 12), of a pair of numbers or arrays that broadcast to them.
     Raises ValueError for what is none."""
     try:

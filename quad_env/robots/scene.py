@@ -18,18 +18,18 @@ from quad_env.robots.collision_rules import (
     RENAMED_PREFIX,
     RULES,
     SpecElements,
+    add_exclusions,
     contact_parts,
-    excluded,
-    meet_the_ground,
-    numbered,
-    of_name,
-    own_rules,
-    renamed,
+    keep_robot_rules,
+    names_of_part,
+    numbered_name,
+    scene_name,
+    set_ground_bits,
 )
 from quad_env.robots.model_file import read
-from quad_env.robots.overlaps import overlap_line, overlaps_of
+from quad_env.robots.overlaps import find_overlaps, format_overlaps
 from quad_env.robots.parameters import SIMPLE_QUAD_PARAMETERS, RobotParameters
-from quad_env.robots.shapes import Floats, surface
+from quad_env.robots.shapes import Floats, surface_points
 from quad_env.robots.structure import LINKS, Leg, RobotStructure
 
 _SENSOR = "name", "type", "objtype", "objname", "reftype", "refname", "intprm"
@@ -62,13 +62,13 @@ def _attach_to_scene(robot: RobotParameters, _changed: int) -> Any:
     _turn_joints(parts, model, found, robot)
     _leave_out_forces(parts, model, found)
     _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
-    overlaps = overlaps_of(mujoco, model, found, robot.home_pose)
-    rules = [*own_rules(own, found, overlaps), *excluded(own, parts, overlaps)]
+    overlaps = find_overlaps(mujoco, model, found, robot.home_pose)
+    rules = [*keep_robot_rules(own, found, overlaps), *add_exclusions(own, parts, overlaps)]
     _name_parts(parts, model, found, robot)
     if not robot.keeps_contact:
         _touch_like_ours(parts, own, found, stage.geom("fl_foot"))
     sensed = dict(contact_parts(parts, model, found))
-    meet_the_ground(parts, found)
+    set_ground_bits(parts, found)
     _centre_base(parts, found)
     for rule, field, part in rules:
         setattr(rule, field, part.name)
@@ -83,11 +83,11 @@ def _attach_to_scene(robot: RobotParameters, _changed: int) -> Any:
     plane = stage.geom("ground")
     plane.conaffinity |= GROUND_BIT
     for part in (*stage.bodies, *stage.joints, *stage.geoms, *stage.sites, *stage.cameras, *stage.lights):
-        part.name = renamed(part.name)
+        part.name = scene_name(part.name)
     for kind, (_, *names) in RULES.items():
         for rule in getattr(stage, kind):
             for name in names:
-                setattr(rule, name, renamed(getattr(rule, name)))
+                setattr(rule, name, scene_name(getattr(rule, name)))
     _add_position_actuators(stage, robot)
     _add_sensors(stage, robot, sensors, sensed)
     qpos = (0.0, 0.0, robot.home_height, 1.0, 0.0, 0.0, 0.0, *robot.home_pose)
@@ -121,8 +121,8 @@ def overlap_remark(robot: RobotParameters) -> str | None:
     if not robot.imported:
         return None
     _, model, found = read(robot.mjcf)
-    overlaps = overlaps_of(mujoco, model, found, robot.home_pose)
-    return overlap_line(model, overlaps) if overlaps else None
+    overlaps = find_overlaps(mujoco, model, found, robot.home_pose)
+    return format_overlaps(model, overlaps) if overlaps else None
 
 
 def _clear(spec: Any, *kinds: str) -> None:
@@ -235,12 +235,12 @@ def _name_parts(parts: SpecElements, model: Any, found: RobotStructure, robot: R
         geom.priority, geom.condim = 0, 3  # the ground's friction is the scenario's, and slides alone
     for leg in found.legs:
         for number, geom in enumerate(leg.foot.geoms):
-            parts.geoms[geom].name = RENAMED_PREFIX + numbered(f"{leg.name}_foot", number)
+            parts.geoms[geom].name = RENAMED_PREFIX + numbered_name(f"{leg.name}_foot", number)
         body = parts.bodies[leg.foot.body]
-        site = {"type": 2, "pos": leg.foot.place, "size": (leg.foot.radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
+        site = {"type": 2, "pos": leg.foot.centre, "size": (leg.foot.radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
         _align_axes(body.add_site(name=RENAMED_PREFIX + f"{leg.name}_foot", **site))
         for number, each in enumerate(leg.foot.bodies(model)):
-            sole = RENAMED_PREFIX + numbered(f"{leg.name}_sole", number)
+            sole = RENAMED_PREFIX + numbered_name(f"{leg.name}_sole", number)
             _align_axes(parts.bodies[each].add_site(name=sole, **_sole(model, leg, each)))
         for joint, link in zip(leg.joints, LINKS, strict=True):
             parts.joints[joint].name = RENAMED_PREFIX + model.joint(joint).name
@@ -265,7 +265,7 @@ def _centre_base(parts: SpecElements, found: RobotStructure) -> None:
     """Put the frame of the body with the free joint where the trunk's is, everything of it staying where it is."""
     import mujoco
 
-    root, place, axes = parts.bodies[found.root], found.places[found.root], found.axes[found.root]
+    root, place, axes = parts.bodies[found.root], found.body_positions[found.root], found.body_rotations[found.root]
     if np.allclose(place, 0.0, atol=1e-12) and np.allclose(axes, np.eye(3), atol=1e-12):
         return
     quaternion, turned = np.zeros(4), np.zeros(4)
@@ -280,7 +280,7 @@ def _centre_base(parts: SpecElements, found: RobotStructure) -> None:
 
 def _sole(model: Any, leg: Leg, body: int) -> dict[str, Any]:
     """A site around the foot's geoms of one body, a little larger than these: the volume of a touch sensor."""
-    points = np.concatenate([surface(model, geom) for geom in leg.foot.geoms if model.geom_bodyid[geom] == body])
+    points = np.concatenate([surface_points(model, geom) for geom in leg.foot.geoms if model.geom_bodyid[geom] == body])
     low, high = points.min(axis=0), points.max(axis=0)
     return {"type": 6, "pos": 0.5 * (low + high), "size": 0.5 * (high - low) + 1e-3, "rgba": (0.0, 0.0, 0.0, 0.0)}
 
@@ -328,15 +328,15 @@ def _add_sensors(
     for sensor in sensors:
         if sensor["type"] in (kinds.mjSENS_JOINTPOS, kinds.mjSENS_JOINTVEL):
             continue
-        soles = of_name(sensor["objname"].removesuffix("_foot") + "_sole", sites)
+        soles = names_of_part(sensor["objname"].removesuffix("_foot") + "_sole", sites)
         if sensor["type"] == kinds.mjSENS_TOUCH and (robot.foot_points.size or len(soles) > 1):
             for number, sole in enumerate(soles):
-                stage.add_sensor(**sensor | {"name": numbered(sensor["name"], number), "objname": sole})
+                stage.add_sensor(**sensor | {"name": numbered_name(sensor["name"], number), "objname": sole})
             continue
         if sensor["type"] != kinds.mjSENS_CONTACT:
             stage.add_sensor(**sensor)
             continue
         for number, part in enumerate(sensed[sensor["name"].removesuffix("_ground")]):
             kind = mujoco.mjtObj.mjOBJ_GEOM if hasattr(part, "contype") else mujoco.mjtObj.mjOBJ_BODY
-            named = {"name": numbered(sensor["name"], number), "objtype": kind, "objname": part.name}
+            named = {"name": numbered_name(sensor["name"], number), "objtype": kind, "objname": part.name}
             stage.add_sensor(**sensor | named)

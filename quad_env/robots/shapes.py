@@ -17,7 +17,7 @@ _SPHERE = np.concatenate([np.insert(np.sqrt(max(0.0, 1.0 - z * z)) * _CIRCLE, 2,
 """Points of the unit sphere on circles of latitude, poles included, (k, 3)."""
 
 
-def descendants(model: Any, body: int) -> Bools:
+def descendant_mask(model: Any, body: int) -> Bools:
     """Which bodies are this one or below it, (nbody,)."""
     found = np.zeros(model.nbody, bool)
     found[body] = True
@@ -26,49 +26,49 @@ def descendants(model: Any, body: int) -> Bools:
     return found
 
 
-def welded(model: Any, body: int) -> list[int]:
+def welded_bodies(model: Any, body: int) -> list[int]:
     """Ids of the body and of all those that no joint lets move against it, the body first."""
     same = np.flatnonzero(model.body_weldid == model.body_weldid[body])
     return [body, *(int(each) for each in same if each != body)]
 
 
-def solid(model: Any) -> Bools:
+def collision_mask(model: Any) -> Bools:
     """Which geoms collide by their bits, (ngeom,)."""
     return np.asarray((model.geom_contype | model.geom_conaffinity) != 0)
 
 
-def grounded(model: Any, root: int) -> Bools:
+def ground_collision_mask(model: Any, root: int) -> Bools:
     """Which geoms of the robot, the bodies from `root` down, meet a ground, (ngeom,): those that collide by their bits,
     or in an explicit pair with a geom that is not the robot's."""
-    own = descendants(model, root)[model.geom_bodyid]
-    found = own & solid(model)
+    own = descendant_mask(model, root)[model.geom_bodyid]
+    found = own & collision_mask(model)
     for one, other in zip(model.pair_geom1, model.pair_geom2, strict=True):
         if own[one] != own[other]:
             found[one if own[one] else other] = True
     return np.asarray(found)
 
 
-def geoms_of(model: Any, bodies: Iterable[int], among: Bools | None = None) -> list[int]:
+def geom_ids(model: Any, bodies: Iterable[int], among: Bools | None = None) -> list[int]:
     """Ids of the geoms of these bodies that are among those, (ngeom,); of all by default."""
     its = np.isin(model.geom_bodyid, list(bodies))
     return [int(geom) for geom in np.flatnonzero(its if among is None else its & among)]
 
 
-def box(model: Any, geom: int) -> tuple[Floats, Floats, Floats]:
+def bounding_box(model: Any, geom: int) -> tuple[Floats, Floats, Floats]:
     """Centre, (3,), and half sizes, (3,), m, and rotation, (3, 3), of the box around a geom, in its body's frame."""
-    rotation = rotation_of(model.geom_quat[geom])
+    rotation = rotation_matrix(model.geom_quat[geom])
     centre, half = model.geom_aabb[geom].reshape(2, 3)
     return model.geom_pos[geom] + rotation @ centre, half.copy(), rotation
 
 
-def corners(model: Any, geom: int) -> Floats:
+def box_corners(model: Any, geom: int) -> Floats:
     """Corners of the box around a geom in its body's frame, (8, 3), m."""
-    centre, half, rotation = box(model, geom)
+    centre, half, rotation = bounding_box(model, geom)
     found: Floats = centre + (_SIGNS * half) @ rotation.T
     return found
 
 
-def balls(model: Any, geom: int) -> list[tuple[Floats, float]]:
+def end_spheres(model: Any, geom: int) -> list[tuple[Floats, float]]:
     """Centre in the frame of its body, m, and radius of a sphere, or of both ends of a capsule; empty for the rest."""
     import mujoco
 
@@ -77,11 +77,11 @@ def balls(model: Any, geom: int) -> list[tuple[Floats, float]]:
         return [(place, float(radius))]
     if kind != mujoco.mjtGeom.mjGEOM_CAPSULE:
         return []
-    axis = rotation_of(model.geom_quat[geom])[:, 2]
+    axis = rotation_matrix(model.geom_quat[geom])[:, 2]
     return [(place + sign * half * axis, float(radius)) for sign in (1.0, -1.0)]
 
 
-def surface(model: Any, geom: int) -> Floats:
+def surface_points(model: Any, geom: int) -> Floats:
     """Points whose convex hull is a geom of any shape, curved ones to half a per cent, body frame, (k, 3), m."""
     import mujoco
 
@@ -95,21 +95,21 @@ def surface(model: Any, geom: int) -> Floats:
         points = np.concatenate(rims)
     elif kind == kinds.mjGEOM_ELLIPSOID:
         points = _SPHERE * size
-    elif ends := balls(model, geom):
+    elif ends := end_spheres(model, geom):
         return np.concatenate([centre + radius * _SPHERE for centre, radius in ends])
     else:
-        return corners(model, geom)
-    return np.asarray(model.geom_pos[geom] + points @ rotation_of(model.geom_quat[geom]).T)
+        return box_corners(model, geom)
+    return np.asarray(model.geom_pos[geom] + points @ rotation_matrix(model.geom_quat[geom]).T)
 
 
-def rounded(model: Any, geom: int) -> tuple[Floats, float]:
+def rounded_hull(model: Any, geom: int) -> tuple[Floats, float]:
     """Return points, (k, 3), body frame, m, and a radius, m: the geom is the hull of the points plus the radius."""
-    if ends := balls(model, geom):
+    if ends := end_spheres(model, geom):
         return np.stack([centre for centre, _ in ends]), ends[0][1]
-    return surface(model, geom), 0.0
+    return surface_points(model, geom), 0.0
 
 
-def rotation_of(quaternion: Any) -> Floats:
+def rotation_matrix(quaternion: Any) -> Floats:
     """Rotation matrix of a quaternion (w, x, y, z), (3, 3)."""
     import mujoco
 

@@ -29,9 +29,9 @@ _EXPONENTS = {unit: exponents for exponents, units in _UNITS.items() for unit in
 LATERAL_LENGTH, LONGITUDINAL_LENGTH = "m wide", "m long"
 """Units of distances between left and right and between fore and hind feet, m: what they are more or less than those
 between the thigh joints goes as the leg length."""
-HIGH = "m high"
+HIP_HEIGHT = "m high"
 """Unit of heights of the hips above the feet, m: they go as that in the home pose."""
-AHEAD = " ahead"
+KNEE_SIGN_SUFFIX = " ahead"
 """End of the unit of what the way the knees bend decides: negated where they bend forward, 0 with as many of each."""
 
 
@@ -43,22 +43,24 @@ def scale_factor(robot: Robot, unit: str) -> float:
     return float(longer**of_length * heavier**of_mass)
 
 
-def servo_gains(robot: Robot) -> tuple[float, float]:
+def scaled_servo_gains(robot: Robot) -> tuple[float, float]:
     """Stiffness, N·m/rad, and damping, N·m·s/rad, of servos that are for the robot what SimpleQuad's are for it."""
     stiffness, damping = SIMPLE_QUAD.stiff_servo[:, 0].tolist()
     return scale_factor(robot, "N·m") * stiffness, scale_factor(robot, "N·m") * scale_factor(robot, "s") * damping
 
 
-def scaled(robot: Robot, value: float, unit: str) -> float:
+def scale_to_robot(robot: Robot, value: float, unit: str) -> float:
     """A figure of SimpleQuad's, in that unit, for the robot."""
     if robot == SIMPLE_QUAD:
         return value  # to the last bit
     if unit in (LATERAL_LENGTH, LONGITUDINAL_LENGTH):
         return _apart(robot, unit) + scale_factor(robot, "m") * (value - _apart(SIMPLE_QUAD, unit))
-    if unit == HIGH:
+    if unit == HIP_HEIGHT:
         return value * robot.home_hip_height / SIMPLE_QUAD.home_hip_height
-    alike = float((robot.knee_direction * SIMPLE_QUAD.knee_direction).mean()) if unit.endswith(AHEAD) else 1.0
-    return alike * scale_factor(robot, unit.removesuffix(AHEAD)) * value
+    alike = (
+        float((robot.knee_direction * SIMPLE_QUAD.knee_direction).mean()) if unit.endswith(KNEE_SIGN_SUFFIX) else 1.0
+    )
+    return alike * scale_factor(robot, unit.removesuffix(KNEE_SIGN_SUFFIX)) * value
 
 
 def _apart(robot: Robot, unit: str) -> float:

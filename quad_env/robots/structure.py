@@ -14,8 +14,25 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.robots.feet import LEAST_BENT, MOST_BENT, SWING, Foot, extremes, find_foot, in_world_of, standing_foot
-from quad_env.robots.shapes import Bools, Floats, corners, descendants, geoms_of, grounded, welded
+from quad_env.robots.feet import (
+    LEAST_BENT,
+    MOST_BENT,
+    SWING,
+    Foot,
+    body_points_to_world,
+    extreme_points,
+    find_foot,
+    standing_foot,
+)
+from quad_env.robots.shapes import (
+    Bools,
+    Floats,
+    box_corners,
+    descendant_mask,
+    geom_ids,
+    ground_collision_mask,
+    welded_bodies,
+)
 
 LEGS, JOINTS_PER_LEG = 4, 3
 LINKS = "hip", "thigh", "calf"
@@ -45,7 +62,7 @@ class Leg:
     """Ids of hip, thigh and calf in the model."""
     signs: Floats
     """Of the model's axes, (3,)."""
-    zeros: Floats
+    joint_offsets: Floats
     """What the joints are, in the robot's terms, where the model has them at `qpos0`, (3,)."""
     hip: Floats
     """Where on the hip's axis its thigh joint is, base frame, (3,)."""
@@ -69,17 +86,17 @@ class RobotStructure:
     """Which bodies are the robot's, (nbody,): the root and all below it."""
     collides_with_ground: Bools
     """Which geoms meet the ground, (ngeom,)."""
-    places: Floats
+    body_positions: Floats
     """Of the bodies in the base frame at `qpos0`, (nbody, 3), m."""
-    axes: Floats
+    body_rotations: Floats
     """Rotations from the bodies' frames to the base frame at `qpos0`, (nbody, 3, 3)."""
     legs: tuple[Leg, ...]
     """In the order of the model."""
-    held: tuple[str, ...] = ()
+    locked_joints: tuple[str, ...] = ()
     """Names of the joints that belong to no leg and are gone from the model, see `held`."""
-    carried: frozenset[int] = frozenset()
+    carried_bodies: frozenset[int] = frozenset()
     """Ids of the bodies that these joints would move."""
-    omitted: tuple[tuple[str, str], ...] = ()
+    omission_lines: tuple[tuple[str, str], ...] = ()
     """Parts of the model that the robot lacks, heading and text of each line, see `omissions`."""
 
     @property
@@ -100,15 +117,15 @@ class RobotStructure:
     @cached_property
     def joint_offsets(self) -> Floats:
         """What the joints are, in the robot's terms, where the model has them at `qpos0`, (12,), rad."""
-        return np.concatenate([leg.zeros for leg in self.legs])
+        return np.concatenate([leg.joint_offsets for leg in self.legs])
 
     def trunk_collides(self, model: Any) -> bool:
         """Whether the trunk, or a body that is welded to it, meets the ground by itself."""
-        return bool(geoms_of(model, self._shell(model), self.collides_with_ground))
+        return bool(geom_ids(model, self._shell(model), self.collides_with_ground))
 
     def _shell(self, model: Any) -> list[int]:
         """Ids of the trunk and of what is welded to it in the file: no arm, held as it is."""
-        return [body for body in welded(model, self.trunk) if body not in self.carried]
+        return [body for body in welded_bodies(model, self.trunk) if body not in self.carried_bodies]
 
     def trunk_box(self, model: Any) -> tuple[Floats, Floats]:
         """Centre and full lengths of the box around the trunk along its own axes, (3,) each, base frame, m.
@@ -117,12 +134,12 @@ class RobotStructure:
         are shown. Raises ModelError where it has none.
         """
         bodies = [self.trunk], self._shell(model)
-        found = (geoms_of(model, its, among) for among in (self.collides_with_ground, None) for its in bodies)
+        found = (geom_ids(model, its, among) for among in (self.collides_with_ground, None) for its in bodies)
         if (shell := next(filter(None, found), None)) is None:
             raise ModelError("the trunk has no geom: nothing shows how large it is")
-        placed = ((int(model.geom_bodyid[geom]), corners(model, geom)) for geom in shell)
+        placed = ((int(model.geom_bodyid[geom]), box_corners(model, geom)) for geom in shell)
         points = np.concatenate(
-            [self.places[body] + is_robot_body @ self.axes[body].T for body, is_robot_body in placed]
+            [self.body_positions[body] + is_robot_body @ self.body_rotations[body].T for body, is_robot_body in placed]
         )
         low, high = points.min(axis=0), points.max(axis=0)
         return 0.5 * (low + high), high - low
@@ -137,13 +154,13 @@ class RobotStructure:
 
 def detect_structure(mujoco: Any, model: Any) -> RobotStructure:
     """Of a compiled model; `mujoco` is the package. Raises ModelError."""
-    root = root_of(mujoco, model)
+    root = find_root_body(mujoco, model)
     chains = _chains(mujoco, model, root)
     above = {int(model.body_parentid[body]) for body in chains}
     trunk = above.pop() if len(above) == 1 else root
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    meets = grounded(model, root)
+    meets = ground_collision_mask(model, root)
     legs = _named([_leg(model, data, trunk, meets, chain) for chain in chains.values()])
     for length in ("hip_offset", "thigh_length", "calf_length", "foot.radius"):
         found = [attrgetter(length)(leg) for leg in legs]
@@ -152,14 +169,14 @@ def detect_structure(mujoco: Any, model: Any) -> RobotStructure:
             raise ModelError(f"the legs differ in {re.sub('[_.]', ' ', length)}, m: {each}")
     base = data.xmat[trunk].reshape(3, 3)
     places, axes = (data.xpos - data.xpos[trunk]) @ base, base.T @ data.xmat.reshape(-1, 3, 3)
-    return RobotStructure(root, trunk, descendants(model, root), meets, places, axes, legs)
+    return RobotStructure(root, trunk, descendant_mask(model, root), meets, places, axes, legs)
 
 
 def _name(part: Any) -> str:
     return repr(part.name) if part.name else f"number {part.id}"
 
 
-def root_of(mujoco: Any, model: Any) -> int:
+def find_root_body(mujoco: Any, model: Any) -> int:
     """Id of the body with the free joint that has most hinges below it: crates and balls of the scene have none. Raises
     ModelError."""
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
@@ -178,7 +195,7 @@ def root_of(mujoco: Any, model: Any) -> int:
 def _remedy(mujoco: Any, model: Any) -> str:
     """Return the remedy for a model without a free joint: its root is fixed, or moves by joints of its own."""
     firsts = [int(body) for body in np.flatnonzero(model.body_parentid == 0)[1:]]
-    counts = {body: int(descendants(model, body)[model.jnt_bodyid].sum()) for body in firsts}
+    counts = {body: int(descendant_mask(model, body)[model.jnt_bodyid].sum()) for body in firsts}
     if not counts or max(counts.values()) == 0:
         return "no body below the world has a joint"
     jointed = [body for body in firsts if counts[body] > 0]
@@ -208,15 +225,15 @@ def _remedy(mujoco: Any, model: Any) -> str:
 
 def _joints_below(model: Any, body: int) -> Bools:
     """Which joints move bodies below that one, (njnt,)."""
-    below = descendants(model, body)
+    below = descendant_mask(model, body)
     below[body] = False
     return np.asarray(below[model.jnt_bodyid])
 
 
-def branches(model: Any, trunk: int) -> dict[int, list[int]]:
+def find_branches(model: Any, trunk: int) -> dict[int, list[int]]:
     """First body of each branch, below the trunk or what is welded to it -> its joints, the first of them first."""
     found: dict[int, list[int]] = {}
-    fixed = welded(model, trunk)
+    fixed = welded_bodies(model, trunk)
     for joint in np.flatnonzero(_joints_below(model, trunk)):
         first = int(model.jnt_bodyid[joint])
         while model.body_parentid[first] not in fixed:
@@ -227,7 +244,7 @@ def branches(model: Any, trunk: int) -> dict[int, list[int]]:
 
 def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
     """First body of each leg, below the trunk or what is welded to it -> its joints, hip first."""
-    chains = branches(model, trunk)
+    chains = find_branches(model, trunk)
     joints = [joint for chain in chains.values() for joint in chain]
     if others := [joint for joint in joints if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE]:
         raise ModelError(f"joint {_name(model.joint(others[0]))} is no hinge")
@@ -241,7 +258,7 @@ def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
     for root, chain in chains.items():
         bodies = [int(model.jnt_bodyid[joint]) for joint in chain]
         pairs = zip(bodies, (trunk, *bodies), strict=False)
-        if len(chain) != JOINTS_PER_LEG or not all(a != b and descendants(model, b)[a] for a, b in pairs):
+        if len(chain) != JOINTS_PER_LEG or not all(a != b and descendant_mask(model, b)[a] for a, b in pairs):
             raise ModelError(f"the joints below {_name(model.body(root))} are no chain of three hinges")
     return chains
 
@@ -273,7 +290,7 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     lateral = signs[1] * axes[1]
     leg = np.stack(((1.0, 0.0, 0.0), lateral, np.cross((1.0, 0.0, 0.0), lateral)))
     shin = int(model.jnt_bodyid[chain[-1]])
-    candidates = geoms_of(model, welded(model, shin), meets)
+    candidates = geom_ids(model, welded_bodies(model, shin), meets)
     if not candidates:
         raise ModelError(f"below joint {names[2]} nothing collides with the ground: no foot")
     sole = find_foot(model, data, chain[-1], candidates)
@@ -282,7 +299,7 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
         raise ModelError(
             f"all that collides below joint {names[2]} lies at the joint: give geom {geom}, the foot, a pos"
         )
-    at = (in_world_of(data, sole.body, sole.place) - origin) @ base
+    at = (body_points_to_world(data, sole.body, sole.centre) - origin) @ base
     across, upper, lower = leg @ (thigh - hip), leg @ (knee - thigh), leg @ (at - knee)
     lengths = [float(np.hypot(link[0], link[2])) for link in (upper, lower)]
     if min(lengths) < 1e-3:
@@ -297,12 +314,12 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     turn = data.xmat[sole.body].reshape(3, 3)
     sin, cos = np.sin(bent), np.cos(bent)
     straightened = np.array(((cos, 0.0, sin), (0.0, 1.0, 0.0), (-sin, 0.0, cos))).T
-    points, radii = extremes(sole.points @ (straightened @ leg @ base.T @ turn).T, sole.radii)
+    points, radii = extreme_points(sole.points @ (straightened @ leg @ base.T @ turn).T, sole.radii)
     return Leg(
         name="",
         joints=(chain[0], chain[1], chain[2]),
         signs=signs,
-        zeros=zeros,
+        joint_offsets=zeros,
         hip=hip + across[0] * np.array((1.0, 0.0, 0.0)),
         hip_offset=side,
         thigh_length=lengths[0],

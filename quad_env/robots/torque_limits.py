@@ -13,7 +13,7 @@ import numpy as np
 from quad_env.robots.shapes import Floats
 
 UNKNOWN = -np.inf, np.inf
-POSES = 4
+NUM_POSES = 4
 """Number of random poses that reveal the joints of an actuator with a pose-dependent lever."""
 
 
@@ -145,7 +145,7 @@ def _moved_joints(mujoco: Any, model: Any, actuator: int) -> list[int]:
         int(model.actuator_outadr[actuator]), int(model.actuator_outadr[actuator] + model.actuator_outnum[actuator])
     )
     found: set[int] = set()
-    for _ in range(POSES):
+    for _ in range(NUM_POSES):
         mujoco.mj_integratePos(model, data.qpos, rng.normal(0.0, 0.3, model.nv), 1.0)
         mujoco.mj_fwdPosition(model, data)
         for row in rows:

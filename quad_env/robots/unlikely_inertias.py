@@ -7,13 +7,13 @@ import numpy as np
 from quad_env.robots.collision_rules import ATTACH_PREFIX, RENAMED_PREFIX
 from quad_env.robots.robot import Robot
 from quad_env.robots.scene import body_names
-from quad_env.robots.shapes import Floats, corners, descendants, geoms_of, rotation_of, welded
+from quad_env.robots.shapes import Floats, box_corners, descendant_mask, geom_ids, rotation_matrix, welded_bodies
 
-TOO_LARGE = 10.0
+MAX_INERTIA_RATIO = 10.0
 """Least ratio of a named moment of inertia to mass times squared reach of the link. A point mass at the farthest point
 has 1; the links of the robots of the `robots` extra have at most 0.9.
 """
-HEAVY_ARMATURE = 0.1
+MAX_ARMATURE_RATIO = 0.1
 """Least ratio of a named joint armature to the robot's mass times squared leg length; the robots of the `robots` extra
 have at most 0.014.
 """
@@ -23,7 +23,7 @@ _TINY = 5e-3
 """Moment of inertia, as a share of the robot's mass times squared leg length, that does not affect the motion."""
 
 
-class Inertia(NamedTuple):
+class UnlikelyInertia(NamedTuple):
     """Implausible inertia of a link."""
 
     body: int
@@ -36,31 +36,31 @@ class Inertia(NamedTuple):
     """Distance from the centre of mass to the farthest point of the link, m."""
 
     @property
-    def largest(self) -> float:
+    def max_moment(self) -> float:
         """Largest plausible moment at the link's mass and reach, kg·m²."""
         return self.mass * self.reach**2
 
 
-def unlikely_inertias(robot: Robot) -> list[Inertia]:
+def find_unlikely_inertias(robot: Robot) -> list[UnlikelyInertia]:
     """Return the links with a largest moment of inertia far above the limit by mass and size."""
     model = robot.model
     root = model.body("base_link").id
     found = []
-    for body in np.flatnonzero(descendants(model, root)):
+    for body in np.flatnonzero(descendant_mask(model, root)):
         moment = float(model.body_inertia[body].max())
         mass = float(model.body_mass[body])
         reach = max(_reach(model, int(body)), _SMALLEST * robot.leg_length)
-        inertia = Inertia(int(body), _name(model, int(body)), moment, mass, reach)
-        if moment > max(TOO_LARGE * inertia.largest, _TINY * robot.mass * robot.leg_length**2):
+        inertia = UnlikelyInertia(int(body), _name(model, int(body)), moment, mass, reach)
+        if moment > max(MAX_INERTIA_RATIO * inertia.max_moment, _TINY * robot.mass * robot.leg_length**2):
             found.append(inertia)
     names = body_names(robot) if found else {}
     return [each._replace(name=names.get(model.body(each.body).name, each.name)) for each in found]
 
 
-def unlikely_armatures(robot: Robot) -> list[int]:
+def find_unlikely_armatures(robot: Robot) -> list[int]:
     """Return the ids of the joints with an armature as large as the inertia of whole legs."""
     model = robot.model
-    limit = HEAVY_ARMATURE * robot.mass * robot.leg_length**2
+    limit = MAX_ARMATURE_RATIO * robot.mass * robot.leg_length**2
     return [int(joint) for joint in model.dof_jntid[model.dof_armature > limit]]
 
 
@@ -71,9 +71,9 @@ def _reach(model: Any, body: int) -> float:
     files one link carries the mass and the links around it the shapes.
     """
     points: list[Floats] = []
-    for each in welded(model, body):
+    for each in welded_bodies(model, body):
         below = model.body_pos[np.flatnonzero(model.body_parentid == each)]
-        own = [np.zeros((1, 3)), below, *(corners(model, geom) for geom in geoms_of(model, [each]))]
+        own = [np.zeros((1, 3)), below, *(box_corners(model, geom) for geom in geom_ids(model, [each]))]
         points.append(_in_assembly(model, each, np.concatenate(own)))
     centre = _in_assembly(model, body, model.body_ipos[body])
     return float(np.linalg.norm(np.concatenate(points) - centre, axis=1).max())
@@ -83,7 +83,7 @@ def _in_assembly(model: Any, body: int, points: Floats) -> Floats:
     """Transform points of a body's frame, (..., 3), to the frame of the first body of its rigid assembly, m."""
     first = int(model.body_weldid[body])
     while body != first:
-        points = model.body_pos[body] + points @ rotation_of(model.body_quat[body]).T
+        points = model.body_pos[body] + points @ rotation_matrix(model.body_quat[body]).T
         body = int(model.body_parentid[body])
     return points
 

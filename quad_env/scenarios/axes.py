@@ -62,7 +62,7 @@ class Axis:
         return replace(self.at(severity), name=name, axis=self.name, severity=severity, severity_unit=self.unit)
 
     def for_robot(self, robot: Robot) -> "Axis":
-        """The axis whose levels are as hard for that robot: see `scaled`."""
+        """The axis whose levels are as hard for that robot: see `similarity.scale_to_robot`."""
         if robot == SIMPLE_QUAD or not self.scales:
             return self
         larger = self.scaled(1.0, robot)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from quad_env.robots.registry import robot_named
+from quad_env.robots.registry import parse_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import Axis, axes_of
@@ -34,7 +34,7 @@ class Options:
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    print(text(robot_named(options.robot)))
+    print(text(parse_robot(options.robot)))
     return 0
 
 

@@ -23,7 +23,7 @@ from policies.external.packages import package
 from policies.external.reference import Reference, checked
 from policies.external.terms import ObservationAdapter
 from policies.shipped import MODELS
-from quad_env.robots.plausibility import warnings_of
+from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.terrain import HeightField
@@ -241,7 +241,7 @@ def _xml(source: Path, name: str) -> Write:
 def _read_robot(file: Path) -> None:
     robot = Robot.from_mjcf(file)
     model = robot.model
-    words = list(warnings_of(robot))
+    words = list(find_warnings(robot))
     figures = [robot.mass, robot.leg_length, robot.home_height, robot.rated_torque]
     figures += [
         *robot.joint_lower,

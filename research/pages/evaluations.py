@@ -20,11 +20,11 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import (
     ABSENT,
     NO_BREAK,
-    counted,
     p_value,
     percent,
     points_with,
     share,
+    with_count,
 )
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
@@ -114,7 +114,7 @@ def overview(found: dict[str, Any]) -> list[str]:
         if policy not in {*ideal, *real} and FLAT in cells:
             flat += f" `{policy}` on flat ground alone: {percent(cells[FLAT]['success_rate'])}."
     shown = {name: head for name, head in heads.items() if any(row[name] != ABSENT for row in rows)}
-    count, axes = counted(found["episodes"], "episode"), len(scores(found)[0].axes)
+    count, axes = with_count(found["episodes"], "episode"), len(scores(found)[0].axes)
     where = f"; effort {EFFORT_ON[place]}" if set(FEW) & set(shown) else ""
     said = f"Success: mean over {axes} axes of disturbance, {count} at each severity{where}.{flat}"
     return [said, "", *table(shown, rows).splitlines()]

@@ -14,7 +14,7 @@ from evaluate.report.headings import EFFORT_TITLES, FEW, FIRST, figure_of_effort
 from evaluate.report.page import warnings
 from evaluate.report.table import summary_figures
 from evaluate.report.verdict import SAME, claim
-from quad_env.cli.format import ABSENT, counted, estimate, number, points_with, share
+from quad_env.cli.format import ABSENT, estimate, number, points_with, share, with_count
 from quad_env.robots.robot import Robot
 from research.pages.markdown import IN_A_LINE, table
 from research.pages.policy_list import PolicyList
@@ -41,7 +41,7 @@ def page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made
         f"# Leaderboard of {robot.name}",
         "",
         f"Our controllers{' and published policies' * bool(listed.published)} on {robot.name} ({robot.mass:.1f} kg), "
-        f"each with its own servo gains: the same {counted(results.episodes, 'episode')} of each scenario for all. "
+        f"each with its own servo gains: the same {with_count(results.episodes, 'episode')} of each scenario for all. "
         "Success, errors, intervals (95 %) and tests: [numbers.md](numbers.md). Differences are paired by episode, "
         f"minus `{results.baseline}`. Intervals are each by itself; p of success is corrected together with all claims "
         "of this page (Holm).",

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from quad_env.cli.command_line import UsageError
-from quad_env.cli.format import counted
+from quad_env.cli.format import with_count
 from quad_env.config import check_settings
-from quad_env.files.reading import TEXT, read_bytes
+from quad_env.files.reading import MAX_TEXT_SIZE, read_bytes
 from quad_env.files.text import format_exception
 from quad_env.files.writing import write_atomically
 
@@ -103,7 +103,7 @@ def references(listed: PolicyList, file: Path, folder: Path, *, fetch: bool = Fa
     for line in missing:
         print(line, file=sys.stderr)
     if missing:
-        raise UsageError(f"{counted(len(missing), 'file')} of {file} not in {folder}: get them, or give --fetch")
+        raise UsageError(f"{with_count(len(missing), 'file')} of {file} not in {folder}: get them, or give --fetch")
     return {name: name for name in listed.ours} | {
         each.name: str(_described(each, file.parent, folder)) for each in listed.published
     }
@@ -132,9 +132,9 @@ def _missing(published: PublishedPolicy, folder: Path, *, fetch: bool) -> Iterat
 def _fetched(url: str) -> bytes:
     """What the address holds; OSError where that is too much."""
     with urllib.request.urlopen(url, timeout=_DOWNLOAD_TIMEOUT) as reply:
-        content: bytes = reply.read(TEXT + 1)
-    if len(content) > TEXT:
-        raise OSError(f"{url} is larger than {TEXT // 2**20} MiB")
+        content: bytes = reply.read(MAX_TEXT_SIZE + 1)
+    if len(content) > MAX_TEXT_SIZE:
+        raise OSError(f"{url} is larger than {MAX_TEXT_SIZE // 2**20} MiB")
     return content
 
 

@@ -23,7 +23,7 @@ from quad_env.cli.format import number, percent
 from quad_env.config import CommandRanges
 from quad_env.files.writing import write_atomically
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import scaled
+from quad_env.robots.similarity import scale_to_robot
 from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import Scenario
 from research.pages import markdown
@@ -81,7 +81,7 @@ def scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
     """Walks straight ahead on every ground at every speed, m/s of SimpleQuad, each with a name of its own."""
     found = []
     for ground, speed in product((scenario(name, robot) for name in GROUNDS), speeds):
-        ahead = scaled(robot, speed, "m/s")
+        ahead = scale_to_robot(robot, speed, "m/s")
         name, straight = f"{ground.name} at {ahead:.2f} m/s", CommandRanges.straight(ahead)
         found.append(replace(ground, name=name, axis="", commands=straight))
     return found

@@ -20,7 +20,7 @@ from policies.base import Floats
 from policies.parameters import limits_of, parameter
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.launcher import raise_on_interrupt
-from quad_env.files.reading import LARGEST, read_bytes
+from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 from research.pages.csv_text import csv_text
 from research.pages.evaluations import png
@@ -119,7 +119,7 @@ def finish(run: TrainConfig) -> None:
 def found(run: TrainConfig) -> dict[str, float]:
     """Results of a finished run: success, mean over the scenarios, %; velocity error on flat ground, m/s; minutes."""
     last = json.loads(read_bytes(run.folder / VALIDATIONS_FILE))["validations"][-1]
-    metrics = json.loads(read_bytes(run.folder / METRICS_FILE, LARGEST).splitlines()[-1])
+    metrics = json.loads(read_bytes(run.folder / METRICS_FILE, MAX_DATA_SIZE).splitlines()[-1])
     return {
         "success": 100.0 * last["success"],
         "flat_velocity_error": last["scenarios"]["flat:2"]["velocity_error"],

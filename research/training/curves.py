@@ -18,7 +18,7 @@ from evaluate.report.plots.drawing import COLOURS, MARKS
 from policies.base import Floats
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import number
-from quad_env.files.reading import LARGEST, read_bytes
+from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from train.learning_curve import DATES, PANELS, axes_of, write_drawn
 from train.run_folder import VALIDATIONS_FILE
 from train.run_record import flat, load_settings, words
@@ -97,7 +97,7 @@ def read_curve(folder: Path) -> RunCurve:
     """The validations of the run in a folder, of older versions too. Raises UsageError where there is no run."""
     settings, path = dict(flat(load_settings(folder))), folder / VALIDATIONS_FILE
     try:
-        entries = json.loads(read_bytes(path, LARGEST))["validations"] if path.exists() else []
+        entries = json.loads(read_bytes(path, MAX_DATA_SIZE))["validations"] if path.exists() else []
         rows = {each["steps"]: (each["steps"], each["success"], each.get("cost_of_transport")) for each in entries}
         columns = np.array(list(rows.values()), np.float64).reshape(-1, 3).T
     except (OSError, ValueError, KeyError, TypeError, AttributeError):

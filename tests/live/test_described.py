@@ -12,7 +12,7 @@ from policies.external import mistakes
 from policies.external.description import PolicySpec
 from policies.external.readers import write_toml
 from quad_env.__main__ import main
-from quad_env.doctor.check import Finding, Subject, examine
+from quad_env.doctor.check import DoctorSubject, Finding, run_checks
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.policies.external import walking_network
 
@@ -30,7 +30,7 @@ def found(policy: PolicySpec) -> dict[str, Finding]:
     """Of the checks of a description."""
     file = policy.network.with_suffix(".toml")
     write_toml(policy, file)
-    return dict(examine(OF_DESCRIPTION, Subject(policy=str(file))))
+    return dict(run_checks(OF_DESCRIPTION, DoctorSubject(policy=str(file))))
 
 
 def test_what_was_understood_is_shown(policy: PolicySpec) -> None:

@@ -15,7 +15,7 @@ from live.commands.doctor import CHECKS as OF_POLICIES
 from policies import shipped
 from quad_env.__main__ import main
 from quad_env.doctor import installation
-from quad_env.doctor.check import Check, Finding, Subject, examine
+from quad_env.doctor.check import DoctorCheck, DoctorSubject, Finding, run_checks
 from quad_env.doctor.command import CHECKS
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.live.view.test_driver import FAILING
@@ -25,16 +25,16 @@ OF_THE_INSTALLATION, OF_THE_ROBOT = CHECKS[:3], CHECKS[3:]
 XML = SIMPLE_QUAD.mjcf.read_text(encoding="utf-8")
 
 
-def complaints(subject: Subject, checks: tuple[Check, ...] = OF_THE_ROBOT) -> dict[str, Finding]:
+def complaints(subject: DoctorSubject, checks: tuple[DoctorCheck, ...] = OF_THE_ROBOT) -> dict[str, Finding]:
     """Warnings and problems, by check; those of walking and of the policy too."""
     more = OF_POLICIES if subject.policy is not None else OF_POLICIES[:1]
-    entries = examine((*checks, *more) if checks == OF_THE_ROBOT else checks, subject)
+    entries = run_checks((*checks, *more) if checks == OF_THE_ROBOT else checks, subject)
     return {name: finding for name, finding in entries if finding.result in ("problem", "warning")}
 
 
 def of_policy(path: Path | str) -> dict[str, Finding]:
     """Warnings and problems of a policy for SimpleQuad."""
-    return complaints(Subject(policy=str(path)), OF_POLICIES[1:])
+    return complaints(DoctorSubject(policy=str(path)), OF_POLICIES[1:])
 
 
 def edited(folder: Path, *changes: tuple[str, str]) -> Path:
@@ -86,11 +86,11 @@ SHIPPED = {
 """A change of SimpleQuad's own model."""
 
 
-def with_problem(name: str, folder: Path) -> tuple[Subject, list[str]]:
+def with_problem(name: str, folder: Path) -> tuple[DoctorSubject, list[str]]:
     """What has that problem, and what is expected."""
     if name in SHIPPED:
         old, new, *expected = SHIPPED[name]
-        return Subject(replace(SIMPLE_QUAD, mjcf=edited(folder, (old, new)))), expected
+        return DoctorSubject(replace(SIMPLE_QUAD, mjcf=edited(folder, (old, new)))), expected
     if name in FIGURES:
         (lines, *expected), path = FIGURES[name], folder / "mine.toml"
         text = f'mjcf = "{edited(folder).name}"\n{lines}\n'
@@ -98,7 +98,7 @@ def with_problem(name: str, folder: Path) -> tuple[Subject, list[str]]:
         (text, *expected), path = MODELS[name], folder / "mine.xml"
     assert text != XML
     path.write_text(text, encoding="utf-8")
-    return Subject(str(path)), expected
+    return DoctorSubject(str(path)), expected
 
 
 @pytest.mark.parametrize("name", [*MODELS, *FIGURES, *SHIPPED])
@@ -164,7 +164,7 @@ def test_the_error_of_a_users_policy_is_reported(tmp_path: Path) -> None:
 def test_a_sound_robot_raises_no_complaint(made: Made | None, tmp_path: Path) -> None:
     path = edited(tmp_path) if made is None else made.write(tmp_path)
     policy = str(shipped.MODELS / "residual") if made is None else None
-    assert complaints(Subject(str(path), policy=policy)) == {}
+    assert complaints(DoctorSubject(str(path), policy=policy)) == {}
 
 
 def examined(cwd: Path, **environment: str) -> tuple[int, str]:
@@ -193,15 +193,15 @@ def test_a_missing_driver_of_opengl_is_found(monkeypatch: pytest.MonkeyPatch) ->
     if os.environ.get("MUJOCO_GL") != "egl":
         pytest.skip("the drivers of EGL alone can be hidden by an environment variable")
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nowhere")
-    found = complaints(Subject(), OF_THE_INSTALLATION)
+    found = complaints(DoctorSubject(), OF_THE_INSTALLATION)
     assert list(found) == ["opengl"]
     assert "libegl1" in found["opengl"].remedy
 
 
 def test_a_frame_that_never_comes_is_no_missing_driver(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installation, "PATIENCE", 0.2)
+    monkeypatch.setattr(installation, "RENDER_TIMEOUT", 0.2)
     monkeypatch.setattr(installation, "DRAW", "import time; time.sleep(1000)")
-    found = installation.opengl(Subject())
+    found = installation.opengl(DoctorSubject())
     assert found.observed.startswith(
         "no frame within 0.2 s, without the time in which other programs had the processor"
     )
@@ -210,10 +210,10 @@ def test_a_frame_that_never_comes_is_no_missing_driver(monkeypatch: pytest.Monke
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux says how long a process waited")
 def test_a_frame_that_waits_for_the_processor_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installation, "PATIENCE", 0.2)
+    monkeypatch.setattr(installation, "RENDER_TIMEOUT", 0.2)
     monkeypatch.setattr(installation, "DRAW", "import time; time.sleep(2)")
     monkeypatch.setattr("quad_env.cli.child_process.RunClock.elapsed", lambda clock: 0.0)
-    assert installation.opengl(Subject()).result == "ok"
+    assert installation.opengl(DoctorSubject()).result == "ok"
 
 
 def test_an_old_package_is_found_with_the_command_that_updates_it(
@@ -223,7 +223,7 @@ def test_an_old_package_is_found_with_the_command_that_updates_it(
     place.mkdir()
     (place / "METADATA").write_text("Metadata-Version: 2.1\nName: scipy\nVersion: 1.0\n", encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
-    found = complaints(Subject(), OF_THE_INSTALLATION[:1])["packages"]
+    found = complaints(DoctorSubject(), OF_THE_INSTALLATION[:1])["packages"]
     assert found.observed.startswith("scipy is 1.0, >=1.15 is required")
     assert found.remedy.startswith("pip install -U simple-quad")
 

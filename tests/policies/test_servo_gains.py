@@ -16,7 +16,7 @@ from policies.parameters import scaled_parameters
 from policies.poses import Stand
 from policies.trot.open_loop import TrotParameters, searched_parameters
 from quad_env import SIMPLE_QUAD
-from quad_env.robots.registry import ROBOTS, SERVOS
+from quad_env.robots.registry import MAKER_SERVOS, ROBOTS
 from tests.quad_env.robots.alike import alike
 from tests.robot_models import NEEDS_MODELS
 
@@ -115,4 +115,4 @@ def test_named_robots_have_the_gains_of_their_makers_and_our_controllers_stiffer
         np.testing.assert_array_equal(model.actuator_biasprm[:, 2], -robot.servo_damping)
     residual = policies.make("residual", robot="go1")
     assert residual.robot.servo == policies.make("trot_reference", robot="go1").robot.servo
-    assert set(SERVOS) | {"simple_quad"} == set(ROBOTS)
+    assert set(MAKER_SERVOS) | {"simple_quad"} == set(ROBOTS)

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from quad_env.describe import Options, text
+from quad_env.describe import DescribeOptions, text
 from quad_env.describe import main as describe
 from quad_env.doctor.causes import self_contacts
-from quad_env.doctor.check import Finding, Subject
+from quad_env.doctor.check import DoctorSubject, Finding
 from quad_env.doctor.stance_check import stands
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.robots.robot import Robot
@@ -23,7 +23,7 @@ JOINT = ' armature="0.01"'
 def finding(model: str, folder: Path, lines: str = "") -> Finding:
     (folder / "made.xml").write_text(model, encoding="utf-8")
     (folder / "mine.toml").write_text(f'mjcf = "made.xml"\n{lines}\n', encoding="utf-8")
-    return stands(Subject(str(folder / "mine.toml")))
+    return stands(DoctorSubject(str(folder / "mine.toml")))
 
 
 GAINS = {
@@ -85,7 +85,7 @@ def test_no_value_that_is_in_force_is_proposed(gains: str, tmp_path: Path) -> No
     for model in (MODELS["springs"][0], MODELS["placeholder inertia"][0], Made(mass=900.0, foot=FOOT).xml()):
         found = finding(model, tmp_path, gains)
         problems += found.result == "problem"
-        own = Subject(str(tmp_path / "mine.toml")).robot
+        own = DoctorSubject(str(tmp_path / "mine.toml")).robot
         for name, value in re.findall(r"(servo_\w+) = ([\d.]+)", found.remedy):
             assert float(value) != pytest.approx(float(getattr(own, name)[0]), rel=0.05)
     assert problems > 0
@@ -113,11 +113,11 @@ def test_a_robot_that_diverges_does_not_stand(tmp_path: Path, monkeypatch: pytes
         return stepped(env, action)  # type: ignore[arg-type]
 
     monkeypatch.setattr(SimpleQuadEnv, "step", diverging)
-    found = stands(Subject(str(tmp_path / "made.xml")))
+    found = stands(DoctorSubject(str(tmp_path / "made.xml")))
     assert found.result == "problem"
     assert "diverges" in found.observed
     with pytest.raises(Exception, match="diverges"):
-        describe(Options(str(tmp_path / "made.xml")))
+        describe(DescribeOptions(str(tmp_path / "made.xml")))
 
 
 WIDE_FEET = '<geom type="capsule" size="0.05" fromto="0 -0.19 -0.22 0 0.19 -0.22" mass="0.05"/>'
@@ -137,10 +137,10 @@ def test_bodies_that_press_against_each_other_are_named_and_the_remedy_helps(tmp
     (rules,) = re.findall("<contact>.*</contact>", found.remedy)
     mended = with_feet(WIDE_FEET).replace("<actuator>", rules + "<actuator>")
     assert finding(mended, tmp_path).result == "ok"
-    said = "".join(self_contacts(Subject(str(tmp_path / "mine.toml"))))
+    said = "".join(self_contacts(DoctorSubject(str(tmp_path / "mine.toml"))))
     assert said == ""
     finding(with_feet(WIDE_FEET), tmp_path)
-    assert "part2 and part5" in "".join(self_contacts(Subject(str(tmp_path / "mine.toml"))))
+    assert "part2 and part5" in "".join(self_contacts(DoctorSubject(str(tmp_path / "mine.toml"))))
 
 
 def test_a_link_that_has_the_mass_of_shapes_around_it_is_believed(tmp_path: Path) -> None:

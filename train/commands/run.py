@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, get_type_hints
 
 from quad_env.cli import launcher
-from quad_env.cli.command_line import UsageError, as_spelled
+from quad_env.cli.command_line import UsageError, normalise_option_names
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP, Command, Program
 from train.config import DEFAULTS, TrainConfig, check
@@ -69,7 +69,7 @@ def parse(words: Sequence[str]) -> TrainConfig:
 
     The defaults are those of the chosen --policy and --base, or with --resume those of the run that is continued.
     """
-    asked = as_spelled(TrainConfig, list(words))
+    asked = normalise_option_names(TrainConfig, list(words))
     words = ["--help" if word == ALL else word for word in asked]
     defaults, description = _preparse(words), f"{__doc__}{PROGRAM.listing()}"
     if HELP & set(asked):

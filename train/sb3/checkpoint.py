@@ -23,7 +23,7 @@ from safetensors.torch import save as save_tensors
 from stable_baselines3 import PPO
 
 from quad_env.cli.command_line import UsageError
-from quad_env.files.reading import LARGEST, read_bytes
+from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 
 SCHEMA, KEPT = 2, 2
@@ -130,7 +130,7 @@ def load(folder: Path) -> Checkpoint:
 def _read(record_path: Path) -> Checkpoint:
     try:
         record = json.loads(read_bytes(record_path))
-        content = read_bytes(record_path.with_suffix(".safetensors"), LARGEST)
+        content = read_bytes(record_path.with_suffix(".safetensors"), MAX_DATA_SIZE)
         if (record.pop("schema"), record.pop("sha256")) != (SCHEMA, hashlib.sha256(content).hexdigest()):
             raise ValueError(f"not whole, or not of schema {SCHEMA}")
         if type(record["steps"]) is int and isinstance(record["remembered"], dict):

@@ -12,7 +12,7 @@ from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputF
 from torch.utils.tensorboard import SummaryWriter
 
 from evaluate.analysis.results import without_nan
-from quad_env.files.reading import LARGEST, read_bytes
+from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 from train.run_folder import METRICS_FILE, TENSORBOARD
 
@@ -46,7 +46,7 @@ class _Metrics(KVWriter):
 def cut_metrics(folder: Path, steps: int) -> None:
     """Remove the metrics after so many steps, which will be written again."""
     path = folder / METRICS_FILE
-    lines = read_bytes(path, LARGEST).splitlines(keepends=True) if path.exists() else ()
+    lines = read_bytes(path, MAX_DATA_SIZE).splitlines(keepends=True) if path.exists() else ()
     kept = itertools.takewhile(lambda line: line.endswith(b"\n") and json.loads(line)["steps"] <= steps, lines)
     write_atomically(path, b"".join(kept))
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from evaluate.analysis.score import Score
 from evaluate.report.plots.drawing import Margins, figure, text_width
-from quad_env.cli.format import broken, number
+from quad_env.cli.format import break_name, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +25,7 @@ def heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "Figure
     parts = [{score.policy: score.axes for score in part} for part in (scores, hardware) if part]
     names = list(dict.fromkeys(name for part in parts for axes in part.values() for name in axes))
     policies = list(dict.fromkeys(policy for part in parts for policy in part))
-    heads = ["\n".join(broken(policy, NAME_WIDTH)) for policy in policies]
+    heads = ["\n".join(break_name(policy, NAME_WIDTH)) for policy in policies]
     counts = [max(len(rates) for axes in part.values() for rates in axes.values()) for part in parts]
     block = sum(counts) * COLUMN + (len(parts) - 1) * APART
     widest = max(text_width(line, NAME_SIZE, "bold") for head in heads for line in head.splitlines())

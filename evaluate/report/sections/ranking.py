@@ -11,7 +11,7 @@ from evaluate.report.plots import pareto as plots
 from evaluate.report.plots.drawing import svg
 from evaluate.report.sections.figures import policy_label, with_interval_below
 from evaluate.report.verdict import lines, unranked
-from quad_env.cli.format import estimate, listed, points_with
+from quad_env.cli.format import estimate, join_names, points_with
 
 
 def ranking(results: Results) -> str:
@@ -36,7 +36,7 @@ def front(results: Results, *, hardware: bool) -> str:
     if not found.front:
         return ""
     on = f"cost of transport on {found.cost_on or 'all scenarios'}"
-    caption = f"{on.capitalize()}. On the Pareto front (filled marks, line): {listed(found.front)}."
+    caption = f"{on.capitalize()}. On the Pareto front (filled marks, line): {join_names(found.front)}."
     return f"<div>{image(svg(plots.front(found, results.policies)), plots.ALT)}{note(caption)}</div>"
 
 

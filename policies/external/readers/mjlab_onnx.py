@@ -16,7 +16,7 @@ from policies.external.description import PolicySpec, Term
 from policies.external.packages import package
 from policies.external.readers.isaac_terms import term
 from policies.external.readers.settings import BY_HAND, Settings, named
-from quad_env.files.reading import largest_network, read_bytes
+from quad_env.files.reading import max_network_size, read_bytes
 from quad_env.files.text import brief, format_exception
 
 CONTROL_RATE = 50.0
@@ -89,7 +89,7 @@ def metadata_of(file: Path) -> dict[str, str]:
     """
     onnx = package("onnx")
     try:
-        model = onnx.load_model_from_string(read_bytes(file, largest_network()))
+        model = onnx.load_model_from_string(read_bytes(file, max_network_size()))
         metadata = {entry.key: entry.value for entry in model.metadata_props}
     except OSError as error:
         raise PolicyError(f"cannot read {file.name} ({error.strerror})") from None

@@ -12,7 +12,7 @@ from policies.base import PolicyError
 from policies.external.description import Numbers, Range
 from policies.external.packages import package
 from policies.external.readers import name_patterns
-from quad_env.files.reading import LARGEST_TOML, parse_json, parse_toml, read_bytes
+from quad_env.files.reading import MAX_TOML_SIZE, parse_json, parse_toml, read_bytes
 from quad_env.files.text import brief, format_exception
 
 LARGEST = 2**19
@@ -185,7 +185,7 @@ def named(folder: Path, name: str) -> Path:
 def load(file: Path) -> Settings:
     """What a file holds. Raises PolicyError, one line."""
     try:
-        content = read_bytes(file, LARGEST_TOML if file.suffix.lower() == ".toml" else LARGEST)
+        content = read_bytes(file, MAX_TOML_SIZE if file.suffix.lower() == ".toml" else LARGEST)
         if (lines := content.count(b"\n")) > LINES:
             raise PolicyError(f"{file.name} has {lines} lines: no deployment file has over {LINES}")
         found = _PARSERS.get(file.suffix.lower(), _yaml)(content.decode())

@@ -19,6 +19,7 @@ import pytest
 from evaluate.__main__ import COMMANDS, main
 from evaluate.cells import evaluation_seeds
 from evaluate.commands import options as default
+from quad_env.cli.program import options_class
 from tests.batches import Batch
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual
 from tests.evaluate.commands import test_axes, test_command, test_pages, test_replay
@@ -31,7 +32,7 @@ EVERY = pytest.mark.parametrize("name", COMMANDS)
 
 
 def options_of(command: str) -> Any:
-    return import_module(COMMANDS[command].module).Options if command else default.Options
+    return options_class(import_module(COMMANDS[command].module)) if command else default.Options
 
 
 def once(read: Callable[[Batch], Any]) -> Reading:

@@ -14,7 +14,7 @@ from evaluate.analysis.results import Results, analyse, as_json
 from evaluate.measures.outcomes import OUTCOMES
 from evaluate.report.page import render
 from policies import summary
-from quad_env.cli.format import listed
+from quad_env.cli.format import join_names
 from quad_env.scenarios.axes import AXES
 from tests.live.view.test_browser import CHROMIUM, QUIET
 
@@ -106,7 +106,7 @@ def test_the_page_names_its_command_and_day(run, page) -> None:
 def test_the_front_is_named_below_its_picture(four) -> None:
     section = four.page.split('<section id="ranking">')[1].split("</section>")[0]
     front = four.results["pareto"]["front"]
-    assert f"Cost of transport on flat. On the Pareto front (filled marks, line): {listed(front)}." in section
+    assert f"Cost of transport on flat. On the Pareto front (filled marks, line): {join_names(front)}." in section
 
 
 def test_every_plot_says_what_it_shows(page) -> None:

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from quad_env.cli.format import (
-    broken,
+    break_name,
     estimate,
     four_digits,
     interval,
-    listed,
+    join_names,
     number,
     p_value,
     percent,
@@ -30,8 +30,8 @@ def test_figures_read_as_people_write_them() -> None:
     assert points_interval((0.0, 0.057)).replace("\u00a0", " ") == "0.0 … 5.7"
     assert points(-0.25) == "−25.0"
     assert [p_value(x).replace("\u00a0", " ") for x in (0.0001, 0.0262, 1.0)] == ["p < 0.001", "p = 0.026", "p = 1.00"]
-    assert listed(["a"]) == "a"
-    assert listed(["a", "b", "c"]) == "a, b and c"
+    assert join_names(["a"]) == "a"
+    assert join_names(["a", "b", "c"]) == "a, b and c"
 
 
 @pytest.mark.parametrize(
@@ -98,5 +98,5 @@ def test_plus_and_minus_is_shown_to_the_decimals_of_its_interval() -> None:
     ],
 )
 def test_names_break_at_the_ends_of_their_words(name: str, lines: list[str]) -> None:
-    assert broken(name, 9) == lines
-    assert "".join(broken(name, 4)) == name
+    assert break_name(name, 9) == lines
+    assert "".join(break_name(name, 4)) == name

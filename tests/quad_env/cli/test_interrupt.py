@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from quad_env.cli.interrupt import Interrupt
-from quad_env.cli.progress import bar
+from quad_env.cli.progress import show_bar
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
 
@@ -55,7 +55,7 @@ def test_ctrl_c_in_a_finaliser_stops_a_loop_that_looks_for_it() -> None:
 
 
 def test_work_with_a_bar_stops_at_its_next_report() -> None:
-    with pytest.raises(KeyboardInterrupt), bar("working") as progress:  # noqa: PT012
+    with pytest.raises(KeyboardInterrupt), show_bar("working") as progress:  # noqa: PT012
         progress(0.1)
         Finalised()
         progress(0.2)

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from quad_env.cli.progress import bar, duration, show_progress, waiting
+from quad_env.cli.progress import format_duration, show_bar, show_progress, show_waiting
 
 
 def test_the_rest_takes_as_long_as_what_this_run_has_done(monkeypatch, capsys) -> None:
@@ -24,13 +24,13 @@ def test_the_rest_takes_as_long_as_what_this_run_has_done(monkeypatch, capsys) -
     ("seconds", "words"), [(0.4, "0 s"), (59.4, "59 s"), (200.0, "3 min 20 s"), (7500.0, "2 h 5 min")]
 )
 def test_durations_read_as_people_say_them(seconds, words) -> None:
-    assert duration(seconds) == words
+    assert format_duration(seconds) == words
 
 
 def test_without_a_terminal_a_bar_says_every_few_seconds_how_far_the_work_is(monkeypatch, capsys) -> None:
     clock = [0.0]
     monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
-    with bar("filming") as report:
+    with show_bar("filming") as report:
         for clock[0], share in ((1.0, 0.1), (6.0, 0.25), (9.0, 0.4), (18.0, 0.75), (19.0, 1.0)):
             report(share)
     assert capsys.readouterr().err.splitlines() == [
@@ -40,16 +40,16 @@ def test_without_a_terminal_a_bar_says_every_few_seconds_how_far_the_work_is(mon
 
 
 def test_work_that_is_done_at_once_says_nothing(capsys) -> None:
-    with bar("filming") as report:
+    with show_bar("filming") as report:
         report(1.0)
-    with waiting("writing"):
+    with show_waiting("writing"):
         pass
     assert capsys.readouterr().err == ""
 
 
 def test_work_of_unknown_length_is_named_after_a_while(monkeypatch, capsys) -> None:
     monkeypatch.setattr("quad_env.cli.progress.QUIET", 0.01)
-    with waiting("writing report.html"):
+    with show_waiting("writing report.html"):
         deadline = time.monotonic() + 20.0
         said = ""
         while not said and time.monotonic() < deadline:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from policies.base import PolicyError
 from policies.external.reference import checked
 from quad_env import SIMPLE_QUAD, Robot
-from quad_env.files.text import LONGEST, one_line, visible
+from quad_env.files.text import MAX_LINE_LENGTH, escape_control_characters, one_line
 
 
 @settings(max_examples=50)
@@ -17,7 +17,7 @@ from quad_env.files.text import LONGEST, one_line, visible
 def test_a_line_is_one_line_that_steers_nothing(text) -> None:
     line = one_line(text)
     assert line.isprintable()
-    assert len(line) <= LONGEST + 2
+    assert len(line) <= MAX_LINE_LENGTH + 2
 
 
 def test_words_are_kept() -> None:
@@ -25,7 +25,7 @@ def test_words_are_kept() -> None:
 
 
 def test_control_characters_are_shown() -> None:
-    assert visible("a\x1b[31m\n\tb\x9b\u202e ±") == "a\\x1b[31m\n\\tb\\x9b\\u202e ±"
+    assert escape_control_characters("a\x1b[31m\n\tb\x9b\u202e ±") == "a\\x1b[31m\n\\tb\\x9b\\u202e ±"
 
 
 def test_names_of_files_that_steer_a_terminal_are_refused_visibly(tmp_path: Path) -> None:

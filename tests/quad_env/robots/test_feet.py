@@ -10,7 +10,7 @@ import policies
 from quad_env import Robot
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.collision_rules import foot_geoms
-from quad_env.robots.shapes import grounded
+from quad_env.robots.shapes import ground_collision_mask
 from tests.quad_env.robots.made import PLACES, Made
 from tests.quad_env.robots.test_model_files import MESH, SHIN, robot_of_text, standing
 
@@ -156,7 +156,7 @@ def test_feet_of_different_kinds_stand_level(tmp_path: Path) -> None:
 def test_every_geom_below_the_knee_is_watched_once(tmp_path: Path) -> None:
     robot = robot_with(FEET["four balls"][0], tmp_path)
     model = robot.model
-    below = grounded(model, model.body("base_link").id)
+    below = ground_collision_mask(model, model.body("base_link").id)
     for leg in PLACES:
         if leg not in robot.leg_names:
             continue

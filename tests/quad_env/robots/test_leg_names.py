@@ -6,9 +6,9 @@ import pytest
 
 from quad_env import Robot
 from quad_env.describe import text
-from quad_env.doctor.check import Subject
+from quad_env.doctor.check import DoctorSubject
 from quad_env.doctor.model import names
-from quad_env.robots.leg_names import contradictions
+from quad_env.robots.leg_names import find_contradictions
 from quad_env.robots.registry import ROBOTS
 from tests.quad_env.robots.made import PLACES, Made
 from tests.quad_env.robots.test_parameter_inference import NAMED
@@ -35,13 +35,13 @@ def named(folder: Path, said: dict[str, str], words: dict[str, str] = WORDS) -> 
 def test_names_that_contradict_places_are_told_in_a_line(case: str, tmp_path: Path) -> None:
     said, cause = CASES[case]
     robot = named(tmp_path, said)
-    (line,) = contradictions(robot)
+    (line,) = find_contradictions(robot)
     assert cause in line
     assert "\n" not in line
     wrong = [place for place, leg in said.items() if leg != place]
     assert all(f"{WORDS[said[place]]}0 is {'front' if place[0] == 'f' else 'hind'}" in line for place in wrong)
     assert sum(line in each for each in text(robot)) == 1
-    found = names(Subject(robot))
+    found = names(DoctorSubject(robot))
     assert found.result == "warning"
     assert cause in found.remedy
     assert str(robot.mjcf) in found.remedy
@@ -57,18 +57,18 @@ TURNED = {"fl": "leftfront", "fr": "rightfront", "hl": "lefthind", "hr": "righth
 
 @pytest.mark.parametrize("words", [GLUED, TURNED], ids=["front", "left"])
 def test_two_words_in_one_are_understood(words: dict[str, str], tmp_path: Path) -> None:
-    (line,) = contradictions(named(tmp_path, MIRRORED, words))
+    (line,) = find_contradictions(named(tmp_path, MIRRORED, words))
     assert "left and right are exchanged" in line
-    assert list(contradictions(named(tmp_path, {place: place for place in words}, words))) == []
+    assert list(find_contradictions(named(tmp_path, {place: place for place in words}, words))) == []
 
 
 @pytest.mark.parametrize("words", [WORDS, SPELLED, SILENT], ids=["letters", "words", "none"])
 def test_names_that_agree_or_say_nothing_give_no_line(words: dict[str, str], tmp_path: Path) -> None:
     robot = named(tmp_path, {place: place for place in WORDS}, words)
-    assert list(contradictions(robot)) == []
-    assert names(Subject(robot)).result == "ok"
+    assert list(find_contradictions(robot)) == []
+    assert names(DoctorSubject(robot)).result == "ok"
 
 
 @pytest.mark.parametrize("name", NAMED)
 def test_the_robots_by_name_are_named_rightly(name: str) -> None:
-    assert list(contradictions(ROBOTS[name])) == []
+    assert list(find_contradictions(ROBOTS[name])) == []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from quad_env.describe import text
-from quad_env.doctor.check import Subject
+from quad_env.doctor.check import DoctorSubject
 from quad_env.doctor.model import model as doctor_reads
 from quad_env.physics.model import compile_model
 from quad_env.robots.collision_rules import foot_geoms
@@ -30,7 +30,7 @@ WITH_ARM = changed(TRUNK, TRUNK + ARM, "</actuator>", REFERRING.format(" ".join(
 
 def test_an_arm_is_where_the_keyframe_has_it_and_the_legs_are_those_of_the_robot_without(tmp_path: Path) -> None:
     robot, plain = robot_of_text(tmp_path, WITH_ARM), robot_of_text(tmp_path, PLAIN, "plain.xml")
-    assert robot.held == NAMES
+    assert robot.locked_joints == NAMES
     assert (robot.joint_names, robot.rated_torque) == (plain.joint_names, plain.rated_torque)
     assert robot.mass == pytest.approx(plain.mass + 0.35)
     assert robot.home_hip_height == pytest.approx(0.2 * np.cos(0.8) + 0.22 * np.cos(0.7))  # by the same keyframe
@@ -45,7 +45,7 @@ def test_an_arm_is_where_the_keyframe_has_it_and_the_legs_are_those_of_the_robot
     np.testing.assert_allclose(*places, atol=1e-9)
     said = f"held at their reference: {', '.join(NAMES)}"
     assert sum(line.endswith(said) for line in text(robot)) == 1
-    assert doctor_reads(Subject(robot)).observed.endswith(said)
+    assert doctor_reads(DoctorSubject(robot)).observed.endswith(said)
     standing(robot)
 
 
@@ -62,7 +62,7 @@ def test_an_arm_is_no_part_of_the_trunk_s_box_and_falls_with_it(tmp_path: Path) 
 
 def test_a_locked_wheel_is_the_foot_of_its_leg(tmp_path: Path) -> None:
     robot = robot_of_text(tmp_path, Made(foot=SHIN + WHEEL).xml())
-    assert len(robot.held) == 4
+    assert len(robot.locked_joints) == 4
     feet = [geom for leg in robot.leg_names for geom in foot_geoms(robot.model, leg)]
     assert [int(robot.model.geom_type[geom]) for geom in feet] == 4 * [mujoco.mjtGeom.mjGEOM_CYLINDER]
     _, info = standing(robot)
@@ -75,6 +75,6 @@ def test_a_locked_wheel_is_the_foot_of_its_leg(tmp_path: Path) -> None:
 def test_spot_with_its_arm_stands_as_spot_does() -> None:
     spot = ROBOTS["spot"]
     robot = Robot.from_mjcf(spot.mjcf.with_name("spot_arm.xml"))
-    assert robot.held == tuple(f"arm_{joint}" for joint in ("sh0", "sh1", "el0", "el1", "wr0", "wr1", "f1x"))
+    assert robot.locked_joints == tuple(f"arm_{joint}" for joint in ("sh0", "sh1", "el0", "el1", "wr0", "wr1", "f1x"))
     assert (robot.leg_names, robot.leg_length) == (spot.leg_names, pytest.approx(spot.leg_length, abs=2e-3))
     standing(robot)

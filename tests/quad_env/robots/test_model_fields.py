@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from quad_env.describe import Options, text
+from quad_env.describe import DescribeOptions, text
 from quad_env.describe import main as describe
-from quad_env.doctor.check import Subject
+from quad_env.doctor.check import DoctorSubject
 from quad_env.doctor.model import model as doctor_reads
 from quad_env.doctor.stance_check import stands
 from quad_env.physics.batch import make_batch
@@ -99,7 +99,7 @@ def test_what_the_robot_lacks_is_named_and_it_stands_without(line: tuple[str, st
     robot = robot_of_text(tmp_path, LACKING[line])
     (said,) = (each for each in text(robot) if each.startswith(f"{heading:12} "))
     assert words in said
-    assert any(words in detail for detail in doctor_reads(Subject(robot)).details)
+    assert any(words in detail for detail in doctor_reads(DoctorSubject(robot)).details)
     env, _ = standing(robot)
     data = env.simulation.snapshot(0)
     carried = sum(float(data.sensor(f"{leg}_foot_touch").data[0]) for leg in robot.leg_names)
@@ -222,12 +222,12 @@ def test_springs_of_joints_are_the_cause_where_they_pull_the_robot_down(stiffnes
     """Not its servos, whose stiffness is the usual one; without the springs it stands."""
     free = PLAIN.replace("<freejoint/>", '<joint type="free"/>')
     sprung = free.replace(GEOM, f'{GEOM}<joint stiffness="{stiffness}"/>')
-    found = stands(Subject(robot_of_text(tmp_path, sprung)))
+    found = stands(DoctorSubject(robot_of_text(tmp_path, sprung)))
     assert found.result == "problem"
     assert "springs in the joints of the model pull against the servos" in found.cause
     assert f"up to {stiffness.split()[-1]} N·m at 1 rad" in found.cause
     assert found.remedy.startswith("stiffness = 0 of these joints")
-    assert stands(Subject(robot_of_text(tmp_path, free))).result == "ok"
+    assert stands(DoctorSubject(robot_of_text(tmp_path, free))).result == "ok"
 
 
 @pytest.mark.parametrize("attribute", ['stiffness="3"', 'stiffness="0 1 0"', 'damping="0.1 0.2 0"'])
@@ -258,5 +258,5 @@ def test_a_linkage_is_named_once_the_torque_is_given(tmp_path: Path, capsys: pyt
         Robot.from_mjcf(path)
     toml = tmp_path / "linkage.toml"
     toml.write_text('mjcf = "linkage.xml"\nrated_torque = 30.0\n', encoding="utf-8")
-    assert describe(Options(str(toml))) == 0
+    assert describe(DescribeOptions(str(toml))) == 0
     assert "4 equalities (joint A2 to crankA, joint B2 to crankB, " in capsys.readouterr().out

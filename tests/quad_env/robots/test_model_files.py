@@ -23,9 +23,9 @@ from quad_env.physics.model import compile_model
 from quad_env.robots import model_file
 from quad_env.robots.collision_rules import foot_geoms
 from quad_env.robots.model_file import read
-from quad_env.robots.plausibility import warnings_of
-from quad_env.robots.registry import ROBOTS, WHEEL
-from quad_env.robots.shapes import welded
+from quad_env.robots.plausibility import find_warnings
+from quad_env.robots.registry import MODEL_PACKAGE, ROBOTS
+from quad_env.robots.shapes import welded_bodies
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.robots.structure import ModelError
 from quad_env.scenarios.named import SCENARIOS
@@ -241,7 +241,7 @@ def test_each_colliding_geom_of_each_robot_s_trunk_on_the_ground_is_a_fall(name:
     model, batch = env.simulation.model, env.simulation.batch
     stepped = copy.copy(batch.model)
     solid = (model.geom_contype | model.geom_conaffinity) != 0
-    trunk = np.isin(model.geom_bodyid, welded(model, model.body("base_link").id)) & solid
+    trunk = np.isin(model.geom_bodyid, welded_bodies(model, model.body("base_link").id)) & solid
     assert trunk.any()
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -367,7 +367,7 @@ def test_settings_of_the_file_that_are_ours_are_taken_without_a_word(tmp_path: P
 
 
 def test_unlikely_figures_are_named_and_not_refused(tmp_path: Path) -> None:
-    assert list(warnings_of(robot_of_text(tmp_path, PLAIN))) == []
+    assert list(find_warnings(robot_of_text(tmp_path, PLAIN))) == []
     said = {
         "a placeholder": Made(torque=1000.0).xml(),
         "masses in another unit": Made(torque=0.5).xml(),
@@ -378,7 +378,7 @@ def test_unlikely_figures_are_named_and_not_refused(tmp_path: Path) -> None:
         ),
     }
     for words, model in said.items():
-        lines = list(warnings_of(robot_of_text(tmp_path, model)))
+        lines = list(find_warnings(robot_of_text(tmp_path, model)))
         assert sum(words in line for line in lines) == 1, lines
 
 
@@ -471,7 +471,7 @@ def test_a_model_is_read_apart_once_and_no_installed_one_is(tmp_path: Path, monk
     assert set(asked) == {tmp_path / "made.xml"}
     asked.clear()
     model_file.read(SIMPLE_QUAD.mjcf)
-    if find_spec(WHEEL) is not None:
+    if find_spec(MODEL_PACKAGE) is not None:
         model_file.read(ROBOTS["go1"].mjcf)
     assert not asked
 
@@ -487,7 +487,7 @@ def test_thousands_of_parts_that_are_left_out_are_refused_at_once(parts: str, ki
 def test_what_is_negative_in_a_joint_is_named(what: str, tmp_path: Path) -> None:
     others = "" if what == "armature" else 'armature="0.01" '
     model = PLAIN.replace('armature="0.01"', f'{others}{what.replace(" ", "")}="-0.001"')
-    (line,) = (each for each in warnings_of(robot_of_text(tmp_path, model)) if "negative" in each)
+    (line,) = (each for each in find_warnings(robot_of_text(tmp_path, model)) if "negative" in each)
     assert line.endswith(f"11 more have a negative {what}: it must be at least 0")
 
 
@@ -507,5 +507,5 @@ def test_what_is_not_finite_of_joints_and_motors_is_named(joint: str, motor: str
 
 def test_a_torque_beyond_all_numbers_makes_a_short_line(tmp_path: Path) -> None:
     model = PLAIN.replace('ctrlrange="-30.0 30.0"', 'ctrlrange="-1e300 1e300"')
-    (line,) = warnings_of(robot_of_text(tmp_path, model))
+    (line,) = find_warnings(robot_of_text(tmp_path, model))
     assert "1000000 times what standing takes or more" in line

@@ -6,7 +6,7 @@ import mujoco
 import pytest
 
 from quad_env.describe import text
-from quad_env.doctor.check import Subject
+from quad_env.doctor.check import DoctorSubject
 from quad_env.doctor.model import model as doctor_reads
 from quad_env.doctor.stance_check import stands
 from quad_env.robots.registry import ROBOTS
@@ -42,11 +42,11 @@ def test_thighs_in_the_trunk_are_named_and_do_not_push_it(tmp_path: Path) -> Non
     (line,) = (line for line in text(robot) if line.startswith("overlap"))
     assert line.count(" mm") == 4
     assert "torso" in line
-    found = doctor_reads(Subject(robot))
+    found = doctor_reads(DoctorSubject(robot))
     assert any("overlap" in detail for detail in found.details)
     _, info = standing(robot)
     assert info["foot_contact"].all()
-    assert stands(Subject(robot)).result == "ok"
+    assert stands(DoctorSubject(robot)).result == "ok"
 
 
 def test_an_explicit_pair_of_shapes_that_overlap_does_not_collide_either(tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_what_does_not_overlap_still_collides(tmp_path: Path) -> None:
     robot = robot_of_text(tmp_path, Made(foot=SHIN + Made().foot).xml())
     assert robot.model.nexclude == 0
     assert not [line for line in text(robot) if line.startswith("overlap")]
-    assert not [line for line in doctor_reads(Subject(robot)).details if "overlap" in line]
+    assert not [line for line in doctor_reads(DoctorSubject(robot)).details if "overlap" in line]
 
 
 @pytest.mark.parametrize("name", NAMED)

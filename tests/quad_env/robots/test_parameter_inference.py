@@ -14,7 +14,7 @@ from quad_env import OBSERVATION, ModelError, Robot
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.kinematics import foot_positions
-from quad_env.robots.plausibility import warnings_of
+from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.registry import ROBOTS, get_robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.made import ANKLE, ARM, PLACES, Made
@@ -57,7 +57,7 @@ def test_feet_are_where_mujoco_has_them_and_inverse_kinematics_undo_that(robot: 
         np.testing.assert_allclose(ours, theirs, atol=2e-4)  # the legs of b2 differ by 0.1 mm
     legs = robot.home_pose.reshape(4, 3) + rng.uniform(-0.2, 0.2, (50, 4, 3))
     np.testing.assert_allclose(joint_angles(robot, foot_positions(robot, legs)), legs, atol=1e-9)
-    assert list(warnings_of(robot)) == [], "its figures are likely"
+    assert list(find_warnings(robot)) == [], "its figures are likely"
 
 
 @pytest.mark.parametrize("robot", WALKING, indirect=True)

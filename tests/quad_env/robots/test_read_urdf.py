@@ -7,7 +7,7 @@ import pytest
 
 import policies
 from quad_env import ModelError, Robot
-from quad_env.doctor.check import Subject
+from quad_env.doctor.check import DoctorSubject
 from quad_env.doctor.stance_check import stands
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.registry import get_robot
@@ -76,7 +76,7 @@ def test_it_is_read_as_an_mjcf_is_and_stands(kind: str, tmp_path: Path) -> None:
     for figure in ("mass", "hip_offset", "thigh_length", "trunk_size", "rated_torque", "joint_lower", "joint_upper"):
         np.testing.assert_allclose(getattr(robot, figure), getattr(made, figure), atol=1e-9, err_msg=figure)
     assert robot.calf_length + robot.foot_radius == pytest.approx(0.245)
-    assert stands(Subject(robot)).result == "ok"
+    assert stands(DoctorSubject(robot)).result == "ok"
 
 
 def test_it_walks_with_predictive_control(tmp_path: Path) -> None:

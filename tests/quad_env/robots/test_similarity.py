@@ -22,7 +22,7 @@ from policies.virtual_model.parameters import VirtualParameters
 from quad_env import OBSERVATION, scenario
 from quad_env.robots import similarity
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import scale_factor, servo_gains
+from quad_env.robots.similarity import scale_factor, scaled_servo_gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
@@ -41,8 +41,8 @@ def test_servos_pose_and_speed_of_an_imported_robot_are_those_of_a_simple_quad_o
     assert small.mass == pytest.approx(HEAVIER * SIMPLE_QUAD.mass)
     for name, unit in (("servo_stiffness", "N·m"), ("rated_torque", "N·m"), ("rated_speed", "rad/s")):
         assert getattr(small, name) == pytest.approx(scale_factor(small, unit) * getattr(SIMPLE_QUAD, name)), name
-    assert small.servo_stiffness == pytest.approx(servo_gains(small)[0])
-    assert small.servo_damping == pytest.approx(servo_gains(small)[1])
+    assert small.servo_stiffness == pytest.approx(scaled_servo_gains(small)[0])
+    assert small.servo_damping == pytest.approx(scaled_servo_gains(small)[1])
     np.testing.assert_allclose(small.home_pose, SIMPLE_QUAD.home_pose, atol=1e-6)
 
 
@@ -109,10 +109,10 @@ def test_simple_quads_own_parameters_are_left_alone() -> None:
 def test_feet_that_stand_under_their_hips_do_so_on_every_robot(tmp_path: Path) -> None:
     robot = Robot.from_mjcf(Made().write(tmp_path))
     straight, apart = 0.5 * (SIMPLE_QUAD.hip_positions[0, 1] + SIMPLE_QUAD.hip_offset), 0.1 + 0.08
-    assert similarity.scaled(robot, 4.0 * straight, similarity.LATERAL_LENGTH) == pytest.approx(2.0 * apart)
-    beyond = similarity.scaled(robot, 4.0 * straight + 0.1, similarity.LATERAL_LENGTH) - 2.0 * apart
+    assert similarity.scale_to_robot(robot, 4.0 * straight, similarity.LATERAL_LENGTH) == pytest.approx(2.0 * apart)
+    beyond = similarity.scale_to_robot(robot, 4.0 * straight + 0.1, similarity.LATERAL_LENGTH) - 2.0 * apart
     assert beyond == pytest.approx(0.1 * robot.leg_length / SIMPLE_QUAD.leg_length)
-    assert similarity.scaled(robot, 0.5, similarity.LONGITUDINAL_LENGTH) == pytest.approx(0.4)
+    assert similarity.scale_to_robot(robot, 0.5, similarity.LONGITUDINAL_LENGTH) == pytest.approx(0.4)
 
 
 def test_a_robot_that_stands_lower_walks_lower_and_steps_as_fast_as_animals_of_its_mass(tmp_path: Path) -> None:
@@ -144,7 +144,7 @@ SAME = {
     "s⁴/rad²": "s⁴",
     similarity.LATERAL_LENGTH: "m",
     similarity.LONGITUDINAL_LENGTH: "m",
-} | {similarity.HIGH: "m"}
+} | {similarity.HIP_HEIGHT: "m"}
 """Units of one dimension."""
 
 
@@ -170,7 +170,7 @@ def test_the_unit_of_a_parameter_is_the_one_that_its_docstring_tells(kind: type[
     told = told_units(kind)
     assert len(told) >= 5
     for name, unit in told.items():
-        own = units[name].removesuffix(similarity.AHEAD)
+        own = units[name].removesuffix(similarity.KNEE_SIGN_SUFFIX)
         assert SAME.get(own, own) == SAME.get(unit, unit), name
 
 
