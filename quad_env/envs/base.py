@@ -27,7 +27,7 @@ from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.schedule import EpisodeSchedule
 from quad_env.sensing.estimators import COMPLEMENTARY, Estimator, check_estimator
-from quad_env.sensing.height_scan import HeightScan, scanner_of, table_with
+from quad_env.sensing.height_scan import HeightScan, make_scanner, table_with
 from quad_env.sensing.observation import SensorObservation, make_observation_model
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
@@ -147,7 +147,7 @@ class QuadEnvBase:
         self._action_delay = action_delay_of(robot, self.scenario, num_envs, self.dt)
         self._sensors = make_observation_model(suite, estimator, self.simulation, self.scenario, num_envs, rate)
         scan = _setting(height_scan)
-        self._scanner = scanner_of(scan, self.scenario, num_envs, rate)
+        self._scanner = make_scanner(scan, self.scenario, num_envs, rate)
         self.observation_table = table = table_with(robot, scan, self._user_terms)
         """Terms and slices of the observation."""
         self._lower, self._upper = robot.joint_lower, robot.joint_upper

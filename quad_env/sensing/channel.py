@@ -1,56 +1,78 @@
-"""A sensor's samples, their noise, and their way to the reader: taken at a rate, seen late."""
+"""Samples of a sensor: noise from a stream per robot, sample rate and delay."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Array, EnvIndices
+from quad_env.columns import Array, EnvIndices, Mask
 
 Clock = NDArray[np.int64]
 """Control steps of some robots since the start of their episodes, (k,)."""
 BLOCK = 50
-"""Control steps for which a robot's noise is drawn at once."""
+"""Control steps. A robot's noise is drawn for so long at once; a larger block saves calls and takes more memory."""
 
 
 class Noise:
-    """White noise of n robots, each from its own stream; `deviation`, (k,), is the standard deviation of each entry.
+    """White noise of n robots, from one random stream per robot.
 
-    Drawn a block of steps at a time: that of a step depends on the robot's stream and the step alone.
+    It is drawn in blocks of control steps: the noise of a step depends on the robot's stream and the step alone.
+
+    Args:
+        num_envs: Number of robots.
+        std: Standard deviation of each entry, (width,).
     """
 
-    def __init__(self, num_envs: int, deviation: NDArray[np.float32]) -> None:
-        self._deviation = deviation
-        self._noise = np.zeros((num_envs, BLOCK, len(deviation)), np.float32)
+    def __init__(self, num_envs: int, std: NDArray[np.float32]) -> None:
+        self._std = std
+        self._noise = np.zeros((num_envs, BLOCK, len(std)), np.float32)
         self._block = np.full(num_envs, -1)
-        """Which block of steps each robot's noise is of."""
+        """Number of the block that `_noise` holds, per robot."""
         self._streams: list[np.random.Generator | None] = [None] * num_envs
 
-    def reset(self, row: int, stream: np.random.Generator) -> None:
-        """That robot starts an episode, whose stream this is."""
-        self._block[row], self._streams[row] = -1, stream
+    def reset(self, env_index: int, stream: np.random.Generator) -> None:
+        """Start an episode of robot `env_index`, with noise from `stream`."""
+        self._block[env_index] = -1
+        self._streams[env_index] = stream
 
-    def at(self, clock: NDArray[np.int64], rows: EnvIndices) -> NDArray[np.float32]:
-        """Noise of those robots at these control steps since their start, which only go up, (n, k)."""
+    def at(self, clock: Clock, env_ids: EnvIndices) -> NDArray[np.float32]:
+        """Return the noise of some robots at their control steps.
+
+        Args:
+            clock: Control steps since the start of the episode, (k,); they must not decrease from call to call.
+            env_ids: Indices of the robots, (k,).
+
+        Returns:
+            Noise, (k, width).
+        """
         block = clock // BLOCK
-        for row in rows[self._block[rows] != block]:
-            noise, stream = self._noise[row], self._streams[row]
+        for env_index in env_ids[self._block[env_ids] != block]:
+            noise = self._noise[env_index]
+            stream = self._streams[env_index]
             assert stream is not None
             stream.standard_normal(out=noise, dtype=np.float32)
-            noise *= self._deviation
-        self._block[rows] = block
-        return self._noise[rows, clock % BLOCK]
+            noise *= self._std
+        self._block[env_ids] = block
+        return self._noise[env_ids, clock % BLOCK]
 
 
 class Channel:
-    """Samples of one sensor of n robots; sample s is that of control step s times `period`.
+    """Buffered samples of one sensor of n robots, with its sample rate and delay.
 
     Args:
-        num_envs, width: of the samples, (num_envs, width).
-        rate: samples a second; None for one a control step.
-        delay: s from taking a sample to seeing it.
-        control_rate: Hz, a whole multiple of the rate.
-        oldest: control steps back in time to which the samples are asked for; at least the delay.
+        num_envs: Number of robots.
+        width: Entries of a sample.
+        rate: Sample rate, Hz; None for the control rate.
+        delay: Time from taking a sample to seeing it, s.
+        control_rate: Hz; an integer multiple of the sample rate.
+        max_delay_steps: Oldest samples that are read, control steps; at least the delay is kept.
+
+    Raises:
+        ValueError: The control rate is no integer multiple of the sample rate.
+
+    Attributes:
+        period: Control steps between samples; sample s is taken at control step s * period.
+        delay_steps: Control steps from taking a sample to seeing it.
     """
 
     def __init__(
@@ -58,54 +80,76 @@ class Channel:
     ) -> None:
         rate = control_rate if rate is None else rate
         self.period = round(control_rate / rate)
-        """Control steps from sample to sample."""
         if self.period < 1 or abs(self.period * rate - control_rate) > 1e-9:
             raise ValueError(
                 f"a sensor's rate must be the control rate, {control_rate} Hz, or a whole part, got {rate}"
             )
-        self.late = delay_to_steps(delay, control_rate)
-        """Control steps from taking a sample to seeing it."""
+        self.delay_steps = delay_to_steps(delay, control_rate)
         self._control_rate = control_rate
-        self._samples = np.zeros((max(max_delay_steps, self.late) // self.period + 3, num_envs, width))
-        """Sample s is at s modulo its length; two more than are seen late, for differences."""
+        # Sample s lies at index s modulo the length, which has room for two samples more: for differences.
+        length = max(max_delay_steps, self.delay_steps) // self.period + 3
+        self._samples = np.zeros((length, num_envs, width))
 
-    def record(self, values: Array | NDArray[np.float32], clock: Clock, rows: EnvIndices) -> None:
-        """Samples of those robots' sensors, which would now read these values, (k, width); kept where one is due."""
-        due = clock % self.period == 0
-        self._samples[clock[due] // self.period % len(self._samples), rows[due]] = values[due]
-        first = clock == 0
-        if first.any():
-            self._samples[:, rows[first]] = values[first]
+    def record(self, values: Array | NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
+        """Store the values where a sample is due; the first sample of an episode fills the buffer.
 
-    def value(self, clock: Clock, rows: EnvIndices, delay_steps: int | None = None) -> Array:
-        """The newest sample that is at least `late` control steps old, by default those of the delay, (k, width).
-
-        Until there is one, the first.
+        Args:
+            values: Present readings, (k, width).
+            clock: Control steps since the start of the episode, (k,).
+            env_ids: Indices of the robots, (k,).
         """
-        return self._samples[self._number(clock, delay_steps) % len(self._samples), rows]
+        is_due = clock % self.period == 0
+        self._samples[clock[is_due] // self.period % len(self._samples), env_ids[is_due]] = values[is_due]
+        is_first = clock == 0
+        if is_first.any():
+            self._samples[:, env_ids[is_first]] = values[is_first]
 
-    def previous(self, clock: Clock, rows: EnvIndices, delay_steps: int | None = None) -> Array:
-        """The sample before that of `value`, (k, width); the first has itself before it."""
-        return self.value(clock - self.period, rows, delay_steps)
+    def value(self, clock: Clock, env_ids: EnvIndices, delay_steps: int | None = None) -> Array:
+        """Return the newest sample that is old enough to be seen; before that, the first sample.
 
-    def is_new(self, clock: Clock, delay_steps: int) -> NDArray[np.bool_]:
-        """Whose sample of `value` was not there one control step earlier, (k,)."""
-        is_new: NDArray[np.bool_] = np.logical_and(clock >= delay_steps, (clock - delay_steps) % self.period == 0)
+        Args:
+            clock: Control steps since the start of the episode, (k,).
+            env_ids: Indices of the robots, (k,).
+            delay_steps: Minimum age of the sample, control steps; by default the sensor's delay.
+
+        Returns:
+            Sample, (k, width).
+        """
+        return self._samples[self._sample_index(clock, delay_steps) % len(self._samples), env_ids]
+
+    def previous(self, clock: Clock, env_ids: EnvIndices, delay_steps: int | None = None) -> Array:
+        """Return the sample before the one of `value`; the first sample precedes itself.
+
+        Args:
+            clock: Control steps since the start of the episode, (k,).
+            env_ids: Indices of the robots, (k,).
+            delay_steps: Minimum age of the sample of `value`, control steps; by default the sensor's delay.
+
+        Returns:
+            Sample, (k, width).
+        """
+        return self.value(clock - self.period, env_ids, delay_steps)
+
+    def is_new(self, clock: Clock, delay_steps: int) -> Mask:
+        """Return True, (k,), where the sample at age `delay_steps` became visible in step `clock`."""
+        is_new: Mask = np.logical_and(clock >= delay_steps, (clock - delay_steps) % self.period == 0)
         return is_new
 
     def time(self, clock: Clock) -> Array:
-        """When the sample of `value` was taken, s since the start of the episode, (k,)."""
-        return self._number(clock, None) * self.period / self._control_rate
+        """Return the time at which the sample of `value` was taken, (k,), s since the start of the episode."""
+        return self._sample_index(clock, None) * self.period / self._control_rate
 
     @property
     def sample_period(self) -> float:
-        """s from sample to sample."""
+        """Time between two samples, s."""
         return self.period / self._control_rate
 
-    def _number(self, clock: Clock, delay_steps: int | None) -> NDArray[np.int64]:
-        return np.maximum((clock - (self.late if delay_steps is None else delay_steps)) // self.period, 0)
+    def _sample_index(self, clock: Clock, delay_steps: int | None) -> NDArray[np.int64]:
+        """Return the index of the newest visible sample of the episode, (k,)."""
+        age = self.delay_steps if delay_steps is None else delay_steps
+        return np.maximum((clock - age) // self.period, 0)
 
 
 def delay_to_steps(delay: float, control_rate: float) -> int:
-    """Control steps that a delay, s, takes: what arrives between two of them is seen at the next."""
+    """Return the control steps of a `delay`, s, at the `control_rate`, Hz, rounded up to the next step."""
     return math.ceil(delay * control_rate - 1e-9)

@@ -1,18 +1,19 @@
-"""Motion of a robot whose feet stand, as its own sensors measure it: its prediction, and that of an error.
+"""Process model of the Kalman filter: motion of a robot in stance from its own sensors, and its error dynamics.
 
-Vectors are in the base frame: g the unit vector of gravity, v the velocity of the trunk's centre, p the centre of each
-foot from the trunk's centre; ω what the gyroscope says less its bias, f the accelerometer's mean less its bias, G
-9.81 m/s². Over a control period dt the base frame turns by ω dt; D = Exp(-ω dt) brings a vector into the new frame:
+Vectors are in the base frame. g is the unit vector of gravity, v the velocity of the trunk's centre, and p the centre
+of each foot relative to the trunk's centre. ω is the gyroscope reading minus its bias, f the mean accelerometer reading
+minus its bias, and G 9.81 m/s². Over a control period dt the base frame turns by ω dt; D = Exp(-ω dt) brings a vector
+into the new frame:
 
     g ← D g,    v ← D v + dt (½ (D + 1) f + G g),    p ← D p - ½ dt (D v_before + v) + c × (-r g)
 
-The last term is the roll of a ball-shaped foot of radius r, c being what its calf has turned by. There is no heading
-and no place: neither can be observed. The model is that of Bloesch et al., State estimation for legged robots (RSS
-2012), and of Hartley et al., Contact-aided invariant extended Kalman filtering (IJRR 2020), seen from the robot, with
-gravity alone kept of the attitude.
+The last term is the rolling of a ball-shaped foot of radius r; c is the rotation of its calf in the period. Heading and
+position are no states, because neither can be observed. The model is the one of Bloesch et al., State estimation for
+legged robots (RSS 2012), and of Hartley et al., Contact-aided invariant extended Kalman filtering (IJRR 2020), in the
+base frame, with gravity as the only part of the attitude.
 
-An error is a vector of `size` entries, at the places `TILT` (a small turn: the true g is Exp(error) g), `VELOCITY`,
-`GYRO_BIAS`, `ACCELEROMETER_BIAS` and `foot(i)`: the truth less the estimate.
+An error is a vector of `error_dim` entries: the truth minus the estimate. Its parts are `TILT` (a small rotation: the
+true g is Exp(error) g), `VELOCITY`, `GYRO_BIAS`, `ACCELEROMETER_BIAS` and `foot(leg)`.
 """
 
 from typing import NamedTuple
@@ -25,137 +26,188 @@ from quad_env.physics.rotations import skew
 from quad_env.robots.robot import Robot
 from quad_env.sensing.estimator import unit
 
-TILT, VELOCITY, GYRO_BIAS, ACCELEROMETER_BIAS = (slice(3 * part, 3 * part + 3) for part in range(4))
-FEET = slice(ACCELEROMETER_BIAS.stop, None)
+TILT = slice(0, 3)
+VELOCITY = slice(3, 6)
+GYRO_BIAS = slice(6, 9)
+ACCELEROMETER_BIAS = slice(9, 12)
+FEET = slice(12, None)
 IDENTITY = np.eye(3)
 
 
 class NominalState(NamedTuple):
-    """Motion of k robots."""
+    """Estimated motion of k robots, base frame; the Kalman filter holds one for its whole batch."""
 
     gravity: Array
-    """Unit vectors, (k, 3)"""
+    """Unit vector of gravity, (k, 3)."""
     velocity: Array
-    """Of the trunk's centre, m/s, (k, 3)"""
+    """Velocity of the trunk's centre, (k, 3), m/s."""
     gyro_bias: Array
-    """rad/s, (k, 3)"""
+    """Bias of the gyroscope, (k, 3), rad/s."""
     accelerometer_bias: Array
-    """m/s², (k, 3)"""
+    """Bias of the accelerometer, (k, 3), m/s²."""
     feet: Array
-    """Centres of the feet from the trunk's centre, m, (k, 4, 3)"""
+    """Centres of the feet relative to the trunk's centre, (k, 4, 3), m."""
 
 
 class StepMeasurements(NamedTuple):
-    """Readings of the sensors of k robots in a control period."""
+    """Sensor readings of k robots over one control period."""
 
     angular_velocity: Array
-    """Mean angular velocity by the gyroscope, rad/s, (k, 3)"""
-    force: Array
-    """Mean specific force by the accelerometer, m/s², (k, 3)"""
-    joints_before: Array
-    """Angles at its start, rad, (k, 4, 3)"""
+    """Mean of the gyroscope at both ends of the period, (k, 3), rad/s."""
+    specific_force: Array
+    """Mean reading of the accelerometer, (k, 3), m/s²."""
+    previous_joints: Array
+    """Joint angles at the start of the period, (k, 4, 3), rad."""
     joints: Array
-    """Angles at its end, rad, (k, 4, 3)"""
+    """Joint angles at its end, (k, 4, 3), rad."""
 
 
 class RotatedState(NamedTuple):
-    """A motion of k robots in the axes of a later moment, and what it is that goes on."""
+    """A motion of k robots in the base frame of one control period later, and the inputs of its prediction."""
 
-    turn: Array
-    """D of the module's formulas, (k, 3, 3)"""
-    force: Array
-    """f, m/s², in the axes before, (k, 3)"""
+    rotation: Array
+    """D of the module's formulas, from the old base frame to the new one, (k, 3, 3)."""
+    specific_force: Array
+    """f, old base frame, (k, 3), m/s²."""
     gravity: Array
-    """D g, (k, 3)"""
+    """D g, (k, 3)."""
     velocity: Array
-    """D v, m/s, (k, 3)"""
-    calves: Array
-    """c, rad, (k, 4, 3)"""
+    """D v, (k, 3), m/s."""
+    calf_rotation: Array
+    """c, (k, 4, 3), rad."""
 
 
 def error_dim(robot: Robot) -> int:
-    """Entries of an error."""
+    """Return the number of entries of the robot's error vector."""
     return FEET.start + 3 * len(robot.leg_names)
 
 
-def foot(number: int) -> slice:
-    """Place of a foot's position in an error."""
-    return slice(FEET.start + 3 * number, FEET.start + 3 * number + 3)
+def foot(leg: int) -> slice:
+    """Return the slice of the error vector that holds the foot position of leg number `leg`."""
+    return slice(FEET.start + 3 * leg, FEET.start + 3 * leg + 3)
 
 
-def rotate_state(motion: NominalState, samples: StepMeasurements, dt: float) -> RotatedState:
-    """The motion in the axes of a moment `dt`, s, later."""
-    angular_velocity = samples.angular_velocity - motion.gyro_bias
-    turn = exp_so3(-dt * angular_velocity)
-    change, hip = samples.joints - samples.joints_before, 0.5 * (samples.joints + samples.joints_before)[..., 0]
-    bend = change[..., 1] + change[..., 2]
-    by_joints = np.stack((change[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)
+def rotate_state(state: NominalState, measurements: StepMeasurements, dt: float) -> RotatedState:
+    """Express a motion in the base frame of one control period later.
+
+    Args:
+        state: Motion of k robots at the start of the period.
+        measurements: Sensor readings of the period.
+        dt: Control period, s.
+
+    Returns:
+        The rotated motion, the bias-free specific force and the rotation of the calves.
+    """
+    angular_velocity = measurements.angular_velocity - state.gyro_bias
+    rotation = exp_so3(-dt * angular_velocity)
+    joint_change = measurements.joints - measurements.previous_joints
+    hip = 0.5 * (measurements.joints + measurements.previous_joints)[..., 0]
+    bend = joint_change[..., 1] + joint_change[..., 2]
+    joint_rotation = np.stack((joint_change[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)
     return RotatedState(
-        turn,
-        samples.force - motion.accelerometer_bias,
-        matvec(turn, motion.gravity),
-        matvec(turn, motion.velocity),
-        dt * angular_velocity[:, None] + by_joints,
+        rotation,
+        measurements.specific_force - state.accelerometer_bias,
+        matvec(rotation, state.gravity),
+        matvec(rotation, state.velocity),
+        dt * angular_velocity[:, None] + joint_rotation,
     )
 
 
-def predict(robot: Robot, motion: NominalState, to: RotatedState, dt: float) -> NominalState:
-    """The motion one `dt`, s, later."""
-    gravity = unit(to.gravity)
-    velocity = to.velocity + dt * (matvec(0.5 * (to.turn + IDENTITY), to.force) + GRAVITY * gravity)
-    rolled = -robot.foot_radius * np.cross(to.calves, gravity[:, None])
-    feet = matvec(to.turn[:, None], motion.feet) - 0.5 * dt * (to.velocity + velocity)[:, None] + rolled
-    return motion._replace(gravity=gravity, velocity=velocity, feet=feet)
+def predict(robot: Robot, state: NominalState, rotated: RotatedState, dt: float) -> NominalState:
+    """Predict the motion one control period later, with all feet at rest on the ground.
+
+    Args:
+        robot: Geometry of the robots.
+        state: Motion of k robots at the start of the period.
+        rotated: The same motion, as `rotate_state` returns it.
+        dt: Control period, s.
+
+    Returns:
+        The predicted motion; the biases do not change.
+    """
+    gravity = unit(rotated.gravity)
+    acceleration = matvec(0.5 * (rotated.rotation + IDENTITY), rotated.specific_force) + GRAVITY * gravity
+    velocity = rotated.velocity + dt * acceleration
+    rolling = -robot.foot_radius * np.cross(rotated.calf_rotation, gravity[:, None])
+    mean_motion = 0.5 * dt * (rotated.velocity + velocity)
+    feet = matvec(rotated.rotation[:, None], state.feet) - mean_motion[:, None] + rolling
+    return state._replace(gravity=gravity, velocity=velocity, feet=feet)
 
 
 def error_transition_matrix(
-    robot: Robot, motion: NominalState, samples: StepMeasurements, to: RotatedState, dt: float
+    robot: Robot, state: NominalState, measurements: StepMeasurements, rotated: RotatedState, dt: float
 ) -> Array:
-    """Derivatives of the error after `predicted` by the error before, (k, size, size)."""
-    turn, velocity = to.turn, to.velocity
-    down, half = skew(to.gravity), 0.5 * (turn + IDENTITY)
-    biased = dt * (IDENTITY - 0.5 * dt * skew(samples.angular_velocity - motion.gyro_bias))
-    out = np.zeros((len(turn), error_dim(robot), error_dim(robot)))
-    out[:, TILT, TILT] = out[:, VELOCITY, VELOCITY] = turn
-    out[:, TILT, GYRO_BIAS] = biased
-    out[:, GYRO_BIAS, GYRO_BIAS] = out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] = IDENTITY
-    out[:, VELOCITY, TILT] = -dt * GRAVITY * (down @ turn)
-    moved = skew(velocity) + 0.5 * dt * skew(matvec(turn, to.force)) + dt * GRAVITY * down
-    out[:, VELOCITY, GYRO_BIAS] = -moved @ biased
-    out[:, VELOCITY, ACCELEROMETER_BIAS] = -dt * half
-    calves, feet = skew(to.calves), matvec(turn[:, None], motion.feet)
-    for leg in range(len(robot.leg_names)):
-        here, rolled = foot(leg), robot.foot_radius * (calves[:, leg] @ down)
-        out[:, here] = -0.5 * dt * out[:, VELOCITY]
-        out[:, here, VELOCITY] -= 0.5 * dt * turn
-        out[:, here, TILT] += rolled @ turn
-        still = skew(feet[:, leg] - 0.5 * dt * velocity)
-        out[:, here, GYRO_BIAS] += (rolled - still) @ biased - robot.foot_radius * dt * down
-        out[:, here, here] = turn
+    """Compute the derivatives of the error after `predict` with respect to the error before.
+
+    Args:
+        robot: Geometry of the robots.
+        state: Motion of k robots at the start of the period.
+        measurements: Sensor readings of the period.
+        rotated: The same motion, as `rotate_state` returns it.
+        dt: Control period, s.
+
+    Returns:
+        Transition matrices, (k, error_dim, error_dim).
+    """
+    rotation = rotated.rotation
+    gravity_cross = skew(rotated.gravity)
+    angular_velocity = measurements.angular_velocity - state.gyro_bias
+    bias_to_tilt = dt * (IDENTITY - 0.5 * dt * skew(angular_velocity))
+    out = np.zeros((len(rotation), error_dim(robot), error_dim(robot)))
+    out[:, TILT, TILT] = rotation
+    out[:, TILT, GYRO_BIAS] = bias_to_tilt
+    out[:, VELOCITY, VELOCITY] = rotation
+    out[:, VELOCITY, TILT] = -dt * GRAVITY * (gravity_cross @ rotation)
+    force_cross = skew(matvec(rotation, rotated.specific_force))
+    velocity_cross = skew(rotated.velocity) + 0.5 * dt * force_cross + dt * GRAVITY * gravity_cross
+    out[:, VELOCITY, GYRO_BIAS] = -velocity_cross @ bias_to_tilt
+    out[:, VELOCITY, ACCELEROMETER_BIAS] = -dt * (0.5 * (rotation + IDENTITY))
+    out[:, GYRO_BIAS, GYRO_BIAS] = IDENTITY
+    out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] = IDENTITY
+    _fill_foot_rows(out, robot, state, rotated, bias_to_tilt, dt)
     return out
 
 
-def inject_error(motion: NominalState, error: Array) -> NominalState:
-    """The motion that is off from `motion` by an error, (k, size)."""
+def _fill_foot_rows(
+    out: Array, robot: Robot, state: NominalState, rotated: RotatedState, bias_to_tilt: Array, dt: float
+) -> None:
+    """Fill the foot rows of transition matrices; the velocity rows must be complete."""
+    gravity_cross = skew(rotated.gravity)
+    calf_cross = skew(rotated.calf_rotation)
+    feet = matvec(rotated.rotation[:, None], state.feet)
+    for leg in range(len(robot.leg_names)):
+        row = foot(leg)
+        rolling = robot.foot_radius * (calf_cross[:, leg] @ gravity_cross)
+        out[:, row] = -0.5 * dt * out[:, VELOCITY]
+        out[:, row, VELOCITY] -= 0.5 * dt * rotated.rotation
+        out[:, row, TILT] += rolling @ rotated.rotation
+        lever_cross = skew(feet[:, leg] - 0.5 * dt * rotated.velocity)
+        out[:, row, GYRO_BIAS] += (rolling - lever_cross) @ bias_to_tilt - robot.foot_radius * dt * gravity_cross
+        out[:, row, row] = rotated.rotation
+
+
+def inject_error(state: NominalState, error: Array) -> NominalState:
+    """Return the motion that differs from `state` by `error`, (k, error_dim)."""
     return NominalState(
-        unit(matvec(exp_so3(error[:, TILT]), motion.gravity)),
-        motion.velocity + error[:, VELOCITY],
-        motion.gyro_bias + error[:, GYRO_BIAS],
-        motion.accelerometer_bias + error[:, ACCELEROMETER_BIAS],
-        motion.feet + error[:, FEET].reshape(motion.feet.shape),
+        unit(matvec(exp_so3(error[:, TILT]), state.gravity)),
+        state.velocity + error[:, VELOCITY],
+        state.gyro_bias + error[:, GYRO_BIAS],
+        state.accelerometer_bias + error[:, ACCELEROMETER_BIAS],
+        state.feet + error[:, FEET].reshape(state.feet.shape),
     )
 
 
-def exp_so3(turns: Array) -> Array:
-    """Rotation matrices Exp(φ) of turns, rad, (…, 3, 3), by Rodrigues' formula."""
-    angle = np.sqrt(np.maximum((turns * turns).sum(axis=-1), 1e-16))[..., None, None]
-    axis = skew(turns)
-    sines, cosines = np.sin(angle) / angle, 0.5 * (np.sin(0.5 * angle) / (0.5 * angle)) ** 2
-    out: Array = IDENTITY + sines * axis + cosines * (axis @ axis)
+def exp_so3(rotation_vectors: Array) -> Array:
+    """Return the rotation matrices Exp(φ), (…, 3, 3), of rotation vectors φ, (…, 3), rad (Rodrigues' formula)."""
+    angle = np.sqrt(np.maximum((rotation_vectors * rotation_vectors).sum(axis=-1), 1e-16))[..., None, None]
+    axis = skew(rotation_vectors)
+    sine_term = np.sin(angle) / angle
+    cosine_term = 0.5 * (np.sin(0.5 * angle) / (0.5 * angle)) ** 2
+    out: Array = IDENTITY + sine_term * axis + cosine_term * (axis @ axis)
     return out
 
 
 def matvec(matrices: Array, vectors: Array) -> Array:
-    """Each matrix, (…, 3, 3), times its vector, (…, 3)."""
+    """Multiply each of the `matrices`, (…, 3, 3), with its entry of `vectors`, (…, 3)."""
     out: Array = (matrices @ vectors[..., None])[..., 0]
     return out

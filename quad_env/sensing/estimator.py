@@ -1,21 +1,22 @@
-"""Gravity's direction and the trunk's velocity, estimated from what sensors read.
+"""Complementary filter: direction of gravity and velocity of the trunk from the robot's own sensors.
 
-Vectors are in the base frame: g the unit vector of gravity, ω angular velocity, f specific force, v velocity of the
-trunk's centre, G 9.81 m/s². A vector that is constant in the world turns in the base frame by dg/dt = g × ω.
+Vectors are in the base frame. g is the unit vector of gravity, ω the angular velocity, f the specific force, v the
+velocity of the trunk's centre, and G 9.81 m/s². A vector that is constant in the world frame turns in the base frame by
+dg/dt = g × ω.
 
-Gravity, the linear form of the complementary filter of Mahony, Hamel and Pflimlin (Nonlinear complementary filters on
-the special orthogonal group, IEEE TAC 2008), with the centripetal part of the force taken out as by Euston et al. (A
+Gravity uses the linear form of the complementary filter of Mahony, Hamel and Pflimlin (Nonlinear complementary filters
+on the special orthogonal group, IEEE TAC 2008). The centripetal part of the force is subtracted as by Euston et al. (A
 complementary filter for attitude estimation of a fixed-wing UAV, IROS 2008):
 
     g ← g + dt g × ω,    g ← g + dt/TILT_TIME ((ω × v - f)/G - g),    g ← g/|g|
 
-The force is not normalised first, and none is left out for its size: over strides the mean of f gives gravity,
-and either would bend it (0.06 rad in a trot). A steady acceleration along a line is taken for a tilt.
+The force is neither normalised nor rejected by its size, because its mean over strides gives gravity and either would
+bias it (0.06 rad in a trot). A steady linear acceleration appears as a tilt.
 
-Velocity: dv/dt = f + G g - ω × v, corrected by the standing feet, of which the point on the ground rests (Bloesch et
-al., State estimation for legged robots, RSS 2012, in the form of a filter with a constant gain):
+Velocity: dv/dt = f + G g - ω × v, corrected by the stance feet, because their contact point rests (Bloesch et al.,
+State estimation for legged robots, RSS 2012, as a filter with a constant gain):
 
-    v ← v + dt (f + G g - ω × v),    v ← v + dt/VELOCITY_TIME (v_legs - v(when the legs say so))
+    v ← v + dt (f + G g - ω × v),    v ← v + dt/VELOCITY_TIME (v_legs - v(at the time of v_legs))
 """
 
 from typing import NamedTuple
@@ -28,95 +29,150 @@ from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.robot import Robot
 
 TILT_TIME = 2.0
-"""s over which the accelerometer corrects the gyroscope; of 1, 2 and 4 s, 4 s is the best without biases."""
+"""s. Time constant with which the accelerometer corrects the gyroscope; of 1, 2 and 4 s, 4 s is best without biases."""
 VELOCITY_TIME = 0.1
-"""s over which standing feet correct the accelerometer; the best of 0.02, 0.05, 0.1, 0.2 and 0.4 s on a trot."""
+"""s. Time constant with which stance feet correct the accelerometer; best of 0.02, 0.05, 0.1, 0.2 and 0.4 s in a
+trot."""
 
 
 class AlignedReadings(NamedTuple):
-    """Readings of k robots that belong together."""
+    """Sensor readings of k robots that were taken at the same time; `SensorObservation` makes them."""
 
     gyro: Array
-    """rad/s, (k, 3)"""
+    """Angular velocity, (k, 3), rad/s."""
     accelerometer: Array
-    """m/s², (k, 3)"""
+    """Specific force, (k, 3), m/s²."""
     joints: Array
-    """rad, (k, 12)"""
-    joints_before: Array
-    """rad, one sample of the encoders earlier, (k, 12)"""
-    standing: Mask
-    """Feet that stood at both, (k, 4)"""
+    """Joint angles, (k, 12), rad."""
+    previous_joints: Array
+    """Joint angles one encoder sample earlier, (k, 12), rad."""
+    sustained_contact: Mask
+    """Feet in contact at this and at the previous sample of their sensors, (k, 4)."""
     contact: Mask
-    """Feet that stand at the later one, (k, 4)"""
-    fresh: Mask
-    """Whose sample of the encoders is new, (k,)"""
+    """Feet in contact at this sample, (k, 4)."""
+    has_new_angles: Mask
+    """True where the encoder sample is a new one, (k,)."""
 
-    def of(self, which: Mask) -> "AlignedReadings":
-        """Readings of some of the robots."""
-        return AlignedReadings._make(readings[which] for readings in self)
+    def select(self, mask: Mask) -> "AlignedReadings":
+        """Return the readings of the robots where the mask, (k,), is True."""
+        return AlignedReadings._make(readings[mask] for readings in self)
 
 
 class ComplementaryFilter:
-    """Estimates of n robots, base frame, moved on by `dt`, s, at a time; `spacing`, s, is between encoder samples.
+    """Estimates of n robots by a complementary filter, base frame, at the time that all sensors have reported.
 
-    They are of the moment that all sensors have reported; what the gyroscope says is taken as it is.
+    Args:
+        robot: Geometry of the robots.
+        num_envs: Number of robots.
+        dt: Control period, s.
+        encoder_period: Time between two encoder samples, s.
+
+    Attributes:
+        gravity: Unit vector of gravity, (n, 3).
+        velocity: Velocity of the trunk's centre, (n, 3), m/s.
+        gyro_bias: Always 0: this filter estimates no bias, (n, 3), rad/s.
     """
 
-    def __init__(self, robot: Robot, num_envs: int, dt: float, spacing: float) -> None:
-        self._robot, self._dt, self._spacing = robot, dt, spacing
+    def __init__(self, robot: Robot, num_envs: int, dt: float, encoder_period: float) -> None:
+        self._robot = robot
+        self._dt = dt
+        self._encoder_period = encoder_period
         self.gravity = np.zeros((num_envs, 3))
-        """Unit vectors"""
         self.velocity = np.zeros((num_envs, 3))
-        """Velocity of the trunk's centre, m/s"""
         self.gyro_bias = np.zeros((num_envs, 3))
-        """Not looked for: 0 rad/s"""
         self._gyro = np.zeros((num_envs, 3))
 
-    def reset(self, rows: EnvIndices, at_rest: Array, read: AlignedReadings) -> None:
-        """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
-        self.gravity[rows], self.velocity[rows], self._gyro[rows] = -unit(at_rest), 0.0, read.gyro
+    def reset(self, env_ids: EnvIndices, specific_force: Array, readings: AlignedReadings) -> None:
+        """Reset the filter of some robots, which are at rest.
 
-    def update(self, read: AlignedReadings, rows: EnvIndices) -> None:
-        """One `dt` later those robots' sensors read this."""
-        dt, gravity, velocity = self._dt, self.gravity[rows], self.velocity[rows]
-        turning = 0.5 * (self._gyro[rows] + read.gyro)
-        self._gyro[rows] = read.gyro
-        gravity = unit(gravity + dt * np.cross(gravity, turning))
-        acceleration = read.accelerometer + GRAVITY * gravity - np.cross(turning, velocity)
+        Args:
+            env_ids: Indices of the robots, (k,).
+            specific_force: Accelerometer mean at rest, base frame, (k, 3), m/s².
+            readings: First readings of these robots.
+        """
+        self.gravity[env_ids] = -unit(specific_force)
+        self.velocity[env_ids] = 0.0
+        self._gyro[env_ids] = readings.gyro
+
+    def update(self, readings: AlignedReadings, env_ids: EnvIndices) -> None:
+        """Advance the estimates of some robots by one control period.
+
+        Args:
+            readings: Time-aligned readings of k robots at the end of the period.
+            env_ids: Their indices, (k,).
+        """
+        dt = self._dt
+        velocity = self.velocity[env_ids]
+        angular_velocity = 0.5 * (self._gyro[env_ids] + readings.gyro)
+        self._gyro[env_ids] = readings.gyro
+        gravity = self.gravity[env_ids]
+        gravity = unit(gravity + dt * np.cross(gravity, angular_velocity))
+        acceleration = readings.accelerometer + GRAVITY * gravity - np.cross(angular_velocity, velocity)
         velocity = velocity + dt * acceleration
-        by_feet, known = leg_odometry_velocity(self._robot, read, turning, gravity, self._spacing)
-        error = by_feet - (velocity - 0.5 * self._spacing * acceleration)
-        velocity = np.where(known, velocity + min(1.0, dt / VELOCITY_TIME) * error, velocity)
-        measured = (np.cross(read.gyro, velocity) - read.accelerometer) / GRAVITY
-        gravity = gravity + dt / TILT_TIME * (measured - gravity)
-        self.gravity[rows], self.velocity[rows] = unit(gravity), velocity
+        velocity = self._correct_velocity(velocity, acceleration, readings, angular_velocity, gravity)
+        measured_gravity = (np.cross(readings.gyro, velocity) - readings.accelerometer) / GRAVITY
+        gravity = gravity + dt / TILT_TIME * (measured_gravity - gravity)
+        self.gravity[env_ids] = unit(gravity)
+        self.velocity[env_ids] = velocity
+
+    def _correct_velocity(
+        self, velocity: Array, acceleration: Array, readings: AlignedReadings, angular_velocity: Array, gravity: Array
+    ) -> Array:
+        """Return the velocity corrected by leg odometry, (k, 3), m/s; unchanged without a foot in contact."""
+        period = self._encoder_period
+        leg_velocity, is_known = leg_odometry_velocity(self._robot, readings, angular_velocity, gravity, period)
+        error = leg_velocity - (velocity - 0.5 * period * acceleration)
+        return np.where(is_known, velocity + min(1.0, self._dt / VELOCITY_TIME) * error, velocity)
 
 
 def leg_odometry_velocity(
-    robot: Robot, read: AlignedReadings, turning: Array, gravity: Array, spacing: float
+    robot: Robot, readings: AlignedReadings, angular_velocity: Array, gravity: Array, encoder_period: float
 ) -> tuple[Array, Mask]:
-    """Velocity of the trunk's centre by its standing feet, m/s, (k, 3), and of whom it is known, (k, 1).
+    """Compute the velocity of the trunk's centre from the feet in contact (leg odometry).
 
-    It is that of the middle between the two samples of the encoders. The foot is a ball that rolls: its centre p moves
-    with ω_calf × (-r g), so v = ω_calf × (-r g) - ω × p - dp/dt, averaged over the feet that stand.
+    The velocity is the one midway between the two encoder samples. The foot is a ball that rolls: its centre p moves
+    with ω_calf × (-r g), so v = ω_calf × (-r g) - ω × p - dp/dt, averaged over the feet in contact.
+
+    Args:
+        robot: Geometry of the robots.
+        readings: Readings of k robots.
+        angular_velocity: ω, base frame, (k, 3), rad/s.
+        gravity: Unit vector of gravity, base frame, (k, 3).
+        encoder_period: Time between the two encoder samples, s.
+
+    Returns:
+        velocity: Base frame, (k, 3), m/s.
+        is_known: False where no foot is in contact, (k, 1).
     """
-    shape = (-1, len(robot.leg_names), 3)
-    joints, before = read.joints.reshape(shape), read.joints_before.reshape(shape)
-    now, then = foot_positions(robot, joints), foot_positions(robot, before)
-    speed = (joints - before) / spacing
-    hip, bend = 0.5 * (joints + before)[..., 0], speed[..., 1] + speed[..., 2]
-    calf = turning[:, None] + np.stack((speed[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)
-    foot = robot.hip_positions + 0.5 * (now + then)
-    rolled = np.cross(calf, -robot.foot_radius * gravity[:, None])
-    each = rolled - np.cross(turning[:, None], foot) - (now - then) / spacing
-    standing = read.standing.astype(np.float64)
-    count = ordered_sum(standing.T)[:, None]
-    summed = ordered_sum((standing[..., None] * each).transpose(1, 0, 2))
-    return summed / np.maximum(count, 1.0), count > 0
+    joints = readings.joints.reshape(-1, len(robot.leg_names), 3)
+    previous_joints = readings.previous_joints.reshape(joints.shape)
+    feet = foot_positions(robot, joints)
+    previous_feet = foot_positions(robot, previous_joints)
+    calf_velocity = _calf_angular_velocity(joints, previous_joints, angular_velocity, encoder_period)
+    rolling_velocity = np.cross(calf_velocity, -robot.foot_radius * gravity[:, None])
+    lever = robot.hip_positions + 0.5 * (feet + previous_feet)
+    foot_velocity = (feet - previous_feet) / encoder_period
+    leg_velocities = rolling_velocity - np.cross(angular_velocity[:, None], lever) - foot_velocity
+    weight = readings.sustained_contact.astype(np.float64)
+    count = ordered_sum(weight.T)[:, None]
+    velocity_sum = ordered_sum((weight[..., None] * leg_velocities).transpose(1, 0, 2))
+    return velocity_sum / np.maximum(count, 1.0), count > 0
+
+
+def _calf_angular_velocity(joints: Array, previous_joints: Array, angular_velocity: Array, period: float) -> Array:
+    """Return the angular velocity of the calves, base frame, (k, 4, 3), rad/s, midway between two encoder samples."""
+    speed = (joints - previous_joints) / period
+    hip = 0.5 * (joints + previous_joints)[..., 0]
+    bend = speed[..., 1] + speed[..., 2]
+    relative = np.stack((speed[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)
+    out: Array = angular_velocity[:, None] + relative
+    return out
 
 
 def unit(vectors: Array) -> Array:
-    """Vectors of length one in the last axis, (…, 3)."""
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    """Return the vectors, (…, 3), scaled to length one."""
+    x = vectors[..., 0]
+    y = vectors[..., 1]
+    z = vectors[..., 2]
     length = np.sqrt(x * x + y * y + z * z)
     return vectors / np.maximum(length, 1e-6)[..., None]

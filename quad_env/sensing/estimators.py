@@ -1,4 +1,4 @@
-"""The estimators by name."""
+"""Choice of the state estimator by name."""
 
 from quad_env.robots.robot import Robot
 from quad_env.sensing.estimator import ComplementaryFilter
@@ -6,15 +6,24 @@ from quad_env.sensing.instruments import SensorModels
 from quad_env.sensing.kalman import KalmanFilter
 from quad_env.sensing.suite import SENSORS, SensorSuite
 
-COMPLEMENTARY, KALMAN = "complementary", "kalman"
+COMPLEMENTARY = "complementary"
+KALMAN = "kalman"
 ESTIMATORS = (COMPLEMENTARY, KALMAN)
-"""What `estimator=` can be; the first is the default."""
+"""Valid values of `estimator=`; the first is the default."""
 Estimator = ComplementaryFilter | KalmanFilter
-"""Estimates of n robots, moved on by a control period at a time."""
+"""Estimates of n robots that `update` advances by one control period."""
 
 
 def check_estimator(name: str, suite: SensorSuite | None) -> None:
-    """ValueError, which lists the valid names, for an unknown one, or for one that has no sensors to estimate from."""
+    """Refuse an estimator that does not exist or has no sensors.
+
+    Args:
+        name: Name of the estimator.
+        suite: Sensors of the robots; None for the true state.
+
+    Raises:
+        ValueError: The name is unknown, or an estimator was chosen for the true state.
+    """
     if name not in ESTIMATORS:
         raise ValueError(f"unknown estimator {name!r}; valid: {', '.join(ESTIMATORS)}")
     if suite is None and name != COMPLEMENTARY:
@@ -24,9 +33,21 @@ def check_estimator(name: str, suite: SensorSuite | None) -> None:
 
 
 def make_estimator(
-    name: str, robot: Robot, suite: SensorSuite, instruments: SensorModels, num_envs: int, dt: float
+    name: str, robot: Robot, suite: SensorSuite, sensor_models: SensorModels, num_envs: int, dt: float
 ) -> Estimator:
-    """The estimator of that name for n robots with those sensors."""
+    """Create the estimator of a name.
+
+    Args:
+        name: One of `ESTIMATORS`.
+        robot: Geometry of the robots.
+        suite: Their sensors.
+        sensor_models: The models of these sensors, which define delay and encoder period.
+        num_envs: Number of robots.
+        dt: Control period, s.
+
+    Returns:
+        The estimator of n robots.
+    """
     if name == KALMAN:
-        return KalmanFilter(robot, suite, num_envs, dt, instruments.alignment_delay)
-    return ComplementaryFilter(robot, num_envs, dt, instruments.channels["joint_position"].sample_period)
+        return KalmanFilter(robot, suite, num_envs, dt, sensor_models.alignment_delay)
+    return ComplementaryFilter(robot, num_envs, dt, sensor_models.channels["joint_position"].sample_period)

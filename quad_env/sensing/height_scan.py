@@ -1,4 +1,4 @@
-"""A height scan of the ground about the robot: as a value in physical units, and those of n robots."""
+"""Height scan of the ground around the robot: its settings, and the scanner of n robots."""
 
 import math
 from collections.abc import Sequence
@@ -22,26 +22,26 @@ from quad_env.sensing.suite import Sampled
 from quad_env.task.observations import ObservationTable, ObservationTerm, observation_table
 
 UNSEEN = -2.0
-"""Least that a point reads, m: its ground is so deep, or not known yet."""
+"""m. Lowest value of a point: the ground is at least so deep there, or not known yet."""
 Count = Annotated[int, Bounds("at least 0", 0)]
-MOST_POINTS = 10_000
-"""Of a scan."""
+MAX_POINTS = 10_000
+"""Maximum number of points of a scan, which bounds the size of the observation."""
 _SCALE = 2.5
-"""A trunk 0.4 m above the ground makes it -1."""
+"""1/m. Factor for learners: a trunk 0.4 m above the ground gives -1."""
 
 
 @dataclass(frozen=True)
 class HeightScan(Sampled):
-    """Ground heights on a grid about the trunk's centre, in the heading frame: x ahead, y to the left, both level.
+    """Ground heights on a grid around the trunk's centre, in the heading frame: x forward, y to the left, both level.
 
-    A value is the height of the ground there minus that of the trunk's centre, m, about −0.36 under a robot that
-    stands; clipped to ±2 m. Nothing hides behind a step, and the robot's own legs are not seen. A sample that is seen
-    late is of the place, heading and height of the trunk when it was taken. A scenario's observation latency and noise
+    A value is the height of the ground at the point minus the height of the trunk's centre, m, about −0.36 under a
+    robot that stands; clipped to ±2 m. There is no occlusion, and the robot's own legs are not seen. A delayed sample
+    is of the position, heading and height of the trunk when it was taken. A scenario's observation latency and noise
     come on top.
     """
 
     delay: Delay = 0.0
-    """s from a sample to when it is seen, at the first control step that is not earlier"""
+    """s from a sample to its visibility, at the first control step from then on"""
     ahead: Count = 8
     """Points ahead of the trunk's centre"""
     behind: Count = 8
@@ -49,35 +49,35 @@ class HeightScan(Sampled):
     aside: Count = 5
     """Points to each side of it"""
     spacing: Positive = 0.1
-    """m between two points. The grid of the defaults is that of legged_gym's `measured_points_x` and `_y`"""
+    """m between two points. The default grid is the one of legged_gym's `measured_points_x` and `_y`"""
     noise: NonNegative = 0.0
     """m, standard deviation of the white noise on each point of each sample"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if math.prod(self._grid) > MOST_POINTS:
-            raise ValueError(f"a height scan has at most {MOST_POINTS} points, got {self._grid}")
+        if math.prod(self._grid) > MAX_POINTS:
+            raise ValueError(f"a height scan has at most {MAX_POINTS} points, got {self._grid}")
 
     @property
     def _grid(self) -> tuple[int, int]:
+        """Number of points along x and along y."""
         return self.behind + self.ahead + 1, 2 * self.aside + 1
 
     @property
     def grid(self) -> Array:
-        """Every point of the grid: x and y, heading frame, (rows, columns, 2), m; rows from the hindmost, in each from
-        the right to the left."""
+        """Position x, y of every point, heading frame, (rows, columns, 2), m; rows from the rear, in each from the right."""
         x = self.spacing * np.arange(-self.behind, self.ahead + 1)
         y = self.spacing * np.arange(-self.aside, self.aside + 1)
         return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
 
     @property
     def points(self) -> Array:
-        """x and y of the points in the order of the term's entries, heading frame, (p, 2), m."""
+        """Position x, y of the points in the order of the term's entries, heading frame, (p, 2), m."""
         return self.grid.reshape(-1, 2)
 
     @property
     def term(self) -> ObservationTerm:
-        """Its term of the observation."""
+        """Term of the observation that holds this scan."""
         unit = "m, ground minus trunk's centre"
         return ObservationTerm("height_scan", math.prod(self._grid), unit, -UNSEEN, _SCALE)
 
@@ -98,8 +98,17 @@ def table_with(robot: Robot, scan: HeightScan | None, user_terms: tuple[Observat
 
 
 class Scanner:
-    """Noise, rate and delay of n robots' height scans; `latency` and `noise` come on top, s and m. One that is `lost`
-    shows unseen ground at every point."""
+    """Height scanner of n robots, with noise, rate and delay.
+
+    Args:
+        scan: Grid, rate, delay and noise.
+        terrain: The ground.
+        num_envs: Number of robots.
+        control_rate: Hz.
+        latency: Delay that the scenario adds, s.
+        noise: Standard deviation of the noise that the scenario adds, m.
+        is_lost: True if every point reads `UNSEEN`.
+    """
 
     def __init__(
         self,
@@ -109,45 +118,80 @@ class Scanner:
         control_rate: float,
         latency: float,
         noise: float,
-        lost: bool = False,
+        is_lost: bool = False,
     ) -> None:
-        self._terrain, self._points, self._lost = terrain, scan.points, lost
-        width, deviation = len(self._points), float(np.hypot(scan.noise, noise))
+        self._terrain = terrain
+        self._points = scan.points
+        self._is_lost = is_lost
+        width = len(self._points)
+        std = float(np.hypot(scan.noise, noise))
         self._channel = Channel(num_envs, width, scan.rate, scan.delay + latency, control_rate)
-        self._noise = Noise(num_envs, np.full(width, deviation, np.float32)) if deviation else None
+        self._noise = Noise(num_envs, np.full(width, std, np.float32)) if std else None
 
-    def reset(self, rows: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Start these episodes of those robots."""
+    def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
+        """Restart the noise of some robots.
+
+        Args:
+            env_ids: Indices of the robots, (k,).
+            episodes: Their new episodes, k.
+        """
         if self._noise is not None:
-            for row, episode in zip(rows, episodes, strict=True):
-                self._noise.reset(row, episode.streams.scan_noise)
+            for env_index, episode in zip(env_ids, episodes, strict=True):
+                self._noise.reset(env_index, episode.streams.scan_noise)
 
-    def scan(self, state: QuadState[ScalarOrBatch], clock: Clock, rows: EnvIndices) -> NDArray[np.float32]:
-        """What those robots, (k,), whose `state` and `clock` these are, are shown now, (k, p)."""
-        if self._lost:
-            return np.full((len(rows), len(self._points)), UNSEEN, np.float32)
+    def scan(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices) -> NDArray[np.float32]:
+        """Sample the ground where a sample is due, and return the visible samples.
+
+        Args:
+            state: States of k robots.
+            clock: Control steps since the start of the episode, (k,).
+            env_ids: Indices of the robots, (k,).
+
+        Returns:
+            Ground heights relative to the trunk's centre, (k, p), m.
+        """
+        if self._is_lost:
+            return np.full((len(env_ids), len(self._points)), UNSEEN, np.float32)
         due = np.flatnonzero(clock % self._channel.period == 0)
         if len(due):
-            self._channel.record(self._sampled(state, clock[due], rows[due], due), clock[due], rows[due])
-        return self._channel.value(clock, rows).astype(np.float32)
+            sample = self._sample(state, clock[due], env_ids[due], due)
+            self._channel.record(sample, clock[due], env_ids[due])
+        return self._channel.value(clock, env_ids).astype(np.float32)
 
-    def _sampled(self, state: QuadState[ScalarOrBatch], clock: Clock, rows: EnvIndices, which: EnvIndices) -> Array:
-        """Fresh samples of some of the robots, whose rows of the state are `which`, (k, p)."""
+    def _sample(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices, rows: EnvIndices) -> Array:
+        """Return new samples of the robots at these rows of the state, (k, p), m."""
         cos, minus_sin = to_heading(state.rotation, cast("Any", (1.0, 0.0)))
-        x, y, z, cos, sin = (np.reshape(each, (-1, 1))[which] for each in (*state.position, cos, -minus_sin))
+        columns = (*state.position, cos, -minus_sin)
+        x, y, z, cos, sin = (np.reshape(column, (-1, 1))[rows] for column in columns)
         ahead, left = self._points.T
-        values: Array = self._terrain.height(x + (cos * ahead - sin * left), y + (sin * ahead + cos * left)) - z
+        x_world = x + (cos * ahead - sin * left)
+        y_world = y + (sin * ahead + cos * left)
+        heights: Array = self._terrain.height(x_world, y_world) - z
         if self._noise is not None:
-            values += self._noise.at(clock // self._channel.period, rows)
-        return np.clip(values, UNSEEN, -UNSEEN, out=values)
+            heights += self._noise.at(clock // self._channel.period, env_ids)
+        return np.clip(heights, UNSEEN, -UNSEEN, out=heights)
 
 
-def scanner_of(scan: HeightScan | None, scenario: Scenario, num_envs: int, control_rate: float) -> Scanner | None:
-    """The scanner of n robots in that scenario; None without a scan, ValueError for what is none."""
+def make_scanner(scan: HeightScan | None, scenario: Scenario, num_envs: int, control_rate: float) -> Scanner | None:
+    """Create the height scanner of a batch.
+
+    Args:
+        scan: The scan, or None.
+        scenario: Its terrain, observation latency, noise and loss of the scan apply.
+        num_envs: Number of robots.
+        control_rate: Hz.
+
+    Returns:
+        The scanner; None without a scan.
+
+    Raises:
+        ValueError: `scan` is neither None nor a `HeightScan`.
+    """
     if scan is None:
         return None
     if not isinstance(scan, HeightScan):
         raise ValueError(f"height_scan is a quad_env.HeightScan or None, got {scan!r}; write quad_env.HeightScan(…)")
-    late = 0 if scenario.latency is None else round(scenario.latency.observation * control_rate)
+    delay_steps = 0 if scenario.latency is None else round(scenario.latency.observation * control_rate)
     noise = 0.0 if scenario.noise is None else scenario.noise.height_scan
-    return Scanner(scan, scenario.terrain, num_envs, control_rate, late / control_rate, noise, scenario.scan_lost)
+    latency = delay_steps / control_rate
+    return Scanner(scan, scenario.terrain, num_envs, control_rate, latency, noise, scenario.scan_lost)

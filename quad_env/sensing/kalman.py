@@ -1,16 +1,19 @@
-"""Attitude, velocity, biases and feet of n robots by an error-state Kalman filter whose standing feet rest.
+"""Error-state Kalman filter of attitude, velocity, IMU biases and foot positions of n robots; feet in contact rest.
 
-The motion and the derivatives of its error are those of `error_state`; the encoders measure where the feet are. What is
-noise follows from what is known of the sensors, their `SensorSuite`, but for the figures below, which were found on
-search episodes of `trot` and `trot_feedback`, flat, rough and straight on. Of errors that do not change within an
-episode only the biases of the IMU are states; its place, its mounting and the encoders' zeros are counted in the noise.
+The process model and its derivatives stand in `error_state`; the encoders measure the positions of the feet. The noise
+follows from the data of the sensors (`SensorSuite`) and from `KalmanParameters`. Of the errors that are constant in an
+episode only the biases of the IMU are states. The position and mounting of the IMU and the zeros of the encoders are
+part of the noise.
 
-A foot that probably does not stand is given a large noise of its own, most of all along the ground, one that has just
-touched down or is pressed otherwise than before a smaller one, and one that is farther from where it was than its
-covariance explains, as a foot that slides, as much as explains it.
+A foot that is probably not in contact gets a large process noise, mostly along the ground. A foot that has just touched
+down, or one under a changing load, gets a smaller one. A foot that is farther from its predicted position than its
+covariance explains, for example a sliding foot, gets as much as explains it.
+
+A sample passes four phases: `predict`, `contact_update`, `measurement_update`, `extrapolate`.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -20,7 +23,7 @@ from quad_env.physics.rotations import skew
 from quad_env.robots.kinematics import foot_jacobians, foot_positions
 from quad_env.robots.robot import Robot
 from quad_env.sensing import error_state
-from quad_env.sensing.contact_probability import SWING_SPEED, contact_probability
+from quad_env.sensing.contact_probability import CONTACT_PARAMETERS, contact_probability
 from quad_env.sensing.error_state import (
     ACCELEROMETER_BIAS,
     FEET,
@@ -36,69 +39,145 @@ from quad_env.sensing.error_state import (
 from quad_env.sensing.estimator import AlignedReadings, unit
 from quad_env.sensing.suite import SensorSuite
 
-GYRO_INTERPOLATION_NOISE = 0.35
-"""Share of the change from one sample of the gyroscope to the next by which their mean is not that of the time between
-them."""
-ACCELEROMETER_SCALE_NOISE = 0.01
-"""Share of the acceleration by which the accelerometer's axes and the mean of the turning trunk's leave it unknown."""
-LEVER_ARM_NOISE_GAIN = 0.5
-"""Share of the IMU's distance from the trunk's centre that counts as noise at each sample; the velocity that the
-turning trunk gives it comes and goes with every stride."""
-CONTACT_VELOCITY_STD = 0.015
-"""m/s, standard deviation of the speed of a standing foot along each axis."""
-ENCODER_OFFSET_NOISE_GAIN = 8.0
-"""Factor on the noise by the encoders' zeros, which is nearly the same from sample to sample of a stance."""
-TOUCHDOWN_VELOCITY_STD, TOUCHDOWN_NOISE_DECAY = 1.2, 0.013
-"""m/s along the vertical, standard deviation of the speed of a foot that has just touched down, and s in which it falls
-to 1/e: soft ground gives way and comes back."""
-GROUND_COMPLIANCE = 2e-4
-"""s², what the ground gives along the vertical per change of the specific force on the trunk, and takes back when it
-goes: a foot that is pressed by several weights at once sinks and comes up again, and does so in every stance."""
-SWING_HORIZONTAL_VELOCITY_STD = 30.0
-"""m/s, standard deviation of the speed along the ground of a foot that does not stand; so large that swing feet, which
-move forward on average and fast after a push, do not pull the velocity. Along the vertical it is `SWING_SPEED`: what
-rises comes down again, which keeps the vertical velocity where the ground lifts the standing feet."""
-SLIP_INNOVATION_GAIN = 4.0
-"""Factor on what a standing foot's distance from where it was is beyond its covariance, as a variance."""
-ACCELEROMETER_BIAS_RANDOM_WALK = 0.014
-"""m/s² in √s that the accelerometer's bias may change, since what is left unsaid above looks like one that does."""
-SLIP_VELOCITY_INFLATION = 0.05
-"""Share of the speed of a foot that moves, though its sensor has long said that it stands, by which the velocity is
-doubted at each sample: what slides may be the estimate."""
-MIN_CONTACT_DURATION = 0.025
-"""s of an uninterrupted reading that are long."""
-INITIAL_VELOCITY_STD = 0.2
-"""m/s, standard deviation of the velocity along each axis at the start."""
-ACCELERATION_EXTRAPOLATION_GAIN = 0.8
-"""Share of the last change of the acceleration that goes on until now, as seen from the moment of the readings."""
-MISSING_SAMPLE_STD = 1e3
-"""rad, standard deviation of angles of which there is no new sample."""
+
+@dataclass(frozen=True)
+class KalmanParameters:
+    """Noise of the process model beyond the sensors' data sheets.
+
+    All values were found on search episodes of `trot` and `trot_feedback`: flat, rough and straight ahead.
+    """
+
+    gyro_interpolation_noise: float = 0.35
+    """Std of the mean angular velocity over a period, as a fraction of the change between its two samples; a larger
+    value trusts the attitude less while the trunk's rotation changes."""
+    accelerometer_scale_noise: float = 0.01
+    """Std of the specific force as a fraction of the acceleration: scale, misalignment and averaging on a turning
+    trunk. A larger value trusts the accelerometer less in hard impacts."""
+    lever_arm_noise_gain: float = 0.5
+    """Fraction of the IMU's distance from the trunk's centre that counts as noise in each sample. Its velocity
+    relative to the centre averages out over a stride; a larger value trusts the accelerometer less on a turning
+    trunk."""
+    contact_velocity_std: float = 0.015
+    """m/s. Std of the velocity of a foot in contact along each axis; a larger value lets the velocity follow the legs
+    less."""
+    encoder_offset_noise_gain: float = 8.0
+    """Factor on the noise from the encoders' zeros, which is nearly constant over the samples of a stance."""
+    touchdown_velocity_std: float = 1.2
+    """m/s. Std of the vertical velocity of a foot at touchdown, since soft ground gives way and comes back; a larger
+    value ignores the height of a new contact longer."""
+    touchdown_noise_decay: float = 0.013
+    """s. Time in which the touchdown noise falls to 1/e."""
+    ground_compliance: float = 2e-4
+    """s². Vertical motion of the ground per change of the specific force on the trunk. A foot under several times its
+    static load sinks and comes up again, in every stance; a larger value trusts the feet's heights less then."""
+    swing_horizontal_velocity_std: float = 30.0
+    """m/s. Std of the velocity of a swing foot along the ground. It is so large that swing feet, which move forward on
+    average and fast after a push, do not bias the velocity. The vertical std is the smaller
+    `ContactParameters.swing_speed`: a foot that rises comes down again, and this holds the vertical velocity where the
+    ground lifts the stance feet."""
+    slip_innovation_gain: float = 4.0
+    """Factor on the squared innovation of a stance foot beyond its covariance, as a variance; a larger value trusts
+    slipping feet less."""
+    accelerometer_bias_random_walk: float = 0.014
+    """m/s² per √s. Random walk of the accelerometer's bias; covers unmodelled errors, which look like a changing
+    bias."""
+    slip_velocity_inflation: float = 0.05
+    """Fraction of a foot's speed that adds to the std of the velocity in each sample, for feet that read contact for
+    longer than `min_contact_duration` but move: the velocity estimate may be wrong instead."""
+    min_contact_duration: float = 0.025
+    """s. Duration of an uninterrupted contact reading from which `slip_velocity_inflation` applies."""
+    initial_velocity_std: float = 0.2
+    """m/s. Std of the velocity along each axis at the start of an episode."""
+    acceleration_extrapolation_gain: float = 0.8
+    """Fraction of the last change of the acceleration that is assumed to continue over the delay of the readings."""
+    missing_sample_std: float = 1e3
+    """rad. Std of joint angles without a new encoder sample: so large that they correct nothing."""
+
+
+PARAMETERS = KalmanParameters()
 
 
 class SensorErrors(NamedTuple):
-    """Standard deviations of what is known of the sensors' errors; none is nothing, so that covariances are regular."""
+    """Standard deviations of the sensor errors, made by `sensor_errors`; none is 0, so that covariances are regular."""
 
     gyro: float
-    """rad/s"""
+    """White noise of the gyroscope, rad/s."""
     gyro_bias: float
-    """rad/s"""
+    """Bias of the gyroscope, rad/s."""
     accelerometer: float
-    """m/s²"""
+    """White noise of the accelerometer, m/s²."""
     accelerometer_bias: float
-    """m/s²"""
+    """Bias of the accelerometer, m/s²."""
     angle: float
-    """Of an encoder's sample, noise and rounding, rad"""
+    """Noise and rounding of an encoder sample, rad."""
     zero: float
-    """Of an encoder's zero, rad"""
+    """Zero offset of an encoder, rad."""
     lever: float
-    """Of the IMU's place along each axis, m"""
+    """Position of the IMU along each axis, m."""
     mounting: float
-    """Of the IMU's axes about each axis, rad"""
+    """Rotation of the IMU about each axis, rad."""
+
+
+class ContactState(NamedTuple):
+    """Contact of each foot at the last sample."""
+
+    probability: Array
+    """Contact probability, (n, 4)."""
+    stance_time: Array
+    """Time in contact, weighted by the probability, (n, 4), s."""
+    reading_time: Array
+    """Time of the uninterrupted contact reading, (n, 4), s."""
+    jacobians: Array
+    """Foot position with respect to the joint angles, base frame, (n, 4, 3, 3), m/rad."""
+
+
+class PreviousSample(NamedTuple):
+    """Readings and derived values of the last sample."""
+
+    gyro: Array
+    """Reading of the gyroscope, (n, 3), rad/s."""
+    joints: Array
+    """Joint angles, (n, 4, 3), rad."""
+    specific_force: Array
+    """Accelerometer reading minus its bias, (n, 3), m/s²."""
+    acceleration: Array
+    """Acceleration of the trunk, base frame, (n, 3), m/s²."""
+
+
+Rows = TypeVar("Rows", NominalState, ContactState, PreviousSample)
+"""State of the filter, with one row per robot in each field."""
+
+
+class Prediction(NamedTuple):
+    """Predicted state of k robots at a new sample, before its encoder readings are used."""
+
+    state: NominalState
+    """Predicted motion."""
+    covariance: Array
+    """Covariance of its error without the motion of the feet, (k, 24, 24)."""
+    acceleration: Array
+    """Acceleration of the trunk, base frame, (k, 3), m/s²."""
+    previous_acceleration: Array
+    """Acceleration of the sample before, in the new base frame, (k, 3), m/s²."""
+    force_change: Array
+    """Magnitude of the change of the specific force, (k, 1, 1, 1), m/s²."""
+
+
+class FootMeasurement(NamedTuple):
+    """Foot positions as the encoders of k robots measure them, relative to a prediction."""
+
+    innovation: Array
+    """Measured minus predicted position, base frame, (k, 4, 3), m."""
+    noise: Array
+    """Covariance of the measurement, (k, 4, 3, 3), m²."""
+    covariance: Array
+    """Covariance of the predicted error with the motion of the feet, (k, 24, 24)."""
 
 
 def sensor_errors(suite: SensorSuite) -> SensorErrors:
-    """What a data sheet says of these sensors; of place and mounting of the IMU only the size is taken."""
-    imu, encoders = suite.imu, suite.encoders
+    """Return the data-sheet errors of a suite; of the IMU's position and rotation only the magnitude is known."""
+    imu = suite.imu
+    encoders = suite.encoders
     return SensorErrors(
         gyro=max(imu.gyro_noise, 1e-4),
         gyro_bias=max(imu.gyro_bias, 1e-5),
@@ -112,179 +191,307 @@ def sensor_errors(suite: SensorSuite) -> SensorErrors:
 
 
 class KalmanFilter:
-    """Estimates of n robots, base frame, moved on by `dt`, s, at a time; readings are `late` control steps old."""
+    """Estimates of n robots by an error-state Kalman filter, base frame.
+
+    Args:
+        robot: Geometry of the robots.
+        suite: Their sensors.
+        num_envs: Number of robots.
+        dt: Control period, s.
+        delay_steps: Age of the readings, control steps.
+
+    Attributes:
+        gravity: Unit vector of gravity now, (n, 3).
+        velocity: Velocity of the trunk's centre now, (n, 3), m/s.
+        gyro_bias: Bias of the gyroscope, (n, 3), rad/s.
+        nominal: Estimated motion at the time of the readings, which are `delay_steps` control steps old.
+        contact: Contact of each foot at that time.
+        previous: Readings of the last sample.
+    """
 
     def __init__(self, robot: Robot, suite: SensorSuite, num_envs: int, dt: float, delay_steps: int) -> None:
+        self._robot = robot
+        self._dt = dt
+        self._delay = delay_steps * dt
+        self._errors = sensor_errors(suite)
         legs = len(robot.leg_names)
-        self._robot, self._dt, self._late, self._errors = robot, dt, delay_steps, sensor_errors(suite)
-        self.gravity, self.velocity, self.gyro_bias = (np.zeros((num_envs, 3)) for _ in range(3))
-        """Of now: unit vectors, and velocity of the trunk's centre, m/s; bias of the gyroscope, rad/s"""
-        shapes = [(num_envs, 3)] * 4 + [(num_envs, legs, 3)]
-        self.motion = NominalState._make(map(np.zeros, shapes))
-        """Of the moment of the readings"""
-        self._covariance = np.zeros((num_envs, error_state.error_dim(robot), error_state.error_dim(robot)))
-        self.standing = np.zeros((num_envs, legs))
-        """Probability that each foot stands, (n, 4)"""
-        self._rest = np.zeros((num_envs, legs))
-        """s that each foot has stood"""
-        self._read = np.zeros((num_envs, legs))
-        """s that its sensor has said so"""
-        self._gyro, self._joints = np.zeros((num_envs, 3)), np.zeros((num_envs, legs, 3))
-        self._acceleration = np.zeros((num_envs, 3))
-        self._force = np.zeros((num_envs, 3))
-        self._jacobians = np.zeros((num_envs, legs, 3, 3))
-        """Of the feet by `_joints`, m/rad"""
+        size = error_state.error_dim(robot)
+        self.gravity = np.zeros((num_envs, 3))
+        self.velocity = np.zeros((num_envs, 3))
+        self.gyro_bias = np.zeros((num_envs, 3))
+        vectors = [(num_envs, 3)] * 4
+        self.nominal = NominalState(*map(np.zeros, vectors), feet=np.zeros((num_envs, legs, 3)))
+        self.contact = ContactState(
+            probability=np.zeros((num_envs, legs)),
+            stance_time=np.zeros((num_envs, legs)),
+            reading_time=np.zeros((num_envs, legs)),
+            jacobians=np.zeros((num_envs, legs, 3, 3)),
+        )
+        self.previous = PreviousSample(
+            gyro=np.zeros((num_envs, 3)),
+            joints=np.zeros((num_envs, legs, 3)),
+            specific_force=np.zeros((num_envs, 3)),
+            acceleration=np.zeros((num_envs, 3)),
+        )
+        self._covariance = np.zeros((num_envs, size, size))
 
     @property
     def covariance(self) -> Array:
-        """Of the error of `motion`, the IMU's mounting with it; (n, 24, 24), in the order of `error_state`."""
+        """Covariance of the error of `nominal`, with the IMU's mounting, (n, 24, 24), in the order of `error_state`."""
         out = self._covariance.copy()
         out[:, TILT, TILT] += self._errors.mounting**2 * IDENTITY
         return out
 
-    def reset(self, rows: EnvIndices, at_rest: Array, read: AlignedReadings) -> None:
-        """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
-        errors, joints = self._errors, read.joints.reshape(-1, *self._joints.shape[1:])
-        gravity, still = -unit(at_rest), np.zeros_like(at_rest)
+    def reset(self, env_ids: EnvIndices, specific_force: Array, readings: AlignedReadings) -> None:
+        """Reset the filter of some robots, which are at rest.
+
+        Args:
+            env_ids: Indices of the robots, (k,).
+            specific_force: Accelerometer mean at rest, base frame, (k, 3), m/s².
+            readings: First readings of these robots.
+        """
+        joints = self._leg_joints(readings)
+        gravity = -unit(specific_force)
+        zero = np.zeros_like(specific_force)
         feet = self._robot.hip_positions + foot_positions(self._robot, joints)
-        self._keep(rows, NominalState(gravity, still, still, still, feet))
-        # A bias of the accelerometer is a tilt of what it reads at rest.
-        tilt, bias = skew(gravity) / GRAVITY, errors.accelerometer_bias**2 * IDENTITY
-        covariance = np.zeros((len(rows), *self._covariance.shape[1:]))
-        covariance[:, TILT, TILT] = tilt @ bias @ tilt.mT + 1e-6 * IDENTITY
-        covariance[:, TILT, ACCELEROMETER_BIAS] = tilt @ bias
-        covariance[:, ACCELEROMETER_BIAS, TILT] = (tilt @ bias).mT
-        covariance[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] = bias
-        covariance[:, VELOCITY, VELOCITY] = INITIAL_VELOCITY_STD**2 * IDENTITY
-        covariance[:, GYRO_BIAS, GYRO_BIAS] = errors.gyro_bias**2 * IDENTITY
-        covariance[:, FEET, FEET] = 1e-4 * np.eye(feet[0].size)
-        self._covariance[rows], self.standing[rows] = covariance, 0.5 * read.contact
-        self._rest[rows] = self._read[rows] = 0.0
-        self._gyro[rows], self._joints[rows], self._acceleration[rows] = read.gyro, joints, 0.0
-        self._jacobians[rows], self._force[rows] = foot_jacobians(self._robot, joints), at_rest
-        self.gravity[rows], self.velocity[rows], self.gyro_bias[rows] = gravity, 0.0, 0.0
+        self._covariance[env_ids] = self._initial_covariance(gravity)
+        _assign(self.nominal, env_ids, NominalState(gravity, zero, zero, zero, feet))
+        not_in_contact = np.zeros(readings.contact.shape)
+        jacobians = foot_jacobians(self._robot, joints)
+        contact = ContactState(0.5 * readings.contact, not_in_contact, not_in_contact, jacobians)
+        _assign(self.contact, env_ids, contact)
+        _assign(self.previous, env_ids, PreviousSample(readings.gyro, joints, specific_force, zero))
+        self.gravity[env_ids] = gravity
+        self.velocity[env_ids] = 0.0
+        self.gyro_bias[env_ids] = 0.0
 
-    def update(self, read: AlignedReadings, rows: EnvIndices) -> None:
-        """One `dt` later those robots' sensors read this."""
-        before = NominalState._make(values[rows] for values in self.motion)
-        joints = read.joints.reshape(-1, *self._joints.shape[1:])
-        samples = StepMeasurements(0.5 * (self._gyro[rows] + read.gyro), read.accelerometer, self._joints[rows], joints)
-        to = error_state.rotate_state(before, samples, self._dt)
-        motion = error_state.predict(self._robot, before, to, self._dt)
-        acceleration = matvec(0.5 * (to.turn + IDENTITY), to.force) + GRAVITY * motion.gravity
-        transition_matrix = error_state.error_transition_matrix(self._robot, before, samples, to, self._dt)
-        covariance = self._predicted_covariance(rows, transition_matrix, read.gyro - self._gyro[rows], acceleration)
-        force_change = np.sqrt(_squared(to.force - self._force[rows]))[..., None]
-        self._force[rows] = to.force
-        error, self._covariance[rows] = self._measurement_update(rows, read, motion, samples, force_change, covariance)
-        motion = error_state.inject_error(motion, error)
-        self._keep(rows, motion)
-        self._extrapolate_to_now(rows, motion, read.gyro, acceleration, matvec(to.turn, self._acceleration[rows]))
-        self._gyro[rows], self._joints[rows], self._acceleration[rows] = read.gyro, joints, acceleration
+    def update(self, readings: AlignedReadings, env_ids: EnvIndices) -> None:
+        """Advance the estimates of some robots by one control period.
 
-    def _predicted_covariance(
-        self, rows: EnvIndices, transition_matrix: Array, change: Array, acceleration: Array
-    ) -> Array:
-        """Before the feet are looked at; `onward` is the transition of the error, `change` that of the angular velocity
-        in this period, rad/s."""
-        errors, dt = self._errors, self._dt
-        out: Array = transition_matrix @ self._covariance[rows] @ transition_matrix.mT
-        by_turning, by_force = (
-            transition_matrix[:, :, GYRO_BIAS].copy(),
-            transition_matrix[:, :, ACCELEROMETER_BIAS].copy(),
-        )
-        by_turning[:, GYRO_BIAS] = by_force[:, ACCELEROMETER_BIAS] = 0.0
-        turning = errors.gyro**2 + GYRO_INTERPOLATION_NOISE**2 / 3 * _squared(change)
-        pushed, lever = errors.accelerometer**2 + ACCELEROMETER_SCALE_NOISE**2 * _squared(acceleration), skew(change)
-        lever_arm_covariance = (LEVER_ARM_NOISE_GAIN * errors.lever / dt) ** 2 * (lever @ lever.mT)
-        out += by_turning @ (turning * by_turning.mT)
-        out += by_force @ (pushed * IDENTITY + lever_arm_covariance) @ by_force.mT
-        out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] += ACCELEROMETER_BIAS_RANDOM_WALK**2 * dt * IDENTITY
+        Args:
+            readings: Time-aligned readings of k robots at the end of the period.
+            env_ids: Their indices, (k,).
+        """
+        prediction = self.predict(readings, env_ids)
+        measurement = self.contact_update(prediction, readings, env_ids)
+        self.measurement_update(prediction.state, measurement, env_ids)
+        self.extrapolate(prediction, readings.gyro, env_ids)
+
+    def predict(self, readings: AlignedReadings, env_ids: EnvIndices) -> Prediction:
+        """Propagate the motion and the covariance by one control period with the IMU and the joint angles.
+
+        Args:
+            readings: Readings of k robots at the end of the period.
+            env_ids: Their indices, (k,).
+
+        Returns:
+            The prediction; the feet have not moved on the ground yet.
+        """
+        state = _select(self.nominal, env_ids)
+        previous = _select(self.previous, env_ids)
+        measurements = self._step_measurements(previous, readings)
+        rotated = error_state.rotate_state(state, measurements, self._dt)
+        predicted = error_state.predict(self._robot, state, rotated, self._dt)
+        force = rotated.specific_force
+        acceleration = matvec(0.5 * (rotated.rotation + IDENTITY), force) + GRAVITY * predicted.gravity
+        transition = error_state.error_transition_matrix(self._robot, state, measurements, rotated, self._dt)
+        gyro_change = readings.gyro - previous.gyro
+        covariance = self._predict_covariance(self._covariance[env_ids], transition, gyro_change, acceleration)
+        force_change = np.sqrt(_squared_length(force - previous.specific_force))[..., None]
+        previous_acceleration = matvec(rotated.rotation, previous.acceleration)
+        _assign(self.previous, env_ids, PreviousSample(readings.gyro, measurements.joints, force, acceleration))
+        return Prediction(predicted, covariance, acceleration, previous_acceleration, force_change)
+
+    def contact_update(self, prediction: Prediction, readings: AlignedReadings, env_ids: EnvIndices) -> FootMeasurement:
+        """Update the contact probabilities and add the motion of the feet to the predicted covariance.
+
+        Args:
+            prediction: Result of `predict`.
+            readings: The same readings of k robots.
+            env_ids: Their indices, (k,).
+
+        Returns:
+            The innovation of the feet, its noise, and the covariance with their motion.
+        """
+        robot = self._robot
+        gravity = prediction.state.gravity
+        vertical = gravity[:, None, :, None] * gravity[:, None, None, :]
+        joints = self.previous.joints[env_ids]
+        jacobians = foot_jacobians(robot, joints)
+        stance_noise = self._stance_noise(prediction.force_change, jacobians, vertical, env_ids)
+        noise = self._encoder_noise(readings, jacobians)
+        innovation = robot.hip_positions + foot_positions(robot, joints) - prediction.state.feet
+        expected = _foot_blocks(prediction.covariance, len(robot.leg_names)) + stance_noise + noise
+        contact = self._update_contact(readings, innovation, expected, jacobians, env_ids)
+        covariance = self._inflate_velocity(prediction.covariance, contact, innovation)
+        swing_noise = _swing_covariance(contact.probability, innovation, expected, vertical, self._dt)
+        _add_foot_blocks(covariance, stance_noise + swing_noise)
+        return FootMeasurement(innovation, noise, covariance)
+
+    def measurement_update(self, predicted: NominalState, measurement: FootMeasurement, env_ids: EnvIndices) -> None:
+        """Correct the motion and its covariance with the measured foot positions.
+
+        Args:
+            predicted: Predicted motion of k robots.
+            measurement: Result of `contact_update`.
+            env_ids: Their indices, (k,).
+        """
+        covariance = measurement.covariance
+        innovation_covariance = covariance[:, FEET, FEET].copy()
+        _add_foot_blocks(innovation_covariance, measurement.noise, 0)
+        gain = np.linalg.solve(innovation_covariance, covariance[:, FEET])
+        error = (measurement.innovation.reshape(len(env_ids), 1, -1) @ gain)[:, 0]
+        out = covariance - covariance[:, FEET].mT @ gain
+        self._covariance[env_ids] = 0.5 * (out + out.mT)
+        _assign(self.nominal, env_ids, error_state.inject_error(predicted, error))
+
+    def extrapolate(self, prediction: Prediction, gyro: Array, env_ids: EnvIndices) -> None:
+        """Extrapolate from the time of the readings to now, with constant rotation and the recent acceleration.
+
+        Args:
+            prediction: Result of `predict`.
+            gyro: Readings of the gyroscope, (k, 3), rad/s.
+            env_ids: Indices of the robots, (k,).
+        """
+        state = _select(self.nominal, env_ids)
+        acceleration = prediction.acceleration
+        change = PARAMETERS.acceleration_extrapolation_gain * (acceleration - prediction.previous_acceleration)
+        velocity_change = self._delay * (acceleration + change)
+        rotation = exp_so3(-self._delay * (gyro - state.gyro_bias))
+        self.gravity[env_ids] = unit(matvec(rotation, state.gravity))
+        self.velocity[env_ids] = matvec(rotation, state.velocity + velocity_change)
+        self.gyro_bias[env_ids] = state.gyro_bias
+
+    def _leg_joints(self, readings: AlignedReadings) -> Array:
+        """Return the joint angles by leg, (k, 4, 3), rad."""
+        return readings.joints.reshape(-1, *self.previous.joints.shape[1:])
+
+    def _step_measurements(self, previous: PreviousSample, readings: AlignedReadings) -> StepMeasurements:
+        """Return the readings of the control period between two samples."""
+        mean_gyro = 0.5 * (previous.gyro + readings.gyro)
+        return StepMeasurements(mean_gyro, readings.accelerometer, previous.joints, self._leg_joints(readings))
+
+    def _initial_covariance(self, gravity: Array) -> Array:
+        """Return the covariance of robots at rest, (k, 24, 24); a bias of the accelerometer is a tilt there."""
+        errors = self._errors
+        bias_to_tilt = skew(gravity) / GRAVITY
+        bias = errors.accelerometer_bias**2 * IDENTITY
+        out = np.zeros((len(gravity), *self._covariance.shape[1:]))
+        out[:, TILT, TILT] = bias_to_tilt @ bias @ bias_to_tilt.mT + 1e-6 * IDENTITY
+        out[:, TILT, ACCELEROMETER_BIAS] = bias_to_tilt @ bias
+        out[:, ACCELEROMETER_BIAS, TILT] = (bias_to_tilt @ bias).mT
+        out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] = bias
+        out[:, VELOCITY, VELOCITY] = PARAMETERS.initial_velocity_std**2 * IDENTITY
+        out[:, GYRO_BIAS, GYRO_BIAS] = errors.gyro_bias**2 * IDENTITY
+        out[:, FEET, FEET] = 1e-4 * np.eye(out.shape[-1] - FEET.start)
         return out
 
-    def _measurement_update(
-        self,
-        rows: EnvIndices,
-        read: AlignedReadings,
-        motion: NominalState,
-        samples: StepMeasurements,
-        force_change: Array,
-        covariance: Array,
-    ) -> tuple[Array, Array]:
-        """The error that the encoders show, (k, 24), and the covariance after them; `loaded` is what the specific force
-        has changed by, m/s², (k, 1, 1, 1)."""
-        errors, dt, robot = self._errors, self._dt, self._robot
-        jacobians = foot_jacobians(robot, samples.joints)
-        change = jacobians - self._jacobians[rows]
-        self._jacobians[rows] = jacobians
-        down = motion.gravity[:, None, :, None] * motion.gravity[:, None, None, :]
-        landing = (TOUCHDOWN_VELOCITY_STD * np.exp(-self._rest[rows] / TOUCHDOWN_NOISE_DECAY))[..., None, None]
-        offset = (ENCODER_OFFSET_NOISE_GAIN * errors.zero) ** 2 * (change @ change.mT)
-        sinking = (dt * landing) ** 2 + (GROUND_COMPLIANCE * force_change) ** 2
-        moved = (dt * CONTACT_VELOCITY_STD) ** 2 * IDENTITY + sinking * down + offset
-        angles = np.where(read.fresh, errors.angle, MISSING_SAMPLE_STD)[:, None, None, None]
-        noise = angles * angles * (jacobians @ jacobians.mT)
-        innovation = robot.hip_positions + foot_positions(robot, samples.joints) - motion.feet
-        expected = _blocks(covariance, len(robot.leg_names)) + moved + noise
-        standing = contact_probability(self.standing[rows], read.contact, innovation, expected, dt)
-        self.standing[rows] = standing
-        self._rest[rows] = standing * (self._rest[rows] + dt)
-        self._read[rows] = read.contact * (self._read[rows] + dt)
-        doubted = np.where(self._read[rows] > MIN_CONTACT_DURATION, 1.0 - standing, 0.0) * (
-            innovation * innovation
-        ).sum(axis=-1)
-        covariance[:, VELOCITY, VELOCITY] += (
-            (SLIP_VELOCITY_INFLATION / dt) ** 2 * doubted.sum(axis=-1)[:, None, None] * IDENTITY
-        )
-        _add(covariance, moved + _swing_covariance(standing, innovation, expected, down, dt))
-        seen = covariance[:, FEET, FEET].copy()
-        _add(seen, noise, 0)
-        gain = np.linalg.solve(seen, covariance[:, FEET])
-        error = (innovation.reshape(len(rows), 1, -1) @ gain)[:, 0]
-        out = covariance - covariance[:, FEET].mT @ gain
-        return error, 0.5 * (out + out.mT)
+    def _predict_covariance(
+        self, covariance: Array, transition: Array, gyro_change: Array, acceleration: Array
+    ) -> Array:
+        """Propagate the covariance by one period, (k, 24, 24), with the noise of the IMU."""
+        errors = self._errors
+        dt = self._dt
+        gyro_gain = transition[:, :, GYRO_BIAS].copy()
+        gyro_gain[:, GYRO_BIAS] = 0.0
+        gyro_variance = errors.gyro**2 + PARAMETERS.gyro_interpolation_noise**2 / 3 * _squared_length(gyro_change)
+        force_gain = transition[:, :, ACCELEROMETER_BIAS].copy()
+        force_gain[:, ACCELEROMETER_BIAS] = 0.0
+        scale_variance = PARAMETERS.accelerometer_scale_noise**2 * _squared_length(acceleration)
+        force_variance = errors.accelerometer**2 + scale_variance
+        lever = skew(gyro_change)
+        lever_arm_covariance = (PARAMETERS.lever_arm_noise_gain * errors.lever / dt) ** 2 * (lever @ lever.mT)
+        out: Array = transition @ covariance @ transition.mT
+        out += gyro_gain @ (gyro_variance * gyro_gain.mT)
+        out += force_gain @ (force_variance * IDENTITY + lever_arm_covariance) @ force_gain.mT
+        random_walk = PARAMETERS.accelerometer_bias_random_walk**2 * dt
+        out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] += random_walk * IDENTITY
+        return out
 
-    def _extrapolate_to_now(
-        self, rows: EnvIndices, motion: NominalState, gyro: Array, acceleration: Array, earlier: Array
-    ) -> None:
-        """Go on from the moment of the readings to now, the trunk turning as it does and pushed as it is."""
-        turn = exp_so3(-self._late * self._dt * (gyro - motion.gyro_bias))
-        gained = self._late * self._dt * (acceleration + ACCELERATION_EXTRAPOLATION_GAIN * (acceleration - earlier))
-        self.gravity[rows] = unit(matvec(turn, motion.gravity))
-        self.velocity[rows] = matvec(turn, motion.velocity + gained)
-        self.gyro_bias[rows] = motion.gyro_bias
+    def _stance_noise(self, force_change: Array, jacobians: Array, vertical: Array, env_ids: EnvIndices) -> Array:
+        """Return the position covariance that a foot in contact gains in a period, (k, 4, 3, 3), m²."""
+        dt = self._dt
+        jacobian_change = jacobians - self.contact.jacobians[env_ids]
+        decay = np.exp(-self.contact.stance_time[env_ids] / PARAMETERS.touchdown_noise_decay)
+        touchdown_std = (PARAMETERS.touchdown_velocity_std * decay)[..., None, None]
+        encoder_variance = (PARAMETERS.encoder_offset_noise_gain * self._errors.zero) ** 2
+        encoder_covariance = encoder_variance * (jacobian_change @ jacobian_change.mT)
+        vertical_variance = (dt * touchdown_std) ** 2 + (PARAMETERS.ground_compliance * force_change) ** 2
+        rest_covariance = (dt * PARAMETERS.contact_velocity_std) ** 2 * IDENTITY
+        out: Array = rest_covariance + vertical_variance * vertical + encoder_covariance
+        return out
 
-    def _keep(self, rows: EnvIndices, motion: NominalState) -> None:
-        for kept, values in zip(self.motion, motion, strict=True):
-            kept[rows] = values
+    def _encoder_noise(self, readings: AlignedReadings, jacobians: Array) -> Array:
+        """Return the covariance of the measured foot positions, (k, 4, 3, 3), m²."""
+        angle_std = np.where(readings.has_new_angles, self._errors.angle, PARAMETERS.missing_sample_std)
+        angle_std = angle_std[:, None, None, None]
+        return angle_std * angle_std * (jacobians @ jacobians.mT)
+
+    def _update_contact(
+        self, readings: AlignedReadings, innovation: Array, expected: Array, jacobians: Array, env_ids: EnvIndices
+    ) -> ContactState:
+        """Store and return the contact of each foot; `expected` is the covariance of its innovation in contact."""
+        previous = _select(self.contact, env_ids)
+        probability = contact_probability(previous.probability, readings.contact, innovation, expected, self._dt)
+        stance_time = probability * (previous.stance_time + self._dt)
+        reading_time = readings.contact * (previous.reading_time + self._dt)
+        contact = ContactState(probability, stance_time, reading_time, jacobians)
+        _assign(self.contact, env_ids, contact)
+        return contact
+
+    def _inflate_velocity(self, covariance: Array, contact: ContactState, innovation: Array) -> Array:
+        """Return the covariance with a larger one of the velocity where feet read contact but move."""
+        has_long_reading = contact.reading_time > PARAMETERS.min_contact_duration
+        slip_weight = np.where(has_long_reading, 1.0 - contact.probability, 0.0)
+        squared_slip = (slip_weight * (innovation * innovation).sum(axis=-1)).sum(axis=-1)
+        gain = (PARAMETERS.slip_velocity_inflation / self._dt) ** 2
+        out = covariance.copy()
+        out[:, VELOCITY, VELOCITY] += gain * squared_slip[:, None, None] * IDENTITY
+        return out
 
 
-def _swing_covariance(standing: Array, innovation: Array, expected: Array, down: Array, dt: float) -> Array:
-    """Covariance of what a foot moves by beyond one that surely stands, m², (k, 4, 3, 3)."""
-    rest = (CONTACT_VELOCITY_STD * dt) ** 2
-    level, vertical = (
-        rest * ((speed / CONTACT_VELOCITY_STD) ** (2 - 2 * standing) - 1)
-        for speed in (SWING_HORIZONTAL_VELOCITY_STD, SWING_SPEED)
-    )
-    beyond = (innovation * innovation).sum(axis=-1) - (expected * IDENTITY).sum(axis=(-2, -1))
-    sliding = level + SLIP_INNOVATION_GAIN / 3 * standing * np.maximum(beyond, 0.0)
-    out: Array = sliding[..., None, None] * IDENTITY + (vertical - level)[..., None, None] * down
+def _swing_covariance(probability: Array, innovation: Array, expected: Array, vertical: Array, dt: float) -> Array:
+    """Return the extra position covariance of feet that may not be in contact, base frame, (k, 4, 3, 3), m²."""
+    horizontal_variance = _swing_variance(PARAMETERS.swing_horizontal_velocity_std, probability, dt)
+    vertical_variance = _swing_variance(CONTACT_PARAMETERS.swing_speed, probability, dt)
+    excess = (innovation * innovation).sum(axis=-1) - (expected * IDENTITY).sum(axis=(-2, -1))
+    slip_variance = PARAMETERS.slip_innovation_gain / 3 * probability * np.maximum(excess, 0.0)
+    isotropic = (horizontal_variance + slip_variance)[..., None, None] * IDENTITY
+    out: Array = isotropic + (vertical_variance - horizontal_variance)[..., None, None] * vertical
     return out
 
 
-def _blocks(covariance: Array, legs: int) -> Array:
-    """Covariance of each foot's own place, (k, 4, 3, 3)."""
+def _swing_variance(speed_std: float, probability: Array, dt: float) -> Array:
+    """Return the extra variance along an axis, (k, 4), m², from 0 in contact to about (speed_std · dt)² in swing."""
+    rest_std = PARAMETERS.contact_velocity_std
+    out: Array = (rest_std * dt) ** 2 * ((speed_std / rest_std) ** (2 - 2 * probability) - 1)
+    return out
+
+
+def _foot_blocks(covariance: Array, legs: int) -> Array:
+    """Return the covariance of each foot's position, (k, 4, 3, 3)."""
     return np.stack([covariance[:, error_state.foot(leg), error_state.foot(leg)] for leg in range(legs)], axis=1)
 
 
-def _add(matrices: Array, blocks: Array, start: int = FEET.start) -> None:
-    """Add blocks, (k, 4, 3, 3), along the diagonal of matrices from that place on."""
+def _add_foot_blocks(matrices: Array, blocks: Array, start: int = FEET.start) -> None:
+    """Add blocks, (k, 4, 3, 3), along the diagonal of the matrices from entry `start` on."""
     for leg in range(blocks.shape[1]):
-        place = slice(start + 3 * leg, start + 3 * leg + 3)
-        matrices[:, place, place] += blocks[:, leg]
+        entries = slice(start + 3 * leg, start + 3 * leg + 3)
+        matrices[:, entries, entries] += blocks[:, leg]
 
 
-def _squared(vectors: Array) -> Array:
-    """Squared lengths, (k, 1, 1)."""
+def _squared_length(vectors: Array) -> Array:
+    """Return the squared lengths of vectors (k, 3), (k, 1, 1)."""
     out: Array = (vectors * vectors).sum(axis=-1)[:, None, None]
     return out
+
+
+def _select(state: Rows, env_ids: EnvIndices) -> Rows:
+    """Return the rows of some robots."""
+    return state._make(values[env_ids] for values in state)
+
+
+def _assign(state: Rows, env_ids: EnvIndices, rows: Rows) -> None:
+    """Write the rows of some robots in place."""
+    for target, values in zip(state, rows, strict=True):
+        target[env_ids] = values

@@ -1,4 +1,4 @@
-"""What n robots' observations show of their states: with noise, late, or as their own sensors have it."""
+"""Observation models: noise and latency on the true state, or readings of simulated sensors and an estimator."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import EnvIndices
+from quad_env.columns import Array, EnvIndices
 from quad_env.physics.probe import IdealSensors
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.robot import Robot
@@ -17,145 +17,212 @@ from quad_env.sensing.estimator import AlignedReadings
 from quad_env.sensing.estimators import make_estimator
 from quad_env.sensing.instruments import SensorModels
 from quad_env.sensing.suite import SensorSuite
-from quad_env.task.observations import observation_table
+from quad_env.task.observations import ObservationTable, observation_table
 
 
 class ObservationDisturbance:
-    """Noise and delay of n robots' sensors and, with `encoders`, offsets of joint angles; `clock` is each robot's
-    control steps since its start."""
+    """A scenario's disturbances of n robots' observations: joint angle offsets, then noise, then latency.
 
-    def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float, encoders: bool) -> None:
+    Args:
+        robot: The robots, for the layout of their observation.
+        scenario: Its noise and observation latency apply.
+        num_envs: Number of robots.
+        dt: Control period, s.
+        has_encoder_offset: True to add the offsets of the joint angles that domain randomisation draws.
+    """
+
+    def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float, has_encoder_offset: bool) -> None:
         table = observation_table(robot)
-        self._sensed, self._bound = table.sensed, table.bound[table.sensed]
-        delay_steps = 0 if scenario.latency is None else round(scenario.latency.observation / dt)
-        self._readings = Channel(num_envs, len(self._bound), None, delay_steps * dt, 1 / dt) if delay_steps else None
+        self._sensed = table.sensed
+        self._bound = table.bound[table.sensed]
         self._joints = table.slices["joint_position"]
-        self._offset = np.zeros((num_envs, robot.num_joints), np.float32) if encoders else None
-        self._noise = None
-        if scenario.noise is not None:
-            deviations = np.zeros(table.sensed.stop, np.float32)
-            for term, deviation in scenario.noise.deviations.items():
-                deviations[table.slices[term]] = deviation
-            self._noise = Noise(num_envs, deviations)
+        self._offset = np.zeros((num_envs, robot.num_joints), np.float32) if has_encoder_offset else None
+        self._noise = _observation_noise(table, scenario, num_envs)
+        delay_steps = 0 if scenario.latency is None else round(scenario.latency.observation / dt)
+        self._delayed = Channel(num_envs, len(self._bound), None, delay_steps * dt, 1 / dt) if delay_steps else None
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Start these episodes of those robots."""
+        """Restart the disturbances of some robots.
+
+        Args:
+            env_ids: Indices of the robots, (k,).
+            episodes: Their new episodes, k.
+        """
         if self._noise is not None:
-            for row, episode in zip(env_ids, episodes, strict=True):
-                self._noise.reset(row, episode.streams.noise)
+            for env_index, episode in zip(env_ids, episodes, strict=True):
+                self._noise.reset(env_index, episode.streams.noise)
         if self._offset is not None:
             self._offset[env_ids] = [episode.randomised.encoder_offset for episode in episodes if episode.randomised]
 
-    def sense(self, observation: NDArray[np.float32], clock: NDArray[np.int64], env_ids: EnvIndices) -> None:
-        """Turn true observations, (k, …), into what the sensors of those robots show; `clock` is theirs, (k,)."""
+    def sense(self, observation: NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
+        """Disturb the sensed terms of observations in place.
+
+        Args:
+            observation: Observations without disturbance, (k, width).
+            clock: Control steps since the start of the episode, (k,).
+            env_ids: Indices of the robots, (k,).
+        """
         sensed = observation[:, self._sensed]
         if self._offset is not None:
             sensed[:, self._joints] += self._offset[env_ids]
         if self._noise is not None:
             sensed += self._noise.at(clock, env_ids)
             np.clip(sensed, -self._bound, self._bound, out=sensed)
-        if self._readings is not None:
-            self._readings.record(sensed, clock, env_ids)
-            sensed[:] = self._readings.value(clock, env_ids)
+        if self._delayed is not None:
+            self._delayed.record(sensed, clock, env_ids)
+            sensed[:] = self._delayed.value(clock, env_ids)
+
+
+def _observation_noise(table: ObservationTable, scenario: Scenario, num_envs: int) -> Noise | None:
+    """Return the noise of the sensed terms in a scenario; None if it has none."""
+    if scenario.noise is None:
+        return None
+    std = np.zeros(table.sensed.stop, np.float32)
+    for term, term_std in scenario.noise.deviations.items():
+        std[table.slices[term]] = term_std
+    return Noise(num_envs, std)
 
 
 class SensorObservation:
-    """Puts what sensors read in place of what is true.
+    """Builds the sensed terms of the observation from sensor readings and an estimator instead of the true state.
 
-    `angular_velocity` is the gyroscope's, less the bias that the estimator makes out, `joint_position` the encoders',
-    `joint_velocity` the difference of their last two samples by the time between; `projected_gravity` and
-    `linear_velocity` are estimated from readings of the same moment, that of the slowest of the sensors that take part.
-    A scenario's noise and latency come on top: `disturbed`.
+    `angular_velocity` is the gyroscope reading minus the estimated bias. `joint_position` is the encoder reading, and
+    `joint_velocity` the difference of its last two samples divided by their distance in time. `projected_gravity` and
+    `linear_velocity` are estimated from readings of the same time, which is as old as the slowest of the sensors
+    requires. A scenario's noise and latency come on top.
+
+    Args:
+        robot: The robots.
+        suite: Their sensors.
+        ideal_sensors: Noise-free values of these sensors in the simulation.
+        num_envs: Number of robots.
+        control_rate: Hz.
+        estimator: One of `ESTIMATORS`.
+        disturbance: Noise and latency of the scenario, if it has any.
+
+    Attributes:
+        estimator: Estimates of gravity, velocity and gyroscope bias.
     """
 
     def __init__(
         self,
         robot: Robot,
         suite: SensorSuite,
-        probe: IdealSensors,
+        ideal_sensors: IdealSensors,
         num_envs: int,
         control_rate: float,
         estimator: str,
         disturbance: ObservationDisturbance | None = None,
     ) -> None:
-        self._probe, self._disturbed = probe, disturbance
-        self._home, self._table = robot.home_pose, observation_table(robot)
+        self._ideal_sensors = ideal_sensors
+        self._disturbance = disturbance
+        self._home_pose = robot.home_pose
+        self._table = observation_table(robot)
         self._bound = self._table.bound[self._table.sensed]
-        self._instruments = SensorModels(robot, suite, num_envs, control_rate)
-        self.estimator = make_estimator(estimator, robot, suite, self._instruments, num_envs, 1 / control_rate)
-        """Where gravity and velocity are from."""
+        self._sensors = SensorModels(robot, suite, num_envs, control_rate)
+        self.estimator = make_estimator(estimator, robot, suite, self._sensors, num_envs, 1 / control_rate)
         self._last_update_step = np.full(num_envs, -1)
-        """Control step of each robot's last look, since its start."""
-        self._shown = np.zeros((num_envs, len(self._bound)), np.float32)
-        self._rows = np.arange(num_envs)
+        """Control step of each robot's last update since its start; -1 before the first."""
+        self._sensed_terms = np.zeros((num_envs, len(self._bound)), np.float32)
+        """Sensed terms of the observation as of that step."""
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Start these episodes of those robots."""
+        """Restart the sensors of some robots.
+
+        Args:
+            env_ids: Indices of the robots, (k,).
+            episodes: Their new episodes, k.
+        """
         self._last_update_step[env_ids] = -1
-        self._instruments.reset(env_ids, episodes)
-        if self._disturbed is not None:
-            self._disturbed.reset(env_ids, episodes)
+        self._sensors.reset(env_ids, episodes)
+        if self._disturbance is not None:
+            self._disturbance.reset(env_ids, episodes)
 
     def sense(self, observation: NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
-        """Turn true observations, (k, …), into what the sensors of those robots show; `clock` is theirs, (k,)."""
-        new = self._last_update_step[env_ids] != clock
-        if new.any():
-            self._update(clock[new], env_ids[new])
-        observation[:, self._table.sensed] = self._shown[env_ids]
-        if self._disturbed is not None:
-            self._disturbed.sense(observation, clock, env_ids)
+        """Replace the sensed terms of true observations in place.
+
+        Args:
+            observation: True observations, (k, width).
+            clock: Control steps since the start of the episode, (k,). A second call in a step reads no sensor again.
+            env_ids: Indices of the robots, (k,).
+        """
+        is_new = self._last_update_step[env_ids] != clock
+        if is_new.any():
+            self._update(clock[is_new], env_ids[is_new])
+        observation[:, self._table.sensed] = self._sensed_terms[env_ids]
+        if self._disturbance is not None:
+            self._disturbance.sense(observation, clock, env_ids)
 
     def readings(self) -> dict[str, NDArray[Any]]:
-        """`sensor_<name>` -> value, (n, k); `sensor_<name>_time` -> when it was measured, (n,), s from the start."""
-        clock, out = np.maximum(self._last_update_step, 0), dict[str, NDArray[Any]]()
-        for name, channel in self._instruments.channels.items():
-            out[f"sensor_{name}"] = channel.value(clock, self._rows)
+        """Return the visible sample of each sensor and its time.
+
+        Returns:
+            `sensor_<name>`: reading, (n, width), in the sensor's unit.
+            `sensor_<name>_time`: time at which it was taken, (n,), s since the start of the episode.
+        """
+        clock = np.maximum(self._last_update_step, 0)
+        env_ids = np.arange(len(clock))
+        out: dict[str, NDArray[Any]] = {}
+        for name, channel in self._sensors.channels.items():
+            out[f"sensor_{name}"] = channel.value(clock, env_ids)
             out[f"sensor_{name}_time"] = channel.time(clock)
         out["sensor_foot_contact"] = out["sensor_foot_contact"] > 0
         return out
 
     def _update(self, clock: Clock, env_ids: EnvIndices) -> None:
-        measured = self._probe.measured(env_ids, clock, self._instruments.channels["accelerometer"].period)
-        self._instruments.read(measured, clock, env_ids)
-        self._estimate(measured["up"], clock, env_ids)
+        """Read the sensors, update the estimates and compute the sensed terms of some robots."""
+        accelerometer_period = self._sensors.channels["accelerometer"].period
+        true_values = self._ideal_sensors.measured(env_ids, clock, accelerometer_period)
+        self._sensors.read(true_values, clock, env_ids)
+        self._update_estimates(true_values["up"], clock, env_ids)
         self._last_update_step[env_ids] = clock
-        channels = self._instruments.channels
+        self._sensed_terms[env_ids] = self._compute_sensed_terms(clock, env_ids)
+
+    def _update_estimates(self, up: Array, clock: Clock, env_ids: EnvIndices) -> None:
+        """Reset the estimates at the start of an episode, and update them once a new aligned sample exists."""
+        readings = self._aligned_readings(clock, env_ids)
+        is_first = clock == 0
+        if is_first.any():
+            specific_force = self._sensors.specific_force_at_rest(up[is_first], env_ids[is_first])
+            self.estimator.reset(env_ids[is_first], specific_force, readings.select(is_first))
+        has_advanced = clock > self._sensors.alignment_delay
+        if has_advanced.any():
+            self.estimator.update(readings.select(has_advanced), env_ids[has_advanced])
+
+    def _aligned_readings(self, clock: Clock, env_ids: EnvIndices) -> AlignedReadings:
+        """Return readings of all sensors of motion and contact that were taken at the same time."""
+        delay_steps = self._sensors.alignment_delay
+        channels = self._sensors.channels
         encoders = channels["joint_position"]
-        joints = encoders.value(clock, env_ids)
-        in_order = {
-            "projected_gravity": self.estimator.gravity[env_ids],
-            "angular_velocity": channels["gyro"].value(clock, env_ids) - self.estimator.gyro_bias[env_ids],
-            "linear_velocity": self.estimator.velocity[env_ids],
-            "joint_position": joints - self._home,
-            "joint_velocity": (joints - encoders.previous(clock, env_ids)) / encoders.sample_period,
-        }
-        shown = np.empty((len(env_ids), len(self._bound)))
-        for name, values in in_order.items():
-            shown[:, self._table.slices[name]] = values
-        self._shown[env_ids] = np.clip(shown, -self._bound, self._bound)
-
-    def _estimate(self, up: NDArray[np.float64], clock: Clock, env_ids: EnvIndices) -> None:
-        """Move the estimates on, from the start at clock 0, when no time has passed."""
-        read = self._read(clock, env_ids)
-        if (first := clock == 0).any():
-            at_rest = self._instruments.at_rest(up[first], env_ids[first])
-            self.estimator.reset(env_ids[first], at_rest, read.of(first))
-        if (moved := clock > self._instruments.alignment_delay).any():
-            self.estimator.update(read.of(moved), env_ids[moved])
-
-    def _read(self, clock: Clock, env_ids: EnvIndices) -> AlignedReadings:
-        delay_steps, channels = self._instruments.alignment_delay, self._instruments.channels
-        encoders, feet = channels["joint_position"], channels["foot_contact"]
+        feet = channels["foot_contact"]
         contact = feet.value(clock, env_ids, delay_steps) > 0
         return AlignedReadings(
-            channels["gyro"].value(clock, env_ids, delay_steps),
-            channels["accelerometer"].value(clock, env_ids, delay_steps),
-            encoders.value(clock, env_ids, delay_steps),
-            encoders.previous(clock, env_ids, delay_steps),
-            contact & (feet.previous(clock, env_ids, delay_steps) > 0),
-            contact,
-            encoders.is_new(clock, delay_steps),
+            gyro=channels["gyro"].value(clock, env_ids, delay_steps),
+            accelerometer=channels["accelerometer"].value(clock, env_ids, delay_steps),
+            joints=encoders.value(clock, env_ids, delay_steps),
+            previous_joints=encoders.previous(clock, env_ids, delay_steps),
+            sustained_contact=contact & (feet.previous(clock, env_ids, delay_steps) > 0),
+            contact=contact,
+            has_new_angles=encoders.is_new(clock, delay_steps),
         )
+
+    def _compute_sensed_terms(self, clock: Clock, env_ids: EnvIndices) -> Array:
+        """Return the sensed terms of the observation, clipped to its bounds, (k, width)."""
+        encoders = self._sensors.channels["joint_position"]
+        joints = encoders.value(clock, env_ids)
+        joint_change = joints - encoders.previous(clock, env_ids)
+        gyro = self._sensors.channels["gyro"].value(clock, env_ids)
+        terms = {
+            "projected_gravity": self.estimator.gravity[env_ids],
+            "angular_velocity": gyro - self.estimator.gyro_bias[env_ids],
+            "linear_velocity": self.estimator.velocity[env_ids],
+            "joint_position": joints - self._home_pose,
+            "joint_velocity": joint_change / encoders.sample_period,
+        }
+        out = np.empty((len(env_ids), len(self._bound)))
+        for name, values in terms.items():
+            out[:, self._table.slices[name]] = values
+        return np.clip(out, -self._bound, self._bound)
 
 
 def make_observation_model(
@@ -166,12 +233,26 @@ def make_observation_model(
     num_envs: int,
     control_rate: float,
 ) -> SensorObservation | ObservationDisturbance | None:
-    """What stands between the robots' states and their observations; None where they show every reading as it is."""
-    robot, dt = simulation.robot, 1 / control_rate
-    delay_steps = scenario.latency is not None and round(scenario.latency.observation / dt) > 0
-    offset = suite is None and scenario.randomisation is not None
-    needed = delay_steps or offset or scenario.noise is not None
-    disturbance = ObservationDisturbance(robot, scenario, num_envs, dt, offset) if needed else None
+    """Create the observation model of a batch.
+
+    Args:
+        suite: Sensors of the robots; None for the true state.
+        estimator: One of `ESTIMATORS`.
+        simulation: The simulated robots.
+        scenario: Its noise, latency and domain randomisation apply.
+        num_envs: Number of robots.
+        control_rate: Hz.
+
+    Returns:
+        The model; None if the observation is the undisturbed true state.
+    """
+    robot = simulation.robot
+    dt = 1 / control_rate
+    has_latency = scenario.latency is not None and round(scenario.latency.observation / dt) > 0
+    has_encoder_offset = suite is None and scenario.randomisation is not None
+    disturbance = None
+    if has_latency or has_encoder_offset or scenario.noise is not None:
+        disturbance = ObservationDisturbance(robot, scenario, num_envs, dt, has_encoder_offset)
     if suite is None:
         return disturbance
     assert simulation.probe is not None, "a simulation of robots without sensors"

@@ -234,7 +234,7 @@ class EstimationErrorObserver:
         self._truths.append((gravity, velocity))
         if step.number <= SETTLING:
             return
-        then: Any = estimator.motion if isinstance(estimator, KalmanFilter) else estimator
+        then: Any = estimator.nominal if isinstance(estimator, KalmanFilter) else estimator
         true_gravity, true_velocity = self._truths[0]
         turned, velocity_error = np.cross(then.gravity, true_gravity), true_velocity - then.velocity
         tilt = roll_pitch(true_gravity) - roll_pitch(then.gravity)

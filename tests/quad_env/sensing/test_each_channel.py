@@ -101,7 +101,7 @@ def test_each_entry_has_its_own_bias_and_noise_of_its_robot_s_stream(randomised:
 def test_accelerometers_at_rest_read_gravity_and_their_own_bias() -> None:
     of, _ = instruments(NOISY)
     up = np.array([[0.0, 0.6, 0.8], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(of.at_rest(up, np.array([1, 3])), 9.81 * up + of.bias[[1, 3], 3:6])
+    np.testing.assert_allclose(of.specific_force_at_rest(up, np.array([1, 3])), 9.81 * up + of.bias[[1, 3], 3:6])
 
 
 def test_readings_saturate_at_each_sensor_s_range_and_angles_come_in_steps() -> None:

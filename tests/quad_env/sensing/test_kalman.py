@@ -171,11 +171,11 @@ def test_the_trunk_turns_on_as_it_does_over_the_delay_of_the_readings(axis: int,
     filter_ = after_one_sample(SensorSuite(imu=Imu(gyro_bias=0.5)), late, gyro)
     assert np.abs(filter_.gyro_bias).max() > 0.1  # the feet, which do not move, say that the trunk turns less
     speed = np.array(gyro) - filter_.gyro_bias[0]
-    expected = filter_.motion.gravity[0]
+    expected = filter_.nominal.gravity[0]
     for _ in range(1000):  # in small steps of dg/dt = -ω × g
         expected = expected - 1e-3 * late * DT * np.cross(speed, expected)
     np.testing.assert_allclose(filter_.gravity[0], expected, atol=1e-5)
-    change = np.linalg.norm(filter_.gravity - filter_.motion.gravity)
+    change = np.linalg.norm(filter_.gravity - filter_.nominal.gravity)
     assert change == pytest.approx(np.linalg.norm(speed) * late * DT, rel=0.01)
 
 
@@ -195,7 +195,7 @@ def test_resting_feet_that_are_taken_for_swinging_correct_a_wrong_velocity() -> 
     filter_, robot = after_one_sample(SensorSuite()), np.arange(1)
     for _ in range(20):
         filter_.update(read(), robot)
-    filter_.motion.velocity[:], filter_.standing[:], filter_._read[:] = (1.0, 0.0, 0.0), 0.0, 0.0
+    filter_.nominal.velocity[:], filter_.contact.probability[:], filter_.contact.reading_time[:] = (1.0, 0.0, 0.0), 0.0, 0.0
     assert np.sqrt(filter_.covariance[0, 3, 3]) < 0.01
     for _ in range(40):
         filter_.update(read(), robot)
@@ -222,12 +222,12 @@ def test_the_covariance_counts_the_mounting_of_the_imu_as_tilt() -> None:
 
 def moved_on(filter_: KalmanFilter, times: int = 1, *, fresh: bool = True, **fields: np.ndarray) -> None:
     """So many control steps with these readings, the others as of a robot at rest."""
-    now = read()._replace(fresh=np.array([fresh]), **fields)
+    now = read()._replace(has_new_angles=np.array([fresh]), **fields)
     for _ in range(times):
         filter_.update(now, np.arange(1))
 
 
-IN_THE_AIR = {"contact": np.zeros((1, 4), np.bool_), "standing": np.zeros((1, 4), np.bool_)}
+IN_THE_AIR = {"contact": np.zeros((1, 4), np.bool_), "sustained_contact": np.zeros((1, 4), np.bool_)}
 
 
 def begun(late: int = 0) -> KalmanFilter:
@@ -241,7 +241,7 @@ def test_a_velocity_goes_on_over_the_delay_with_its_acceleration_and_0_8_of_the_
     filter_ = begun(late=3)
     for gained in (0.054, 0.03, 0.03):
         moved_on(filter_, accelerometer=np.array([[1.0, 0.0, 9.81]]), **IN_THE_AIR)
-        ahead = filter_.velocity - filter_.motion.velocity
+        ahead = filter_.velocity - filter_.nominal.velocity
         np.testing.assert_allclose(ahead, [[gained, 0.0, 0.0]], atol=2e-3)
 
 
@@ -251,21 +251,21 @@ def test_encoders_without_a_new_sample_correct_nothing() -> None:
     there = ROBOT.hip_positions + foot_positions(ROBOT, joints.reshape(1, 4, 3))
     for fresh in (False, True):
         filter_ = begun()
-        before = filter_.motion.feet.copy()
-        moved_on(filter_, fresh=fresh, joints=joints, joints_before=joints, **IN_THE_AIR)
+        before = filter_.nominal.feet.copy()
+        moved_on(filter_, fresh=fresh, joints=joints, previous_joints=joints, **IN_THE_AIR)
         expected = there if fresh else before
-        assert np.abs(filter_.motion.feet - expected).max() < 0.2 * np.abs(there - before).max()
+        assert np.abs(filter_.nominal.feet - expected).max() < 0.2 * np.abs(there - before).max()
 
 
 def test_a_foot_s_reading_is_long_only_where_it_is_not_interrupted() -> None:
     filter_ = begun()
-    stands = {"contact": np.ones((1, 4), np.bool_), "standing": np.ones((1, 4), np.bool_)}
+    stands = {"contact": np.ones((1, 4), np.bool_), "sustained_contact": np.ones((1, 4), np.bool_)}
     moved_on(filter_, 3, **stands)
-    np.testing.assert_allclose(filter_._read, 0.03)
+    np.testing.assert_allclose(filter_.contact.reading_time, 0.03)
     moved_on(filter_, 1, **IN_THE_AIR)
-    np.testing.assert_array_equal(filter_._read, 0.0)
+    np.testing.assert_array_equal(filter_.contact.reading_time, 0.0)
     moved_on(filter_, 2, **stands)
-    np.testing.assert_allclose(filter_._read, 0.02)
+    np.testing.assert_allclose(filter_.contact.reading_time, 0.02)
 
 
 def test_the_ground_gives_where_the_force_on_the_trunk_changes_and_not_while_it_stays() -> None:
@@ -277,5 +277,5 @@ def test_the_ground_gives_where_the_force_on_the_trunk_changes_and_not_while_it_
         moved_on(filter_, 40)
         moved_on(filter_, accelerometer=np.array([[0.0, 0.0, force]]))
         heights.append(float(filter_.covariance[0, FEET, FEET][2, 2]))
-        np.testing.assert_allclose(filter_._force, [[0.0, 0.0, force]], atol=0.05)
+        np.testing.assert_allclose(filter_.previous.specific_force, [[0.0, 0.0, force]], atol=0.05)
     assert heights[1] > 1.02 * heights[0]
