@@ -488,7 +488,7 @@ def _squared_length(vectors: Array) -> Array:
 
 def _select(state: Rows, env_ids: EnvIndices) -> Rows:
     """Return the rows of some robots."""
-    return state._make(values[env_ids] for values in state)
+    return type(state)(*(values[env_ids] for values in state))
 
 
 def _assign(state: Rows, env_ids: EnvIndices, rows: Rows) -> None:
