@@ -65,7 +65,7 @@ class HeightScan(Sampled):
 
     @property
     def grid(self) -> Array:
-        """Position x, y of every point, heading frame, (rows, columns, 2), m; rows from the rear, in each from the right."""
+        """Position x, y of every point, heading frame, (rows, columns, 2), m; from the rear and the right."""
         x = self.spacing * np.arange(-self.behind, self.ahead + 1)
         y = self.spacing * np.arange(-self.aside, self.aside + 1)
         return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)

@@ -219,8 +219,13 @@ class KalmanFilter:
         self.gravity = np.zeros((num_envs, 3))
         self.velocity = np.zeros((num_envs, 3))
         self.gyro_bias = np.zeros((num_envs, 3))
-        vectors = [(num_envs, 3)] * 4
-        self.nominal = NominalState(*map(np.zeros, vectors), feet=np.zeros((num_envs, legs, 3)))
+        self.nominal = NominalState(
+            gravity=np.zeros((num_envs, 3)),
+            velocity=np.zeros((num_envs, 3)),
+            gyro_bias=np.zeros((num_envs, 3)),
+            accelerometer_bias=np.zeros((num_envs, 3)),
+            feet=np.zeros((num_envs, legs, 3)),
+        )
         self.contact = ContactState(
             probability=np.zeros((num_envs, legs)),
             stance_time=np.zeros((num_envs, legs)),
@@ -256,9 +261,10 @@ class KalmanFilter:
         feet = self._robot.hip_positions + foot_positions(self._robot, joints)
         self._covariance[env_ids] = self._initial_covariance(gravity)
         _assign(self.nominal, env_ids, NominalState(gravity, zero, zero, zero, feet))
-        not_in_contact = np.zeros(readings.contact.shape)
+        no_time = np.zeros(readings.contact.shape)
         jacobians = foot_jacobians(self._robot, joints)
-        contact = ContactState(0.5 * readings.contact, not_in_contact, not_in_contact, jacobians)
+        probability: Array = 0.5 * readings.contact
+        contact = ContactState(probability, no_time, no_time, jacobians)
         _assign(self.contact, env_ids, contact)
         _assign(self.previous, env_ids, PreviousSample(readings.gyro, joints, specific_force, zero))
         self.gravity[env_ids] = gravity

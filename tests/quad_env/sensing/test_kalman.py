@@ -195,7 +195,9 @@ def test_resting_feet_that_are_taken_for_swinging_correct_a_wrong_velocity() -> 
     filter_, robot = after_one_sample(SensorSuite()), np.arange(1)
     for _ in range(20):
         filter_.update(read(), robot)
-    filter_.nominal.velocity[:], filter_.contact.probability[:], filter_.contact.reading_time[:] = (1.0, 0.0, 0.0), 0.0, 0.0
+    filter_.nominal.velocity[:] = (1.0, 0.0, 0.0)
+    filter_.contact.probability[:] = 0.0
+    filter_.contact.reading_time[:] = 0.0
     assert np.sqrt(filter_.covariance[0, 3, 3]) < 0.01
     for _ in range(40):
         filter_.update(read(), robot)
