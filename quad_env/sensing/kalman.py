@@ -263,7 +263,7 @@ class KalmanFilter:
         _assign(self.nominal, env_ids, NominalState(gravity, zero, zero, zero, feet))
         no_time = np.zeros(readings.contact.shape)
         jacobians = foot_jacobians(self._robot, joints)
-        probability: Array = 0.5 * readings.contact
+        probability = np.where(readings.contact, 0.5, 0.0)
         contact = ContactState(probability, no_time, no_time, jacobians)
         _assign(self.contact, env_ids, contact)
         _assign(self.previous, env_ids, PreviousSample(readings.gyro, joints, specific_force, zero))
