@@ -14,9 +14,9 @@ from evaluate.rollouts.walking_test import Walk
 from evaluate.rollouts.walking_test import walks as walks_of
 from policies import ExternalPolicy, PolicyError
 from policies.base import CONTROL_PERIOD, Policy
-from policies.external.described import with_gains
-from policies.external.description import PolicySpec, Term
-from policies.external.mistakes import order_of
+from policies.external.described import with_spec_gains
+from policies.external.description import ObservationTerm, PolicySpec
+from policies.external.mistakes import joint_order_in_words
 from quad_env.doctor.causes import self_contacts
 from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
 from quad_env.robots.leg_names import find_contradictions
@@ -100,7 +100,7 @@ def description(subject: DoctorSubject) -> Finding:
     except PolicyError as error:
         cause = "the description lacks something, or is of another network or robot"
         return problem(error.fault, cause, error.remedy or f"correct that {CORRECT}")
-    if (found := policy.description) is None:
+    if (found := policy.spec) is None:
         return _without_description(subject)
     seen = f"{found.network.name} reads {found.width} numbers, as described"
     return Finding("ok", seen, details=tuple(describe_spec(found, subject.robot)))
@@ -131,9 +131,9 @@ def walking(subject: DoctorSubject) -> Finding:
 def describe_spec(described: PolicySpec, robot: Robot) -> Iterator[str]:
     """What a description says, in lines."""
     yield f"rate    {described.control_rate:g} Hz"
-    yield f"joints  {order_of(described.joints, robot)}: {' '.join(described.joints)}"
+    yield f"joints  {joint_order_in_words(described.joints, robot)}: {' '.join(described.joints)}"
     scale = _numbers(dict.fromkeys(described.action_scale))
-    commanded = with_gains(robot, described)
+    commanded = with_spec_gains(robot, described)
     matters = bool((robot.joint_damping > OWN_DAMPING * commanded.servo_damping).any())
     own = f"; {robot.joint_damping_line}" if matters else ""
     yield f"servos  {commanded.servo}; an action of 1 is {scale} rad{own}"
@@ -141,7 +141,7 @@ def describe_spec(described: PolicySpec, robot: Robot) -> Iterator[str]:
     yield from (f"open    {remark}" for remark in described.remarks)
 
 
-def _words(term: Term) -> str:
+def _words(term: ObservationTerm) -> str:
     """Such as `joint_velocity 12 × 0.05`, of 5 control steps where it has a history."""
     scale = "" if set(term.scale) == {1.0} else f" × {_numbers(term.scale)}"
     return f"{term.name} {term.width}{scale}{f' of {term.history} steps' if term.history > 1 else ''}"
@@ -153,7 +153,7 @@ def _numbers(values: Iterable[float]) -> str:
 
 def _finding(subject: DoctorSubject, ways: tuple[str, ...]) -> Finding:
     """What became of the walks at those commands."""
-    if _loaded(subject).description is None:
+    if _loaded(subject).spec is None:
         return NO_DESCRIPTION
     found = [walk for walk in _walks(subject) if walk.command_name in ways]
     if not (seen := diagnosis.failure_messages(found)):

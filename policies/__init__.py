@@ -10,7 +10,7 @@ Make one for an environment and call it at every control step:
 from policies.base import Policy, PolicyError
 from policies.behaviour import Behaviour
 from policies.bundle import load
-from policies.external import ExternalPolicy, is_reference, unsupported
+from policies.external import ExternalPolicy, is_reference, unsupported_file_remedy
 from policies.poses import Stand
 from policies.registry import SAFE, TRAINED, is_missing, make, names, resolve, summary
 from policies.residual import ResidualPolicy
@@ -19,6 +19,8 @@ from policies.trot.open_loop import Trot
 
 Foreign = ExternalPolicy
 """Deprecated name of `ExternalPolicy`."""
+unsupported = unsupported_file_remedy
+"""Deprecated name of `unsupported_file_remedy`."""
 
 __all__ = [
     "SAFE",
@@ -40,4 +42,5 @@ __all__ = [
     "resolve",
     "summary",
     "unsupported",
+    "unsupported_file_remedy",
 ]

@@ -9,7 +9,7 @@ from policies import shipped
 from policies.base import CONTROL_PERIOD, Policy, PolicyError
 from policies.behaviour import Behaviour
 from policies.bundle import DESCRIPTION, load
-from policies.external import ExternalPolicy, is_reference, unsupported
+from policies.external import ExternalPolicy, is_reference, unsupported_file_remedy
 from policies.mpc.parameters import OTHER_GAITS
 from policies.mpc.policy import MpcWbc
 from policies.residual_bases import BASES, make_base
@@ -172,7 +172,7 @@ def _check_name(name: str) -> None:
 
 def _unknown_reference(reference: str) -> str:
     """Return the error message for a reference that is neither a name, nor a bundle, nor an external policy."""
-    if (remedy := unsupported(reference)) is not None:
+    if (remedy := unsupported_file_remedy(reference)) is not None:
         return remedy
     if (missing := missing_file(reference)) is not None:
         return missing

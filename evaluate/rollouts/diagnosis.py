@@ -12,7 +12,7 @@ from evaluate.rollouts.walking_test import Command, Walk, walks
 from policies.base import Policy
 from policies.external import ExternalPolicy
 from policies.external.described import NetworkPolicy
-from policies.external.mistakes import COMMON_ERRORS, ORDERS, Correction, corrections, twofold
+from policies.external.mistakes import COMMON_ERRORS, ORDERS, Correction, corrections, second_corrections
 from policies.policy_stack import PolicyStack
 from quad_env.robots.robot import Robot
 from quad_env.seeding import episode_seeds
@@ -80,16 +80,16 @@ def diagnose(policy: ExternalPolicy, robot: str) -> str:
         policy: It has a description.
         robot: Name or path.
     """
-    assert policy.description is not None
+    assert policy.spec is not None
     own = HardwareConfig(robot=robot).robot_model
     singles: list[tuple[float, Correction]] = []
     for count in range(1, len(ORDERS) + 1):
-        found = _deviations(policy, robot, corrections(policy.description, own, count))
+        found = _deviations(policy, robot, corrections(policy.spec, own, count))
         if words := _best(found):
             return words
         singles += found
     for _, first in sorted(singles, key=_rank)[:NEAREST]:
-        if words := _best(_deviations(policy, robot, twofold(first, own))):
+        if words := _best(_deviations(policy, robot, second_corrections(first, own))):
             return words
     return f"no usual mistake alone explains it; tried: {', '.join(COMMON_ERRORS)}"
 
@@ -97,7 +97,7 @@ def diagnose(policy: ExternalPolicy, robot: str) -> str:
 def _rank(scored: tuple[float, Correction]) -> float:
     """Return the deviation of a correction with its doubt."""
     deviation, correction = scored
-    return deviation + correction.doubt
+    return deviation + correction.penalty
 
 
 def _best(scored: Sequence[tuple[float, Correction]]) -> str:
@@ -106,7 +106,7 @@ def _best(scored: Sequence[tuple[float, Correction]]) -> str:
     if not walking:
         return ""
     _, correction = min(walking, key=_rank)
-    return f"it walks with {correction.words}: check {correction.keys}"
+    return f"it walks with {correction.changed_setting}: check {correction.keys_to_correct}"
 
 
 def _deviations(policy: ExternalPolicy, robot: str, candidates: Iterable[Correction]) -> list[tuple[float, Correction]]:
@@ -119,7 +119,7 @@ def _deviations(policy: ExternalPolicy, robot: str, candidates: Iterable[Correct
     """
     own = HardwareConfig(robot=robot).robot_model
     tried_out = list(candidates)
-    policies = [NetworkPolicy(each.description, robot=own, control_period=policy.control_period) for each in tried_out]
+    policies = [NetworkPolicy(each.spec, robot=own, control_period=policy.control_period) for each in tried_out]
     screened = _worst_deviations(policies, robot, SCREENED, SEEDS[:1], SCREENING)
     best = [
         place for place in np.argsort(screened, kind="stable")[:MOST_WALKS].tolist() if np.isfinite(screened[place])

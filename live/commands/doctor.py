@@ -38,14 +38,14 @@ def main(options: DoctorOptions) -> int:
 
 def _write(policy: Path, trust: bool, file: Path) -> None:
     """Write the policy's description as TOML, its missing fields as comments. Raises UsageError, PolicyError."""
-    from policies.external.readers import Incomplete, write_draft, write_toml
-    from policies.external.reference import checked, draft_of
+    from policies.external.readers import IncompleteSpecError, write_draft, write_toml
+    from policies.external.reference import draft_without_spec, resolve_reference
 
     make_folder_of(file, "--write")
     try:
-        found = checked(policy, trust).description if policy.is_file() else None
-        draft = draft_of(policy) if found is None else None
-    except Incomplete as incomplete:
+        found = resolve_reference(policy, trust).spec if policy.is_file() else None
+        draft = draft_without_spec(policy) if found is None else None
+    except IncompleteSpecError as incomplete:
         found = None
         draft = incomplete
     if found is not None:
@@ -65,7 +65,7 @@ def check_exists(name_or_path: str) -> None:
         return
     name = name_or_path.removeprefix(policies.SAFE)
     file = Path(name.partition(".py:")[0] + ".py") if ".py:" in name else Path(name)
-    if (remedy := policies.unsupported(name)) is not None:
+    if (remedy := policies.unsupported_file_remedy(name)) is not None:
         raise UsageError(remedy)
     if name not in policies.names() and not file.exists():
         raise UsageError(

@@ -17,7 +17,7 @@ from quad_env.files.text import brief
 Numbers = tuple[Finite, ...]
 Range = tuple[Finite, Finite]
 
-TERMS: dict[str, int | None] = {
+TERM_WIDTHS: dict[str, int | None] = {
     "projected_gravity": 3,  # unit vector of gravity, (0, 0, -1) upright
     "angular_velocity": 3,  # rad/s
     "linear_velocity": 3,  # m/s
@@ -34,16 +34,25 @@ TERMS: dict[str, int | None] = {
 }
 """Names of observation terms, and how many numbers each has; None where the term's own settings say it."""
 
-OF_JOINTS = "default_position", "action_scale", "stiffness", "damping", "action_offset", "target_clip", "signs", "zeros"
+JOINT_FIELDS = (
+    "default_position",
+    "action_scale",
+    "stiffness",
+    "damping",
+    "action_offset",
+    "target_clip",
+    "signs",
+    "zeros",
+)
 """Fields of a description with a value for each of its `joints`, in their order."""
 
-MOST_POINTS = 10_000
+MAX_SCAN_POINTS = 10_000
 """Points of a height scan."""
 MAX_NAME = 100
 """Largest number of characters of a joint's name."""
 MAX_OBSERVATION = 100_000
 """Largest number of observed values of a robot: one control step times the longest history."""
-PLAUSIBLE = {
+PLAUSIBLE_RANGES = {
     "control_rate": (1.0, 1e4, "Hz"),
     "default_position": (-100.0, 100.0, "rad"),
     "action_scale": (-100.0, 100.0, "rad"),
@@ -62,10 +71,10 @@ PLAUSIBLE = {
     "target_clip": (-1e12, 1e12, "rad"),
 }
 """Field -> least and largest value, unit. Values outside are far beyond any robot and count as a fault of the file."""
-_OWNERS = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
+_TERM_OF_SETTING = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
 
 
-class _Checked:
+class _CheckedSpec:
     """Dataclasses that are checked by their annotations when they are made; PolicyError for what does not fit."""
 
     def __post_init__(self) -> None:
@@ -76,7 +85,7 @@ class _Checked:
 
 
 @dataclass(frozen=True)
-class HeightGrid(_Checked):
+class HeightGrid(_CheckedSpec):
     """Points of a height scan about the trunk, heading frame, and what a point's number is."""
 
     x: Numbers
@@ -91,12 +100,12 @@ class HeightGrid(_Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_plausible(self)
-        if not 1 <= len(self.x) * len(self.y) <= MOST_POINTS:
-            raise PolicyError(f"a height scan has 1 to {MOST_POINTS} points, not {len(self.x)} x {len(self.y)}")
+        if not 1 <= len(self.x) * len(self.y) <= MAX_SCAN_POINTS:
+            raise PolicyError(f"a height scan has 1 to {MAX_SCAN_POINTS} points, not {len(self.x)} x {len(self.y)}")
 
 
 @dataclass(frozen=True)
-class Term(_Checked):
+class ObservationTerm(_CheckedSpec):
     """An observation term: clipped, then scaled."""
 
     name: str
@@ -120,9 +129,9 @@ class Term(_Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.name not in TERMS:
-            raise PolicyError(f"{brief(self.name)} is no observation term", f"the terms are {', '.join(TERMS)}")
-        for setting, owner in _OWNERS.items():
+        if self.name not in TERM_WIDTHS:
+            raise PolicyError(f"{brief(self.name)} is no observation term", f"the terms are {', '.join(TERM_WIDTHS)}")
+        for setting, owner in _TERM_OF_SETTING.items():
             if bool(getattr(self, setting)) != (owner == self.name):
                 raise PolicyError(f"`{setting}` belongs to the term {owner} and to no other, not to {self.name}")
         if self.zero_below and self.name != "gait_clock":
@@ -135,13 +144,13 @@ class Term(_Checked):
     @property
     def width(self) -> int:
         """Numbers of one control step."""
-        if (width := TERMS[self.name]) is not None:
+        if (width := TERM_WIDTHS[self.name]) is not None:
             return width
         return len(self.grid.x) * len(self.grid.y) if self.grid is not None else len(self.values)
 
 
 @dataclass(frozen=True)
-class PolicySpec(_Checked):
+class PolicySpec(_CheckedSpec):
     """All that a policy's files say of what it reads and commands."""
 
     network: Path
@@ -158,7 +167,7 @@ class PolicySpec(_Checked):
     """Of the servos, N·m/rad, in the order of `joints`."""
     damping: tuple[NonNegative, ...]
     """Of the servos, N·m·s/rad, in the order of `joints`."""
-    terms: tuple[Term, ...]
+    terms: tuple[ObservationTerm, ...]
     """In the order of the observation."""
     action_offset: Numbers | None = None
     """Targets of zero actions, rad, in the order of `joints`; None: the default position."""
@@ -198,7 +207,7 @@ class PolicySpec(_Checked):
             raise PolicyError(f"`joints` must be the names of 12 different joints, not {brief(self.joints)}")
         if self.observed_joints is not None and sorted(self.observed_joints) != sorted(self.joints):
             raise PolicyError("`observed_joints` must be the names of `joints`, in another order")
-        for name in OF_JOINTS:
+        for name in JOINT_FIELDS:
             if (values := getattr(self, name)) is not None and len(values) != 12:
                 raise PolicyError(f"`{name}` must be of 12 joints, not of {len(values)}")
         if self.signs is not None and not {*self.signs} <= {-1.0, 1.0}:
@@ -209,7 +218,7 @@ class PolicySpec(_Checked):
         _check_ranges("action_clip", self.action_clip)
         _check_ranges("target_clip", *self.target_clip or ())
         if not self.terms:
-            raise PolicyError("`terms` must be one term or more", f"the terms are {', '.join(TERMS)}")
+            raise PolicyError("`terms` must be one term or more", f"the terms are {', '.join(TERM_WIDTHS)}")
         if self.history_layout == "time" and len({term.history for term in self.terms}) > 1:
             raise PolicyError("with the history_layout `time`, all terms must have the same history")
         kept = max(term.history for term in self.terms) * sum(term.width for term in self.terms)
@@ -224,7 +233,7 @@ class PolicySpec(_Checked):
         return sum(term.width * term.history for term in self.terms)
 
     @property
-    def text(self) -> str:
+    def digest_text(self) -> str:
         """Return all settings that affect the policy except its network, for a digest.
 
         Newer fields enter only where they are set, so that older descriptions keep their digests.
@@ -233,12 +242,13 @@ class PolicySpec(_Checked):
         if any(thresholds := [term.zero_below for term in self.terms]):
             later["zero_below"] = thresholds
         known = {name: value for name, value in vars(self).items() if name not in ("signs", "zeros", "remarks")}
-        return repr(known | {"network": ""}) + (repr(later) if later else "")
+        text = repr(known | {"network": ""}) + (repr(later) if later else "")
+        return text.replace("ObservationTerm(", "Term(")  # the name of the class in earlier digests
 
 
 def _check_plausible(settings: object) -> None:
     """Raise PolicyError, one line, for the first number beyond PLAUSIBLE; 0 means no clock."""
-    for name, (least, largest, unit) in PLAUSIBLE.items():
+    for name, (least, largest, unit) in PLAUSIBLE_RANGES.items():
         value = getattr(settings, name, None)
         for each in () if value is None else np.ravel(value).tolist():
             if not least <= each <= largest and (name, each) != ("clock", 0.0):

@@ -19,7 +19,7 @@ from quad_env.robots.model_file import read
 from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG, LINK_WORDS
 
-LINKS = LINK_WORDS | {
+LINK_INDICES = LINK_WORDS | {
     **dict.fromkeys(("abduction", "abductor", "hx", "hipx", "x", "roll"), "0"),
     **dict.fromkeys(("upper", "hy", "hipy"), "1"),
     **dict.fromkeys(("lower", "shank", "shin", "kn"), "2"),
@@ -32,55 +32,55 @@ LINKS = LINK_WORDS | {
 class JointMapping:
     """Joints of a robot in the order of a policy; arrays (12,)."""
 
-    places: NDArray[np.intp]
+    joint_ids: NDArray[np.intp]
     """Of the policy's joints among the robot's."""
     signs: Floats
     zeros: Floats
     """rad"""
 
-    def angles(self, robots: Floats) -> Floats:
+    def policy_angles(self, robots: Floats) -> Floats:
         """The policy's angles, (n, 12), rad, of the robot's."""
-        return self.signs * (robots[:, self.places] - self.zeros)
+        return self.signs * (robots[:, self.joint_ids] - self.zeros)
 
-    def rates(self, robots: Floats) -> Floats:
+    def policy_rates(self, robots: Floats) -> Floats:
         """The policy's speeds or torques, (n, 12), of the robot's."""
-        return self.signs * robots[:, self.places]
+        return self.signs * robots[:, self.joint_ids]
 
-    def to_robot(self, angles: Floats) -> Floats:
+    def robot_angles(self, angles: Floats) -> Floats:
         """The robot's angles, (n, 12), rad, of the policy's."""
         return self.to_robot_order(self.zeros + self.signs * angles)
 
     def to_robot_order(self, values: Floats) -> Floats:
         """Values (…, 12) in the order of the robot's joints."""
         found = np.empty_like(values)
-        found[..., self.places] = values
+        found[..., self.joint_ids] = values
         return found
 
 
-def joints_of(names: Sequence[str], robot: Robot) -> JointMapping:
+def map_joints(names: Sequence[str], robot: Robot) -> JointMapping:
     """A robot's joints of these names: its own, in any case, or others that say leg and link. Raises PolicyError."""
     places = np.array(_exact(names, robot) or _by_words(names, robot))
     signs, zeros = _convention(robot)
     return JointMapping(places, signs[places], zeros[places])
 
 
-def action_joints(description: PolicySpec, robot: Robot) -> JointMapping:
+def map_action_joints(description: PolicySpec, robot: Robot) -> JointMapping:
     """Return the robot's joints in the order of a policy's actions. Raises PolicyError."""
     return _of_description(description.joints, description, robot)
 
 
-def observed_joints(description: PolicySpec, robot: Robot) -> JointMapping:
+def map_observed_joints(description: PolicySpec, robot: Robot) -> JointMapping:
     """Return the robot's joints in the order in which a policy observes them. Raises PolicyError."""
     return _of_description(description.observed_joints or description.joints, description, robot)
 
 
 def _of_description(names: Sequence[str], description: PolicySpec, robot: Robot) -> JointMapping:
     """Return joints of those names with the description's signs and zeros on top of the robot file's."""
-    found = joints_of(names, robot)
+    found = map_joints(names, robot)
     order = [description.joints.index(name) for name in names]
     signs = np.ones(len(order)) if description.signs is None else np.array(description.signs)[order]
     zeros = np.zeros(len(order)) if description.zeros is None else np.array(description.zeros)[order]
-    return JointMapping(found.places, found.signs * signs, found.zeros + found.signs * zeros)
+    return JointMapping(found.joint_ids, found.signs * signs, found.zeros + found.signs * zeros)
 
 
 def _exact(names: Sequence[str], robot: Robot) -> list[int]:
@@ -108,7 +108,7 @@ def _by_words(names: Sequence[str], robot: Robot) -> list[int]:
 
 def _links(leg: Sequence[Sequence[str]]) -> list[tuple[int, ...]]:
     """Every way in which the three joints of a leg, by their words, may be its hip, thigh and calf."""
-    may = [[set(LINKS[word]) for word in words if word in LINKS] for words in leg]
+    may = [[set(LINK_INDICES[word]) for word in words if word in LINK_INDICES] for words in leg]
     return [
         way
         for way in permutations(range(JOINTS_PER_LEG))

@@ -9,13 +9,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.external.described import with_gains
-from policies.external.description import OF_JOINTS, Numbers, PolicySpec, Term
-from policies.external.joints import joints_of
+from policies.external.described import with_spec_gains
+from policies.external.description import JOINT_FIELDS, Numbers, ObservationTerm, PolicySpec
+from policies.external.joints import map_joints
 from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 
-Order = NDArray[np.intp]
+JointOrder = NDArray[np.intp]
 """Places of joints among the robot's, (12,)."""
 Names = tuple[str, ...]
 
@@ -37,9 +37,9 @@ COMMON_ERRORS = (
     GAINS := "servo gains",
 )
 """What may be the other way round, or another's."""
-FACTORS = 0.2, 0.45, 2.2, 5.0
+GAIN_FACTORS = 0.2, 0.45, 2.2, 5.0
 """Of the described servo gains, where the policy's are not known."""
-SINGLE_FACTORS = 0.1, 10.0
+SINGLE_GAIN_FACTORS = 0.1, 10.0
 """Factors on the described stiffness or damping alone."""
 ACTION_FACTORS = 0.25, 0.5, 2.0, 4.0
 """Factors on the described action scale."""
@@ -78,17 +78,17 @@ _LINKS = "hip", "thigh", "calf"
 class Correction:
     """A description without one of the mistakes, or without several in the order of the joints."""
 
-    mistake: str
-    words: str
+    error: str
+    changed_setting: str
     """What the policy then runs with."""
-    keys: str
+    keys_to_correct: str
     """What to correct in the description."""
-    description: PolicySpec
-    doubt: float = 0.0
+    spec: PolicySpec
+    penalty: float = 0.0
     """Added to the deviation of its walk before corrections are compared."""
 
 
-DOUBTS = {
+PENALTIES = {
     ACTIONS: 0.25,
     SIGNS: 0.1,
     PREVIOUS: 0.2,
@@ -102,9 +102,9 @@ DOUBTS = {
 """Doubts of corrections by mistake. Smaller actions and other servos, rates and clocks improve walks with another
 cause; so does another order of terms that the network hardly needs.
 """
-MIRRORED_DOUBT = 0.4
+MIRRORED_PENALTY = 0.4
 """Added where the default position turns with the signs: the same network then walks differently."""
-ROBOTS_DOUBT = 0.1
+ROBOT_GAINS_PENALTY = 0.1
 """Added for the robot's own gains, which often suit a policy as well as its own."""
 
 
@@ -112,21 +112,21 @@ def corrections(described: PolicySpec, robot: Robot, count: int = 1) -> Iterator
     """Each of MISTAKES undone; or so many of ORDERS together, by which Isaac Lab's order differs from Unitree's."""
     seen = [described]
     for correction in _all(described, robot, count):
-        if correction.description not in seen:
-            seen.append(correction.description)
-            yield replace(correction, doubt=correction.doubt + DOUBTS.get(correction.mistake, 0.0))
+        if correction.spec not in seen:
+            seen.append(correction.spec)
+            yield replace(correction, penalty=correction.penalty + PENALTIES.get(correction.error, 0.0))
 
 
-def twofold(first: Correction, robot: Robot) -> Iterator[Correction]:
+def second_corrections(first: Correction, robot: Robot) -> Iterator[Correction]:
     """Yield a second correction of another kind on top of a first one."""
-    for second in corrections(first.description, robot):
-        if second.mistake != first.mistake:
+    for second in corrections(first.spec, robot):
+        if second.error != first.error:
             yield Correction(
-                f"{first.mistake} and {second.mistake}",
-                f"{first.words} and {second.words}",
-                f"{first.keys} and {second.keys}",
-                second.description,
-                first.doubt + second.doubt,
+                f"{first.error} and {second.error}",
+                f"{first.changed_setting} and {second.changed_setting}",
+                f"{first.keys_to_correct} and {second.keys_to_correct}",
+                second.spec,
+                first.penalty + second.penalty,
             )
 
 
@@ -150,16 +150,16 @@ def _all(described: PolicySpec, robot: Robot, count: int) -> Iterator[Correction
     yield from _with_other_gains(described, robot)
 
 
-def order_of(joints: Names, robot: Robot) -> str:
+def joint_order_in_words(joints: Names, robot: Robot) -> str:
     """The order of a description's joints in words, such as `FL FR RL RR by leg`."""
-    order = joints_of(joints, robot).places
+    order = map_joints(joints, robot).joint_ids
     legs = dict.fromkeys(robot.leg_names[place // JOINTS_PER_LEG] for place in order.tolist())
     by_leg, by_kind = _grouped(order)
     grouping = "by leg" if np.array_equal(order, by_leg) else "by kind" if np.array_equal(order, by_kind) else "mixed"
     return f"{' '.join(legs).upper().replace('H', 'R')} {grouping}"
 
 
-def _grouped(order: Order) -> tuple[Order, Order]:
+def _grouped(order: JointOrder) -> tuple[JointOrder, JointOrder]:
     """Those joints by leg and by kind; legs, and joints of a leg, in the order in which they come first."""
     parts = np.divmod(order, JOINTS_PER_LEG)
     legs, links = (np.unique(part, return_index=True)[1][part] for part in parts)  # where each comes first
@@ -168,7 +168,7 @@ def _grouped(order: Order) -> tuple[Order, Order]:
 
 def _changed(joints: Names, mistakes: Iterable[str], robot: Robot) -> Names:
     """Those joints without the mistakes in their order."""
-    order = before = joints_of(joints, robot).places
+    order = before = map_joints(joints, robot).joint_ids
     for mistake in mistakes:
         if mistake == GROUPING:
             by_leg, by_kind = _grouped(order)
@@ -184,10 +184,10 @@ def _reordered(described: PolicySpec, mistakes: Names, robot: Robot) -> Iterator
     joints, observed = _changed(described.joints, mistakes, robot), described.observed_joints
     observed = observed and _changed(observed, mistakes, robot)
     alone = replace(described, joints=joints, observed_joints=observed)
-    kind, words = " and ".join(mistakes), order_of(joints, robot)
+    kind, words = " and ".join(mistakes), joint_order_in_words(joints, robot)
     yield Correction(kind, f"the joint order {words}", "`joints`", alone)
     moved = [described.joints.index(name) for name in joints]
-    figures: dict[str, Any] = {name: getattr(described, name) for name in OF_JOINTS}
+    figures: dict[str, Any] = {name: getattr(described, name) for name in JOINT_FIELDS}
     figures = {name: values and tuple(values[place] for place in moved) for name, values in figures.items()}
     if (together := replace(alone, **figures)) != alone:
         words = f"joints and their figures in the order {words}"
@@ -199,12 +199,12 @@ def _with_other_observed_order(described: PolicySpec, robot: Robot) -> Iterator[
     own = described.observed_joints or described.joints
     orders = [described.joints, *(_changed(own, (mistake,), robot) for mistake in ORDERS)]
     for order in orders:
-        words = f"joints observed in the order {order_of(order, robot)}"
+        words = f"joints observed in the order {joint_order_in_words(order, robot)}"
         observed = order if order != described.joints else None
         yield Correction(OBSERVED, words, "`observed_joints`", replace(described, observed_joints=observed))
 
 
-def _with_terms(described: PolicySpec, change: Callable[[Term], Term]) -> PolicySpec:
+def _with_terms(described: PolicySpec, change: Callable[[ObservationTerm], ObservationTerm]) -> PolicySpec:
     """Return the description with each of its terms changed."""
     return replace(described, terms=tuple(map(change, described.terms)))
 
@@ -224,7 +224,7 @@ def _reframed(described: PolicySpec) -> Iterator[Correction]:
 def _turned(described: PolicySpec) -> Iterator[Correction]:
     """Gravity the other way."""
 
-    def turned(term: Term) -> Term:
+    def turned(term: ObservationTerm) -> ObservationTerm:
         other = replace(term, scale=tuple(-each for each in term.scale))
         return other if term.name == "projected_gravity" else term
 
@@ -259,7 +259,7 @@ def _pairs(mine: Numbers, theirs: Numbers) -> Iterable[tuple[float, float]]:
     return zip(mine * (width // len(mine)), theirs * (width // len(theirs)), strict=True)
 
 
-def _scaled(scales: dict[str, Numbers]) -> Callable[[Term], Term]:
+def _scaled(scales: dict[str, Numbers]) -> Callable[[ObservationTerm], ObservationTerm]:
     """Return a function that gives terms those scales, with limits that clip at the same values."""
     return lambda term: replace(term, scale=scales[term.name]) if term.name in scales else term
 
@@ -351,7 +351,7 @@ def _with_other_term_order(described: PolicySpec) -> Iterator[Correction]:
         yield Correction(TERMS, words, "`terms`", replace(described, terms=order))
 
 
-def _sorted_by(layout: Names, terms: tuple[Term, ...]) -> tuple[Term, ...]:
+def _sorted_by(layout: Names, terms: tuple[ObservationTerm, ...]) -> tuple[ObservationTerm, ...]:
     """Return the terms of a layout in its order, the others where they are."""
     known = iter(sorted((term for term in terms if term.name in layout), key=lambda term: layout.index(term.name)))
     return tuple(next(known) if term.name in layout else term for term in terms)
@@ -359,7 +359,7 @@ def _sorted_by(layout: Names, terms: tuple[Term, ...]) -> tuple[Term, ...]:
 
 def _with_other_signs(described: PolicySpec, robot: Robot) -> Iterator[Correction]:
     """Yield reversed joints by link, on all legs or on one side; the default position turns with them or stays."""
-    legs, links = np.divmod(joints_of(described.joints, robot).places, JOINTS_PER_LEG)
+    legs, links = np.divmod(map_joints(described.joints, robot).joint_ids, JOINTS_PER_LEG)
     is_right = np.array([robot.leg_names[leg].endswith("r") for leg in legs])
     every = np.ones(len(legs), np.bool_)
     choices = [("", every, chosen) for chosen in ((1, 2), (0,), (2,), (1,), (0, 1, 2))]
@@ -381,17 +381,17 @@ def _with_other_signs(described: PolicySpec, robot: Robot) -> Iterator[Correctio
         both = replace(alone, default_position=default, action_offset=offset)
         words = f"{words}, default position too"
         keys = f"`signs` and `default_position` of {which}"
-        yield Correction(SIGNS, words, keys, both, MIRRORED_DOUBT)
+        yield Correction(SIGNS, words, keys, both, MIRRORED_PENALTY)
 
 
 def _with_other_gains(described: PolicySpec, robot: Robot) -> Iterator[Correction]:
     """Yield the described gains with one of them far off, the robot's own, and both far off."""
-    own, gains = joints_of(described.joints, robot).places, np.array((described.stiffness, described.damping))
+    own, gains = map_joints(described.joints, robot).joint_ids, np.array((described.stiffness, described.damping))
     robots = np.array((robot.servo_stiffness, robot.servo_damping))[:, own]
-    single = [np.array(pair)[:, None] * gains for each in SINGLE_FACTORS for pair in ((1.0, each), (each, 1.0))]
-    others = [(0.0, each) for each in (*(factor * gains for factor in FACTORS), *single)]
-    for doubt, values in ((ROBOTS_DOUBT, robots), *others):
+    single = [np.array(pair)[:, None] * gains for each in SINGLE_GAIN_FACTORS for pair in ((1.0, each), (each, 1.0))]
+    others = [(0.0, each) for each in (*(factor * gains for factor in GAIN_FACTORS), *single)]
+    for doubt, values in ((ROBOT_GAINS_PENALTY, robots), *others):
         stiffness, damping = values.tolist()
         changed = replace(described, stiffness=tuple(stiffness), damping=tuple(damping))
-        words = f"servo gains of {with_gains(robot, changed).servo}"
+        words = f"servo gains of {with_spec_gains(robot, changed).servo}"
         yield Correction(GAINS, words, "`stiffness` and `damping`", changed, doubt)

@@ -11,8 +11,8 @@ from typing import Literal
 
 from policies.base import PolicyError
 
-Kind = Literal["onnx", "torchscript", "checkpoint", "stable-baselines3", "zip"]
-TORCH_ENDS = ".pt", ".jit"
+NetworkKind = Literal["onnx", "torchscript", "checkpoint", "stable-baselines3", "zip"]
+TORCHSCRIPT_SUFFIXES = ".pt", ".jit"
 """Endings of files that count as TorchScript if their content does not identify them."""
 IR_VERSION = b"\x08"
 """First byte of ONNX files: the tag of `ModelProto.ir_version`."""
@@ -27,19 +27,19 @@ _SCANNED = 2**20
 """Bytes. Size of the part of a checkpoint's pickle that is searched for a key."""
 
 
-def kind_of(file: Path) -> Kind:
+def detect_kind(file: Path) -> NetworkKind:
     """Return the kind of a network's file; `onnx` without a mark of another kind. Raises OSError."""
     with file.open("rb") as stream:
         start = stream.read(4)
     if start[:1] == b"\x80" and start[1:2] in (b"\x02", b"\x03", b"\x04", b"\x05"):
         return "checkpoint"
     if start != b"PK\x03\x04":
-        return "torchscript" if file.suffix.lower() in TORCH_ENDS and start[:1] != IR_VERSION else "onnx"
+        return "torchscript" if file.suffix.lower() in TORCHSCRIPT_SUFFIXES and start[:1] != IR_VERSION else "onnx"
     try:
         with zipfile.ZipFile(file) as archive:
             names = [Path(name).name for name in archive.namelist()]
     except (zipfile.BadZipFile, ValueError, NotImplementedError):
-        return "torchscript" if file.suffix.lower() in TORCH_ENDS else "zip"
+        return "torchscript" if file.suffix.lower() in TORCHSCRIPT_SUFFIXES else "zip"
     if "constants.pkl" in names:
         return "torchscript"
     if "policy.pth" in names:
@@ -50,7 +50,7 @@ def kind_of(file: Path) -> Kind:
 def is_onnx(file: Path) -> bool:
     """Return whether a network's file is to be read as ONNX; True also for an unreadable one."""
     try:
-        return kind_of(file) == "onnx"
+        return detect_kind(file) == "onnx"
     except OSError:
         return True
 
@@ -58,7 +58,7 @@ def is_onnx(file: Path) -> bool:
 def check_is_network(file: Path) -> None:
     """Raise PolicyError with the kind of the file unless it is ONNX or TorchScript."""
     try:
-        kind = kind_of(file)
+        kind = detect_kind(file)
     except OSError as error:
         raise PolicyError(f"cannot read {file} ({error.strerror})") from None
     if kind == "checkpoint":

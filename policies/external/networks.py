@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 from policies.base import Mask, PolicyError
 from policies.external.description import PolicySpec
 from policies.external.network_kind import check_is_network, is_onnx
-from policies.external.onnx_file import acting, session_of
-from policies.external.onnx_roles import roles_of
-from policies.external.packages import package
-from policies.external.python_file import Act
+from policies.external.onnx_file import make_network_factory, open_session
+from policies.external.onnx_roles import find_roles
+from policies.external.packages import import_package
+from policies.external.python_file import ActFunction
 from policies.memory import PerRobotState
 from quad_env.columns import EnvIndices
 from quad_env.files.text import format_exception
 
 Weights = NDArray[np.float32]
-LONGEST_REASON = 300
+MAX_REASON = 300
 
 
-class Networks(PerRobotState):
+class BatchedNetwork(PerRobotState):
     """The network of a description, for n robots.
 
     Args:
@@ -36,7 +36,7 @@ class Networks(PerRobotState):
         remembers: whether it has a memory: then each robot has one of its own.
     """
 
-    def __init__(self, make: Callable[[], Act], remembers: bool) -> None:
+    def __init__(self, make: Callable[[], ActFunction], remembers: bool) -> None:
         self._make, self.remembers = make, remembers
         self.reset(1)
 
@@ -49,13 +49,13 @@ class Networks(PerRobotState):
         for robot in np.flatnonzero(mask).tolist() if self.remembers else ():
             self._acts[robot] = self._make()
 
-    def actions(self, observations: Weights, who: EnvIndices) -> NDArray[Any]:
+    def compute_actions(self, observations: Weights, who: EnvIndices) -> NDArray[Any]:
         """Actions (m, 12) of those robots for their observations, (m, k)."""
         pairs = zip(observations, who.tolist(), strict=True)
         return np.array([np.ravel(self._acts[robot](row)) for row, robot in pairs])
 
 
-def load(description: PolicySpec) -> Networks:
+def load_network(description: PolicySpec) -> BatchedNetwork:
     """The description's network, which has its process to itself. Raises PolicyError, one line."""
     make, remembers = (_onnx if is_onnx(description.network) else _torch)(description)
     row = np.random.default_rng(0).standard_normal(description.width).astype(np.float32)
@@ -67,7 +67,7 @@ def load(description: PolicySpec) -> Networks:
     if found.size != (wanted := len(description.joints)) or found.dtype.kind != "f":
         gives = f"gives {found.size} numbers of type {found.dtype}"
         raise PolicyError(f"{description.network} {gives} for the {wanted} joints of its description")
-    return Networks(make, remembers or any(found.tobytes() != each.tobytes() for each in again))
+    return BatchedNetwork(make, remembers or any(found.tobytes() != each.tobytes() for each in again))
 
 
 def _failure(description: PolicySpec, error: Exception) -> PolicyError:
@@ -75,7 +75,7 @@ def _failure(description: PolicySpec, error: Exception) -> PolicyError:
     if found := re.search(r"and (\d+)x\d+\)|Expected (\d+), got|mat \(\d+x(\d+)\)", str(error)):
         return _other_width(description, int(next(filter(None, found.groups()))))
     reason = format_exception(error).rpartition("RuntimeError: ")[2]
-    return PolicyError(f"{description.network} fails: {reason[:LONGEST_REASON]}")
+    return PolicyError(f"{description.network} fails: {reason[:MAX_REASON]}")
 
 
 def _other_width(description: PolicySpec, reads: int) -> PolicyError:
@@ -85,32 +85,32 @@ def _other_width(description: PolicySpec, reads: int) -> PolicyError:
     return PolicyError(fault, "correct the terms")
 
 
-def _onnx(description: PolicySpec) -> tuple[Callable[[], Act], bool]:
+def _onnx(description: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
     """What makes the network of an ONNX file, and whether it has a memory."""
-    session = session_of(description.network)
-    made = acting(session, description.network)
-    width = roles_of(session.get_inputs(), session.get_outputs(), description.network).observation.shape[-1]
+    session = open_session(description.network)
+    made = make_network_factory(session, description.network)
+    width = find_roles(session.get_inputs(), session.get_outputs(), description.network).observation.shape[-1]
     if isinstance(width, int) and width != description.width:
         raise _other_width(description, width)
     return made
 
 
-def _torch(description: PolicySpec) -> tuple[Callable[[], Act], bool]:
+def _torch(description: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
     """What makes the network of a TorchScript file, and whether it says that it has a memory."""
     file = description.network
     check_is_network(file)
-    torch = package("torch", "train")
+    torch = import_package("torch", "train")
     torch.set_num_threads(1)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             module = torch.jit.load(file, map_location="cpu").eval()
     except Exception as error:
-        fault = f"{file} is no TorchScript ({format_exception(error)[:LONGEST_REASON]})"
+        fault = f"{file} is no TorchScript ({format_exception(error)[:MAX_REASON]})"
         raise PolicyError(fault, "export the network with torch.jit.save; a checkpoint holds weights alone") from None
     kind = next((each.dtype for each in module.parameters()), torch.float32)
 
-    def make() -> Act:
+    def make() -> ActFunction:
         own = copy.deepcopy(module)
 
         def act(row: Weights) -> Any:

@@ -15,10 +15,10 @@ import numpy as np
 from policies import bundle
 from policies.base import Policy, PolicyError
 from policies.description import assembled, check_unaltered, network_of, parsed
-from policies.external.onnx_roles import roles_of
-from policies.external.packages import package
-from policies.external.python_file import Act, Maker
-from policies.external.reference import Reference
+from policies.external.onnx_roles import find_roles
+from policies.external.packages import import_package
+from policies.external.python_file import ActFactory, ActFunction
+from policies.external.reference import PolicyReference
 from policies.network import Network, Weights
 from policies.residual import ResidualPolicy
 from quad_env.files.text import format_exception
@@ -36,18 +36,18 @@ _OPSET, _IR_VERSION = 17, 8
 """Old ones, which every runtime reads."""
 
 
-def load(reference: Reference, robot: Robot) -> Policy | Maker:
+def load_onnx(reference: PolicyReference, robot: Robot) -> Policy | ActFactory:
     """A residual for the robot, if it is its own, or what gives the action for one observation. Raises PolicyError, one
     line."""
-    session = session_of(reference.file)
-    make, _ = acting(session, reference.file)
+    session = open_session(reference.file)
+    make, _ = make_network_factory(session, reference.file)
     description = session.get_modelmeta().custom_metadata_map.get(DESCRIPTION)
     return make if description is None else _residual(reference.file, description, make(), robot)
 
 
-def session_of(file: Path) -> Any:
+def open_session(file: Path) -> Any:
     """The file's network in the runtime. Raises PolicyError, one line."""
-    runtime = package("onnxruntime")
+    runtime = import_package("onnxruntime")
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
@@ -57,13 +57,13 @@ def session_of(file: Path) -> Any:
         raise PolicyError(f"{file} cannot be read as ONNX: {format_exception(error)}") from error
 
 
-def acting(session: Any, file: Path) -> tuple[Callable[[], Act], bool]:
+def make_network_factory(session: Any, file: Path) -> tuple[Callable[[], ActFunction], bool]:
     """Return the network of a session as a function from one observation to one action, and whether it has a memory.
     `onnx_roles` finds inputs and outputs by name. Raises PolicyError.
     """
     if not session.get_inputs() or not session.get_outputs() or not session.get_inputs()[0].shape:
         raise PolicyError(f"{file} has no input of an observation, a vector, or no output")
-    roles = roles_of(session.get_inputs(), session.get_outputs(), file)
+    roles = find_roles(session.get_inputs(), session.get_outputs(), file)
     seen = roles.observation
     states = [state for state, _ in roles.memory]
     shapes = [[size if isinstance(size, int) else 1 for size in state.shape] for state in states]
@@ -75,7 +75,7 @@ def acting(session: Any, file: Path) -> tuple[Callable[[], Act], bool]:
     names = [roles.action.name, *(renewed.name for _, renewed in roles.memory)]
     flat = len(seen.shape) == 1
 
-    def make() -> Act:
+    def make() -> ActFunction:
         memory = {state.name: np.zeros(shape, TYPES[state.type]) for state, shape in zip(states, shapes, strict=True)}
 
         def act(row: Weights) -> Any:
@@ -89,8 +89,8 @@ def acting(session: Any, file: Path) -> tuple[Callable[[], Act], bool]:
     return make, bool(states)
 
 
-def _residual(file: Path, description: str, act: Act, robot: Robot) -> ResidualPolicy:
-    onnx = package("onnx")
+def _residual(file: Path, description: str, act: ActFunction, robot: Robot) -> ResidualPolicy:
+    onnx = import_package("onnx")
     tensors = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer}
     found = parsed(file, description.encode())
     network = network_of(file, found.network, tensors)
@@ -105,7 +105,7 @@ def _residual(file: Path, description: str, act: Act, robot: Robot) -> ResidualP
     return policy
 
 
-def _difference(act: Act, network: Network, count: int) -> float:
+def _difference(act: ActFunction, network: Network, count: int) -> float:
     """Largest difference of the two networks' corrections over so many features; infinite for other shapes, and NaN for
     what is none."""
     features = np.random.default_rng(0).standard_normal((count, network.sizes[0])).astype(np.float32)
@@ -113,10 +113,10 @@ def _difference(act: Act, network: Network, count: int) -> float:
     return float(np.abs(found - network(features)).max()) if found.shape == (count, network.sizes[-1]) else np.inf
 
 
-def export(folder: Path, file: Path, checked: int, robot: Robot | None = None) -> float:
+def export_residual(folder: Path, file: Path, checked: int, robot: Robot | None = None) -> float:
     """Write the residual of a bundle's folder, for a robot as in `policies.load`, as ONNX; the largest difference of
     the file's corrections from the bundle's, over so many features. Raises PolicyError and OSError."""
-    onnx, _ = package("onnx"), package("onnxruntime")
+    onnx, _ = import_package("onnx"), import_package("onnxruntime")
     network = bundle.load(folder, robot).network
     model = onnx.helper.make_model(
         _graph(onnx, network),
@@ -128,7 +128,7 @@ def export(folder: Path, file: Path, checked: int, robot: Robot | None = None) -
     onnx.helper.set_model_props(model, {DESCRIPTION: description})
     onnx.checker.check_model(model)
     file.write_bytes(model.SerializeToString())
-    make, _ = acting(session_of(file), file)
+    make, _ = make_network_factory(open_session(file), file)
     found = _difference(make(), network, checked)
     if not found <= TOLERANCE:
         raise PolicyError(

@@ -23,7 +23,7 @@ _STEP = re.compile(r"([a-z]+?)_?(?:0|1|n|t)")
 
 
 @dataclass(frozen=True)
-class Roles:
+class NetworkRoles:
     """Inputs and outputs of a network, as onnxruntime describes them."""
 
     observation: Any
@@ -32,7 +32,7 @@ class Roles:
     """Each memory input with the output that updates it."""
 
 
-def roles_of(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> Roles:
+def find_roles(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> NetworkRoles:
     """Return the roles of a network's inputs and outputs.
 
     Args:
@@ -54,7 +54,7 @@ def roles_of(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> Roles
         free = [each for each in outputs if each is not action and each not in pairs.values()]
         if state.name not in pairs:
             pairs[state.name] = _by_shape(state, states, free, file)
-    return Roles(observation, action, tuple((state, pairs[state.name]) for state in states))
+    return NetworkRoles(observation, action, tuple((state, pairs[state.name]) for state in states))
 
 
 def _observation(inputs: Sequence[Any], outputs: Sequence[Any]) -> Any:

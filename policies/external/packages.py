@@ -7,7 +7,7 @@ from typing import Any
 from policies.base import PolicyError
 
 
-def package(name: str, extra: str = "onnx") -> Any:
+def import_package(name: str, extra: str = "onnx") -> Any:
     """The module of that name. Raises PolicyError, which names the extra that installs it, where it is missing."""
     try:
         return import_module(name)

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Actions, Mask, Policy, PolicyError, PolicyKwargs, within_limits
-from policies.external.described import with_gains
+from policies.external.described import with_spec_gains
 from policies.external.description import PolicySpec
-from policies.external.reference import checked
-from policies.external.served import FIRST_CALL_TIMEOUT_FACTOR, SIGNALS, PolicyServer, StepResult, serve
-from policies.external.terms import scan_of
-from policies.external.watched import START_TIMEOUT, DeadlineMissed, PolicyProcess, PolicyProcessError
+from policies.external.reference import resolve_reference
+from policies.external.served import FIRST_CALL_TIMEOUT_FACTOR, SIGNAL_NAMES, PolicyServer, StepResult, make_server
+from policies.external.terms import required_height_scan
+from policies.external.watched import START_TIMEOUT, DeadlineMissedError, PolicyProcess, PolicyProcessError
 
-DEADLINE = 5.0
+ACT_DEADLINE = 5.0
 """Longest time that one call may take, s; six times as long for the first."""
 LOAD_TIMEOUT = "QUAD_ENV_LOAD_TIMEOUT"
 """Environment variable: limit in place of START_TIMEOUT, s."""
@@ -43,21 +43,21 @@ class ExternalPolicy(Policy):
 
     failure: NDArray[np.object_]
     """Why the policy failed each robot, (n,); None where it has not."""
-    description: PolicySpec | None = None
+    spec: PolicySpec | None = None
     """How its network is run; None of a policy that acts on our observation by itself."""
     remarks: tuple[str, ...]
     """Assumptions where its files are incomplete, a line each."""
 
     def __init__(self, reference: str | Path, *, trust: bool = False, **made_for: Unpack[PolicyKwargs]) -> None:
         super().__init__(**made_for)
-        found = checked(reference, trust)
-        if found.description is not None:
-            self.robot, self.description = with_gains(self.robot, found.description), found.description
-            self.height_scan = scan_of(found.description)
+        found = resolve_reference(reference, trust)
+        if found.spec is not None:
+            self.robot, self.spec = with_spec_gains(self.robot, found.spec), found.spec
+            self.height_scan = required_height_scan(found.spec)
         self.name = str(reference)
-        self.remarks = found.remarks if found.description is None else found.description.remarks
+        self.remarks = found.remarks if found.spec is None else found.spec.remarks
         self.sha256 = found.sha256
-        served = partial(serve, found, self.robot, self.control_period, _seconds(ACT_TIMEOUT, DEADLINE))
+        served = partial(make_server, found, self.robot, self.control_period, _seconds(ACT_TIMEOUT, ACT_DEADLINE))
         load_time = _seconds(LOAD_TIMEOUT, START_TIMEOUT)
         self._process = PolicyProcess(partial(_on_stderr, served), load_time)
         self._stepped = False
@@ -72,7 +72,7 @@ class ExternalPolicy(Policy):
         """Raise PolicyError where the policy cannot be loaded, or gives no actions."""
         try:
             self._process.call(("reset", 1, None), _seconds(LOAD_TIMEOUT, START_TIMEOUT))
-        except (DeadlineMissed, PolicyProcessError) as error:
+        except (DeadlineMissedError, PolicyProcessError) as error:
             reason = str(error).removeprefix("PolicyError: ")
             raise PolicyError(reason if reason != str(error) else f"cannot load {self.name}: {reason}") from None
         finally:
@@ -91,7 +91,7 @@ class ExternalPolicy(Policy):
 
     def _allocate(self, num_envs: int) -> None:
         self.failure = np.full(num_envs, None, dtype=object)
-        vars(self).update(dict.fromkeys(SIGNALS))
+        vars(self).update(dict.fromkeys(SIGNAL_NAMES))
 
     def _reset_rows(self, mask: Mask) -> None:
         self.failure[mask] = None
@@ -111,12 +111,12 @@ class ExternalPolicy(Policy):
 
     def _asked(self, call: str, *arguments: object) -> Any:
         """What its process answers; None, and no robot has a policy any more, if the process is gone."""
-        timeout = _seconds(ACT_TIMEOUT, DEADLINE) * (1 if self._stepped else FIRST_CALL_TIMEOUT_FACTOR)
+        timeout = _seconds(ACT_TIMEOUT, ACT_DEADLINE) * (1 if self._stepped else FIRST_CALL_TIMEOUT_FACTOR)
         try:
             answer = self._process.call((call, *arguments), timeout + KILL_GRACE_PERIOD)
             self._stepped |= call == "step"
             return answer
-        except DeadlineMissed:
+        except DeadlineMissedError:
             reason = f"gave no answer within {timeout:g} s"
         except PolicyProcessError as error:
             reason = f"gave no answer: {error}"

@@ -10,22 +10,22 @@ from types import ModuleType
 from typing import Any
 
 from policies.base import Policy, PolicyError
-from policies.external.reference import Reference
+from policies.external.reference import PolicyReference
 from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 
-Act = Callable[[Any], object]
+ActFunction = Callable[[Any], object]
 """From an observation to an action, of one robot or of several."""
-Maker = Callable[[], Act]
+ActFactory = Callable[[], ActFunction]
 """Gives one without memory of any robot."""
 
 
-def load(reference: Reference, robot: Robot, control_period: float) -> Policy | Maker:
+def load_python(reference: PolicyReference, robot: Robot, control_period: float) -> Policy | ActFactory:
     """The policy that a reference names; PolicyError, one line, where there is none.
 
     A class is made without arguments, or with `robot` and `control_period` if it takes them.
     """
-    there = found(reference)
+    there = find_object(reference)
     if isinstance(there, Policy):
         return there
     if not isinstance(there, type):
@@ -41,7 +41,7 @@ def load(reference: Reference, robot: Robot, control_period: float) -> Policy | 
     return make
 
 
-def found(reference: Reference) -> Any:
+def find_object(reference: PolicyReference) -> Any:
     """What a reference names; PolicyError, one line, where the file fails or has none of that name."""
     contents = vars(_run(reference))
     if reference.name not in contents:
@@ -50,7 +50,7 @@ def found(reference: Reference) -> Any:
     return contents[reference.name]
 
 
-def _run(reference: Reference) -> ModuleType:
+def _run(reference: PolicyReference) -> ModuleType:
     """The file as a module, which can import its neighbours."""
     file = reference.file.resolve()
     sys.path.insert(0, str(file.parent))
@@ -65,10 +65,10 @@ def _run(reference: Reference) -> ModuleType:
     return module
 
 
-def _callable(found: Any, reference: Reference) -> Act:
+def _callable(found: Any, reference: PolicyReference) -> ActFunction:
     if not callable(found):
         raise PolicyError(f"{reference} must be a policies.Policy or callable with an observation, not {found!r:.80}")
-    act: Act = found
+    act: ActFunction = found
     return act
 
 
@@ -82,7 +82,7 @@ def _arguments(kind: type, **known: Any) -> dict[str, Any]:
     return {name: value for name, value in known.items() if every or name in parameters}
 
 
-def _fresh(act: Act) -> Act:
+def _fresh(act: ActFunction) -> ActFunction:
     """A copy of an object, as it was before its first call; what cannot be copied serves every robot."""
     try:
         return copy.deepcopy(act)

@@ -10,42 +10,42 @@ from pathlib import Path
 from policies.base import PolicyError
 from policies.external import readers
 from policies.external.description import PolicySpec
-from policies.external.network_kind import TORCH_ENDS, check_is_network, is_onnx
+from policies.external.network_kind import TORCHSCRIPT_SUFFIXES, check_is_network, is_onnx
 from policies.external.packages import check_package
-from policies.external.readers.settings import BY_HAND
+from policies.external.readers.settings import WRITE_TOML
 from quad_env.cli.limited_process import CrashError, LimitExceededError, call, read_limited
 from quad_env.files.reading import MAX_TEXT_SIZE, check_file, max_network_size
 from quad_env.files.text import brief
 
-DESCRIBED = ".onnx", ".pt", ".jit", ".toml", ".yaml", ".yml", ".json"
+SPEC_SUFFIXES = ".onnx", ".pt", ".jit", ".toml", ".yaml", ".yml", ".json"
 """Ends of the names of files that may describe a policy, or that one next to them describes."""
-KINDS = ".py", ".zip", *DESCRIBED
+SUFFIXES = ".py", ".zip", *SPEC_SUFFIXES
 """How the names of files end that are read."""
 SIDECAR_SUFFIXES = ".toml", ".yaml", ".json"
 """Endings of files that describe the .pt or .jit of their name."""
 _NEEDED = {".onnx": "onnx", ".yaml": "yaml", ".yml": "yaml"}
 """Packages that read files of these kinds."""
-UNSUPPORTED = ".pth", ".ckpt", ".h5", ".pkl"
+UNSUPPORTED_SUFFIXES = ".pth", ".ckpt", ".h5", ".pkl"
 """Files of networks that are not read."""
-STATISTICS = "vecnormalize.pkl", "vec_normalize.pkl"
+STATISTICS_NAMES = "vecnormalize.pkl", "vec_normalize.pkl"
 """Usual names of the statistics of a model of Stable-Baselines3."""
 _STATISTICS_NAME = re.compile(r"normali[sz]e|vec_?norm")
 """Part of other names of statistics."""
-BEST = "best_model", "best", "best_models", "eval"
+BEST_MODEL_FOLDERS = "best_model", "best", "best_models", "eval"
 """Folders of a run's best model; its statistics lie in the run's folder under any name."""
-MOST_FOLDERS = 1000
+MAX_FOLDERS = 1000
 """Largest number of entries of a model's folder that are searched for folders with statistics."""
 
 
 @dataclass(frozen=True)
-class Reference:
+class PolicyReference:
     """A file, and in a Python file the name of what is to be the policy."""
 
     file: Path
     name: str = ""
     normaliser: Path | None = None
     """Statistics of the observations of a model of Stable-Baselines3, its VecNormalize, None if there are none."""
-    description: PolicySpec | None = None
+    spec: PolicySpec | None = None
     """How its network is run; None of a policy that acts on our observation by itself."""
     remarks: tuple[str, ...] = ()
     """Assumptions, a line each."""
@@ -58,9 +58,9 @@ class Reference:
     @property
     def sha256(self) -> str:
         """SHA-256 of all its files."""
-        network = None if self.description is None else self.description.network
+        network = None if self.spec is None else self.spec.network
         files = [file for file in dict.fromkeys((self.file, self.normaliser, network)) if file is not None]
-        said = "" if self.description is None else self.description.text
+        said = "" if self.spec is None else self.spec.digest_text
         found = hashlib.sha256()
         for file in files:
             with file.open("rb") as stream:
@@ -75,12 +75,12 @@ class Reference:
 
 def is_reference(text: str | Path) -> bool:
     """Whether a text names a policy from outside; a folder is none, whatever it is called."""
-    return _read(text).suffix in KINDS and not Path(text).is_dir()
+    return _read(text).suffix in SUFFIXES and not Path(text).is_dir()
 
 
-def unsupported(text: str | Path) -> str | None:
+def unsupported_file_remedy(text: str | Path) -> str | None:
     """What to do about a file of a kind that is not read; None for what is no such file."""
-    if Path(text).suffix.lower() not in UNSUPPORTED:
+    if Path(text).suffix.lower() not in UNSUPPORTED_SUFFIXES:
         return None
     return (
         f"{text}: {Path(text).suffix} files (checkpoints of other learners) are not supported; export the network as "
@@ -89,12 +89,12 @@ def unsupported(text: str | Path) -> str | None:
     )
 
 
-def _read(text: str | Path) -> Reference:
+def _read(text: str | Path) -> PolicyReference:
     file, colon, name = str(text).rpartition(":")
-    return Reference(Path(file), name) if colon and file.lower().endswith(".py") else Reference(Path(text))
+    return PolicyReference(Path(file), name) if colon and file.lower().endswith(".py") else PolicyReference(Path(text))
 
 
-def checked(text: str | Path, trust: bool) -> Reference:
+def resolve_reference(text: str | Path, trust: bool) -> PolicyReference:
     """What a text names, wherever the process that loads it stands, if it is there and may be loaded. Raises
     PolicyError, which says what is missing."""
     if not str(text).isprintable():
@@ -104,14 +104,14 @@ def checked(text: str | Path, trust: bool) -> Reference:
     if reference.suffix == ".py" and not reference.name:
         raise PolicyError(f"name the policy in {reference.file} after a colon, as in {reference.file}:MyPolicy")
     found = replace(reference, file=reference.file.absolute())
-    if found.suffix in TORCH_ENDS:
+    if found.suffix in TORCHSCRIPT_SUFFIXES:
         check_is_network(reference.file)
-    if found.suffix in DESCRIBED:
-        found = replace(found, description=_description(reference.file))
-    loaded = found.file if found.description is None else found.description.network
+    if found.suffix in SPEC_SUFFIXES:
+        found = replace(found, spec=_description(reference.file))
+    loaded = found.file if found.spec is None else found.spec.network
     if loaded != found.file:
         _check_file(loaded)
-    if found.description is not None:
+    if found.spec is not None:
         check_is_network(loaded)
     if found.suffix == ".zip":
         return _with_normaliser(found, trust)
@@ -120,7 +120,7 @@ def checked(text: str | Path, trust: bool) -> Reference:
     return found
 
 
-def _with_normaliser(model: Reference, trust: bool) -> Reference:
+def _with_normaliser(model: PolicyReference, trust: bool) -> PolicyReference:
     """Return a model of Stable-Baselines3 with the statistics of its observations. Raises PolicyError."""
     try:
         normaliser, is_beside = _normaliser(model.file)
@@ -160,14 +160,14 @@ def _description(file: Path) -> PolicySpec | None:
 
     Raises PolicyError.
     """
-    if file.suffix.lower() in TORCH_ENDS:
+    if file.suffix.lower() in TORCHSCRIPT_SUFFIXES:
         found_at = [place for end in SIDECAR_SUFFIXES if (place := file.with_suffix(end)).is_file()]
         found = _read_description(found_at[0]) if found_at else None
         if found is None:
             name = file.with_suffix(SIDECAR_SUFFIXES[0]).name
             fault = f"{file} does not say how its network is run"
-            remedy = f"{BY_HAND} next to it as {name}"
-            raise readers.Incomplete("a network", {"network": file.absolute()}, fault=fault, remedy=remedy)
+            remedy = f"{WRITE_TOML} next to it as {name}"
+            raise readers.IncompleteSpecError("a network", {"network": file.absolute()}, fault=fault, remedy=remedy)
         return _whole(replace(found, network=file.absolute()))
     found = _read_description(file)
     return None if found is None else replace(found, network=found.network.absolute())
@@ -186,16 +186,16 @@ def _read_description(file: Path) -> PolicySpec | None:
 def _whole(found: PolicySpec) -> PolicySpec:
     """Check a description with the network next to it in a limited process. Raises PolicyError."""
     try:
-        return call(readers.whole, found, True)  # type: ignore[no-any-return]
+        return call(readers.check_network_matches, found, True)  # type: ignore[no-any-return]
     except (LimitExceededError, CrashError) as error:
         raise PolicyError(f"{found.network}: {error}") from None
 
 
-def draft_of(file: Path) -> readers.Incomplete | None:
+def draft_without_spec(file: Path) -> readers.IncompleteSpecError | None:
     """Return the known fields of a network's file without a description; None for other files."""
-    if not file.is_file() or file.suffix.lower() not in (".onnx", *TORCH_ENDS):
+    if not file.is_file() or file.suffix.lower() not in (".onnx", *TORCHSCRIPT_SUFFIXES):
         return None
-    return readers.Incomplete("a network without a description", {"network": file.absolute()})
+    return readers.IncompleteSpecError("a network without a description", {"network": file.absolute()})
 
 
 def _normaliser(model: Path) -> tuple[Path | None, bool]:
@@ -209,18 +209,20 @@ def _normaliser(model: Path) -> tuple[Path | None, bool]:
     """
     start, _, end = model.stem.rpartition("_steps")[0].rpartition("_")
     own = [f"{model.stem}_vecnormalize.pkl", f"{start}_vecnormalize_{end}_steps.pkl"]
-    places = [model.parent / name for name in (*own, *STATISTICS)]
-    places += [model.with_suffix("") / name for name in STATISTICS]
+    places = [model.parent / name for name in (*own, *STATISTICS_NAMES)]
+    places += [model.with_suffix("") / name for name in STATISTICS_NAMES]
     if there := [place for place in places if place.is_file()]:
         return there[0], True
     others = _statistics_in(model.parent)
     near = [place for folder in _folders_in(model.parent) for place in _statistics_in(folder)]
-    above = _statistics_in(model.parent.parent) if model.parent.name in BEST else []
-    above += [place for name in STATISTICS if (place := model.parent.parent / name).is_file() and place not in above]
+    above = _statistics_in(model.parent.parent) if model.parent.name in BEST_MODEL_FOLDERS else []
+    above += [
+        place for name in STATISTICS_NAMES if (place := model.parent.parent / name).is_file() and place not in above
+    ]
     found = near or above
     if not others and len(found) == 1:
         return found[0], False
-    if not found and model.parent.name in BEST:  # those of the run's checkpoints
+    if not found and model.parent.name in BEST_MODEL_FOLDERS:  # those of the run's checkpoints
         found = [place for folder in _folders_in(model.parent.parent) for place in _statistics_in(folder)]
     if others or found:
         names = ", ".join(os.path.relpath(file, model.parent) for file in others or found)
@@ -242,4 +244,4 @@ def _statistics_in(folder: Path) -> list[Path]:
 
 def _folders_in(folder: Path) -> list[Path]:
     """Return the first folders in a folder, by name."""
-    return sorted(each for each in itertools.islice(folder.iterdir(), MOST_FOLDERS) if each.is_dir())
+    return sorted(each for each in itertools.islice(folder.iterdir(), MAX_FOLDERS) if each.is_dir())

@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 
 from policies.base import PolicyError
-from policies.external.packages import package
-from policies.external.python_file import Maker
-from policies.external.reference import Reference
+from policies.external.packages import import_package
+from policies.external.python_file import ActFactory
+from policies.external.reference import PolicyReference
 from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 
 
-def load(reference: Reference, robot: Robot) -> Maker:
+def load_sb3(reference: PolicyReference, robot: Robot) -> ActFactory:
     """Gives the model's deterministic action for one observation, as joint targets of the robot, rad.
 
     Raises PolicyError, one line, for what is no model, and for actions whose meaning the file does not give.
     """
-    torch, files = package("torch", "train"), package("stable_baselines3.common.save_util", "train")
+    torch, files = import_package("torch", "train"), import_package("stable_baselines3.common.save_util", "train")
     torch.set_num_threads(1)
     try:
         data, parameters, _ = files.load_from_zip_file(reference.file, device="cpu")
@@ -41,7 +41,7 @@ def load(reference: Reference, robot: Robot) -> Maker:
     return lambda: act
 
 
-def _normaliser(reference: Reference, space: Any) -> Callable[[Any], Any]:
+def _normaliser(reference: PolicyReference, space: Any) -> Callable[[Any], Any]:
     """From observations to those that the model was trained on; raises PolicyError."""
     if reference.normaliser is None:
         return _as_they_are
@@ -57,7 +57,7 @@ def _normaliser(reference: Reference, space: Any) -> Callable[[Any], Any]:
     return normalised
 
 
-def _meaning(space: Any, reference: Reference, robot: Robot) -> Callable[[Any], Any]:
+def _meaning(space: Any, reference: PolicyReference, robot: Robot) -> Callable[[Any], Any]:
     """From a model's actions to joint targets."""
     # Here, so that commands that print their help do not wait for Gymnasium.
     from gymnasium.spaces import Box

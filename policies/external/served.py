@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 from policies.base import Actions, Mask, Policy, PolicyError
 from policies.external import onnx_file, python_file, sb3_file
 from policies.external.described import NetworkPolicy
-from policies.external.python_file import Act, Maker
-from policies.external.reference import Reference
+from policies.external.python_file import ActFactory, ActFunction
+from policies.external.reference import PolicyReference
 from policies.external.watched import send_heartbeat
 from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import table_with
 
-SIGNALS = ("phase", "correction", "base_action", "stopped")
+SIGNAL_NAMES = ("phase", "correction", "base_action", "stopped")
 """Signals that some policies report: phase of the clock, rad, (n,); of a residual the correction, in shares of its
 authority, and its base's joint targets, rad, (n, 12) each; which robots it has stopped itself, (n,)."""
 FIRST_CALL_TIMEOUT_FACTOR = 6
 """How many deadlines the first call may last, in which some compile themselves."""
-LONGEST_REASON = 200
+MAX_REASON = 200
 REPORT_PERIOD = 1.0
 """At most, between two signs of life while many robots are asked, s."""
 
@@ -39,15 +39,15 @@ class StepResult:
     """Those of SIGNALS that there are."""
 
 
-def serve(reference: Reference, robot: Robot, control_period: float, deadline: float) -> "PolicyServer":
+def make_server(reference: PolicyReference, robot: Robot, control_period: float, deadline: float) -> "PolicyServer":
     """The policy of a reference, loaded and tried. Raises PolicyError."""
-    loaded: Policy | Maker
-    if reference.description is not None:
-        loaded = NetworkPolicy(reference.description, robot=robot, control_period=control_period)
+    loaded: Policy | ActFactory
+    if reference.spec is not None:
+        loaded = NetworkPolicy(reference.spec, robot=robot, control_period=control_period)
     elif reference.suffix == ".py":
-        loaded = python_file.load(reference, robot, control_period)
+        loaded = python_file.load_python(reference, robot, control_period)
     else:
-        loaded = (sb3_file if reference.suffix == ".zip" else onnx_file).load(reference, robot)
+        loaded = (sb3_file if reference.suffix == ".zip" else onnx_file).load_onnx(reference, robot)
     if isinstance(loaded, Policy) and (misfit := loaded.mismatch(robot, control_period)):
         raise PolicyError(f"{reference} is {misfit}")
     served = PolicyServer(loaded, robot, deadline)
@@ -58,7 +58,7 @@ def serve(reference: Reference, robot: Robot, control_period: float, deadline: f
 class PolicyServer:
     """Robots' actions, and what went wrong instead: a `Policy` is asked for all robots, a callable for each."""
 
-    def __init__(self, loaded: Policy | Maker, robot: Robot, deadline: float) -> None:
+    def __init__(self, loaded: Policy | ActFactory, robot: Robot, deadline: float) -> None:
         self._loaded, self._robot = loaded, robot
         self._deadline = deadline
         self._reported = time.monotonic()
@@ -66,7 +66,7 @@ class PolicyServer:
         """Of a `Policy` its own alone, else one a robot; None where none could be made."""
         self._failed = np.zeros(0, np.bool_)
 
-    def smoke_test(self, reference: Reference) -> None:
+    def smoke_test(self, reference: PolicyReference) -> None:
         """Raise PolicyError unless it gives an action for an upright robot at rest."""
         policy = self._loaded if isinstance(self._loaded, Policy) else None
         table = table_with(self._robot, None if policy is None else policy.height_scan)
@@ -121,7 +121,7 @@ class PolicyServer:
     def signals(self) -> dict[str, NDArray[Any]]:
         """Those of SIGNALS that the policy has, each of n robots."""
         found = {}
-        for name in SIGNALS if isinstance(self._loaded, Policy) else ():
+        for name in SIGNAL_NAMES if isinstance(self._loaded, Policy) else ():
             value, _ = self._tried(lambda name=name: np.array(getattr(self._loaded, name)))
             width = (self._robot.num_joints,) if name in ("correction", "base_action") else ()
             if value is not None and value.dtype.kind in "fb" and value.shape == (len(self._failed), *width):
@@ -134,7 +134,9 @@ class PolicyServer:
         self._failed[new] = True
         return dict.fromkeys(new, reason or "")
 
-    def _ask(self, act: Act, shown: NDArray[np.float32], wanted: tuple[int, ...]) -> tuple[Actions | None, str | None]:
+    def _ask(
+        self, act: ActFunction, shown: NDArray[np.float32], wanted: tuple[int, ...]
+    ) -> tuple[Actions | None, str | None]:
         """The action of that shape, or why there is none."""
         answer, reason = self._tried(lambda: np.asarray(act(shown)))
         if reason is not None:
@@ -152,7 +154,7 @@ class PolicyServer:
         try:
             return call(*arguments), None
         except BaseException as error:  # SystemExit as well: it must not end the process with the other robots
-            return None, f"raised {format_exception(error)}"[:LONGEST_REASON]
+            return None, f"raised {format_exception(error)}"[:MAX_REASON]
         finally:
             if (now := time.monotonic()) - self._reported > min(REPORT_PERIOD, 0.2 * self._deadline):
                 self._reported = now

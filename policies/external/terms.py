@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, Mask, PolicyError
-from policies.external.description import HeightGrid, PolicySpec, Term
-from policies.external.joints import action_joints, observed_joints
+from policies.external.description import HeightGrid, ObservationTerm, PolicySpec
+from policies.external.joints import map_action_joints, map_observed_joints
 from policies.legs.level_frame import level_frame
 from policies.memory import PerRobotState, per_robot
 from policies.mpc.contact import ContactEstimator
@@ -24,14 +24,14 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 from quad_env.sensing.height_scan import HeightScan, table_with
 
-CONTACT_SHARE = 0.05
+CONTACT_WEIGHT_FRACTION = 0.05
 """Share of the robot's weight from which the estimated force of a foot is a contact: right in 86 to 96 % of the control
 steps of SimpleQuad and Go1 with `trot` and `mpc_wbc`, on flat and rough ground and when pushed."""
-_FINEST = 1e-3
+GRID_RESOLUTION = 1e-3
 """Unit in which the points of a height scan are told apart, m."""
 
 
-Seen = dict[str, Floats]
+Signals = dict[str, Floats]
 """Of m robots: our observation by term; `angles` of the robot's joints; `yaw`; control `steps` of the policy since the
 reset, 0 at the first; `action`, the previous one; `contact` of the robot's feet."""
 
@@ -55,11 +55,11 @@ class ObservationAdapter(PerRobotState):
 
     def __init__(self, description: PolicySpec, robot: Robot, control_period: float) -> None:
         self._description, self._robot, self._period = description, robot, control_period
-        self._joints = action_joints(description, robot)
-        self._observed = observed_joints(description, robot)
+        self._joints = map_action_joints(description, robot)
+        self._observed = map_observed_joints(description, robot)
         default = self._joints.to_robot_order(np.array(description.default_position, dtype=np.float64))
-        self._default = default[self._observed.places]
-        self.height_scan = scan_of(description)
+        self._default = default[self._observed.joint_ids]
+        self.height_scan = required_height_scan(description)
         self._slices = table_with(robot, self.height_scan).slices
         self._order = _layout(description)
         self._contacts: ContactEstimator | None = None
@@ -82,7 +82,7 @@ class ObservationAdapter(PerRobotState):
         if self._contacts is not None:
             now = motion(self._robot, self._dynamics, observation)
             force = self._contacts.estimate(now, np.zeros((len(observation), 6)))[..., 2]
-            self._contact = force > CONTACT_SHARE * GRAVITY * self._robot.mass
+            self._contact = force > CONTACT_WEIGHT_FRACTION * GRAVITY * self._robot.mass
 
     def observe(self, observation: Floats, who: EnvIndices) -> NDArray[np.float32]:
         """The policy's observations, (m, width), of those robots, whose of the environment are given, (m, k)."""
@@ -100,23 +100,23 @@ class ObservationAdapter(PerRobotState):
         self._steps[who] += 1
         return history.reshape(len(who), -1)[:, self._order].astype(np.float32)
 
-    def _numbers(self, term: Term, seen: Seen) -> Floats:
+    def _numbers(self, term: ObservationTerm, seen: Signals) -> Floats:
         """A term's numbers of this control step, (m, width), neither clipped nor scaled."""
         match term.name:
             case "joint_position":
-                return self._observed.angles(seen["angles"]) - self._default
+                return self._observed.policy_angles(seen["angles"]) - self._default
             case "absolute_joint_position":
-                return self._observed.angles(seen["angles"])
+                return self._observed.policy_angles(seen["angles"])
             case "joint_velocity":
-                return self._observed.rates(seen["joint_velocity"])
+                return self._observed.policy_rates(seen["joint_velocity"])
             case "joint_torque":
-                return self._observed.rates(_torque(self._robot, seen))
+                return self._observed.policy_rates(_torque(self._robot, seen))
             case "previous_action":
                 return seen["action"]
             case "command":
                 return seen["command"]
             case "foot_contact":
-                return seen["contact"][:, list(dict.fromkeys(self._joints.places // JOINTS_PER_LEG))]
+                return seen["contact"][:, list(dict.fromkeys(self._joints.joint_ids // JOINTS_PER_LEG))]
             case "gait_clock":
                 angles = 2.0 * np.pi * term.clock / self._description.control_rate * seen["steps"]
                 clock = np.stack((np.sin(angles), np.cos(angles)), axis=1)
@@ -132,7 +132,7 @@ class ObservationAdapter(PerRobotState):
         return _turned(seen[term.name], term.frame, seen)
 
 
-def _turned(body: Floats, frame: str, seen: Seen) -> Floats:
+def _turned(body: Floats, frame: str, seen: Signals) -> Floats:
     """Vectors of the body in a frame, (m, 3)."""
     if frame == "body":
         return body
@@ -143,7 +143,7 @@ def _turned(body: Floats, frame: str, seen: Seen) -> Floats:
     return np.stack((x, y, z), axis=1)
 
 
-def _torque(robot: Robot, seen: Seen) -> Floats:
+def _torque(robot: Robot, seen: Signals) -> Floats:
     """What the servos give by the gains in force on the target in force, the joints where they are now, limited to the
     robot's rated torque, (m, 12), N·m."""
     apart = seen["previous_action"] - seen["joint_position"]
@@ -151,7 +151,7 @@ def _torque(robot: Robot, seen: Seen) -> Floats:
     return np.clip(torque, -robot.rated_torque, robot.rated_torque)
 
 
-def _limited(values: Floats, term: Term) -> Floats:
+def _limited(values: Floats, term: ObservationTerm) -> Floats:
     """Values of a term, clipped, then scaled."""
     clipped: Floats = values if term.clip is None else np.clip(values, *term.clip)
     return np.multiply(clipped, term.scale)
@@ -180,19 +180,19 @@ def _points(grid: HeightGrid) -> Floats:
     return np.stack((x.ravel(), y.ravel()), axis=1)
 
 
-def scan_of(description: PolicySpec) -> HeightScan | None:
+def required_height_scan(description: PolicySpec) -> HeightScan | None:
     """The environment's height scan in which the points of the policy's are; None without one. Raises PolicyError."""
     grids = [_points(term.grid) for term in description.terms if term.grid is not None]
     if not grids:
         return None
     points = np.concatenate(grids)
-    units = np.round(points / _FINEST).astype(int)
+    units = np.round(points / GRID_RESOLUTION).astype(int)
     spacing = int(np.gcd.reduce(np.abs(units), axis=None)) or 100
     (ahead, left), (behind, right) = np.maximum(units.max(axis=0), 0), np.maximum(-units.min(axis=0), 0)
     ahead, behind, aside = (int(far) // spacing for far in (ahead, behind, max(left, right)))
     try:
-        if np.abs(points / _FINEST - units).max() > 1e-3:
-            raise ValueError(f"its points do not lie on a grid of {_FINEST:g} m through the trunk's centre")
-        return HeightScan(ahead=ahead, behind=behind, aside=aside, spacing=_FINEST * spacing)
+        if np.abs(points / GRID_RESOLUTION - units).max() > 1e-3:
+            raise ValueError(f"its points do not lie on a grid of {GRID_RESOLUTION:g} m through the trunk's centre")
+        return HeightScan(ahead=ahead, behind=behind, aside=aside, spacing=GRID_RESOLUTION * spacing)
     except ValueError as error:
         raise PolicyError(f"the height_scan of {description.network} cannot be shown: {error}") from None

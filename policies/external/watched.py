@@ -18,7 +18,7 @@ _asking: Connection | None = None
 """In a policy's process: the connection to the process that asks it."""
 
 
-class DeadlineMissed(RuntimeError):
+class DeadlineMissedError(RuntimeError):
     """The policy gave no answer in time; its process has been ended."""
 
 
@@ -91,7 +91,7 @@ class PolicyProcess:
         except (EOFError, OSError) as error:
             self.close()
             if watchdog.has_killed:
-                raise DeadlineMissed(f"no answer within {timeout * 1e3:g} ms") from None
+                raise DeadlineMissedError(f"no answer within {timeout * 1e3:g} ms") from None
             raise PolicyProcessError("the policy's process has ended") from error
         finally:
             watchdog.cancel()

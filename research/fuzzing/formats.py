@@ -17,10 +17,10 @@ import numpy as np
 from policies import bundle
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.external import onnx_file, readers
-from policies.external.described import period_share, with_gains
+from policies.external.described import control_period_ratio, with_spec_gains
 from policies.external.description import PolicySpec
-from policies.external.packages import package
-from policies.external.reference import Reference, checked
+from policies.external.packages import import_package
+from policies.external.reference import PolicyReference, resolve_reference
 from policies.external.terms import ObservationAdapter
 from policies.shipped import MODELS
 from quad_env.robots.plausibility import find_warnings
@@ -54,7 +54,7 @@ def _text(tree: Any, suffix: str) -> bytes:
         return json.dumps(tree).encode()
     if suffix == ".toml":
         return "".join(f"{key} = {_toml(value)}\n" for key, value in tree.items()).encode(errors="replace")
-    return bytes(package("yaml").safe_dump(tree, sort_keys=False, allow_unicode=True).encode())
+    return bytes(import_package("yaml").safe_dump(tree, sort_keys=False, allow_unicode=True).encode())
 
 
 def _toml(value: Any) -> str:
@@ -100,8 +100,8 @@ def _read_description(file: Path) -> None:
     if found is None:
         return
     _check_description(found)
-    robot = with_gains(SIMPLE_QUAD, found)
-    period_share(found, CONTROL_PERIOD)
+    robot = with_spec_gains(SIMPLE_QUAD, found)
+    control_period_ratio(found, CONTROL_PERIOD)
     if found.width * max(term.history for term in found.terms) < 10_000_000:
         ObservationAdapter(found, robot, CONTROL_PERIOD)
 
@@ -115,7 +115,7 @@ def _check_description(found: PolicySpec) -> None:
 
 
 def _network(metadata: dict[str, str]) -> Any:
-    onnx = package("onnx")
+    onnx = import_package("onnx")
     kind = onnx.TensorProto.FLOAT
     weights = onnx.numpy_helper.from_array(np.full((48, 12), 0.01, np.float32), "weights")
     bias = onnx.numpy_helper.from_array(np.zeros(12, np.float32), "bias")
@@ -185,7 +185,7 @@ def _has_shape(graph: Any) -> bool:
 
 def _read_graph(file: Path) -> None:
     readers.read(file)
-    policy = onnx_file.load(Reference(file), SIMPLE_QUAD)
+    policy = onnx_file.load_onnx(PolicyReference(file), SIMPLE_QUAD)
     act: Any = policy()  # type: ignore[operator]
     try:
         act(np.zeros(48, np.float32))
@@ -221,7 +221,7 @@ def _zip(folder: Path, rng: Rng) -> Path:
 
 
 def _read_zip(file: Path) -> None:
-    checked(file, trust=False)
+    resolve_reference(file, trust=False)
     raise AbsurdError("a model of Stable-Baselines3 is taken without --trust")
 
 

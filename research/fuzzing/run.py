@@ -41,7 +41,7 @@ REFUSED = "refused"
 
 
 @dataclass(frozen=True)
-class Options:
+class FuzzOptions:
     """Fuzz the readers of a format."""
 
     format: Annotated[str, tyro.conf.Positional]
@@ -59,7 +59,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Result:
+class CaseResult:
     """Result of a case."""
 
     number: int
@@ -68,7 +68,7 @@ class Result:
     detail: str = ""
 
 
-def main(options: Options) -> int:
+def main(options: FuzzOptions) -> int:
     """Run the cases and print the findings; return 1 if there are any."""
     check_numbers(options, {"minutes": (0.01, 1e5), "cases": (0, 10**9), "first": (0, 10**9), "seed": (0, 2**31)})
     if options.format == "list":
@@ -83,7 +83,7 @@ def main(options: Options) -> int:
     return int(found > 0)
 
 
-def _fuzz(name: str, options: Options, interrupt: Interrupt) -> int:
+def _fuzz(name: str, options: FuzzOptions, interrupt: Interrupt) -> int:
     """Fuzz one format and return the number of findings."""
     counts = Counter[str]()
     seen = set[tuple[str, str]]()
@@ -109,7 +109,7 @@ def _summary(counts: Counter[str]) -> str:
     return f"{counts.total()} cases: " + ", ".join(f"{count} {kind}" for kind, count in counts.items())
 
 
-def _keep(name: str, options: Options, number: int) -> None:
+def _keep(name: str, options: FuzzOptions, number: int) -> None:
     if options.keep is not None:
         place = options.keep / f"{name}-{options.seed}-{number}"
         place.mkdir(parents=True, exist_ok=True)
@@ -120,7 +120,7 @@ def _generator(seed: int, number: int) -> np.random.Generator:
     return np.random.default_rng((seed, number))
 
 
-def run_case(name: str, seed: int, number: int) -> Result:
+def run_case(name: str, seed: int, number: int) -> CaseResult:
     """Run one case in this process.
 
     Args:
@@ -136,18 +136,18 @@ def run_case(name: str, seed: int, number: int) -> Result:
         try:
             read(file)
         except AbsurdError as error:
-            return Result(number, "absurd", str(error))
+            return CaseResult(number, "absurd", str(error))
         except OWN_ERRORS as error:
             if isinstance(error, UnicodeError) or (type(error) is ValueError and not _is_ours(error)):
-                return Result(number, "traceback", traceback.format_exc())
+                return CaseResult(number, "traceback", traceback.format_exc())
             if "\n" in (line := str(error)) or len(line) > MAX_LINE:
-                return Result(number, "not one line", line[:MAX_LINE])
-            return Result(number, REFUSED)
+                return CaseResult(number, "not one line", line[:MAX_LINE])
+            return CaseResult(number, REFUSED)
         except Exception:
-            return Result(number, "traceback", traceback.format_exc())
+            return CaseResult(number, "traceback", traceback.format_exc())
         if (taken := _largest_memory() - before) > MEMORY:
-            return Result(number, "memory", f"{taken / 2**20:.0f} MiB")
-        return Result(number, READ)
+            return CaseResult(number, "memory", f"{taken / 2**20:.0f} MiB")
+        return CaseResult(number, READ)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -168,7 +168,7 @@ def _largest_memory() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
-def _results(name: str, options: Options) -> Iterator[Result]:
+def _results(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
     """Yield results of cases by number, from a process that is replaced after it has hung or ended."""
     context: Any = multiprocessing.get_context("spawn")
     number = options.first
@@ -184,9 +184,9 @@ def _results(name: str, options: Options) -> Iterator[Result]:
                 number += 1
         except EOFError:
             process.join(10.0)
-            yield Result(number, "end of the process", f"exit code {process.exitcode}")
+            yield CaseResult(number, "end of the process", f"exit code {process.exitcode}")
         except TimeoutError:
-            yield Result(number, "hang", f"more than {HANG:g} s")
+            yield CaseResult(number, "hang", f"more than {HANG:g} s")
         finally:
             process.kill()
             process.join()
@@ -194,13 +194,13 @@ def _results(name: str, options: Options) -> Iterator[Result]:
         number += 1
 
 
-def _next(ours: Connection, process: Any, number: int) -> Result:
+def _next(ours: Connection, process: Any, number: int) -> CaseResult:
     """Return the result of that case. Raises EOFError where the process has ended, TimeoutError where it hangs."""
     clock = RunClock(process.pid)
     while not ours.poll(0.2):
         if clock.elapsed() > HANG:
             raise TimeoutError
-    result: Result = ours.recv()
+    result: CaseResult = ours.recv()
     return result
 
 

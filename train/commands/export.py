@@ -32,6 +32,6 @@ def main(options: Options) -> int:
         raise UsageError(f"--out must be an .onnx, not {options.out}")
     make_folder_of(options.out, "--out")
     robot = None if options.robot is None else parse_robot_option(options.robot).robot_model
-    found = onnx_file.export(options.folder, options.out, CHECKED, robot)
+    found = onnx_file.export_residual(options.folder, options.out, CHECKED, robot)
     print(f"{options.out}: agrees with the bundle at {CHECKED:,} random observations to {found:.1e} of the authority")
     return 0

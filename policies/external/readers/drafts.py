@@ -23,7 +23,7 @@ DRAFT = "python -m quad_env doctor --policy FILE --write mine.toml writes the re
 HEAD = "# What a policy reads and commands, as far as its files say it: docs/deployment-files.md"
 
 
-class Incomplete(PolicyError):
+class IncompleteSpecError(PolicyError):
     """File of a known kind without a complete policy.
 
     Args:
@@ -49,17 +49,17 @@ class Incomplete(PolicyError):
         missing = ", ".join(f"`{name}`" for name in self.missing)
         super().__init__(fault or f"it is {kind}, which does not say {missing}", remedy or DRAFT)
 
-    def at(self, path: Path) -> "Incomplete":
+    def at(self, path: Path) -> "IncompleteSpecError":
         """Return the same error with the path of the file."""
         remedy = self.remedy.replace("FILE", str(path))
-        return Incomplete(self.kind, self.known, self.advice, f"{path}: {self.fault}", remedy)
+        return IncompleteSpecError(self.kind, self.known, self.advice, f"{path}: {self.fault}", remedy)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the fields too: files are read in a limited process."""
-        return Incomplete, (self.kind, self.known, self.advice, self.fault, self.remedy)
+        return IncompleteSpecError, (self.kind, self.known, self.advice, self.fault, self.remedy)
 
 
-def write_draft(incomplete: Incomplete, file: Path) -> None:
+def write_draft(incomplete: IncompleteSpecError, file: Path) -> None:
     """Write the known fields as TOML, the network relative to the file's folder, and the rest as comments."""
     lines = [HEAD]
     lines += [f"# {each}" for each in incomplete.advice]

@@ -12,8 +12,8 @@ from typing import Any
 from policies.base import PolicyError
 from policies.external.description import PolicySpec
 from policies.external.readers import rl_sar
-from policies.external.readers.drafts import Incomplete
-from policies.external.readers.settings import Settings
+from policies.external.readers.drafts import IncompleteSpecError
+from policies.external.readers.settings import FileSettings
 from quad_env.files.text import brief
 
 KEYS = {
@@ -32,31 +32,33 @@ _WIDTHS = {45: _BLIND, 47: f"{_BLIND}, gait_clock", 48: f"linear_velocity, {_BLI
 """Terms of unitree_rl_gym's scripts by the width of their observation, for twelve joints."""
 
 
-def is_flat(settings: Settings) -> bool:
+def is_flat(settings: FileSettings) -> bool:
     """Return whether the settings have gains and a default position at the top."""
     wanted = KEYS["stiffness"], KEYS["damping"], KEYS["default_position"]
     return all(any(settings.find(key) is not None for key in keys) for keys in wanted)
 
 
-def describe(settings: Settings) -> PolicySpec:
+def parse_spec(settings: FileSettings) -> PolicySpec:
     """Return the policy of flat settings with rl_sar's keys. Raises PolicyError, Incomplete for other flat settings."""
     if settings.find("observations") is not None and settings.find("model_name") is not None:
-        named = Settings({settings.file.stem: settings.values}, settings.file)
+        named = FileSettings({settings.file.stem: settings.values}, settings.file)
         try:
-            return rl_sar.describe(named)
+            return rl_sar.parse_spec(named)
         except PolicyError as error:
             if not _is_missing(error):
                 raise
-            raise Incomplete("flat settings with rl_sar's keys", known_of(settings), advice_of(settings)) from None
+            raise IncompleteSpecError(
+                "flat settings with rl_sar's keys", known_fields(settings), advice_lines(settings)
+            ) from None
     kind = "a configuration of unitree_rl_gym's deploy_mujoco" if settings.find("kps") is not None else "flat settings"
-    raise Incomplete(kind, known_of(settings), advice_of(settings))
+    raise IncompleteSpecError(kind, known_fields(settings), advice_lines(settings))
 
 
 def _is_missing(error: PolicyError) -> bool:
     return " has no `" in error.fault or "neither " in error.fault or "there is no network" in error.fault
 
 
-def known_of(settings: Settings) -> dict[str, Any]:
+def known_fields(settings: FileSettings) -> dict[str, Any]:
     """Return the fields of a description that flat settings give. Raises PolicyError for values of another kind."""
     known: dict[str, Any] = {}
     network = next((found for key in _NETWORKS if (found := _network(settings, settings.find(key))) is not None), None)
@@ -75,7 +77,7 @@ def known_of(settings: Settings) -> dict[str, Any]:
     return known
 
 
-def _network(settings: Settings, given: object) -> Path | None:
+def _network(settings: FileSettings, given: object) -> Path | None:
     """Return the network of a path such as `{ROOT}/pre_train/go2/motion.pt`, from the file or next to it."""
     if not isinstance(given, str) or not given:
         return None
@@ -89,7 +91,7 @@ def _network(settings: Settings, given: object) -> Path | None:
     return None
 
 
-def advice_of(settings: Settings) -> tuple[str, ...]:
+def advice_lines(settings: FileSettings) -> tuple[str, ...]:
     """Return the settings on their observation, a line each."""
     lines = []
     for key in ("num_obs", "num_observations"):

@@ -9,69 +9,71 @@ import re
 from dataclasses import replace
 
 from policies.base import PolicyError
-from policies.external.description import HeightGrid, PolicySpec, Range, Term
+from policies.external.description import HeightGrid, ObservationTerm, PolicySpec, Range
 from policies.external.readers.io_descriptor import joint_order
-from policies.external.readers.isaac_terms import history_of, observed_joints, remarks_on, term
-from policies.external.readers.joint_orders import FAMILIES, Joints, by_kind
-from policies.external.readers.settings import BY_HAND, Settings, load, matches
+from policies.external.readers.isaac_terms import history_length, incomplete_remarks, make_term, observed_order
+from policies.external.readers.joint_orders import FAMILIES, JointNames, names_by_kind
+from policies.external.readers.settings import WRITE_TOML, FileSettings, load_settings, matches
 
 _NAMES = "joint_names_expr"
 
 
-def describe(settings: Settings) -> PolicySpec:
+def parse_spec(settings: FileSettings) -> PolicySpec:
     """The policy of an `env.yaml`. Raises PolicyError."""
-    robot, action = settings.inside("scene", "robot"), _action(settings)
+    robot, action = settings.section("scene", "robot"), _action(settings)
     asset = joint_order(settings.file)
-    if asset is None and settings.inside("sim").find("newton_cfg") is None:
+    if asset is None and settings.section("sim").find("newton_cfg") is None:
         asset = _asset(robot)
     joints = _chosen(action, asset)
-    group = settings.inside("observations", "policy")
-    terms = {name: _term(settings, group, each) for name, each in group.groups()}
-    observed = observed_joints(terms, lambda name: _chosen(group.inside(name).perhaps("params", "asset_cfg"), asset))
-    at_default, clip = action.find("use_default_offset") is True, action.perhaps("clip")
+    group = settings.section("observations", "policy")
+    terms = {name: _term(settings, group, each) for name, each in group.sections()}
+    observed = observed_order(
+        terms, lambda name: _chosen(group.section(name).optional_section("params", "asset_cfg"), asset)
+    )
+    at_default, clip = action.find("use_default_offset") is True, action.optional_section("clip")
     return PolicySpec(
         network=settings.network(),
-        control_rate=1 / (settings.number("decimation") * settings.inside("sim").number("dt")),
+        control_rate=1 / (settings.number("decimation") * settings.section("sim").number("dt")),
         joints=joints,
-        default_position=robot.inside("init_state").by_pattern("joint_pos", joints, 0.0),
-        action_scale=action.by_pattern("scale", joints, 1.0),
-        action_offset=None if at_default else action.by_pattern("offset", joints, 0.0),
+        default_position=robot.section("init_state").joint_values("joint_pos", joints, 0.0),
+        action_scale=action.joint_values("scale", joints, 1.0),
+        action_offset=None if at_default else action.joint_values("offset", joints, 0.0),
         action_clip=_action_clip(settings),
-        target_clip=tuple(clip.range(clip.pattern(joint)) for joint in joints) if clip.values else None,
+        target_clip=tuple(clip.range(clip.matching_pattern(joint)) for joint in joints) if clip.values else None,
         stiffness=tuple(_gain(robot, joint, "stiffness") for joint in joints),
         damping=tuple(_gain(robot, joint, "damping") for joint in joints),
         terms=tuple(terms.values()),
         observed_joints=observed if observed != joints else None,
-        remarks=remarks_on((_function(each), each) for _, each in group.groups()),
+        remarks=incomplete_remarks((_function(each), each) for _, each in group.sections()),
     )
 
 
-def _action(settings: Settings) -> Settings:
+def _action(settings: FileSettings) -> FileSettings:
     """The only action, joint positions."""
-    actions = dict(settings.inside("actions").groups())
+    actions = dict(settings.section("actions").sections())
     kinds = {action.text("class_type").rpartition(":")[2] for action in actions.values()}
     if len(actions) != 1 or kinds != {"JointPositionAction"}:
         given = ", ".join(f"{name} ({action.text('class_type')})" for name, action in actions.items())
-        raise PolicyError(f"the actions are {given or 'none'}: one JointPositionAction is read", BY_HAND)
+        raise PolicyError(f"the actions are {given or 'none'}: one JointPositionAction is read", WRITE_TOML)
     return next(iter(actions.values()))
 
 
-def _asset(robot: Settings) -> Joints | None:
+def _asset(robot: FileSettings) -> JointNames | None:
     """The joints of a known robot: its family's names match all expressions, and its model's path names it; or None."""
-    spawn = robot.inside("spawn").values
+    spawn = robot.section("spawn").values
     path = " ".join(f"{key} {value}" for key, value in spawn.items() if isinstance(value, str)).lower()
-    patterns = [str(key) for key in robot.inside("init_state", "joint_pos").values]
-    patterns += [each for _, actuator in robot.inside("actuators").groups() for each in actuator.texts(_NAMES)]
-    orders = {words: by_kind(*family) for words, family in FAMILIES.items()}
+    patterns = [str(key) for key in robot.section("init_state", "joint_pos").values]
+    patterns += [each for _, actuator in robot.section("actuators").sections() for each in actuator.texts(_NAMES)]
+    orders = {words: names_by_kind(*family) for words, family in FAMILIES.items()}
     fit = [words for words, names in orders.items() if all(any(matches(p, n) for n in names) for p in patterns)]
     named = [words for words in fit if re.search(rf"(?<![a-z0-9])({words.replace(' ', '|')})", path)]
     return orders[named[0]] if named else None
 
 
-def _chosen(settings: Settings, asset: Joints | None) -> Joints:
+def _chosen(settings: FileSettings, asset: JointNames | None) -> JointNames:
     """The joints that `joint_names` choose, in the asset's order unless `preserve_order`."""
     if settings.find("joint_names") is None and settings.find("joint_ids") is not None:
-        raise settings.wrong("joint_ids", "absent, with the joints in `joint_names`")
+        raise settings.invalid_value("joint_ids", "absent, with the joints in `joint_names`")
     patterns = settings.texts("joint_names") if settings.find("joint_names") is not None else (".*",)
     kept = settings.find("preserve_order") is True
     if kept and len(patterns) == 12 and all(each.isidentifier() for each in patterns):
@@ -79,40 +81,40 @@ def _chosen(settings: Settings, asset: Joints | None) -> Joints:
     if asset is None:
         known = ", ".join(word for words in FAMILIES for word in words.split())
         fault = f"the order of the joints is not known: it is that of {known} in PhysX alone"
-        raise PolicyError(fault, f"add the run's IO descriptor (io_descriptors/*.yaml), or {BY_HAND}")
+        raise PolicyError(fault, f"add the run's IO descriptor (io_descriptors/*.yaml), or {WRITE_TOML}")
     if kept:
         return tuple(dict.fromkeys(name for each in patterns for name in asset if matches(each, name)))
     return tuple(name for name in asset if any(matches(each, name) for each in patterns))
 
 
-def _term(settings: Settings, group: Settings, each: Settings) -> Term:
+def _term(settings: FileSettings, group: FileSettings, each: FileSettings) -> ObservationTerm:
     function = _function(each)
     if function == "generated_commands":
-        name = each.inside("params").text("command_name")
-        kind = settings.inside("commands", name).text("class_type").rpartition(":")[2]
+        name = each.section("params").text("command_name")
+        kind = settings.section("commands", name).text("class_type").rpartition(":")[2]
         if "VelocityCommand" not in kind:
-            raise PolicyError(f"the command {name} is a {kind}: commands of velocity are read", BY_HAND)
-    found = term(function, each, _grid(settings, each.inside("params")) if function == "height_scan" else None)
-    return found if group.find("history_length") is None else replace(found, history=history_of(group))
+            raise PolicyError(f"the command {name} is a {kind}: commands of velocity are read", WRITE_TOML)
+    found = make_term(function, each, _grid(settings, each.section("params")) if function == "height_scan" else None)
+    return found if group.find("history_length") is None else replace(found, history=history_length(group))
 
 
-def _function(term: Settings) -> str:
+def _function(term: FileSettings) -> str:
     return term.text("func").rpartition(":")[2]
 
 
-def _grid(settings: Settings, params: Settings) -> HeightGrid:
+def _grid(settings: FileSettings, params: FileSettings) -> HeightGrid:
     """Points of a height scan: a grid about the sensor, yawed with the trunk."""
-    sensor = settings.inside("scene", params.inside("sensor_cfg").text("name"))
+    sensor = settings.section("scene", params.section("sensor_cfg").text("name"))
     if sensor.find("ray_alignment") != "yaw" and sensor.find("attach_yaw_only") is not True:
-        raise sensor.wrong("ray_alignment", "yaw")
-    grid = sensor.inside("pattern_cfg")
+        raise sensor.invalid_value("ray_alignment", "yaw")
+    grid = sensor.section("pattern_cfg")
     step, size, shift = (
         grid.number("resolution"),
         grid.numbers("size", 2),
-        sensor.perhaps("offset").numbers("pos", 3, 0.0),
+        sensor.optional_section("offset").numbers("pos", 3, 0.0),
     )
     if not 0 < step <= min(size) or max(size) > 100 * step:
-        raise grid.wrong("resolution", "a step that gives 2 to 100 points along each side")
+        raise grid.invalid_value("resolution", "a step that gives 2 to 100 points along each side")
     x, y = (
         tuple(round(middle - side / 2 + step * each, 9) for each in range(int((side + 1e-9) / step) + 1))
         for side, middle in zip(size, shift, strict=False)
@@ -120,17 +122,17 @@ def _grid(settings: Settings, params: Settings) -> HeightGrid:
     return HeightGrid(x, y, x_first=grid.find("ordering") != "yx", offset=params.number("offset", 0.5))
 
 
-def _gain(robot: Settings, joint: str, kind: str) -> float:
+def _gain(robot: FileSettings, joint: str, kind: str) -> float:
     """Stiffness or damping of a joint's actuator."""
-    for _, actuator in robot.inside("actuators").groups():
+    for _, actuator in robot.section("actuators").sections():
         if any(matches(each, joint) for each in actuator.texts(_NAMES)):
-            return actuator.by_pattern(kind, (joint,))[0]
+            return actuator.joint_values(kind, (joint,))[0]
     raise PolicyError(f"no actuator in {robot.file.name} has the joint {joint}")
 
 
-def _action_clip(settings: Settings) -> Range | None:
+def _action_clip(settings: FileSettings) -> Range | None:
     """What rsl_rl's wrapper clips raw actions to, by the `agent.yaml` next to the file."""
     agent = settings.file.with_name("agent.yaml")
-    if not agent.is_file() or (found := load(agent)).find("clip_actions") is None:
+    if not agent.is_file() or (found := load_settings(agent)).find("clip_actions") is None:
         return None
     return -found.number("clip_actions"), found.number("clip_actions")

@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from policies.base import PolicyError
-from policies.external.description import TERMS, HeightGrid, Term
-from policies.external.readers.joint_orders import Joints
-from policies.external.readers.settings import BY_HAND, Settings
+from policies.external.description import TERM_WIDTHS, HeightGrid, ObservationTerm
+from policies.external.readers.joint_orders import JointNames
+from policies.external.readers.settings import WRITE_TOML, FileSettings
 from quad_env.files.text import MAX_SHOWN, brief
 
 FUNCTIONS = {
@@ -42,24 +42,26 @@ _THRESHOLDS = "command_threshold", "zero_below"
 """Parameters with another threshold."""
 
 
-def term(function: str, settings: Settings, grid: HeightGrid | None = None) -> Term:
+def make_term(function: str, settings: FileSettings, grid: HeightGrid | None = None) -> ObservationTerm:
     """A term by the name of its function, with its `params`, `clip`, `scale`, `history_length`. Raises PolicyError."""
     name = FUNCTIONS.get(function)
     if name is None or (name == "height_scan" and grid is None):
-        raise unknown(function)
+        raise unknown_term(function)
     if settings.find("modifiers"):
-        raise unknown(f"{function} with modifiers")
+        raise unknown_term(f"{function} with modifiers")
     clip = None if settings.find("clip") is None else settings.range("clip")
     clock, zero_below = _clock(function, settings)
-    found = Term(name, clip=clip, history=history_of(settings), clock=clock, grid=grid, zero_below=zero_below)
-    return scaled(found, settings)
+    found = ObservationTerm(
+        name, clip=clip, history=history_length(settings), clock=clock, grid=grid, zero_below=zero_below
+    )
+    return with_scale(found, settings)
 
 
-def _clock(function: str, settings: Settings) -> tuple[float, float]:
+def _clock(function: str, settings: FileSettings) -> tuple[float, float]:
     """Return a clock's cycles a second, Hz, and the norm of a command below which it is zero; 0 for other functions."""
     if function not in _PERIODS:
         return 0.0, 0.0
-    params = settings.inside("params")
+    params = settings.section("params")
     key = _PERIODS[function] if params.find(_PERIODS[function]) is not None else "period"
     given = [each for each in _THRESHOLDS if params.find(each) is not None]
     is_gated = function == "gait_phase_my" or params.find("command_name") is not None
@@ -67,7 +69,7 @@ def _clock(function: str, settings: Settings) -> tuple[float, float]:
     return 1 / params.number(key), threshold
 
 
-def remarks_on(terms: Iterable[tuple[str, Settings]]) -> tuple[str, ...]:
+def incomplete_remarks(terms: Iterable[tuple[str, FileSettings]]) -> tuple[str, ...]:
     """Return a line for each term, by function, that a file leaves incomplete."""
     return tuple(
         f"{function} in {settings.file.name} does not say whether it is (0, 0) at commands below {ZERO_BELOW:g}, as in "
@@ -77,7 +79,7 @@ def remarks_on(terms: Iterable[tuple[str, Settings]]) -> tuple[str, ...]:
     )
 
 
-def scaled(term: Term, settings: Settings, key: str = "scale") -> Term:
+def with_scale(term: ObservationTerm, settings: FileSettings, key: str = "scale") -> ObservationTerm:
     """A term with the scale that a key gives, if it does: one number where all are alike."""
     if settings.find(key) is None:
         return term
@@ -85,20 +87,22 @@ def scaled(term: Term, settings: Settings, key: str = "scale") -> Term:
     return replace(found, scale=found.scale[:1]) if len(set(found.scale)) == 1 else found
 
 
-def history_of(settings: Settings) -> int:
+def history_length(settings: FileSettings) -> int:
     """The `history_length`, where 0 stands for the present step alone."""
     return max(1, int(settings.number("history_length", 1)))
 
 
-def observed_joints(terms: dict[str, Term], order: Callable[[str], Joints]) -> Joints | None:
+def observed_order(terms: dict[str, ObservationTerm], order: Callable[[str], JointNames]) -> JointNames | None:
     """The one order in which terms, by key, observe the joints; None where they observe none. Raises PolicyError."""
     orders = {order(key) for key, each in terms.items() if each.name in _OF_JOINTS}
     if len(orders) > 1:
-        raise PolicyError("the joints are observed in several orders (`params.asset_cfg`): one is read", BY_HAND)
+        raise PolicyError("the joints are observed in several orders (`params.asset_cfg`): one is read", WRITE_TOML)
     return next(iter(orders), None)
 
 
-def unknown(term: str) -> PolicyError:
+def unknown_term(term: str) -> PolicyError:
     """The error for a term that is not known."""
     shown = term if len(term) <= MAX_SHOWN else brief(term)
-    return PolicyError(f"the observation term {shown} is not known", f"{BY_HAND} with terms of {', '.join(TERMS)}")
+    return PolicyError(
+        f"the observation term {shown} is not known", f"{WRITE_TOML} with terms of {', '.join(TERM_WIDTHS)}"
+    )

@@ -6,7 +6,7 @@ Isaac Gym and Isaac Sim import links by name: legs are in alphabetical order. Is
 
 from collections.abc import Iterable
 
-Joints = tuple[str, ...]
+JointNames = tuple[str, ...]
 
 FAMILIES: dict[str, tuple[str, str]] = {
     "go1 go2 a1 b1 b2 aliengo unitree": ("FL FR RL RR", "hip_joint thigh_joint calf_joint"),
@@ -17,21 +17,21 @@ FAMILIES: dict[str, tuple[str, str]] = {
 """Words in a model's path, and the legs and kinds in the names of its joints."""
 
 
-def by_leg(legs: str, kinds: str = "hip_joint thigh_joint calf_joint") -> Joints:
+def names_by_leg(legs: str, kinds: str = "hip_joint thigh_joint calf_joint") -> JointNames:
     """Joints leg by leg, each from the trunk down."""
     return tuple(f"{leg}_{kind}" for leg in legs.split() for kind in kinds.split())
 
 
-def by_kind(legs: str, kinds: str) -> Joints:
+def names_by_kind(legs: str, kinds: str) -> JointNames:
     """Joints kind by kind, each in the order of the legs."""
     return tuple(f"{leg}_{kind}" for kind in kinds.split() for leg in legs.split())
 
 
-def isaac_gym(names: Iterable[str]) -> Joints | None:
+def isaac_gym_order(names: Iterable[str]) -> JointNames | None:
     """Isaac Gym's order of joints; None for names of no known family."""
     given = set(names)
-    return next((order for each in FAMILIES.values() if set(order := by_leg(*each)) == given), None)
+    return next((order for each in FAMILIES.values() if set(order := names_by_leg(*each)) == given), None)
 
 
-UNITREE_MOTORS = by_leg("FR FL RR RL")
+UNITREE_MOTORS = names_by_leg("FR FL RR RL")
 """Order of the motors in Unitree's SDK."""

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from policies.base import PolicyError
-from policies.external.description import PolicySpec, Term
-from policies.external.packages import package
-from policies.external.readers.isaac_terms import term
-from policies.external.readers.settings import BY_HAND, Settings, named
+from policies.external.description import ObservationTerm, PolicySpec
+from policies.external.packages import import_package
+from policies.external.readers.isaac_terms import make_term
+from policies.external.readers.settings import WRITE_TOML, FileSettings, find_network
 from quad_env.files.reading import max_network_size, read_bytes
 from quad_env.files.text import brief, format_exception
 
@@ -36,18 +36,18 @@ MAX_LISTED = 20_000
 """Largest number of characters of an entry of the metadata."""
 
 
-def describe(file: Path) -> PolicySpec | None:
+def parse_spec(file: Path) -> PolicySpec | None:
     """The policy of a file with such metadata; None for one without. Raises PolicyError."""
-    metadata = metadata_of(file)
+    metadata = read_metadata(file)
     if not {"joint_names", "observation_names"} <= metadata.keys():
         return None
-    found = Settings(
+    found = FileSettings(
         {key: text.split(",") if key.endswith("_names") else _values(text) for key, text in metadata.items()}, file
     )
     if len(commands := found.texts("command_names")) != 1:
-        raise PolicyError(f"the commands are {', '.join(commands)}: one of velocities is read", BY_HAND)
+        raise PolicyError(f"the commands are {', '.join(commands)}: one of velocities is read", WRITE_TOML)
     return PolicySpec(
-        network=named(file.parent, file.name),
+        network=find_network(file.parent, file.name),
         control_rate=CONTROL_RATE,
         joints=found.texts("joint_names"),
         default_position=found.numbers("default_joint_pos"),
@@ -59,17 +59,17 @@ def describe(file: Path) -> PolicySpec | None:
     )
 
 
-def _terms(found: Settings) -> tuple[Term, ...]:
+def _terms(found: FileSettings) -> tuple[ObservationTerm, ...]:
     names = found.texts("observation_names")
     lists = [found.find(f"observation_terms_{key}") or [None] * len(names) for key in _LISTS]
     if any(not isinstance(each, list) or len(each) != len(names) for each in lists):
         raise PolicyError(f"`observation_terms_…` and `observation_names` in {found.file.name} differ in length")
     terms = []
     for name, *values in zip(names, *lists, strict=True):
-        each = Settings(dict(zip(_LISTS, values, strict=True)), found.file, f"{name}.")
+        each = FileSettings(dict(zip(_LISTS, values, strict=True)), found.file, f"{name}.")
         if each.find("clip") == [-inf, inf]:
             del each.values["clip"]
-        terms.append(term(_FUNCTIONS.get(name, name), each))
+        terms.append(make_term(_FUNCTIONS.get(name, name), each))
     return tuple(terms)
 
 
@@ -82,12 +82,12 @@ def _values(text: str) -> Any:
     return found[0] if len(found) == 1 and not isinstance(found[0], list) else found
 
 
-def metadata_of(file: Path) -> dict[str, str]:
+def read_metadata(file: Path) -> dict[str, str]:
     """Return the metadata of a file that holds all of its network.
 
     Raises PolicyError where weights lie in another file, and where the network draws random numbers.
     """
-    onnx = package("onnx")
+    onnx = import_package("onnx")
     try:
         model = onnx.load_model_from_string(read_bytes(file, max_network_size()))
         metadata = {entry.key: entry.value for entry in model.metadata_props}

@@ -10,20 +10,20 @@ from typing import Any
 
 from policies.base import PolicyError
 from policies.external.description import Numbers, Range
-from policies.external.packages import package
+from policies.external.packages import import_package
 from policies.external.readers import name_patterns
 from quad_env.files.reading import MAX_TOML_SIZE, parse_json, parse_toml, read_bytes
 from quad_env.files.text import brief, format_exception
 
-LARGEST = 2**19
+MAX_BYTES = 2**19
 """Byte. Largest file."""
-LINES = 20_000
+MAX_LINES = 20_000
 """Largest number of lines of a file; deployment files have a few thousand at most."""
 MAX_KEY = 200
 """Largest number of characters of a key."""
 MAX_PAIRS = 20_000
 """Largest number of keys of all mappings of a YAML file, with merged keys (`<<`)."""
-BY_HAND = "write a TOML (docs/deployment-files.md)"
+WRITE_TOML = "write a TOML (docs/deployment-files.md)"
 """What to do about what a file does not say."""
 _TAG = "tag:yaml.org,2002:python/"
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
@@ -33,19 +33,19 @@ _DECIMAL = re.compile(
 )
 """Numbers of YAML 1.1; digit groups (`1_000`) and base sixty (`1:30`) stay texts."""
 _MAX_DIGITS = 100
-NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/policy_lstm_1.pt", "policy_1.pt")
+NETWORK_NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/policy_lstm_1.pt", "policy_1.pt")
 """Of Isaac Lab, mjlab and Unitree (`exported/policy.*`) and of legged_gym (`exported/policies/policy_1.pt`)."""
-PAIR = "_env", "_policy.pt"
+ISAAC_SIM_PAIR = "_env", "_policy.pt"
 """Ends of Isaac Sim's samples, such as `spot_env.yaml` and `spot_policy.pt`."""
 
 
 @dataclass(frozen=True)
-class Settings:
+class FileSettings:
     """Settings by key, and where they are."""
 
     values: dict[Any, Any]
     file: Path
-    above: str = ""
+    key_prefix: str = ""
     """Keys above these, with a dot after each."""
 
     def find(self, key: str) -> Any:
@@ -55,35 +55,35 @@ class Settings:
     def get(self, key: str) -> Any:
         """What a key gives; PolicyError without it, and for null."""
         if (value := self.values.get(key)) is None:
-            raise PolicyError(f"{self.file.name} has no `{self.above}{key}`", f"add it, or {BY_HAND}")
+            raise PolicyError(f"{self.file.name} has no `{self.key_prefix}{key}`", f"add it, or {WRITE_TOML}")
         return value
 
-    def inside(self, *keys: str) -> "Settings":
+    def section(self, *keys: str) -> "FileSettings":
         """The settings that keys hold, one in the other."""
         found = self
         for key in keys:
             if not isinstance(value := found.get(key), dict):
-                raise found.wrong(key, "settings by key")
-            found = Settings(value, self.file, f"{found.above}{key}.")
+                raise found.invalid_value(key, "settings by key")
+            found = FileSettings(value, self.file, f"{found.key_prefix}{key}.")
         return found
 
-    def perhaps(self, *keys: str) -> "Settings":
+    def optional_section(self, *keys: str) -> "FileSettings":
         """The same; empty where a key is missing or null."""
         found = self
         for key in keys:
             if found.find(key) is None:
-                return Settings({}, self.file)
-            found = found.inside(key)
+                return FileSettings({}, self.file)
+            found = found.section(key)
         return found
 
-    def groups(self) -> Iterator[tuple[str, "Settings"]]:
+    def sections(self) -> Iterator[tuple[str, "FileSettings"]]:
         """Keys that hold settings, with these, in order."""
-        return ((str(key), self.inside(key)) for key, value in self.values.items() if isinstance(value, dict))
+        return ((str(key), self.section(key)) for key, value in self.values.items() if isinstance(value, dict))
 
     def text(self, key: str) -> str:
         """Return a text. Raises PolicyError for anything else, as for a collection."""
         if not isinstance(value := self.get(key), str):
-            raise self.wrong(key, "a text")
+            raise self.invalid_value(key, "a text")
         return value
 
     def number(self, key: str, otherwise: float | None = None) -> float:
@@ -91,7 +91,7 @@ class Settings:
         if otherwise is not None and self.find(key) is None:
             return otherwise
         if (found := _number(self.get(key))) is None:
-            raise self.wrong(key, "a number")
+            raise self.invalid_value(key, "a number")
         return found
 
     def numbers(self, key: str, count: int | None = 12, otherwise: float | None = None) -> Numbers:
@@ -99,7 +99,7 @@ class Settings:
         value = self.get(key) if otherwise is None or self.find(key) is not None else otherwise
         found = [_number(each) for each in (value if isinstance(value, list) else [value] * (count or 1))]
         if len(found) != (count or len(found)) or None in found:
-            raise self.wrong(key, f"{count or 'some'} numbers")
+            raise self.invalid_value(key, f"{count or 'some'} numbers")
         return tuple(each for each in found if each is not None)
 
     def range(self, key: str) -> Range:
@@ -111,34 +111,36 @@ class Settings:
         """A list of texts; one is a list of its own."""
         values = [value] if isinstance(value := self.get(key), str) else value
         if not isinstance(values, list) or not all(isinstance(each, str) for each in values):
-            raise self.wrong(key, "a list of names")
+            raise self.invalid_value(key, "a list of names")
         return tuple(values)
 
-    def order(self, key: str, optional: bool = False) -> tuple[int, ...]:
+    def permutation(self, key: str, optional: bool = False) -> tuple[int, ...]:
         """The numbers from 0 to 11, in some order; rising without the key where it is optional."""
         if optional and self.find(key) is None:
             return tuple(range(12))
         if sorted(found := self.numbers(key)) != list(range(12)):
-            raise self.wrong(key, "the numbers from 0 to 11 in some order")
+            raise self.invalid_value(key, "the numbers from 0 to 11 in some order")
         return tuple(map(int, found))
 
-    def by_pattern(self, key: str, joints: tuple[str, ...], otherwise: float | None = None) -> Numbers:
+    def joint_values(self, key: str, joints: tuple[str, ...], otherwise: float | None = None) -> Numbers:
         """A number for each joint: one for all, or one for each regular expression over whole names, as in Isaac Lab.
 
         `otherwise` is for joints that no expression matches; without it that is an error.
         """
         if not isinstance(self.get(key), dict):
             return self.numbers(key, len(joints))
-        patterns = self.inside(key)
-        return tuple(patterns.number(patterns.pattern(joint, otherwise is not None), otherwise) for joint in joints)
+        patterns = self.section(key)
+        return tuple(
+            patterns.number(patterns.matching_pattern(joint, otherwise is not None), otherwise) for joint in joints
+        )
 
-    def pattern(self, joint: str, optional: bool = False) -> str:
+    def matching_pattern(self, joint: str, optional: bool = False) -> str:
         """The key that is a regular expression for a whole name, one for each joint; "" where there need be none."""
         found = [str(key) for key in self.values if matches(str(key), joint)]
         if len(found) == 1 or (optional and not found):
             return "".join(found)
         several = " and ".join(found) or "nothing"
-        raise PolicyError(f"`{self.above[:-1]}` in {self.file.name} has {several} for {joint}, not one expression")
+        raise PolicyError(f"`{self.key_prefix[:-1]}` in {self.file.name} has {several} for {joint}, not one expression")
 
     def network(self) -> Path:
         """The network of these settings: in `exported` of its run, next to the file, or the only .onnx there.
@@ -148,10 +150,10 @@ class Settings:
         settings = self.file
         run = settings.parent.parent if settings.parent.name in ("params", "io_descriptors") else settings.parent
         folders = [run / "exported", run, settings.parent]
-        names = [*NAMES, settings.stem.removesuffix(PAIR[0]) + PAIR[1]]
-        named = [folder / name for folder in folders for name in names if (folder / name).is_file()]
+        names = [*NETWORK_NAMES, settings.stem.removesuffix(ISAAC_SIM_PAIR[0]) + ISAAC_SIM_PAIR[1]]
+        expected = [folder / name for folder in folders for name in names if (folder / name).is_file()]
         others = [file for folder in folders for file in sorted(folder.glob("*.onnx"))]
-        found = named[:1] or list(dict.fromkeys(others))
+        found = expected[:1] or list(dict.fromkeys(others))
         if len(found) == 1:
             return Path(os.path.abspath(found[0]))
         several = f"{', '.join(file.name for file in found)} lie there" if found else "none is there"
@@ -159,9 +161,11 @@ class Settings:
             f"which network belongs to {settings.name}? {several}", f"put it at {run / 'exported/policy.onnx'}"
         )
 
-    def wrong(self, key: str, expected: str) -> PolicyError:
+    def invalid_value(self, key: str, expected: str) -> PolicyError:
         """The error for a value of another kind."""
-        return PolicyError(f"`{self.above}{key}` in {self.file.name} must be {expected}, not {brief(self.find(key))}")
+        return PolicyError(
+            f"`{self.key_prefix}{key}` in {self.file.name} must be {expected}, not {brief(self.find(key))}"
+        )
 
 
 def matches(pattern: str, name: str) -> bool:
@@ -172,7 +176,7 @@ def matches(pattern: str, name: str) -> bool:
         raise PolicyError(f"{brief(pattern)} is no regular expression that is read: {error}") from None
 
 
-def named(folder: Path, name: str) -> Path:
+def find_network(folder: Path, name: str) -> Path:
     """The network of that name in a folder. Raises PolicyError where it is none."""
     try:
         if (file := folder / name).is_file():
@@ -182,12 +186,12 @@ def named(folder: Path, name: str) -> Path:
     raise PolicyError(f"there is no network {brief(name)} in {folder}")
 
 
-def load(file: Path) -> Settings:
+def load_settings(file: Path) -> FileSettings:
     """What a file holds. Raises PolicyError, one line."""
     try:
-        content = read_bytes(file, MAX_TOML_SIZE if file.suffix.lower() == ".toml" else LARGEST)
-        if (lines := content.count(b"\n")) > LINES:
-            raise PolicyError(f"{file.name} has {lines} lines: no deployment file has over {LINES}")
+        content = read_bytes(file, MAX_TOML_SIZE if file.suffix.lower() == ".toml" else MAX_BYTES)
+        if (lines := content.count(b"\n")) > MAX_LINES:
+            raise PolicyError(f"{file.name} has {lines} lines: no deployment file has over {MAX_LINES}")
         found = _PARSERS.get(file.suffix.lower(), _yaml)(content.decode())
     except OSError as error:
         raise PolicyError(f"cannot read {file.name} ({error.strerror})") from None
@@ -198,7 +202,7 @@ def load(file: Path) -> Settings:
     if not isinstance(found, dict):
         raise PolicyError(f"{file.name} holds no settings by key")
     _check_keys(found, file)
-    return Settings(found, file)
+    return FileSettings(found, file)
 
 
 _PARSERS: dict[str, Callable[[str], Any]] = {".json": parse_json, ".toml": parse_toml}
@@ -224,7 +228,7 @@ def _check_keys(settings: Any, file: Path) -> None:
 
 
 def _yaml(text: str) -> Any:
-    yaml = package("yaml")
+    yaml = import_package("yaml")
     base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     own = {
         "yaml_implicit_resolvers": _resolvers(base),
@@ -284,7 +288,7 @@ def _flatten_mapping(loader: Any, base: Any, node: Any) -> None:
 
 def _construct_mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, Any]:
     """Return the mapping of a node. Raises ValueError for an own key that is given twice."""
-    if not isinstance(node, package("yaml").MappingNode):
+    if not isinstance(node, import_package("yaml").MappingNode):
         raise ValueError(f"line {node.start_mark.line + 1} holds no settings by key")
     loader.flatten_mapping(node)
     found: dict[Any, Any] = {}

@@ -7,23 +7,23 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from policies.base import PolicyError
-from policies.external.description import OF_JOINTS, HeightGrid, PolicySpec, Term
-from policies.external.readers.joint_orders import by_leg
-from policies.external.readers.settings import Settings, named
+from policies.external.description import JOINT_FIELDS, HeightGrid, ObservationTerm, PolicySpec
+from policies.external.readers.joint_orders import names_by_leg
+from policies.external.readers.settings import FileSettings, find_network
 from policies.parameters import is_number
 
-Made = TypeVar("Made", PolicySpec, Term, HeightGrid)
+Made = TypeVar("Made", PolicySpec, ObservationTerm, HeightGrid)
 
 
-def describe(settings: Settings) -> PolicySpec:
+def parse_spec(settings: FileSettings) -> PolicySpec:
     """The policy of a TOML. Raises PolicyError."""
     found = settings.values
     if "network" in found:
-        found["network"] = named(settings.file.parent, settings.text("network"))
+        found["network"] = find_network(settings.file.parent, settings.text("network"))
     for name in ("joints", "observed_joints"):
         if isinstance(legs := found.get(name), list) and len(legs) == 4:
-            found[name] = by_leg(" ".join(settings.texts(name)))
-    found |= {name: _of_joints(name, found[name], found.get("joints")) for name in OF_JOINTS if name in found}
+            found[name] = names_by_leg(" ".join(settings.texts(name)))
+    found |= {name: _of_joints(name, found[name], found.get("joints")) for name in JOINT_FIELDS if name in found}
     if isinstance(terms := found.get("terms"), list):
         found["terms"] = tuple(_term(each) for each in terms)
     return _made(PolicySpec, found)
@@ -53,16 +53,16 @@ def _of_joints(name: str, value: Any, joints: Any) -> Any:
     return value if twelve else [value] * 12
 
 
-def _term(given: Any) -> Term:
+def _term(given: Any) -> ObservationTerm:
     """A term by name, or by its fields."""
     if not isinstance(given, dict):
-        return _made(Term, {"name": given})
+        return _made(ObservationTerm, {"name": given})
     made: dict[str, Any] = {}
     if isinstance(given.get("grid"), dict):
         made["grid"] = _made(HeightGrid, given["grid"])
     if is_number(given.get("scale")):
         made["scale"] = (given["scale"],)
-    return _made(Term, given | made)
+    return _made(ObservationTerm, given | made)
 
 
 def _made(kind: type[Made], given: dict[str, Any]) -> Made:
@@ -89,7 +89,7 @@ def _brief(name: str, value: Any, folder: Path) -> Any:
     """What stands for a value: one number for all, a term's name, a path relative to a folder."""
     if isinstance(value, Path):
         return Path(os.path.relpath(value, folder)).as_posix()
-    if (name in OF_JOINTS and len(set(value)) == 1) or (name == "scale" and len(value) == 1):
+    if (name in JOINT_FIELDS and len(set(value)) == 1) or (name == "scale" and len(value) == 1):
         return value[0]
     return tuple(each.name if len(_fields(each)) == 1 else each for each in value) if name == "terms" else value
 

@@ -8,27 +8,29 @@ clipped, then scaled, unless `scale_first`; `use_gym_history` puts a history by 
 from dataclasses import replace
 
 from policies.base import PolicyError
-from policies.external.description import PolicySpec, Range, Term
-from policies.external.readers.isaac_terms import observed_joints, remarks_on, term
-from policies.external.readers.joint_orders import UNITREE_MOTORS, Joints
-from policies.external.readers.settings import Settings
+from policies.external.description import ObservationTerm, PolicySpec, Range
+from policies.external.readers.isaac_terms import incomplete_remarks, make_term, observed_order
+from policies.external.readers.joint_orders import UNITREE_MOTORS, JointNames
+from policies.external.readers.settings import FileSettings
 
 
-def describe(settings: Settings) -> PolicySpec:
+def parse_spec(settings: FileSettings) -> PolicySpec:
     """The policy of a `deploy.yaml`. Raises PolicyError."""
-    actions, motors = settings.inside("actions"), settings.order("joint_ids_map")
+    actions, motors = settings.section("actions"), settings.permutation("joint_ids_map")
     if list(actions.values) != ["JointPositionAction"]:
-        raise settings.wrong("actions", "JointPositionAction alone")
-    action = actions.inside("JointPositionAction")
-    order = action.order("joint_ids", optional=True)
+        raise settings.invalid_value("actions", "JointPositionAction alone")
+    action = actions.section("JointPositionAction")
+    order = action.permutation("joint_ids", optional=True)
     asset = tuple(UNITREE_MOTORS[motor] for motor in motors)
     joints = _ordered(asset, action)
     stiffness, damping, default = (settings.numbers(key) for key in ("stiffness", "damping", "default_joint_pos"))
     default = tuple(default[each] for each in order)
     offset = action.numbers("offset", otherwise=0.0)
     group = _group(settings)
-    terms = {name: _term(name, each, bool(group.find("scale_first"))) for name, each in group.groups()}
-    observed = observed_joints(terms, lambda name: _ordered(asset, group.inside(name).perhaps("params", "asset_cfg")))
+    terms = {name: _term(name, each, bool(group.find("scale_first"))) for name, each in group.sections()}
+    observed = observed_order(
+        terms, lambda name: _ordered(asset, group.section(name).optional_section("params", "asset_cfg"))
+    )
     return PolicySpec(
         network=settings.network(),
         control_rate=1 / settings.number("step_dt"),
@@ -42,23 +44,23 @@ def describe(settings: Settings) -> PolicySpec:
         terms=tuple(terms.values()),
         observed_joints=observed if observed != joints else None,
         history_layout="time" if group.find("use_gym_history") else "term",
-        remarks=remarks_on(group.groups()),
+        remarks=incomplete_remarks(group.sections()),
     )
 
 
-def _group(settings: Settings) -> Settings:
+def _group(settings: FileSettings) -> FileSettings:
     """The observations of the only input."""
-    observations = settings.inside("observations")
-    groups = [group for _, group in observations.groups()]
+    observations = settings.section("observations")
+    groups = [group for _, group in observations.sections()]
     if not groups or "params" in groups[0].values:
         return observations
     if len(groups) > 1:
-        raise settings.wrong("observations", "those of one input")
+        raise settings.invalid_value("observations", "those of one input")
     return groups[0]
 
 
-def _term(name: str, settings: Settings, scale_first: bool) -> Term:
-    found = term(name, settings)
+def _term(name: str, settings: FileSettings, scale_first: bool) -> ObservationTerm:
+    found = make_term(name, settings)
     if not scale_first or found.clip is None:
         return found
     if len(found.scale) > 1 or found.scale[0] <= 0:
@@ -66,15 +68,15 @@ def _term(name: str, settings: Settings, scale_first: bool) -> Term:
     return replace(found, clip=(found.clip[0] / found.scale[0], found.clip[1] / found.scale[0]))
 
 
-def _ordered(asset: Joints, settings: Settings) -> Joints:
-    return tuple(asset[each] for each in settings.order("joint_ids", optional=True))
+def _ordered(asset: JointNames, settings: FileSettings) -> JointNames:
+    return tuple(asset[each] for each in settings.permutation("joint_ids", optional=True))
 
 
-def _clip(action: Settings) -> tuple[Range, ...] | None:
+def _clip(action: FileSettings) -> tuple[Range, ...] | None:
     """Ranges of the targets, rad."""
     if (clip := action.find("clip")) is None:
         return None
     if not isinstance(clip, list):
-        raise action.wrong("clip", "12 ranges")
-    ranges = Settings(dict(enumerate(clip)), action.file, f"{action.above}clip.")
+        raise action.invalid_value("clip", "12 ranges")
+    ranges = FileSettings(dict(enumerate(clip)), action.file, f"{action.key_prefix}clip.")
     return tuple(map(ranges.range, ranges.values))

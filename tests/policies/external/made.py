@@ -8,23 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from policies.external.description import PolicySpec, Term
+from policies.external.description import ObservationTerm, PolicySpec
 
 HIDDEN = 16
 JOINTS = tuple(f"{leg}_{link}_joint" for link in ("thigh", "calf", "hip") for leg in ("RL", "FR", "RR", "FL"))
 """Of SimpleQuad in another project's words, by kind."""
 OBSERVED = tuple(f"{leg}_{link}_joint" for leg in ("FR", "FL", "RR", "RL") for link in ("hip", "thigh", "calf"))
 MIXED = (
-    Term("angular_velocity", scale=(0.25,), clip=(-1.0, 1.0), history=3),
-    Term("projected_gravity", history=3),
-    Term("command", scale=(2.0, 2.0, 0.25), history=3),
-    Term("joint_position", history=3),
-    Term("joint_velocity", scale=(0.05,), history=3),
-    Term("previous_action", history=3),
+    ObservationTerm("angular_velocity", scale=(0.25,), clip=(-1.0, 1.0), history=3),
+    ObservationTerm("projected_gravity", history=3),
+    ObservationTerm("command", scale=(2.0, 2.0, 0.25), history=3),
+    ObservationTerm("joint_position", history=3),
+    ObservationTerm("joint_velocity", scale=(0.05,), history=3),
+    ObservationTerm("previous_action", history=3),
 )
 
 
-def described(network: Path, terms: tuple[Term, ...] = MIXED, **fields: Any) -> PolicySpec:
+def described(network: Path, terms: tuple[ObservationTerm, ...] = MIXED, **fields: Any) -> PolicySpec:
     """A description whose joints are permuted and whose numbers are all different."""
     numbers = 1.0 + np.arange(12) / 10
     given = {

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from policies.external.description import PolicySpec, Term
+from policies.external.description import ObservationTerm, PolicySpec
 
 FIGURES = "default_position", "action_scale", "stiffness", "damping", "signs"
 FRONT_HIND = {"f": "h", "h": "f", "r": "f"}
@@ -40,7 +40,7 @@ def grouping(described: PolicySpec) -> PolicySpec:
     return replace(described, joints=tuple(moved), **figures)
 
 
-def _terms(described: PolicySpec, change: Callable[[Term], Term]) -> PolicySpec:
+def _terms(described: PolicySpec, change: Callable[[ObservationTerm], ObservationTerm]) -> PolicySpec:
     return replace(described, terms=tuple(map(change, described.terms)))
 
 
@@ -55,7 +55,7 @@ def gravity(described: PolicySpec) -> PolicySpec:
 
 
 def _other_scale(described: PolicySpec, name: str, pair: tuple[float, float]) -> PolicySpec:
-    def change(term: Term) -> Term:
+    def change(term: ObservationTerm) -> ObservationTerm:
         return replace(term, scale=(pair[pair[0] == term.scale[0]],)) if term.name == name else term
 
     return _terms(described, change)

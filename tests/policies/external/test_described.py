@@ -10,7 +10,7 @@ import pytest
 
 from policies.base import PolicyError
 from policies.external.described import NetworkPolicy
-from policies.external.description import PolicySpec, Term
+from policies.external.description import ObservationTerm, PolicySpec
 from quad_env import OBSERVATION, SIMPLE_QUAD
 from tests.policies.external.made import JOINTS, MIXED, OBSERVED, Numbers, described
 
@@ -139,7 +139,7 @@ def test_it_acts_as_a_direct_computation_and_alone_as_in_a_batch(
 @pytest.mark.parametrize("period", [0.01, 0.012, 0.015, 0.02, 0.0333])
 def test_each_target_is_held_until_the_next_at_any_period(period: float, tmp_path: Path) -> None:
     file = Numbers(3).onnx(tmp_path / "policy.onnx")
-    policy = NetworkPolicy(described(file, (Term("command"),), control_rate=1.0 / period))
+    policy = NetworkPolicy(described(file, (ObservationTerm("command"),), control_rate=1.0 / period))
     rows = np.zeros((STEPS, 1, OBSERVATION["command"].stop), np.float32)
     rows[:, :, OBSERVATION["command"]] = np.linspace(-1.0, 1.0, STEPS)[:, None, None]
     actions = acted(policy, rows)[:, 0]
@@ -154,7 +154,7 @@ def test_each_target_is_held_until_the_next_at_any_period(period: float, tmp_pat
 def test_joints_that_turn_the_other_way_or_are_zero_elsewhere(tmp_path: Path) -> None:
     signs = tuple(-1.0 if "hip" not in name else 1.0 for name in JOINTS)
     zeros = tuple((0.1 + np.arange(12) / 50).tolist())
-    terms = (Term("joint_position"), Term("joint_velocity"))
+    terms = (ObservationTerm("joint_position"), ObservationTerm("joint_velocity"))
     plain = described(Numbers(24).onnx(tmp_path / "policy.onnx"), terms, control_rate=100.0)
     turned = replace(plain, signs=signs, zeros=zeros)
     row = np.zeros((1, 1, OBSERVATION["command"].stop), np.float32)

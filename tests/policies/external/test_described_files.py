@@ -12,17 +12,17 @@ import policies
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.external import ExternalPolicy, is_reference
 from policies.external.described import NetworkPolicy
-from policies.external.description import HeightGrid, PolicySpec, Term
+from policies.external.description import HeightGrid, ObservationTerm, PolicySpec
 from policies.external.readers import write_toml
-from policies.external.reference import Reference, checked
-from policies.external.served import serve
+from policies.external.reference import PolicyReference, resolve_reference
+from policies.external.served import make_server
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD, HeightScan
 from tests.policies.external.made import Numbers, described
 
 pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
 
-TERMS = (Term("joint_velocity", scale=(0.05,)), Term("command"))
+TERMS = (ObservationTerm("joint_velocity", scale=(0.05,)), ObservationTerm("command"))
 WIDTH = 15
 
 
@@ -34,9 +34,9 @@ def description(tmp_path: Path) -> PolicySpec:
     return made
 
 
-def first_actions(reference: Reference, row: np.ndarray) -> np.ndarray:
+def first_actions(reference: PolicyReference, row: np.ndarray) -> np.ndarray:
     """Return the policy's targets in its first control step."""
-    of = serve(reference, SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
+    of = make_server(reference, SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
     of.reset(1, 0)
     return of.step(row).actions
 
@@ -54,7 +54,7 @@ def test_the_file_that_describes_a_policy_names_it(description: PolicySpec, tmp_
     here.reset(3)
     with closing(policies.resolve(str(tmp_path / "policy.toml"))) as policy:
         assert isinstance(policy, ExternalPolicy)
-        assert policy.description == description
+        assert policy.spec == description
         assert policy.robot.servo == here.robot.servo != SIMPLE_QUAD.servo
         policy.reset(3)
         for _ in range(3):
@@ -66,7 +66,10 @@ def test_the_file_that_describes_a_policy_names_it(description: PolicySpec, tmp_
 
 
 def test_a_height_scan_is_asked_of_the_environment(tmp_path: Path) -> None:
-    terms = (Term("joint_velocity"), Term("height_scan", grid=HeightGrid((-0.1, 0.0, 0.1), (0.0,))))
+    terms = (
+        ObservationTerm("joint_velocity"),
+        ObservationTerm("height_scan", grid=HeightGrid((-0.1, 0.0, 0.1), (0.0,))),
+    )
     file = Numbers(WIDTH).onnx(tmp_path / "policy.onnx")
     write_toml(described(file, terms), tmp_path / "policy.toml")
     with closing(ExternalPolicy(tmp_path / "policy.toml")) as policy:
@@ -80,24 +83,24 @@ def test_torchscript_wants_trust_and_a_description_next_to_it(description: Polic
     file = tmp_path / "policy.pt"
     file.write_bytes(b"nothing that is loaded")
     with pytest.raises(PolicyError, match=r"policy\.pt can run code .* --trust"):
-        checked(file, trust=False)
-    found = checked(file, trust=True)
-    assert found.description == replace(description, network=file)
-    write_toml(found.description, tmp_path / "other.toml")
+        resolve_reference(file, trust=False)
+    found = resolve_reference(file, trust=True)
+    assert found.spec == replace(description, network=file)
+    write_toml(found.spec, tmp_path / "other.toml")
     with pytest.raises(PolicyError, match=r"policy\.pt can run code"):
-        checked(tmp_path / "other.toml", trust=False)
+        resolve_reference(tmp_path / "other.toml", trust=False)
     (tmp_path / "policy.toml").unlink()
     with pytest.raises(PolicyError, match=r"does not say how its network is run; write a TOML .* as policy\.toml"):
-        checked(file, trust=True)
+        resolve_reference(file, trust=True)
 
 
 def test_another_description_or_network_is_another_policy(description: PolicySpec, tmp_path: Path) -> None:
     file, contents = tmp_path / "policy.toml", set()
     for each in (description, replace(description, action_scale=(0.1,) * 12)):
         write_toml(each, file)
-        contents.add(checked(file, trust=False).sha256)
+        contents.add(resolve_reference(file, trust=False).sha256)
     Numbers(WIDTH, lstm=True).onnx(tmp_path / "policy.onnx")
-    contents.add(checked(file, trust=False).sha256)
+    contents.add(resolve_reference(file, trust=False).sha256)
     assert len(contents) == 3
 
 
@@ -107,7 +110,7 @@ def test_content_and_no_ending_tells_an_onnx_file(description: PolicySpec, tmp_p
     expected = NetworkPolicy(description).act(row)
     file = description.network.rename(tmp_path / name)
     write_toml(replace(description, network=file), tmp_path / "policy.toml")
-    found = checked(tmp_path / "policy.toml", trust=False)
+    found = resolve_reference(tmp_path / "policy.toml", trust=False)
     np.testing.assert_array_equal(first_actions(found, row), expected)
 
 
@@ -122,10 +125,10 @@ def test_weights_in_another_file_are_refused_whatever_the_ending(
     onnx.save(model, file, save_as_external_data=True, location="weights.data", size_threshold=0)
     write_toml(replace(description, network=file), tmp_path / "policy.toml")
     with pytest.raises(PolicyError, match=r"the weights of policy.* lie in another file"):
-        checked(tmp_path / "policy.toml", trust=True)
+        resolve_reference(tmp_path / "policy.toml", trust=True)
     if file.suffix == ".pt":
         with pytest.raises(PolicyError, match=r"the weights of policy.* lie in another file"):
-            checked(file, trust=True)
+            resolve_reference(file, trust=True)
 
 
 @pytest.mark.parametrize("name", ["policy.pt", "policy.jit", "policy.onnx", "policy.bin"])
@@ -137,9 +140,9 @@ def test_torchscript_of_any_ending_wants_trust_and_runs(description: PolicySpec,
     file = Numbers(WIDTH).torchscript(tmp_path / name)
     write_toml(replace(description, network=file), tmp_path / "policy.toml")
     with pytest.raises(PolicyError, match=r"can run code .* --trust"):
-        checked(tmp_path / "policy.toml", trust=False)
+        resolve_reference(tmp_path / "policy.toml", trust=False)
     named = file if file.suffix in (".pt", ".jit") else tmp_path / "policy.toml"
-    found = checked(named, trust=True)
+    found = resolve_reference(named, trust=True)
     np.testing.assert_allclose(first_actions(found, row), expected, atol=1e-6)
 
 
@@ -153,10 +156,10 @@ def test_a_checkpoint_is_called_what_it_is(description: PolicySpec, tmp_path: Pa
         with pytest.raises(
             PolicyError, match=rf"{name} is no TorchScript but a checkpoint{learner}; .*exported/policy"
         ):
-            checked(tmp_path / name, trust=True)
+            resolve_reference(tmp_path / name, trust=True)
         write_toml(replace(description, network=tmp_path / name), tmp_path / "policy.toml")
         with pytest.raises(PolicyError, match=rf"{name} is no TorchScript but a checkpoint{learner}; "):
-            checked(tmp_path / "policy.toml", trust=True)
+            resolve_reference(tmp_path / "policy.toml", trust=True)
 
 
 def test_what_is_no_description_of_a_policy_is_refused_in_words(tmp_path: Path) -> None:
@@ -170,8 +173,8 @@ def test_what_is_no_description_of_a_policy_is_refused_in_words(tmp_path: Path) 
 
 def test_an_onnx_that_says_nothing_acts_on_our_observation(tmp_path: Path) -> None:
     file = Numbers(OBSERVATION_SIZE).onnx(tmp_path / "policy.onnx")
-    assert checked(file, trust=False).description is None
-    of = serve(checked(file, trust=False), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
+    assert resolve_reference(file, trust=False).spec is None
+    of = make_server(resolve_reference(file, trust=False), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
     of.reset(1, 0)
     observation = np.ones((1, OBSERVATION_SIZE), np.float32)
     np.testing.assert_allclose(

@@ -22,8 +22,8 @@ import policies
 from live.commands.doctor import check_exists
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.external import ExternalPolicy, is_reference, sb3_file
-from policies.external.reference import Reference, checked
-from policies.external.served import PolicyServer, serve
+from policies.external.reference import PolicyReference, resolve_reference
+from policies.external.served import PolicyServer, make_server
 from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD, HomePoseActions, VectorHomePoseActions
 from quad_env.cli.command_line import UsageError
 from train.sb3.vec_env import TrainingVecEnv
@@ -124,7 +124,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def served(file: Path, name: str = "", deadline: float = 5.0) -> PolicyServer:
-    return serve(Reference(file, name), SIMPLE_QUAD, CONTROL_PERIOD, deadline)
+    return make_server(PolicyReference(file, name), SIMPLE_QUAD, CONTROL_PERIOD, deadline)
 
 
 def third_step(of: PolicyServer) -> tuple[np.ndarray, dict[int, str]]:
@@ -241,8 +241,8 @@ def test_a_policy_of_all_robots_that_failed_moves_those_that_begin_again(tmp_pat
 def test_a_process_that_gives_no_answer_is_ended_within_a_deadline_whatever_the_number_of_robots(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("policies.external.policy.GRACE", 0.5)
-    monkeypatch.setattr("policies.external.policy.DEADLINE", 1.0)
+    monkeypatch.setattr("policies.external.policy.KILL_GRACE_PERIOD", 0.5)
+    monkeypatch.setattr("policies.external.policy.ACT_DEADLINE", 1.0)
     robots = 256
     observations = np.resize(OBSERVATIONS, (robots, OBSERVATION_SIZE))
     with closing(ExternalPolicy(f"{file}:Hangs", robot="simple_quad")) as policy:
@@ -258,8 +258,8 @@ def test_a_process_that_gives_no_answer_is_ended_within_a_deadline_whatever_the_
 def test_many_robots_that_are_each_answered_for_in_time_may_take_longer_together(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("policies.external.policy.GRACE", 0.2)
-    monkeypatch.setattr("policies.external.policy.DEADLINE", 1.0)
+    monkeypatch.setattr("policies.external.policy.KILL_GRACE_PERIOD", 0.2)
+    monkeypatch.setattr("policies.external.policy.ACT_DEADLINE", 1.0)
     robots = 100
     with closing(ExternalPolicy(f"{file}:Slow")) as policy:
         policy.reset(robots)
@@ -310,17 +310,17 @@ def test_what_runs_hidden_code_wants_trust_and_what_is_missing_is_named(
     for name in ("model.zip", "net.onnx", "own.py"):
         (tmp_path / name).touch()
     with pytest.raises(PolicyError, match="--trust"):
-        checked(tmp_path / "model.zip", trust=False)
+        resolve_reference(tmp_path / "model.zip", trust=False)
     with pytest.raises(PolicyError, match=r"own\.py:MyPolicy"):
-        checked(tmp_path / "own.py", trust=True)
+        resolve_reference(tmp_path / "own.py", trust=True)
     with pytest.raises(PolicyError, match="there is no file"):
-        checked("gone.onnx", trust=True)
+        resolve_reference("gone.onnx", trust=True)
     monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.setitem(sys.modules, "onnx", None)
     with pytest.raises(PolicyError, match=r"needs torch, .*\.\[train\]"):
-        sb3_file.load(checked(tmp_path / "model.zip", trust=True), SIMPLE_QUAD)
+        sb3_file.load_sb3(resolve_reference(tmp_path / "model.zip", trust=True), SIMPLE_QUAD)
     with pytest.raises(PolicyError, match=r"needs onnx, .*\.\[onnx\]"):
-        checked(tmp_path / "net.onnx", trust=True)
+        resolve_reference(tmp_path / "net.onnx", trust=True)
 
 
 def test_in_its_process_a_policy_that_ends_it_loses_its_robots_until_a_reset(file: Path) -> None:
@@ -393,7 +393,7 @@ def test_a_model_of_normalised_observations_is_given_such(
     (tmp_path / statistics).parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(folder / "model.zip", tmp_path / model)
     shutil.copy(folder / "vecnormalize.pkl", tmp_path / statistics)
-    of = serve(checked(tmp_path / model, trust=True), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
+    of = make_server(resolve_reference(tmp_path / model, trust=True), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
     of.reset(3, 0)
     np.testing.assert_allclose(of.step(OBSERVATIONS).actions, targets(OBSERVATIONS), atol=1e-6)
 
@@ -403,16 +403,16 @@ def test_several_statistics_of_a_run_are_asked_about(normalised: tuple[Path, Any
     model = tmp_path / "best_model/best_model.zip"
     model.parent.mkdir()
     shutil.copy(folder / "model.zip", model)
-    assert checked(model, trust=True).remarks == ()
+    assert resolve_reference(model, trust=True).remarks == ()
     for steps in (128, 256):
         shutil.copy(folder / "vecnormalize.pkl", tmp_path / f"walk_vecnormalize_{steps}_steps.pkl")
     with pytest.raises(PolicyError, match=r"walk_vecnormalize_128_steps\.pkl, .*_256_steps\.pkl; rename the one"):
-        checked(model, trust=True)
+        resolve_reference(model, trust=True)
     (tmp_path / "walk_vecnormalize_128_steps.pkl").unlink()
-    found = checked(model, trust=True)
+    found = resolve_reference(model, trust=True)
     assert found.remarks == (f"its observations are normalised by {found.normaliser}, the only statistics of its run",)
     with pytest.raises(PolicyError, match=r"best_model\.zip and .*_256_steps\.pkl can run code .* in them: .*--trust"):
-        checked(model, trust=False)
+        resolve_reference(model, trust=False)
 
 
 @pytest.mark.parametrize(
@@ -429,7 +429,7 @@ def test_statistics_elsewhere_or_of_other_names_are_asked_about(model: str, stat
         (tmp_path / file).parent.mkdir(exist_ok=True)
         (tmp_path / file).touch()
     with pytest.raises(PolicyError, match=rf"may be trained on normalised observations: .*{Path(statistics).name}; re"):
-        checked(tmp_path / model, trust=True)
+        resolve_reference(tmp_path / model, trust=True)
 
 
 def test_statistics_that_may_belong_to_a_model_are_never_left_out_silently(
@@ -437,17 +437,17 @@ def test_statistics_that_may_belong_to_a_model_are_never_left_out_silently(
 ) -> None:
     folder, _ = normalised
     shutil.copy(folder / "model.zip", tmp_path)
-    before = checked(tmp_path / "model.zip", trust=True).sha256
+    before = resolve_reference(tmp_path / "model.zip", trust=True).sha256
     shutil.copy(folder / "vecnormalize.pkl", tmp_path / "final_VecNormalize.pkl")
     with pytest.raises(PolicyError, match=r"final_VecNormalize\.pkl; rename .* to model_vecnormalize\.pkl"):
-        checked(tmp_path / "model.zip", trust=True)
+        resolve_reference(tmp_path / "model.zip", trust=True)
     with pytest.raises(PolicyError, match="--trust"):
-        checked(tmp_path / "model.zip", trust=False)
+        resolve_reference(tmp_path / "model.zip", trust=False)
     (tmp_path / "final_VecNormalize.pkl").rename(tmp_path / "vecnormalize.pkl")
-    assert checked(tmp_path / "model.zip", trust=True).sha256 != before
+    assert resolve_reference(tmp_path / "model.zip", trust=True).sha256 != before
     (tmp_path / "vecnormalize.pkl").write_bytes(b"nothing")
     with pytest.raises(PolicyError, match=r"vecnormalize\.pkl is no VecNormalize of model\.zip"):
-        serve(checked(tmp_path / "model.zip", trust=True), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
+        make_server(resolve_reference(tmp_path / "model.zip", trust=True), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
 
 
 @pytest.mark.parametrize("name", ["walk.pth", "safe:walk.pth"])
@@ -474,7 +474,7 @@ def test_a_model_that_was_trained_about_the_home_pose_gives_joint_targets(tmp_pa
     assert np.abs(offsets).max() > 0.0
     np.testing.assert_allclose(answer.actions, SIMPLE_QUAD.home_pose + 0.3 * offsets, atol=1e-6)
     with pytest.raises(PolicyError, match="home pose of simple_quad, not of another"):
-        serve(Reference(tmp_path / "model.zip"), replace(SIMPLE_QUAD, name="another"), CONTROL_PERIOD, 5.0)
+        make_server(PolicyReference(tmp_path / "model.zip"), replace(SIMPLE_QUAD, name="another"), CONTROL_PERIOD, 5.0)
 
 
 def test_a_model_of_rescaled_actions_is_refused_since_nothing_tells_what_they_stand_for(tmp_path: Path) -> None:
@@ -507,8 +507,8 @@ def test_a_policy_that_gets_little_of_the_processor_is_not_taken_for_one_that_ha
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The clock of the limits stands still while the process waits: here it says so all the time."""
-    monkeypatch.setattr("policies.external.policy.DEADLINE", 0.02)
-    monkeypatch.setattr("policies.external.policy.GRACE", 0.0)
+    monkeypatch.setattr("policies.external.policy.ACT_DEADLINE", 0.02)
+    monkeypatch.setattr("policies.external.policy.KILL_GRACE_PERIOD", 0.0)
     with closing(ExternalPolicy(f"{file}:Sleeps", robot="simple_quad")) as policy:
         policy.reset(1)
         policy.act(OBSERVATIONS[:1])
@@ -521,7 +521,7 @@ def test_a_policy_that_gets_little_of_the_processor_is_not_taken_for_one_that_ha
 
 
 def test_limits_of_time_can_be_raised(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("policies.external.policy.GRACE", 0.0)
+    monkeypatch.setattr("policies.external.policy.KILL_GRACE_PERIOD", 0.0)
     monkeypatch.setenv("QUAD_ENV_LOAD_TIMEOUT", "0.05")
     with pytest.raises(PolicyError, match="no answer within 50 ms"):
         ExternalPolicy(f"{file}:LoadsSlowly", robot="simple_quad")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from policies.base import PolicyError
-from policies.external.joints import JointMapping, joints_of
+from policies.external.joints import JointMapping, map_joints
 from quad_env import SIMPLE_QUAD, Robot
 from quad_env.robots.kinematics import foot_positions
 
@@ -29,8 +29,8 @@ def test_names_by_leg_and_by_kind_are_orders_of_the_same_joints(naming: str) -> 
     apart = "" if naming == "in one word" else "_"
     by_leg = [f"{legs[leg]}{apart}{link}" for leg in (1, 0, 3, 2) for link in links]
     by_kind = [f"{leg}{apart}{link}" for link in links for leg in legs]
-    assert joints_of(by_leg, SIMPLE_QUAD).places.tolist() == FR + FL + HR + HL
-    assert joints_of(by_kind, SIMPLE_QUAD).places.tolist() == [0, 3, 6, 9, 1, 4, 7, 10, 2, 5, 8, 11]
+    assert map_joints(by_leg, SIMPLE_QUAD).joint_ids.tolist() == FR + FL + HR + HL
+    assert map_joints(by_kind, SIMPLE_QUAD).joint_ids.tolist() == [0, 3, 6, 9, 1, 4, 7, 10, 2, 5, 8, 11]
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_names_by_leg_and_by_kind_are_orders_of_the_same_joints(naming: str) -> 
 )
 def test_joints_of_another_robot_are_named(legs: tuple[str, ...], links: tuple[str, ...], words: str) -> None:
     with pytest.raises(PolicyError, match=words):
-        joints_of([f"{leg}_{link}" for leg in legs for link in links], SIMPLE_QUAD)
+        map_joints([f"{leg}_{link}" for leg in legs for link in links], SIMPLE_QUAD)
 
 
 def test_angles_are_those_of_the_makers_model_whatever_its_axes_and_references(tmp_path: Path) -> None:
@@ -59,17 +59,17 @@ def test_angles_are_those_of_the_makers_model_whatever_its_axes_and_references(t
     path = tmp_path / "turned.xml"
     path.write_text(spec.to_xml(), encoding="utf-8")
     robot, model = Robot.from_mjcf(path), mujoco.MjModel.from_xml_path(str(path))
-    joints = joints_of(tuple(reversed(robot.joint_names)), robot)
+    joints = map_joints(tuple(reversed(robot.joint_names)), robot)
     angles = np.random.default_rng(0).uniform(-0.5, 0.5, (1, 12))
     data = mujoco.MjData(model)
     for name, angle in zip(reversed(robot.joint_names), angles[0], strict=True):
         data.joint(name).qpos[0] = angle
     mujoco.mj_kinematics(model, data)
     feet = np.array([data.site(f"{leg}_foot").xpos for leg in robot.leg_names]) - data.body("base_link").xpos
-    ours = joints.to_robot(angles)
+    ours = joints.robot_angles(angles)
     found = foot_positions(robot, ours.reshape(-1, 4, 3))[0] + robot.hip_positions
     np.testing.assert_allclose(found, feet, atol=1e-6)
-    np.testing.assert_allclose(joints.angles(ours), angles, atol=1e-12)
+    np.testing.assert_allclose(joints.policy_angles(ours), angles, atol=1e-12)
     assert (joints.signs < 0).sum() == 3
 
 
@@ -81,8 +81,10 @@ def test_angles_speeds_and_targets_go_over_and_back_by_places_signs_and_zeros() 
     robots = np.stack((10.0 + np.arange(12), -np.arange(12.0)))
     for row in range(2):
         for own, place in enumerate(places):
-            assert joints.angles(robots)[row, own] == pytest.approx(signs[own] * (robots[row, place] - zeros[own]))
-            assert joints.rates(robots)[row, own] == signs[own] * robots[row, place]
-    np.testing.assert_allclose(joints.to_robot(joints.angles(robots)), robots)
+            assert joints.policy_angles(robots)[row, own] == pytest.approx(
+                signs[own] * (robots[row, place] - zeros[own])
+            )
+            assert joints.policy_rates(robots)[row, own] == signs[own] * robots[row, place]
+    np.testing.assert_allclose(joints.robot_angles(joints.policy_angles(robots)), robots)
     moved = joints.to_robot_order(np.arange(12.0))
     assert [moved[place] for place in places] == list(range(12))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from policies.external.description import OF_JOINTS, PolicySpec, Term
+from policies.external.description import JOINT_FIELDS, ObservationTerm, PolicySpec
 from policies.external.mistakes import (
     ENDS,
     FRAMES,
@@ -16,7 +16,7 @@ from policies.external.mistakes import (
     SIDES,
     Correction,
     corrections,
-    order_of,
+    joint_order_in_words,
 )
 from quad_env import SIMPLE_QUAD
 
@@ -25,10 +25,10 @@ BY_LEG = tuple(f"{leg}_{link}" for leg in ("FL", "FR", "RL", "RR") for link in (
 COUNT = tuple(float(number) for number in range(1, 13))
 """A figure of each joint, all different."""
 TERMS = (
-    Term("linear_velocity"),
-    Term("angular_velocity", (0.25,)),
-    Term("projected_gravity", (1.0, 2.0, 3.0)),
-    Term("joint_position"),
+    ObservationTerm("linear_velocity"),
+    ObservationTerm("angular_velocity", (0.25,)),
+    ObservationTerm("projected_gravity", (1.0, 2.0, 3.0)),
+    ObservationTerm("joint_position"),
 )
 
 
@@ -44,31 +44,31 @@ def description(joints: tuple[str, ...] = BY_KIND, **fields: object) -> PolicySp
 
 
 def undone(described: PolicySpec, mistake: str, count: int = 1) -> list[Correction]:
-    return [each for each in corrections(described, SIMPLE_QUAD, count) if each.mistake == mistake]
+    return [each for each in corrections(described, SIMPLE_QUAD, count) if each.error == mistake]
 
 
 def test_joints_by_kind_become_joints_by_leg_and_their_figures_go_with_their_names() -> None:
     """First the names alone; then with the figures of hips, 1 to 4, thighs, 5 to 8, and calves, 9 to 12, leg by leg."""
     names, together = undone(description(observed_joints=BY_LEG), GROUPING)
-    assert names.description == replace(description(), joints=BY_LEG, observed_joints=BY_KIND)
-    assert names.keys == "`joints`"
-    assert names.words == "the joint order FL FR RL RR by leg"
-    found = together.description
+    assert names.spec == replace(description(), joints=BY_LEG, observed_joints=BY_KIND)
+    assert names.keys_to_correct == "`joints`"
+    assert names.changed_setting == "the joint order FL FR RL RR by leg"
+    found = together.spec
     assert (found.joints, found.observed_joints) == (BY_LEG, BY_KIND)
     assert found.stiffness == (1.0, 5.0, 9.0, 2.0, 6.0, 10.0, 3.0, 7.0, 11.0, 4.0, 8.0, 12.0)
-    for name in OF_JOINTS:
+    for name in JOINT_FIELDS:
         of_names = dict(zip(BY_KIND, getattr(description(), name) or (None,) * 12, strict=True))
         assert getattr(found, name) in (None, tuple(of_names[joint] for joint in BY_LEG))
     assert found.action_offset is None
-    assert together.keys == "`joints` and what is in its order"
-    assert together.words == "joints and their figures in the order FL FR RL RR by leg"
+    assert together.keys_to_correct == "`joints` and what is in its order"
+    assert together.changed_setting == "joints and their figures in the order FL FR RL RR by leg"
 
 
 def test_joints_by_leg_become_joints_by_kind_and_their_figures_go_with_their_names() -> None:
     _, together = undone(description(BY_LEG, action_offset=COUNT), GROUPING)
-    assert together.description.joints == BY_KIND
+    assert together.spec.joints == BY_KIND
     by_hand = (1.0, 4.0, 7.0, 10.0, 2.0, 5.0, 8.0, 11.0, 3.0, 6.0, 9.0, 12.0)
-    assert together.description.stiffness == together.description.action_offset == by_hand
+    assert together.spec.stiffness == together.spec.action_offset == by_hand
 
 
 @pytest.mark.parametrize(
@@ -83,17 +83,17 @@ def test_legs_that_are_exchanged_have_each_other_s_names(
 ) -> None:
     names, together = undone(description(), mistake)
     expected = tuple(f"{leg}_{link}" for link in ("hip", "thigh", "calf") for leg in legs)
-    assert names.description.joints == together.description.joints == expected
-    assert names.description.stiffness == COUNT
-    assert together.description.stiffness == tuple(4.0 * link + leg for link in range(3) for leg in order)
+    assert names.spec.joints == together.spec.joints == expected
+    assert names.spec.stiffness == COUNT
+    assert together.spec.stiffness == tuple(4.0 * link + leg for link in range(3) for leg in order)
 
 
 def test_two_mistakes_in_the_order_of_the_joints_are_undone_together() -> None:
     """Isaac Lab's order, by kind from the left, as against Unitree's, by leg from the right."""
     names, _ = undone(description(), f"{SIDES} and {GROUPING}", 2)
     expected = tuple(f"{leg}_{link}" for leg in ("FR", "FL", "RR", "RL") for link in ("hip", "thigh", "calf"))
-    assert names.description.joints == expected
-    assert [each.mistake for each in corrections(description(), SIMPLE_QUAD, 2)][::2] == [
+    assert names.spec.joints == expected
+    assert [each.error for each in corrections(description(), SIMPLE_QUAD, 2)][::2] == [
         f"{SIDES} and {ENDS}",
         f"{SIDES} and {GROUPING}",
         f"{ENDS} and {GROUPING}",
@@ -106,33 +106,33 @@ def test_figures_that_are_all_alike_leave_one_correction() -> None:
 
 
 def test_an_order_is_told_in_words() -> None:
-    assert order_of(BY_KIND, SIMPLE_QUAD) == "FL FR RL RR by kind"
-    assert order_of(tuple(reversed(BY_LEG)), SIMPLE_QUAD) == "RR RL FR FL by leg"
-    assert order_of((*BY_LEG[1:], BY_LEG[0]), SIMPLE_QUAD) == "FL FR RL RR mixed"
+    assert joint_order_in_words(BY_KIND, SIMPLE_QUAD) == "FL FR RL RR by kind"
+    assert joint_order_in_words(tuple(reversed(BY_LEG)), SIMPLE_QUAD) == "RR RL FR FL by leg"
+    assert joint_order_in_words((*BY_LEG[1:], BY_LEG[0]), SIMPLE_QUAD) == "FL FR RL RR mixed"
 
 
 def test_velocities_are_tried_in_every_other_frame_together_and_alone() -> None:
     found = undone(description(), FRAMES)
-    frames = [tuple(term.frame for term in each.description.terms[:2]) for each in found]
+    frames = [tuple(term.frame for term in each.spec.terms[:2]) for each in found]
     assert frames == [("world", "world"), ("world", "body"), ("body", "world")]
-    assert [each.keys for each in found] == [
+    assert [each.keys_to_correct for each in found] == [
         "`frame` of linear_velocity and angular_velocity",
         "`frame` of linear_velocity",
         "`frame` of angular_velocity",
     ]
-    assert found[1].words == "linear_velocity in the world frame"
-    assert all(each.description.terms[2:] == TERMS[2:] for each in found)
+    assert found[1].changed_setting == "linear_velocity in the world frame"
+    assert all(each.spec.terms[2:] == TERMS[2:] for each in found)
 
 
 def test_gravity_is_tried_the_other_way_and_nothing_else() -> None:
     (found,) = undone(description(), GRAVITY)
-    assert found.description.terms == (*TERMS[:2], Term("projected_gravity", (-1.0, -2.0, -3.0)), TERMS[3])
+    assert found.spec.terms == (*TERMS[:2], ObservationTerm("projected_gravity", (-1.0, -2.0, -3.0)), TERMS[3])
     assert not undone(replace(description(), terms=TERMS[:2]), GRAVITY)
 
 
 def test_gains_are_tried_as_the_robot_s_own_and_far_off_in_the_order_of_the_joints() -> None:
     robot = replace_gains()
-    found = [each.description for each in corrections(description(), robot) if each.mistake == GAINS]
+    found = [each.spec for each in corrections(description(), robot) if each.error == GAINS]
     by_kind = np.array(robot.servo_stiffness).reshape(4, 3).T.ravel()
     np.testing.assert_allclose(found[0].stiffness, by_kind)
     np.testing.assert_allclose(found[0].damping, np.array(robot.servo_damping).reshape(4, 3).T.ravel())

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from policies.base import PolicyError
-from policies.external.description import Term
-from policies.external.networks import Networks, load
+from policies.external.description import ObservationTerm
+from policies.external.networks import BatchedNetwork, load_network
 from tests.policies.external.made import Numbers, described
 
 onnx = pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
 
-TERMS = (Term("joint_velocity"), Term("command"))
+TERMS = (ObservationTerm("joint_velocity"), ObservationTerm("command"))
 WIDTH = 15
 
 
-def of(file: Path) -> Networks:
-    return load(described(file, TERMS))
+def of(file: Path) -> BatchedNetwork:
+    return load_network(described(file, TERMS))
 
 
 @pytest.fixture
@@ -46,9 +46,9 @@ def test_a_row_has_the_same_bits_whatever_is_next_to_it(batch: int | str, tmp_pa
 
     mixed = of(altered(Numbers(WIDTH).onnx(tmp_path / "p.onnx", batch), mix))
     mixed.reset(20)
-    found, act = mixed.actions(rows, np.arange(20)), Numbers(WIDTH).fresh()
+    found, act = mixed.compute_actions(rows, np.arange(20)), Numbers(WIDTH).fresh()
     np.testing.assert_allclose(found, [2.0 * act(row) for row in rows], atol=1e-5)
-    np.testing.assert_array_equal(mixed.actions(rows[7:8], np.array([0])), found[7:8])
+    np.testing.assert_array_equal(mixed.compute_actions(rows[7:8], np.array([0])), found[7:8])
 
 
 @pytest.mark.parametrize("kind", ["onnx", "torchscript"])
@@ -66,7 +66,7 @@ def test_a_restart_of_one_robot_leaves_the_memories_of_the_others(kind: str, tmp
             acts[1] = numbers.fresh()
         who = np.array([0, 1, 2] if step % 2 else [2, 1])
         expected = [acts[robot](rows[3 * step + robot]) for robot in who]
-        np.testing.assert_allclose(found.actions(rows[3 * step + who], who), expected, atol=1e-6)
+        np.testing.assert_allclose(found.compute_actions(rows[3 * step + who], who), expected, atol=1e-6)
 
 
 def test_a_torchscript_that_keeps_its_memory_to_itself(tmp_path: Path, rows) -> None:
@@ -80,7 +80,9 @@ def test_a_torchscript_that_keeps_its_memory_to_itself(tmp_path: Path, rows) -> 
     assert found.remembers
     found.reset(2)
     for step in (1, 2, 3):
-        np.testing.assert_allclose(found.actions(rows[:2], np.arange(2))[:, 0], rows[:2].sum(axis=1) + step, rtol=1e-5)
+        np.testing.assert_allclose(
+            found.compute_actions(rows[:2], np.arange(2))[:, 0], rows[:2].sum(axis=1) + step, rtol=1e-5
+        )
 
 
 def external(graph: Any) -> None:

@@ -8,8 +8,8 @@ import pytest
 import policies
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.external import onnx_file
-from policies.external.reference import Reference
-from policies.external.served import PolicyServer, serve
+from policies.external.reference import PolicyReference
+from policies.external.served import PolicyServer, make_server
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD
 
 onnx = pytest.importorskip("onnx")
@@ -17,7 +17,7 @@ pytest.importorskip("onnxruntime")
 
 
 def served(file: Path) -> PolicyServer:
-    return serve(Reference(file), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
+    return make_server(PolicyReference(file), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
 
 
 def linear(file: Path, shape: list[int | str], *, width: int = 12, inputs: int = 1) -> np.ndarray:
@@ -67,7 +67,7 @@ def test_what_is_no_onnx_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_exported_residual_is_the_residual(tmp_path: Path, repository: Path) -> None:
-    assert onnx_file.export(repository / "models/residual", tmp_path / "residual.onnx", 50) < 1e-5
+    assert onnx_file.export_residual(repository / "models/residual", tmp_path / "residual.onnx", 50) < 1e-5
     of, residual = served(tmp_path / "residual.onnx"), policies.make("residual")
     random = np.random.default_rng(2)
     of.reset(3, 0)
@@ -89,12 +89,12 @@ def test_an_export_that_answers_otherwise_than_its_bundle_is_refused(
 
     monkeypatch.setattr(onnx.helper, "make_node", node)
     with pytest.raises(PolicyError, match="answers otherwise than"):
-        onnx_file.export(repository / "models/residual", tmp_path / "residual.onnx", 50)
+        onnx_file.export_residual(repository / "models/residual", tmp_path / "residual.onnx", 50)
 
 
 def test_a_residual_whose_network_is_another_than_its_weights_is_refused(tmp_path: Path, repository: Path) -> None:
     file = tmp_path / "residual.onnx"
-    onnx_file.export(repository / "models/residual", file, 1)
+    onnx_file.export_residual(repository / "models/residual", file, 1)
     model = onnx.load(file)
     model.graph.node[1].op_type = {"Elu": "Tanh", "Tanh": "Elu"}[model.graph.node[1].op_type]
     file.write_bytes(model.SerializeToString())

@@ -54,7 +54,7 @@ def altered(
 
 def check(file: Path, numbers: Numbers) -> None:
     """It gives what the network does, step by step."""
-    make, remembers = onnx_file.acting(onnx_file.session_of(file), file)
+    make, remembers = onnx_file.make_network_factory(onnx_file.open_session(file), file)
     act, expected = make(), numbers.fresh()
     assert remembers == numbers.lstm
     for row in np.random.default_rng(1).standard_normal((6, WIDTH)).astype(np.float32):
@@ -111,8 +111,8 @@ def test_what_names_do_not_decide_is_asked_for(tmp_path: Path) -> None:
     numbers = Numbers(WIDTH)
     file = altered(tmp_path / "net.onnx", numbers, ("left", "actions"), {"actions": "right"})
     with pytest.raises(PolicyError, match="outputs left, right, and none is called actions"):
-        onnx_file.acting(onnx_file.session_of(file), file)
+        onnx_file.make_network_factory(onnx_file.open_session(file), file)
     renamed = {"h_in": "a", "c_in": "b", "h_out": "x", "c_out": "y"}
     file = altered(tmp_path / "net.onnx", Numbers(WIDTH, lstm=True), ("actions", "h_out", "c_out"), renamed)
     with pytest.raises(PolicyError, match="reads a besides the observation, and x, y may renew it; name the output"):
-        onnx_file.acting(onnx_file.session_of(file), file)
+        onnx_file.make_network_factory(onnx_file.open_session(file), file)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from policies.base import PolicyError
-from policies.external.reference import checked
+from policies.external.reference import resolve_reference
 from quad_env import SIMPLE_QUAD, Robot
 from quad_env.files.text import MAX_LINE_LENGTH, escape_control_characters, one_line
 
@@ -37,5 +37,5 @@ def test_names_of_files_that_steer_a_terminal_are_refused_visibly(tmp_path: Path
     policy = tmp_path / "a\x1b[31mb.toml"
     policy.write_text("network = 3")
     with pytest.raises(PolicyError, match="a policy's name has printable characters alone") as error:
-        checked(policy, trust=False)
+        resolve_reference(policy, trust=False)
     assert str(error.value).isprintable()

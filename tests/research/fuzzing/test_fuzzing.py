@@ -12,7 +12,7 @@ import pytest
 from research.fuzzing import formats, run
 from research.fuzzing.formats import FORMATS, AbsurdError
 from research.fuzzing.mutations import mutate_bytes, mutate_tree, places
-from research.fuzzing.run import READ, REFUSED, Options, main, run_case
+from research.fuzzing.run import READ, REFUSED, FuzzOptions, main, run_case
 
 pytest.importorskip("yaml")
 pytest.importorskip("onnx")
@@ -107,8 +107,8 @@ def test_the_command_runs_cases_in_a_process_apart_and_sums_up(repository: Path)
 
 def test_an_unknown_format_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(run.UsageError, match="unknown format, got pdf; valid: legged-gym-yaml, "):
-        main(Options("pdf"))
+        main(FuzzOptions("pdf"))
     began = time.monotonic()
-    assert main(Options("list")) == 0
+    assert main(FuzzOptions("list")) == 0
     assert capsys.readouterr().out.split() == list(FORMATS)
     assert time.monotonic() - began < 60

@@ -15,10 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from policies.base import PolicyError
-from policies.external.description import MAX_OBSERVATION, PolicySpec, Term
+from policies.external.description import MAX_OBSERVATION, ObservationTerm, PolicySpec
 from policies.external.readers import name_patterns, read
-from policies.external.readers.settings import load
-from policies.external.reference import checked
+from policies.external.readers.settings import load_settings
+from policies.external.reference import resolve_reference
 from quad_env.files.reading import NETWORK_LIMIT
 from quad_env.files.text import brief
 
@@ -218,7 +218,7 @@ def test_yaml_is_read_strictly(tmp_path: Path, text: str, line: str) -> None:
 
 def test_keys_that_merge_others_may_replace_them(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text("a: &a {x: 1, y: 2}\nb: {<<: *a, x: 3}\nc: {<<: *a}\n")
-    found = load(tmp_path / "a.yaml").values
+    found = load_settings(tmp_path / "a.yaml").values
     assert (found["b"], found["c"]) == ({"x": 3, "y": 2}, {"x": 1, "y": 2})
 
 
@@ -236,7 +236,7 @@ def test_texts_that_only_python_takes_for_numbers_are_none(tmp_path: Path, text:
 )
 def test_numbers_as_exporters_write_them_are_read(tmp_path: Path, text: str, value: float) -> None:
     (tmp_path / "a.yaml").write_text(f"a: {text}\n")
-    assert load(tmp_path / "a.yaml").number("a") == value
+    assert load_settings(tmp_path / "a.yaml").number("a") == value
 
 
 IMPLAUSIBLE = [
@@ -271,10 +271,10 @@ def test_an_observation_has_a_largest_width(tmp_path: Path) -> None:
         "stiffness": (20.0,) * 12,
         "damping": (0.5,) * 12,
     }
-    step = Term("joint_position", history=1000)
+    step = ObservationTerm("joint_position", history=1000)
     with pytest.raises(PolicyError, match=f"an observation has at most {MAX_OBSERVATION}"):
         PolicySpec(**made, terms=(step,) * 20_000)  # type: ignore[arg-type]
-    wide = Term("constant", values=(0.0,) * 5_000)
+    wide = ObservationTerm("constant", values=(0.0,) * 5_000)
     with pytest.raises(PolicyError, match="show 5012000 numbers"):
         PolicySpec(**made, terms=(step, wide))  # type: ignore[arg-type]
     assert PolicySpec(**made, terms=(step, step)).width == 24_000  # type: ignore[arg-type]
@@ -333,7 +333,7 @@ def test_a_file_of_many_slow_patterns_is_given_up(tmp_path: Path, monkeypatch: p
     file = written(tmp_path / "params/env.yaml", changed)
     began = time.process_time()
     with pytest.raises(PolicyError, match="it takes more than 1 s of processor time") as error:
-        checked(file, trust=False)
+        resolve_reference(file, trust=False)
     assert str(error.value).startswith(f"{file}: ")
     assert time.process_time() - began < PATIENCE
 

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from policies.base import PolicyError
-from policies.external.description import Term
-from policies.external.readers import Incomplete, read, write_draft, write_toml
-from policies.external.reference import checked
+from policies.external.description import ObservationTerm
+from policies.external.readers import IncompleteSpecError, read, write_draft, write_toml
+from policies.external.reference import resolve_reference
 
 pytest.importorskip("yaml")
 pytest.importorskip("onnx")
@@ -36,9 +36,9 @@ DEPLOY_MUJOCO = {
 }
 
 
-def incomplete(file: Path) -> Incomplete:
+def incomplete(file: Path) -> IncompleteSpecError:
     """Return the draft of an incomplete file; one line."""
-    with pytest.raises(Incomplete) as error:
+    with pytest.raises(IncompleteSpecError) as error:
         read(file)
     assert "\n" not in str(error.value)
     assert str(error.value).startswith(f"{file}: ")
@@ -92,7 +92,7 @@ def test_an_io_descriptor_names_the_joints_of_each_term(tmp_path: Path, seed: in
     assert policy.stiffness == tuple(of(joints, 20.0))
     assert policy.damping == tuple(of(joints, 0.5))
     assert policy.control_rate == pytest.approx(50)
-    assert policy.terms[0] == Term("angular_velocity", (0.25,), history=3)
+    assert policy.terms[0] == ObservationTerm("angular_velocity", (0.25,), history=3)
     assert [term.name for term in policy.terms][2:] == [
         "command",
         "joint_position",
@@ -133,8 +133,8 @@ def test_an_io_descriptor_gives_the_order_that_an_env_yaml_lacks(tmp_path: Path)
 def test_what_a_file_says_comes_whole_from_the_process_that_reads_it(tmp_path: Path) -> None:
     file = written(tmp_path / "go2.yaml", DEPLOY_MUJOCO)
     network(tmp_path, "motion.pt")
-    with pytest.raises(Incomplete) as error:
-        checked(file, trust=True)
+    with pytest.raises(IncompleteSpecError) as error:
+        resolve_reference(file, trust=True)
     expected = incomplete(file)
     assert str(error.value) == str(expected)
     assert (error.value.known, error.value.advice) == (expected.known, expected.advice)
@@ -172,7 +172,7 @@ def test_flat_settings_with_rl_sars_keys_are_read_or_drafted(tmp_path: Path) -> 
     policy = read(written(tmp_path / "runner.yaml", flat))
     assert policy is not None
     assert policy.joints == MOTORS
-    assert policy.terms[0] == Term("command", (2.0, 2.0, 0.25), history=3)
+    assert policy.terms[0] == ObservationTerm("command", (2.0, 2.0, 0.25), history=3)
     assert policy.stiffness == tuple(of(MOTORS, 20.0))
     del flat["joint_names"]
     found = incomplete(written(tmp_path / "runner.yaml", flat))

@@ -7,18 +7,18 @@ from pathlib import Path
 import pytest
 
 from policies.base import PolicyError
-from policies.external.description import HeightGrid, PolicySpec, Term
+from policies.external.description import HeightGrid, ObservationTerm, PolicySpec
 from policies.external.readers import read, write_toml
-from policies.external.readers.joint_orders import by_leg
+from policies.external.readers.joint_orders import names_by_leg
 
-JOINTS = by_leg("FR FL RR RL")
+JOINTS = names_by_leg("FR FL RR RL")
 TWELVE = tuple(float(each) for each in range(1, 13))
 
 
 @pytest.fixture
 def plain(tmp_path: Path) -> PolicySpec:
     (tmp_path / "net.onnx").touch()
-    terms = (Term("projected_gravity"), Term("command", (2.0, 2.0, 0.25)))
+    terms = (ObservationTerm("projected_gravity"), ObservationTerm("command", (2.0, 2.0, 0.25)))
     values = {
         "default_position": TWELVE,
         "action_scale": (0.5,) * 12,
@@ -41,10 +41,12 @@ def test_every_field_is_read_as_it_was_written(tmp_path: Path, plain: PolicySpec
         history_start="zero",
         previous_action="scaled",
         terms=(
-            Term("gait_clock", history=2, clock=1.5),
-            Term("height_scan", (5.0,), (-1.0, 1.0), 2, grid=HeightGrid(TWELVE, (0.0,), x_first=False, offset=0.3)),
-            Term("constant", history=2, values=(1e-05, 2.0)),
-            Term("linear_velocity", (1.0, 2.0, 3.0), history=2, frame="world"),
+            ObservationTerm("gait_clock", history=2, clock=1.5),
+            ObservationTerm(
+                "height_scan", (5.0,), (-1.0, 1.0), 2, grid=HeightGrid(TWELVE, (0.0,), x_first=False, offset=0.3)
+            ),
+            ObservationTerm("constant", history=2, values=(1e-05, 2.0)),
+            ObservationTerm("linear_velocity", (1.0, 2.0, 3.0), history=2, frame="world"),
         ),
     )
     for each in (plain, full):
@@ -83,7 +85,7 @@ def test_numbers_stand_for_all_joints_or_for_a_kind(tmp_path: Path, plain: Polic
     assert found.stiffness == (20, 30, 40) * 4
     assert found.default_position == (0, 0.9, -1.8) * 4
     assert found.target_clip == ((-2, 2),) * 12
-    assert found.terms == (Term("projected_gravity"), Term("command", (2,), history=3))
+    assert found.terms == (ObservationTerm("projected_gravity"), ObservationTerm("command", (2,), history=3))
 
 
 def test_the_docs_file_of_playgrounds_go1_is_read(tmp_path: Path, repository: Path) -> None:
@@ -100,18 +102,18 @@ def test_the_docs_file_of_playgrounds_go1_is_read(tmp_path: Path, repository: Pa
 FAULTS = [
     ("control_rate = 50", "", "`control_rate` is missing"),
     ("control_rate = 50", "rate = 50", "`rate` is not known; the names are network, control_rate"),
-    ("control_rate = 50", "control_rate = 0", "PolicyDescription.control_rate must be finite and more than 0, got 0"),
-    ("control_rate = 50", "control_rate = inf", "PolicyDescription.control_rate must be finite"),
-    ("control_rate = 50", "control_rate = true", "PolicyDescription.control_rate must be finite"),
+    ("control_rate = 50", "control_rate = 0", "PolicySpec.control_rate must be finite and more than 0, got 0"),
+    ("control_rate = 50", "control_rate = inf", "PolicySpec.control_rate must be finite"),
+    ("control_rate = 50", "control_rate = true", "PolicySpec.control_rate must be finite"),
     ("net.onnx", "other.onnx", "there is no network"),
     ('network = "net.onnx"', "", "`network` is missing"),
     ('["FR", "FL", "RR", "RL"]', '["FR", "FR", "RR", "RL"]', "`joints` must be the names of 12 different joints"),
     ('["FR", "FL", "RR", "RL"]', "[1, 2]", "`default_position` must have one of hip, thigh, calf in the name of 1"),
     ("action_scale = 0.5", "action_scale = [1, 2, 3]", "`action_scale` must be of 12 joints, not of 3"),
-    ("action_scale = 0.5", 'action_scale = "half"', "PolicyDescription.action_scale is of the type tuple"),
+    ("action_scale = 0.5", 'action_scale = "half"', "PolicySpec.action_scale is of the type tuple"),
     ("thigh = 30", "knee = 30", "`stiffness` must have one of hip, knee, calf in the name of FR_thigh_joint"),
-    ("hip = 20", "hip = 0", "PolicyDescription.stiffness must be finite and more than 0"),
-    ("damping = 0.5", "damping = -1", "PolicyDescription.damping must be finite and at least 0"),
+    ("hip = 20", "hip = 0", "PolicySpec.stiffness must be finite and more than 0"),
+    ("damping = 0.5", "damping = -1", "PolicySpec.damping must be finite and at least 0"),
     ("target_clip = [-2, 2]", "target_clip = [2, -2]", "`target_clip` must be a least and a largest value"),
     ('"projected_gravity"', '"gravity"', "'gravity' is no observation term; the terms are projected_gravity"),
     ('"projected_gravity"', '"gait_clock"', "`clock` belongs to the term gait_clock"),
@@ -123,7 +125,7 @@ FAULTS = [
     ("scale = 2", "scale = [1, 2]", "`scale` must be 1 or 3 numbers, not 2"),
     ("history = 3", "history = 0", "Term.history must be from 1 to 1000, got 0"),
     ("history = 3 }]", 'history = 3 }]\nhistory_layout = "time"', "all terms must have the same history"),
-    ("history = 3 }]", 'history = 3 }]\nhistory_newest = "middle"', "PolicyDescription.history_newest is of the type "),
+    ("history = 3 }]", 'history = 3 }]\nhistory_newest = "middle"', "PolicySpec.history_newest is of the type "),
     ("terms = [", "terms = [[", "no settings: TOMLDecodeError"),
 ]
 
