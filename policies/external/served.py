@@ -46,8 +46,10 @@ def make_server(reference: PolicyReference, robot: Robot, control_period: float,
         loaded = NetworkPolicy(reference.spec, robot=robot, control_period=control_period)
     elif reference.suffix == ".py":
         loaded = python_file.load_python(reference, robot, control_period)
+    elif reference.suffix == ".zip":
+        loaded = sb3_file.load_sb3(reference, robot)
     else:
-        loaded = (sb3_file if reference.suffix == ".zip" else onnx_file).load_onnx(reference, robot)
+        loaded = onnx_file.load_onnx(reference, robot)
     if isinstance(loaded, Policy) and (misfit := loaded.mismatch(robot, control_period)):
         raise PolicyError(f"{reference} is {misfit}")
     served = PolicyServer(loaded, robot, deadline)
