@@ -145,11 +145,11 @@ FACTS: list[Fact] = [
     ("docs/view.md", f"direction relative to the robot, impulse, over {NUMBER} s", lambda: [driver.PUSH_TIME]),
     ("docs/view.md", f"yellow: mean velocity over {NUMBER} s", lambda: [scene.VELOCITY_WINDOW]),
     ("docs/view.md", f"plainly and small, {NUMBER} × {NUMBER}", lambda: [painter.WIDTH, painter.HEIGHT]),
-    ("docs/view.md", f"up to {NUMBER} million pixels", lambda: [files.MOST_PIXELS / 1e6]),
+    ("docs/view.md", f"up to {NUMBER} million pixels", lambda: [files.MAX_PIXELS / 1e6]),
     (
         "docs/view.md",
         f"the film, {NUMBER} frames per second until {NUMBER} s after a fall",
-        lambda: [page.LOOK.rate, shooting.POST_FALL_TIME],
+        lambda: [page.PAGE_RENDER_OPTIONS.rate, shooting.POST_FALL_TIME],
     ),
     ("docs/view.md", "a strip of (twelve) frames", lambda: [files.STRIP_FRAMES]),
     (

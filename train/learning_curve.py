@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluate.report.plots.drawing import COLOURS, settings
+from evaluate.report.plots.drawing import COLOURS, plot_settings
 from policies.base import Floats
 from quad_env.files.writing import write_atomically
 
@@ -34,7 +34,7 @@ def write_curve(validations: Sequence[Mapping[str, Any]], out: Path) -> None:
 def write_drawn(draw: "Callable[[], Figure]", out: Path) -> None:
     """Write what is drawn to a file of one of those formats, whole or not at all. Raises OSError."""
     content, dateless = io.BytesIO(), {DATES[out.suffix]: None}
-    with settings():
+    with plot_settings():
         draw().savefig(content, format=out.suffix[1:], dpi=160, facecolor="white", metadata=dateless)
     write_atomically(out, content.getvalue())
 

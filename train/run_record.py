@@ -12,7 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from evaluate.analysis.results import without_nan
+from evaluate.analysis.results import nan_to_null
 from evaluate.hardware import HardwareConfig
 from evaluate.records.provenance import hardware_versions, versions
 from quad_env.cli.command_line import UsageError
@@ -159,4 +159,4 @@ def write_validations(folder: Path, best: int, validations: Sequence[Mapping[str
 
 
 def _lines(record: Mapping[str, Any]) -> bytes:
-    return (json.dumps(without_nan(record), indent=2) + "\n").encode()
+    return (json.dumps(nan_to_null(record), indent=2) + "\n").encode()

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from benchmarks.support.bars import BARS, RequirementCheck
 from benchmarks.support.measure import Quartiles, machine, machine_line
-from evaluate.analysis.results import without_nan
+from evaluate.analysis.results import nan_to_null
 from quad_env import MAX_EPISODE_STEPS
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of, parse
 from quad_env.cli.program import exit_code
@@ -150,7 +150,7 @@ def cell(value: Quartiles, digits: int = 2) -> str:
 
 def plain(value: Any) -> Any:
     """JSON types of dataclasses, arrays and paths, nested to any depth; None for numbers that are not finite."""
-    return without_nan(json.loads(json.dumps(value, default=_plain)))
+    return nan_to_null(json.loads(json.dumps(value, default=_plain)))
 
 
 def _plain(value: Any) -> Any:

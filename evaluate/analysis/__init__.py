@@ -1,1 +1,1 @@
-"""What the episodes of a run show: figures, paired differences and breaking points."""
+"""Analysis of the episodes of a run: figures, paired differences, scores, ranking and breaking points."""

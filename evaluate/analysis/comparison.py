@@ -1,4 +1,4 @@
-"""Comparisons of policies, and of two runs of one, episode by episode."""
+"""Comparisons of policies, and of one policy in two runs, paired by episode."""
 
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -12,30 +12,32 @@ from evaluate.analysis.effort import LIMITS
 from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.catalogue import EFFORT
 from evaluate.measures.tracking import VELOCITY_CAP, YAW_RATE_CAP
-from evaluate.statistics.intervals import Floats, Interval, difference_interval, share_difference_interval
+from evaluate.statistics.intervals import Floats, Interval, difference_interval, paired_proportion_interval
 from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 
 BASELINE = "trot"
+"""Default baseline."""
 SUCCESS_RATE, FALL_RATE = "success_rate", "fall_rate"
 RATES = (SUCCESS_RATE, FALL_RATE)
-"""Shares of the episodes; of successes more is better, of all other metrics less."""
+"""Proportions of the episodes. A larger success rate is better; a larger value of any other metric is worse."""
 CAPS = {"velocity_error": VELOCITY_CAP, "yaw_rate_error": YAW_RATE_CAP, "mean_velocity_error": VELOCITY_CAP}
-"""Largest value of each error."""
+"""Error -> its largest value, m/s or rad/s."""
 ERRORS = tuple(CAPS)
 SCORE = "score"
-"""Mean success over the axes of a run, of each episode a share."""
+"""Mean success over the axes of a run, a proportion for each episode."""
 _METRIC_BOUNDS = CAPS | LIMITS | {SCORE: 1.0}
+"""Metric or figure of effort -> its largest value, which bounds bootstrap intervals."""
 METRICS = (*RATES, *ERRORS)
-"""What is compared, in the order in which it is shown."""
+"""Compared metrics, in display order."""
 SIGNIFICANT = 0.05
-"""Level below which a corrected p-value counts as a difference."""
+"""Significance level: a corrected p-value below it counts as a difference."""
 NO_INTERVAL: Interval = (np.nan, np.nan)
 """Interval of a quantity without one, such as the difference of bit-identical episodes."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Policy a minus policy b in one metric on one scenario."""
+    """Difference a − b of one metric on one scenario. The fields are the keys of results.json."""
 
     scenario: str
     a: str
@@ -43,12 +45,12 @@ class Comparison:
     metric: str
     difference: float
     ci: Interval
-    """95 %: of falls the score interval of paired shares, of errors a bootstrap over the pairs."""
+    """95 %: for rates Tango's score interval of paired proportions, for errors a bootstrap over the pairs."""
     p_value: float
-    """p-value of this comparison by itself."""
+    """p-value of this comparison alone."""
     test: str
     p_value_holm: float
-    """Corrected for its family (see `compare`)."""
+    """p-value corrected for its family (see `compare`)."""
     identical: bool = False
     """True if every measure of every episode is bit-identical: the difference is 0 and has no interval."""
 
@@ -56,11 +58,18 @@ class Comparison:
 def compare(
     cells: Sequence[PolicyScenarioResult], against: str | None = None, neighbours: Container[frozenset[str]] = ()
 ) -> list[Comparison]:
-    """Every policy with the baseline `against`, which is b, and neighbours in a ranking, on every scenario in every
-    metric.
+    """Compare every policy with the baseline, and adjacent policies of a ranking, in every metric.
 
-    p-values are corrected by Holm's method over families: the comparisons with the baseline in one metric on every
-    scenario of the run, and those of neighbours without it.
+    p-values are corrected by Holm's method over families: the comparisons with the baseline in one metric on all
+    scenarios of the run, and the comparisons of adjacent policies without the baseline.
+
+    Args:
+        cells: Cells of a run.
+        against: Baseline, policy b of its comparisons; None for `default_baseline`.
+        adjacent_pairs: Pairs of policies that are adjacent in the ranking.
+
+    Returns:
+        The comparisons by scenario, then pair, then metric.
     """
     against = against or default_baseline([cell.policy for cell in cells])
     found = list[Comparison]()
@@ -79,24 +88,36 @@ def compare(
 
 
 def default_baseline(policies: Sequence[str]) -> str:
-    """The usual baseline: the trot, or without it the policy named first."""
+    """Return the default baseline: the trot, or without it the first policy."""
     return BASELINE if BASELINE in policies or not policies else policies[0]
 
 
 def compare_pair(
     a: PolicyScenarioResult, b: PolicyScenarioResult, metrics: Sequence[str] = METRICS
 ) -> Iterator[Comparison]:
-    """Metrics of two cells with the same episodes."""
+    """Compare two cells with the same episodes.
+
+    Args:
+        a: Cell of policy a.
+        b: Cell of policy b, on the same scenario.
+        metrics: Metrics to compare.
+
+    Yields:
+        A comparison for each metric, a minus b.
+
+    Raises:
+        ValueError: The cells hold different episodes.
+    """
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
     same = is_identical(a, b)
     for metric in metrics:
-        found = paired_difference(metric, by_episode(a, metric), by_episode(b, metric), identical=same)
+        found = paired_difference(metric, metric_by_episode(a, metric), metric_by_episode(b, metric), identical=same)
         yield Comparison(a.scenario.name, a.policy, b.policy, metric, *found, p_value_holm=found[2], identical=same)
 
 
 def is_identical(a: PolicyScenarioResult, b: PolicyScenarioResult) -> bool:
-    """Return whether every measure of every episode of two cells is bit-identical."""
+    """Return whether every measure of every episode of the cells `a` and `b` is bit-identical."""
     if not np.array_equal(a.seeds, b.seeds):
         return False
     pairs = [(a.fall_reason, b.fall_reason), (a.failure, b.failure)]
@@ -110,8 +131,8 @@ def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> bool:
     return a.tolist() == b.tolist() if a.dtype == object else a.tobytes() == b.tobytes()
 
 
-def by_episode(cell: PolicyScenarioResult, metric: str) -> Floats:
-    """A metric of each episode, (n,); of a rate, 1 or 0."""
+def metric_by_episode(cell: PolicyScenarioResult, metric: str) -> Floats:
+    """Return one `metric` of each episode of a `cell`, (n,); for a rate 1 or 0."""
     counted = {SUCCESS_RATE: "succeeded", FALL_RATE: "fell"}
     return np.asarray(getattr(cell.measures, counted.get(metric, metric)), np.float64)
 
@@ -122,16 +143,13 @@ def paired_difference(
     """Compare a metric of two policies over the same episodes.
 
     Args:
-        metric: Name.
+        metric: Name of the metric, which selects interval and test.
         a: Value of each episode, (n,).
-        b: Value of each episode of the other, (n,).
-        identical: Whether all measures of these episodes are the same to the bit.
+        b: Value of each episode of the other policy, (n,).
+        identical: Whether the episodes are bit-identical.
 
     Returns:
-        difference: Mean of a − b.
-        ci: Its 95 % interval; NaN where the episodes are identical.
-        p_value: Two-sided, not corrected.
-        test: Name of the test.
+        Mean difference a − b, its 95 % interval, the p-value, and the name of the test.
     """
     test = "exact McNemar" if metric in RATES else "paired sign-flip permutation"
     if identical:
@@ -139,35 +157,40 @@ def paired_difference(
     difference = float((a - b).mean())
     if metric in RATES:
         only_a, only_b = int((a > b).sum()), int((a < b).sum())
-        return difference, share_difference_interval(only_a, only_b, len(a)), mcnemar(a > 0, b > 0), test
+        return difference, paired_proportion_interval(only_a, only_b, len(a)), mcnemar(a > 0, b > 0), test
     ci = difference_interval(a - b, (-_METRIC_BOUNDS[metric], _METRIC_BOUNDS[metric]))
     return difference, ci, sign_flip_test(a - b), test
 
 
 @dataclass(frozen=True)
 class MetricDifference:
-    """One metric of b minus that of a. The fields are keys of the JSON file."""
+    """Difference of one metric between two runs, b minus a. The fields are keys of the JSON file."""
 
     metric: str
     a: float
+    """Mean in run A."""
     b: float
+    """Mean in run B."""
     difference: float
     ci: Interval
-    """95 %"""
+    """95 % interval of the difference."""
     p_value: float
     test: str
 
 
-def differences_of(
+def compare_metrics(
     a: Mapping[str, Floats], b: Mapping[str, Floats], *, identical: bool = False
 ) -> Iterator[MetricDifference]:
-    """Compare every metric and every effort figure that both runs have, over the same episodes.
+    """Compare every metric and every figure of effort of two runs, over the same episodes.
 
     Args:
-        a: Metric or figure -> value of each episode, (n,), as of `by_episode` and `effort_by_episode`; NaN episodes are
-            left out.
-        b: The same of the other run.
+        a: Metric or figure -> value of each episode, (n,), from `metric_by_episode` and `effort_by_episode`. Episodes
+            with NaN are left out.
+        b: The values of the other run.
         identical: Whether all measures of these episodes are bit-identical.
+
+    Yields:
+        The difference of each metric that both runs have.
     """
     for metric in (metric for metric in (*METRICS, *EFFORT) if metric in a and metric in b):
         known = ~(np.isnan(a[metric]) | np.isnan(b[metric]))

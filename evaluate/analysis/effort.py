@@ -1,4 +1,4 @@
-"""Figures of effort, episode by episode, with their means and intervals."""
+"""Figures of effort for each episode, with their means and intervals."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,12 +11,21 @@ from evaluate.measures.effort import cost_of_all
 from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval
 
 COST = "cost_of_transport"
+"""Name of the cost of transport."""
 LIMITS = dict.fromkeys(EFFORT, np.inf) | dict.fromkeys(("duty_factor", "flight"), 1.0)
-"""Largest value of each figure."""
+"""Figure of effort -> its largest value."""
 
 
 def effort_by_episode(column: Callable[[str], NDArray[Any]], weight: float) -> dict[str, Floats]:
-    """Each of EFFORT of each episode, (n,), from the columns of `Measures`; the duty factor is the mean of the feet."""
+    """Compute each figure of EFFORT for each episode.
+
+    Args:
+        column: Function that returns a column of `Measures` by its name, (n,) or (n, feet).
+        weight: Weight of the robot with its payload, N.
+
+    Returns:
+        Figure -> values, (n,). The duty factor is the mean of the feet.
+    """
     cost = cost_by_episode(column("energy"), column("distance"), weight)
     duty = column("duty_factor")
     known = {COST: cost, "duty_factor": duty.reshape(len(duty), -1).mean(axis=1)}
@@ -24,10 +33,18 @@ def effort_by_episode(column: Callable[[str], NDArray[Any]], weight: float) -> d
 
 
 def cost_by_episode(energy: Floats, distance: Floats, weight: float) -> Floats:
-    """Values, (n,), whose mean is the cost of transport of all episodes, ∑ energy / (weight · ∑ distance).
+    """Linearise the cost of transport: return values with the mean ∑ energy / (weight · ∑ distance).
 
-    They are the quotient's linearised values (Woodruff 1971, Journal of the American Statistical Association 66), so
-    that its intervals and paired differences are those of any mean. NaN where the quotient does not exist.
+    They are the linearised values of the quotient (Woodruff 1971, Journal of the American Statistical Association 66).
+    Intervals and paired differences of the quotient are thereby computed as for any mean.
+
+    Args:
+        energy: Energy of each episode, (n,), J.
+        distance: Distance of each episode, (n,), m.
+        weight: Weight of the robot with its payload, N.
+
+    Returns:
+        Values, (n,); NaN where the quotient does not exist.
     """
     whole = cost_of_all(energy, distance, weight)
     if np.isnan(whole):
@@ -36,7 +53,7 @@ def cost_by_episode(energy: Floats, distance: Floats, weight: float) -> Floats:
 
 
 def mean_and_interval(values: Floats, name: str) -> tuple[float, Interval]:
-    """Mean and 95 % interval over the episodes that have that figure; NaN without one."""
+    """Compute mean and 95 % interval of the `values` of the figure `name` that are not NaN."""
     known = values[~np.isnan(values)]
     mean = float(known.mean()) if len(known) else np.nan
     return mean, bootstrap_interval(known, (0.0, LIMITS[name]))

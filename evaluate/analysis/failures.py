@@ -1,4 +1,4 @@
-"""Failures worth looking at: of each policy on each axis the worst one and the most typical one."""
+"""Selected failures: the worst and the most typical failure of each policy on each axis."""
 
 import hashlib
 import json
@@ -14,14 +14,25 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.cells import PolicyScenarioResult
 
-PAGES = "pages"
-"""Folder of the pages of episodes, in that of their run."""
+PAGES_FOLDER = "pages"
+"""Folder of the episode pages, inside the folder of their run."""
 
 
 class Failure(NamedTuple):
-    """A failed episode, with the place of its scenario on its axis, 0 the mildest, its number among the policy's on
-    that scenario, its row in episodes.parquet, the file name of its page, with a hash of all that it depends on, and
-    when it fell or, upright, its cause began, s; infinite or None is what is not known."""
+    """A failed episode, made by `select_failures`.
+
+    Attributes:
+        policy: Name of the policy.
+        axis: Name of the axis.
+        scenario: Name of the scenario.
+        level: Index of the scenario on its axis, 0 for the mildest.
+        number: Index among the policy's episodes on that scenario.
+        row: Row in episodes.parquet.
+        page: File name of its page, with a hash of everything that the page depends on.
+        fell: Whether the robot fell.
+        time: Time of the fall, or of the onset of the cause if the robot stays upright, s; infinite if unknown.
+        cause: Cause of the failure; None if unknown.
+    """
 
     policy: str
     axis: str
@@ -35,19 +46,25 @@ class Failure(NamedTuple):
     cause: str | None
 
 
-def failures(results: Results) -> Iterator[tuple[str, Failure]]:
-    """`worst`, `typical` or `worst and typical`, and that failure, by policy and then by axis.
+def select_failures(results: Results) -> Iterator[tuple[str, Failure]]:
+    """Select the worst and the most typical failure of each policy on each axis.
 
-    The worst is at the mildest level at which the policy fails at all: there the earliest fall, or where it did not
-    fall the earliest of its failures. The most typical has the cause that most of its failures on the axis have, of
-    several as frequent the one met at the mildest level; of these failures it is the one nearest to their median time.
+    The worst failure is at the mildest level at which the policy fails: the earliest fall there, or the earliest
+    failure if nothing falls. The typical failure has the most frequent cause of the policy's failures on the axis; the
+    cause met at the mildest level wins a tie. Among these failures it is the nearest to their median time.
+
+    Args:
+        results: Results of a run.
+
+    Yields:
+        `worst`, `typical` or `worst and typical`, and the failure, by policy and then by axis.
     """
     made_with = {name: value for name, value in results.provenance.items() if name != "threads"}
     run = _hash(json.dumps([made_with, dict(results.versions), results.seed], sort_keys=True))
     axes = severity_axes(results.cells)
     for policy in results.policies:
         for axis in axes:
-            if failed := sorted(_failed(results.cells, policy, axis, run), key=lambda each: each.level):
+            if failed := sorted(_failures_on_axis(results.cells, policy, axis, run), key=lambda each: each.level):
                 worst = min(failed, key=lambda each: (each.level, not each.fell, each.time))
                 cause = Counter(each.cause for each in failed).most_common(1)[0][0]
                 alike = [each for each in failed if each.cause == cause]
@@ -59,7 +76,10 @@ def failures(results: Results) -> Iterator[tuple[str, Failure]]:
                     yield from (("worst", worst), ("typical", typical))
 
 
-def _failed(cells: Sequence[PolicyScenarioResult], policy: str, axis: SeverityAxis, run: str) -> Iterator[Failure]:
+def _failures_on_axis(
+    cells: Sequence[PolicyScenarioResult], policy: str, axis: SeverityAxis, run: str
+) -> Iterator[Failure]:
+    """Yield the failures of one policy on one axis; `run` is the hash of the run."""
     levels, first = axis.scenario_names, 0
     for cell in cells:
         measures, name = cell.measures, cell.scenario.name

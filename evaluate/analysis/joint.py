@@ -8,11 +8,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from evaluate.analysis.comparison import SUCCESS_RATE, Comparison, compare_pair
-from evaluate.analysis.matches import Match, Stored
-from evaluate.analysis.pareto import ParetoPoint, pareto
-from evaluate.analysis.rank_correlation import LEAST_POLICIES, RankCorrelation, rank_correlation
-from evaluate.analysis.ranking import Ranking, correct_p_values, ranking
-from evaluate.analysis.score import ScoredCells, scores, select_scored_cells
+from evaluate.analysis.matches import Match, StoredRun
+from evaluate.analysis.pareto import ParetoPoint, compute_pareto
+from evaluate.analysis.rank_correlation import MIN_POLICIES, RankCorrelation, rank_correlation
+from evaluate.analysis.ranking import Ranking, correct_p_values, rank_policies
+from evaluate.analysis.score import ScoredCells, compute_scores, select_scored_cells
 from evaluate.cells import PolicyScenarioResult
 from evaluate.records.episode_table import cell_of
 from evaluate.records.store import rows_of
@@ -33,7 +33,9 @@ class CombinedRuns:
     """None of too few policies."""
 
 
-def combine_runs(found: Sequence[Match], runs: tuple[Stored, Stored], labels: tuple[Labels, Labels]) -> CombinedRuns:
+def combine_runs(
+    found: Sequence[Match], runs: tuple[StoredRun, StoredRun], labels: tuple[Labels, Labels]
+) -> CombinedRuns:
     """The ranking across both runs, and one correction for all its claims and for the matches' differences of success.
 
     A policy of both runs that has one label is in it once.
@@ -43,9 +45,9 @@ def combine_runs(found: Sequence[Match], runs: tuple[Stored, Stored], labels: tu
     real = not select_scored_cells(cells).cells_by_policy
     complete, points = select_scored_cells(cells, hardware=real), dict[str, ParetoPoint]()
     for (manifest, _), of in zip(runs[::-1], own[::-1], strict=True):
-        scored = [each for each in scores(of, "", hardware=real) if each.policy in complete.cells_by_policy]
-        points |= {each.policy: each for each in pareto(of, scored, manifest.hardware.robot_model).points}
-    ranked = ranking(complete, sorted(points.values(), key=lambda each: -each.success), hardware=real)
+        scored = [each for each in compute_scores(of, "", hardware=real) if each.policy in complete.cells_by_policy]
+        points |= {each.policy: each for each in compute_pareto(of, scored, manifest.hardware.robot_model).points}
+    ranked = rank_policies(complete, sorted(points.values(), key=lambda each: -each.success), hardware=real)
     keys = [(match.scenario, frozenset((labels[0][match.a], labels[1][match.b]))) for match in found]
     claimed = {key: _of_match(match, labels) for key, match in zip(keys, found, strict=True)}
     for each in ranked.neighbours:
@@ -72,13 +74,13 @@ def _correlation(
         for a, b in dict.fromkeys((m.a, m.b) for m in found)
         if {labels[0][a], labels[1][b]} <= {*complete.cells_by_policy}
     ]
-    if len(pairs) < LEAST_POLICIES:
+    if len(pairs) < MIN_POLICIES:
         return None
     values = ([complete.by_episode(of[pair[k]]) for pair in pairs] for k, of in enumerate(labels))
     return rank_correlation([a for a, _ in pairs], *map(np.array, values))
 
 
-def _cells(run: Stored, other: Stored, labels: Labels) -> list[PolicyScenarioResult]:
+def _cells(run: StoredRun, other: StoredRun, labels: Labels) -> list[PolicyScenarioResult]:
     """Cells of a run on the scenarios and with the seeds that the other has too."""
     (manifest, rows), (_, others) = run, other
     seeds = np.intersect1d(rows.column("seed").to_numpy(), others.column("seed").to_numpy())

@@ -1,4 +1,4 @@
-"""What two runs have in common: policies on scenarios, compared over the episodes of the same seeds."""
+"""Cells that two runs share: policies on scenarios, compared over the episodes with equal seeds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from evaluate.analysis.comparison import ERRORS, FALL_RATE, SUCCESS_RATE, MetricDifference, differences_of
+from evaluate.analysis.comparison import ERRORS, FALL_RATE, SUCCESS_RATE, MetricDifference, compare_metrics
 from evaluate.analysis.effort import effort_by_episode
 from evaluate.measures.episodes import weight
 from evaluate.measures.outcomes import SUCCEEDED
@@ -17,36 +17,47 @@ from evaluate.records.store import rows_of
 from evaluate.statistics.intervals import Floats
 from quad_env.scenarios.scenario import HARDWARE
 
-Stored = tuple[Manifest, pa.Table]
-"""A run's manifest and rows."""
+StoredRun = tuple[Manifest, pa.Table]
+"""Manifest and episode table of a run."""
 
 
 @dataclass(frozen=True)
 class Match:
-    """One policy on one scenario in both runs. The fields are keys of the JSON file."""
+    """One policy on one scenario in both runs, made by `match_runs`. The fields are keys of the JSON file."""
 
     a: str
+    """Policy of run A."""
     b: str
-    """Policies"""
+    """Policy of run B."""
     scenario: str
     episodes: tuple[int, int]
-    """Of A and of B."""
+    """Numbers of episodes in A and in B."""
     common: int
-    """Episodes of the same seeds, which alone are compared."""
+    """Number of episodes with equal seeds; only these are compared."""
     identical: bool
-    """Every column of every episode that is compared is the same to the bit."""
+    """True if every column of every compared episode is bit-identical."""
     contrasts: tuple[MetricDifference, ...]
     p_value_holm: float = np.nan
-    """Of its difference of success, corrected with all claims of the comparison."""
+    """p-value of the difference of success, corrected with all claims of the comparison."""
 
 
-def matches(pairs: Sequence[tuple[str, str]], a: Stored, b: Stored) -> list[Match]:
-    """Every pair of policies, one of A and one of B, on every scenario on which both ran episodes of the same seeds."""
+def match_runs(pairs: Sequence[tuple[str, str]], a: StoredRun, b: StoredRun) -> list[Match]:
+    """Compare policies of two runs on every scenario on which both ran episodes with equal seeds.
+
+    Args:
+        pairs: Policy of A and policy of B, to be compared.
+        a: Manifest and episodes of run A.
+        b: Manifest and episodes of run B.
+
+    Returns:
+        A match for each scenario and pair with common episodes.
+    """
     scenarios = dict.fromkeys(a[1].column("scenario").to_pylist())
     return [match for scenario in scenarios for pair in pairs if (match := _match(scenario, pair, a, b))]
 
 
-def _match(scenario: str, pair: tuple[str, str], a: Stored, b: Stored) -> Match | None:
+def _match(scenario: str, pair: tuple[str, str], a: StoredRun, b: StoredRun) -> Match | None:
+    """Compare one pair of policies on one scenario; None without common episodes."""
     rows = [rows_of(table, policy, scenario) for (_, table), policy in zip((a, b), pair, strict=True)]
     seeds = [each.column("seed").to_numpy() for each in rows]
     common, *places = np.intersect1d(*seeds, return_indices=True)
@@ -58,8 +69,8 @@ def _match(scenario: str, pair: tuple[str, str], a: Stored, b: Stored) -> Match 
         weight(run.hardware.robot_model, next(each for each in run.scenarios if each.name == scenario))
         for run, _ in (a, b)
     )
-    values = map(_values, (first, second), weights)
-    identical = _identical(first, second)
+    values = map(_metric_values, (first, second), weights)
+    identical = _is_identical(first, second)
     return Match(
         a=pair[0],
         b=pair[1],
@@ -67,27 +78,27 @@ def _match(scenario: str, pair: tuple[str, str], a: Stored, b: Stored) -> Match 
         episodes=(len(seeds[0]), len(seeds[1])),
         common=len(common),
         identical=identical,
-        contrasts=tuple(differences_of(*values, identical=identical)),
+        contrasts=tuple(compare_metrics(*values, identical=identical)),
     )
 
 
-def _values(rows: pa.Table, weighs: float) -> dict[str, Floats]:
-    """Metric -> value of each episode; the robot weighs so much, N."""
+def _metric_values(rows: pa.Table, weighs: float) -> dict[str, Floats]:
+    """Return metric -> value of each episode, for a robot of that weight, N."""
     errors = {name: rows.column(name).to_numpy() for name in ERRORS}
     rates = {SUCCESS_RATE: rows.column("outcome").to_numpy() == SUCCEEDED, FALL_RATE: rows.column("fell").to_numpy()}
     effort = effort_by_episode(lambda name: np.array(rows.column(name).to_pylist(), np.float64), weighs)
     return {name: held.astype(np.float64) for name, held in rates.items()} | errors | effort
 
 
-def _identical(a: pa.Table, b: pa.Table) -> bool:
-    """Whether all measures that both have are the same, to the bit."""
+def _is_identical(a: pa.Table, b: pa.Table) -> bool:
+    """Return whether all measures that both tables have are bit-identical."""
     missing = {"policy", *missing_measures(a), *missing_measures(b)}
     names = [name for name in a.column_names if name in b.column_names and name not in missing]
     return all(repr(a.column(name).to_pylist()) == repr(b.column(name).to_pylist()) for name in names)
 
 
-def without_profile(run: Stored) -> Stored:
-    """A run with scenarios called as without the hardware profile."""
+def strip_hardware_suffix(run: StoredRun) -> StoredRun:
+    """Return a run with the names that its scenarios have without the hardware profile."""
     manifest, rows = run
     scenarios = tuple(replace(each, name=each.name.removesuffix(HARDWARE)) for each in manifest.scenarios)
     names = pc.replace_substring(rows.column("scenario"), HARDWARE, "")

@@ -1,4 +1,4 @@
-"""Success against cost of transport: the policies that none beats in both, and those that beat each of the others."""
+"""Pareto front of success against cost of transport."""
 
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
@@ -14,52 +14,69 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import HARDWARE
 
 COST_SCENARIOS = ("steady", "flat", f"steady{HARDWARE}", f"flat{HARDWARE}")
-"""Scenarios whose cost counts: the first of them that the run has, else all together."""
+"""Scenarios for the cost of transport: the first of them in the run, or all scenarios together without any."""
 
 
 @dataclass(frozen=True)
 class ParetoPoint:
-    """One policy. The fields are the keys of results.json."""
+    """Success and cost of transport of one policy. The fields are the keys of results.json."""
 
     policy: str
     success: float
-    """Its score."""
+    """Score of the policy."""
     success_ci: Interval
     cost: float
-    """Cost of transport; NaN of a policy that goes nowhere, or that did not run there."""
+    """Cost of transport; NaN for a policy that does not move, or that did not run on the scenario."""
     cost_ci: Interval
     dominated_by: tuple[str, ...] = ()
-    """Policies on the front with no less success and no higher cost, one of the two better."""
+    """Policies on the front with no less success and no higher cost, and one of the two better."""
 
 
 @dataclass(frozen=True)
 class Pareto:
-    """Every policy with a score. The fields are the keys of results.json."""
+    """Points of all policies with a score, and the front. The fields are the keys of results.json."""
 
     cost_on: str
-    """Scenario of the cost of transport; empty for all together."""
+    """Scenario of the cost of transport; empty for all scenarios together."""
     front: tuple[str, ...]
-    """Policies that no other dominates, the cheapest first."""
+    """Policies that no other policy dominates, the cheapest first."""
     points: tuple[ParetoPoint, ...]
-    """The most successful first."""
+    """Points, the most successful first."""
 
 
-def pareto(cells: Sequence[PolicyScenarioResult], scores: Sequence[Score], robot: Robot) -> Pareto:
-    """The front of policies that have a score; cells all have the hardware profile, or none has."""
+def compute_pareto(cells: Sequence[PolicyScenarioResult], scores: Sequence[Score], robot: Robot) -> Pareto:
+    """Compute the Pareto front of the policies that have a score.
+
+    Args:
+        cells: Cells, all with the hardware profile or all without it.
+        scores: Scores of the policies.
+        robot: Robot, for its weight.
+
+    Returns:
+        Points and front.
+    """
     cost_on, points = cost_scenario({cell.scenario.name for cell in cells}), []
     for each in scores:
         counted = [cell for cell in cells if cell.policy == each.policy and cost_on in ("", cell.scenario.name)]
         points.append(ParetoPoint(each.policy, each.score, each.ci, *_cost(counted, robot)))
-    return pareto_front(cost_on, points)
+    return find_pareto_front(cost_on, points)
 
 
 def cost_scenario(scenarios: Container[str]) -> str:
-    """The scenario of a run whose cost counts; empty for all together."""
+    """Return the scenario of a run that the cost of transport is taken from; empty for all together."""
     return next((name for name in COST_SCENARIOS if name in scenarios), "")
 
 
-def pareto_front(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
-    """The front of policies whose success and cost are known; one without a cost is neither on it nor dominated."""
+def find_pareto_front(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
+    """Find the policies that no other one dominates.
+
+    Args:
+        cost_on: Scenario of the cost of transport; empty for all together.
+        points: Success and cost of the policies; one without a cost is neither on the front nor dominated.
+
+    Returns:
+        Points and front.
+    """
     front = [one for one in points if one.cost == one.cost and not any(_dominates(other, one) for other in points)]
     front.sort(key=lambda one: one.cost)
     by = {one.policy: tuple(other.policy for other in front if _dominates(other, one)) for one in points}
@@ -73,8 +90,10 @@ def _dominates(a: ParetoPoint, b: ParetoPoint) -> bool:
 
 
 def _cost(cells: Sequence[PolicyScenarioResult], robot: Robot) -> tuple[float, Interval]:
-    """Cost of transport of these cells together, with its interval over episodes, each with all of its scenarios; NaN
-    of none."""
+    """Return the cost of transport of these cells together, with its interval over episodes.
+
+    An episode is resampled with all of its scenarios. Without cells the result is NaN.
+    """
     if not cells:
         return np.nan, (np.nan, np.nan)
     weights = np.array([weight(robot, cell.scenario) for cell in cells])

@@ -1,4 +1,4 @@
-"""Whether the ranking of policies by success is the same in two runs, such as those of two simulators."""
+"""Rank correlation of the policies of two runs, for example runs in two simulators."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,26 +9,28 @@ from evaluate.measures.averages import quotient
 from evaluate.statistics.intervals import RESAMPLES, Floats, Interval, percentile_interval, resamples
 from quad_env.cli.format import estimate, percent
 
-LEAST_POLICIES = 3
-"""Policies below which there is nothing to rank."""
+MIN_POLICIES = 3
+"""Minimum number of policies for a ranking."""
 
 
 @dataclass(frozen=True)
 class RankCorrelation:
-    """Policies by their mean success over the axes of the scenarios in both runs. The fields are keys of the file."""
+    """Rank correlation of policies by mean success over the axes of both runs.
+
+    The fields are keys of the JSON file.
+    """
 
     policies: tuple[str, ...]
     scores: tuple[tuple[float, ...], tuple[float, ...]]
-    """In A and in B."""
+    """Scores in A and in B."""
     correlation: float
-    """Kendall's tau-b of the scores: 1 for the same order, −1 for the opposite one."""
+    """Kendall's tau-b of the scores: 1 for the same order, −1 for the opposite order."""
     ci: Interval
-    """95 % bootstrap interval over the episodes, each with all policies and scenarios of both runs; widened to include
-    the correlation, since all resampled rankings may fall short of it.
-    """
+    """95 % bootstrap interval over the episodes, each with all policies and scenarios of both runs. It is widened to
+    include the correlation, since all resampled rankings may fall short of it."""
 
     def lines(self) -> Iterator[str]:
-        """The answer, `in part` where the same order lies beyond the interval, and both rankings."""
+        """Yield the answer and both rankings; the answer is `in part` if the interval excludes the same order."""
         low, high = self.ci
         in_part = "in part" if high < 1.0 - 1e-9 else "yes"
         survives = in_part if low > 0.0 else "no" if high < 0.0 else "not shown"
@@ -40,11 +42,20 @@ class RankCorrelation:
 
 
 def rank_correlation(policies: Sequence[str], a: Floats, b: Floats) -> RankCorrelation:
-    """Of k policies by their scores in n common episodes of A and B, (k, n) each."""
+    """Compute the rank correlation of k policies from their scores in n common episodes.
+
+    Args:
+        policies: Names of the policies.
+        a: Scores in run A, (k, n).
+        b: Scores in run B, (k, n).
+
+    Returns:
+        Correlation with its bootstrap interval.
+    """
     drawn = [counts / counts.shape[1] for counts in resamples(a.shape[1], RESAMPLES, 0)]
-    resampled = kendall(*(np.concatenate([of @ each.T for of in drawn]) for each in (a, b)))
+    resampled = kendall_tau(*(np.concatenate([of @ each.T for of in drawn]) for each in (a, b)))
     known, means = resampled[~np.isnan(resampled)], (a.mean(axis=-1), b.mean(axis=-1))
-    correlation = float(kendall(*means))
+    correlation = float(kendall_tau(*means))
     low, high = percentile_interval(known) if len(known) else (np.nan, np.nan)
     return RankCorrelation(
         policies=tuple(policies),
@@ -54,8 +65,16 @@ def rank_correlation(policies: Sequence[str], a: Floats, b: Floats) -> RankCorre
     )
 
 
-def kendall(a: Floats, b: Floats) -> Floats:
-    """Kendall's tau-b of scores (…, k) of k policies; NaN where all are tied in a or in b (Biometrika 33, 1945)."""
+def kendall_tau(a: Floats, b: Floats) -> Floats:
+    """Compute Kendall's tau-b of two scores of k policies (Biometrika 33, 1945).
+
+    Args:
+        a: Scores, (…, k).
+        b: Scores, (…, k).
+
+    Returns:
+        Correlation, (…); NaN where all policies are tied in a or in b.
+    """
     first, second = np.triu_indices(a.shape[-1], 1)
     in_a, in_b = (np.sign(np.round(each[..., first] - each[..., second], 9)) for each in (a, b))
     return quotient((in_a * in_b).sum(-1), np.sqrt((in_a**2).sum(-1) * (in_b**2).sum(-1)))

@@ -1,4 +1,4 @@
-"""The ranking of a run's policies by success, whether neighbours in it differ, and one correction for all claims."""
+"""Ranking of the policies of a run, tests of adjacent policies, and one correction of all claims."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,63 +14,73 @@ from evaluate.statistics.sequential import correction
 from evaluate.statistics.significance import holm
 
 RANKING_WEIGHT = 0.9
-"""Weight of the differences of neighbours, together, among all claims; those on single scenarios have the rest."""
+"""Weight of all differences of adjacent policies together in the correction; claims on single scenarios share
+the rest."""
 POWER = 0.8
-"""Chance to distinguish two neighbours with as many episodes as are said to be needed."""
+"""Probability of distinguishing two adjacent policies with the reported number of needed episodes."""
 
 
 @dataclass(frozen=True)
 class AdjacentPair:
-    """Two policies next to each other in the ranking. The fields are keys of results.json."""
+    """Two adjacent policies of the ranking, made by `rank_policies`. The fields are keys of results.json."""
 
     better: str
     worse: str
     difference: float
-    """Of their scores, paired by episode."""
+    """Difference of their scores, paired by episode."""
     deviation: float
-    """Standard deviation of that difference from episode to episode."""
+    """Standard deviation of that difference over the episodes."""
     ci: Interval
-    """95 % interval over the episodes, each with all of its scenarios: bootstrap, or Tango's for yes-or-no differences;
-    NaN where the two are identical.
-    """
+    """95 % interval over the episodes, each with all of its scenarios: bootstrap, or Tango's for yes-or-no differences.
+    NaN for identical policies."""
     p_value: float
-    """Paired sign-flip permutation, of yes-or-no differences exact McNemar."""
+    """Paired sign-flip permutation test; exact McNemar test for yes-or-no differences."""
     p_value_holm: float = np.nan
-    """Corrected together with every other claim, see `claims`."""
+    """p-value corrected together with every other claim, see `correct_p_values`."""
     needed: float = np.nan
     """Episodes that would distinguish the two, see `episodes_needed`; NaN if they are distinguished, infinite if
-    identical.
-    """
+    identical."""
     better_on: tuple[str, ...] = ()
+    """Scenarios that show alone that `better` is better."""
     worse_on: tuple[str, ...] = ()
-    """Scenarios that show by themselves that `better` is better, and that `worse` is."""
+    """Scenarios that show alone that `worse` is better."""
     identical: bool = False
     """True if all episodes of the two are bit-identical: the difference is 0 and has no interval."""
 
     @property
     def distinguished(self) -> bool:
-        """Whether the order of the two is shown."""
+        """True if the corrected test distinguishes the two."""
         return self.p_value_holm < SIGNIFICANT
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """The policies that ran all that counts. The fields are keys of results.json."""
+    """Ranking of the policies that ran all scored scenarios. The fields are keys of results.json."""
 
     hardware: bool
-    """Whether the scores are those with the robot's hardware profile, for want of others."""
+    """Whether the scores are those with the hardware profile, because the run has no others."""
     axes: int
-    """Of which the score is the mean."""
+    """Number of axes in the mean that is the score."""
     scenarios: tuple[str, ...]
-    """One of each severity of these axes."""
+    """One scenario of each severity of these axes."""
     episodes: int
     places: tuple[ParetoPoint, ...]
-    """The most successful first."""
+    """Ranked policies, the most successful first."""
     neighbours: tuple[AdjacentPair, ...]
+    """Adjacent pairs, from the best on."""
 
 
-def ranking(counted: ScoredCells, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:
-    """Neighbours compared by episode, each with all of its scenarios; nothing is corrected yet."""
+def rank_policies(counted: ScoredCells, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:
+    """Rank policies and compare adjacent ones, paired by episode, without correction of the p-values.
+
+    Args:
+        counted: Scored cells; an episode counts with all of its scenarios.
+        places: Policies with their success, the most successful first.
+        hardware: Whether these are scores with the hardware profile.
+
+    Returns:
+        The ranking, to be completed by `correct_p_values`.
+    """
     values = {each.policy: counted.by_episode(each.policy) for each in places}
     pairs = pairwise(each.policy for each in places)
     found = [
@@ -82,12 +92,12 @@ def ranking(counted: ScoredCells, places: Sequence[ParetoPoint], *, hardware: bo
 
 
 def _identical_pair(better: str, worse: str) -> AdjacentPair:
-    """Return the comparison of two neighbours with bit-identical episodes."""
+    """Return the comparison of two adjacent policies with bit-identical episodes."""
     return AdjacentPair(better, worse, 0.0, 0.0, NO_INTERVAL, 1.0, identical=True)
 
 
 def _adjacent_pair(better: str, worse: str, a: Floats, b: Floats) -> AdjacentPair:
-    """From the score of each episode, (n,) each, in the same order of seeds."""
+    """Compare adjacent policies by the score of each episode, (n,) each, in the same order of seeds."""
     differences = a - b
     deviation = float(differences.std(ddof=1)) if len(differences) > 1 else np.nan
     single = np.isin([a, b], (0.0, 1.0)).all()
@@ -99,14 +109,22 @@ def _adjacent_pair(better: str, worse: str, a: Floats, b: Floats) -> AdjacentPai
 def correct_p_values(
     ranked: Ranking, comparisons: Sequence[Comparison], limit: int = 0
 ) -> tuple[Ranking, list[Comparison]]:
-    """The same with one correction for all that a report claims: Holm's method with weights.
+    """Apply one weighted Holm correction to all claims of a report.
 
-    The claims are the differences of neighbours, with RANKING_WEIGHT together, and the given ones of success on single
-    scenarios, with the rest. The chance of any false one is at most SIGNIFICANT. That the same data say who are
-    neighbours costs nothing: a gap between neighbours among m policies that are equally good is a gap of at least m − 1
-    of their m (m − 1) / 2 pairs, so that it is at most m / 2 times as likely as that of one pair, and it is corrected
-    for m − 1. In a run until settled, with at most `limit` episodes, it is corrected for all looks too. Comparisons of
-    other metrics stay.
+    The claims are the differences of adjacent policies, with RANKING_WEIGHT together, and the given comparisons of
+    success on single scenarios, with the rest. The probability of any false claim is at most SIGNIFICANT.
+
+    The choice of adjacent pairs by the same data costs nothing. A gap between adjacent policies among m equal policies
+    is a gap of at least m − 1 of their m (m − 1) / 2 pairs. It is therefore at most m / 2 times as likely as the gap of
+    one pair, and it is corrected for m − 1. A run until settled is also corrected for all looks.
+
+    Args:
+        ranked: Ranking without corrected p-values.
+        comparisons: Comparisons; only comparisons of success are corrected, the others are returned unchanged.
+        limit: Maximum number of episodes of a run until settled; 0 for a run of fixed size.
+
+    Returns:
+        The ranking and the comparisons, with corrected p-values.
     """
     pairs = {frozenset((each.better, each.worse)): each for each in ranked.neighbours}
     place = ranked.scenarios[0] if len(ranked.scenarios) == 1 else ""
@@ -137,7 +155,7 @@ def correct_p_values(
 def _with_corrected_p_value(
     of: AdjacentPair, p_value: float, level: float, ranked: Ranking, shown: Sequence[Comparison]
 ) -> AdjacentPair:
-    """With its corrected p-value, the episodes that its level takes, and the scenarios that show something alone."""
+    """Return a pair with its corrected p-value, its needed episodes, and the scenarios that show it alone."""
     on = {each: list[str]() for each in (of.better, of.worse)}
     for c in shown:
         if {c.a, c.b} == {*on} and c.scenario in ranked.scenarios:
@@ -148,10 +166,18 @@ def _with_corrected_p_value(
 
 
 def episodes_needed(of: AdjacentPair, level: float, episodes: int) -> float:
-    """Episodes with which a two-sided paired test at a level finds a difference of this size with the chance POWER.
+    """Compute the number of episodes with which a paired two-sided test finds a pair's difference.
 
-    ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² / 2 (Guenther 1981, The American
-    Statistician 35), and enough for 2^n sign flips to reach the level; infinite without a difference.
+    It is ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² / 2 (Guenther 1981, The American
+    Statistician 35), and enough for 2^n sign flips to reach the level.
+
+    Args:
+        pair: Adjacent policies.
+        level: Significance level of the test.
+        episodes: Number of episodes of the run, which did not suffice.
+
+    Returns:
+        Number of episodes; infinite without a difference.
     """
     from scipy.special import ndtri
 

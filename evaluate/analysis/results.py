@@ -1,4 +1,4 @@
-"""What a comparison found, and its `results.json`."""
+"""Results of a comparison, and their file results.json."""
 
 import json
 import math
@@ -11,9 +11,9 @@ import numpy as np
 
 from evaluate.analysis.breaking_points import AxisBreakingPoint, breaking_points
 from evaluate.analysis.comparison import Comparison, compare, default_baseline
-from evaluate.analysis.pareto import Pareto, pareto
-from evaluate.analysis.ranking import Ranking, correct_p_values, ranking
-from evaluate.analysis.score import Score, scores, select_scored_cells
+from evaluate.analysis.pareto import Pareto, compute_pareto
+from evaluate.analysis.ranking import Ranking, correct_p_values, rank_policies
+from evaluate.analysis.score import Score, compute_scores, select_scored_cells
 from evaluate.analysis.summary import Summary, summarise
 from evaluate.cells import PolicyScenarioResult
 from evaluate.hardware import HardwareConfig
@@ -25,53 +25,55 @@ SCHEMA = 1
 
 @dataclass(frozen=True)
 class PolicyErrors:
-    """Episodes that a policy failed, by an exception, no answer in time or none that is finite."""
+    """Episodes in which a policy raised an exception, gave no answer in time, or gave no finite one."""
 
     policy: str
     failed: int
+    """Number of these episodes."""
     episodes: int
-    """Of the run."""
+    """Number of all its episodes in the run."""
     first: str
-    """What the policy did in the first of them, such as `raised ValueError: …`, in one line."""
+    """Error in the first of them, such as `raised ValueError: …`, in one line."""
 
 
 @dataclass(frozen=True)
 class Results:
-    """Everything that the table, the files and the report show."""
+    """All results of a run, made by `analyse`; tables, files and the report show them."""
 
     seed: int
     episodes: int
-    """Number in each cell."""
+    """Number of episodes in each cell."""
     complete: bool
-    """False if the run was interrupted: cells are missing then, but none is half done."""
+    """False if the run was interrupted: cells are then missing, but each one present is complete."""
     cells: tuple[PolicyScenarioResult, ...]
     baseline: str
-    """The policy that the others are measured against."""
+    """Policy that the others are compared with."""
     ranking: Ranking
-    """By the scores without the hardware profile, if there are any."""
+    """Ranking by the scores without the hardware profile, if there are any."""
     summaries: dict[tuple[str, str], Summary]
-    """By (scenario, policy), in the order of the run."""
+    """(scenario, policy) -> figures, in the order of the run."""
     comparisons: tuple[Comparison, ...]
     breaking_points: tuple[AxisBreakingPoint, ...]
     scores: tuple[Score, ...]
-    """The highest first."""
+    """Scores without the hardware profile, the highest first."""
     hardware_scores: tuple[Score, ...]
-    """The same with the robot's hardware profile."""
+    """Scores with the robot's hardware profile, the highest first."""
     pareto: Pareto
-    """Success against cost of transport."""
+    """Success against cost of transport, without the hardware profile."""
     hardware_pareto: Pareto
+    """Success against cost of transport, with the hardware profile."""
     versions: Mapping[str, str | None]
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
+    """Other facts about the origin of the figures, as JSON values: processor, threads, hashes of policies and code."""
 
     @property
     def hardware(self) -> HardwareConfig:
-        """Hardware of the robots; ideal where it is not known."""
+        """Hardware of the robots; ideal if unknown."""
         return _hardware(self.provenance)
 
     @property
     def policy_errors(self) -> list[PolicyErrors]:
-        """Every policy that failed in an episode."""
+        """Policies with errors, and their number of failed episodes."""
         found = []
         for policy in self.policies:
             reasons = np.concatenate([cell.failure for cell in self.cells if cell.policy == policy])
@@ -99,18 +101,30 @@ def analyse(
     provenance: Mapping[str, Any] | None = None,
     baseline: str | None = None,
 ) -> Results:
-    """Summaries, comparisons and breaking points of the cells; without a provenance they were made here and now."""
+    """Compute all results of a run from its cells.
+
+    Args:
+        cells: Cells of the run.
+        seed: Seed of the run.
+        episodes: Number of episodes in each cell.
+        complete: Whether the run has ended.
+        provenance: Origin of the figures, as in the manifest; None for this machine and this version.
+        baseline: Policy to compare with; None for `default_baseline`.
+
+    Returns:
+        Summaries, comparisons, scores, ranking, fronts and breaking points.
+    """
     made_with = dict(provenance or {"versions": versions()})
     against = baseline or default_baseline([cell.policy for cell in cells])
     robot = _hardware(made_with).robot_model
     made_by = made_with.pop("versions")
-    ideal, real = (tuple(scores(cells, against, hardware=hardware)) for hardware in (False, True))
+    ideal, real = (tuple(compute_scores(cells, against, hardware=hardware)) for hardware in (False, True))
     fronts = [
-        pareto([cell for cell in cells if cell.scenario.hardware == each[0]], each[1], robot)
+        compute_pareto([cell for cell in cells if cell.scenario.hardware == each[0]], each[1], robot)
         for each in ((False, ideal), (True, real))
     ]
     profile = not ideal
-    ranked = ranking(select_scored_cells(cells, hardware=profile), fronts[profile].points, hardware=profile)
+    ranked = rank_policies(select_scored_cells(cells, hardware=profile), fronts[profile].points, hardware=profile)
     pairs = {frozenset((each.better, each.worse)) for each in ranked.neighbours}
     ranked, comparisons = correct_p_values(ranked, compare(cells, against, pairs), made_with.get("limit", 0))
     return Results(
@@ -133,11 +147,12 @@ def analyse(
 
 
 def _hardware(provenance: Mapping[str, Any]) -> HardwareConfig:
+    """Return the hardware that a provenance names."""
     return HardwareConfig(**provenance.get("hardware", {}))
 
 
-def as_json(results: Results) -> dict[str, Any]:
-    """The contents of results.json; figures that do not exist are null."""
+def results_to_json(results: Results) -> dict[str, Any]:
+    """Return the contents of results.json; figures that do not exist are null."""
     policies: dict[str, Any] = {policy: {"scenarios": {}} for policy in results.policies}
     for (scenario, policy), summary in results.summaries.items():
         policies[policy]["scenarios"][scenario] = asdict(summary)
@@ -150,27 +165,27 @@ def as_json(results: Results) -> dict[str, Any]:
     contents["policies"] = policies
     for name in ("comparisons", "breaking_points"):
         contents[name] = [asdict(each) for each in getattr(results, name)]
-    return dict(without_nan(contents))
+    return dict(nan_to_null(contents))
 
 
 def write_json(results: Results, path: Path) -> None:
-    """Write results.json."""
-    write_atomically(path, (json.dumps(as_json(results), indent=2, allow_nan=False) + "\n").encode())
+    """Write the `results` as results.json to `path`."""
+    write_atomically(path, (json.dumps(results_to_json(results), indent=2, allow_nan=False) + "\n").encode())
 
 
-def without_nan(value: Any) -> Any:
-    """JSON values with null for a number that does not exist."""
+def nan_to_null(value: Any) -> Any:
+    """Replace numbers that are not finite by None, nested to any depth."""
     if isinstance(value, dict):
-        return {key: without_nan(entry) for key, entry in value.items()}
+        return {key: nan_to_null(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [without_nan(entry) for entry in value]
+        return [nan_to_null(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def with_nan(value: Any) -> Any:
-    """The same with NaN again for null."""
+def null_to_nan(value: Any) -> Any:
+    """Replace None by NaN, nested to any depth."""
     if isinstance(value, dict):
-        return {key: with_nan(entry) for key, entry in value.items()}
+        return {key: null_to_nan(entry) for key, entry in value.items()}
     if isinstance(value, list):
-        return [with_nan(entry) for entry in value]
+        return [null_to_nan(entry) for entry in value]
     return math.nan if value is None else value

@@ -1,8 +1,8 @@
-"""The score of a policy: its mean success over the axes of a run, each axis and each of its severities alike. Scenarios
-with the robot's hardware profile have a score of their own.
+"""Score of a policy: its mean success over the axes of a run.
 
-An episode has the same start and commands on every scenario, so that the episodes are what chance draws: intervals
-count them, each with all of its scenarios, and differences are paired by episode.
+All axes count equally, and all severities of an axis. Scenarios with the robot's hardware profile have their own score.
+An episode has the same start and commands on every scenario, so that episodes are the independent samples: intervals
+count episodes, each with all of its scenarios, and differences are paired by episode.
 """
 
 from collections.abc import Sequence
@@ -25,34 +25,34 @@ from quad_env.scenarios.named import STEADY
 from quad_env.scenarios.scenario import HARDWARE, Scenario
 
 SCORES = "score", "hardware score"
-"""What tables call the two."""
+"""Names in tables of the score without and with the hardware profile."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """Mean success of one policy over all axes of a run."""
+    """Mean success of one policy over all axes of a run. The fields are the keys of results.json."""
 
     policy: str
     score: float
     ci: Interval
-    """95 %, see `score_interval`."""
+    """95 % interval, see `score_interval`."""
     axes: dict[str, tuple[float, ...]]
-    """Axis, by one name in both scores -> success at each of its severities in the run, the mildest first."""
+    """Axis, with the same name in both scores -> success at each of its severities in the run, the mildest first."""
     difference: float
-    """From the baseline's score; 0 of the baseline itself, NaN where the baseline has none."""
+    """Difference from the baseline's score; 0 for the baseline itself, NaN if the baseline has no score."""
     difference_ci: Interval
     """95 % bootstrap interval over the episodes; NaN for the baseline and for policies bit-identical to it."""
     p_value: float
-    """Of that difference, paired sign-flip permutation; not corrected."""
+    """Paired sign-flip permutation test of that difference; not corrected."""
 
 
 @dataclass(frozen=True)
 class ScoredCells:
-    """What a score counts."""
+    """Axes and cells that enter the score, made by `select_scored_cells`."""
 
     axes: tuple[SeverityAxis, ...]
     cells_by_policy: dict[str, dict[str, PolicyScenarioResult]]
-    """Policy -> scenario -> cell, of the policies that ran every scenario of these axes with the same episodes."""
+    """Policy -> scenario -> cell, for the policies that ran every scenario of these axes with the same episodes."""
 
     @property
     def scenarios(self) -> list[str]:
@@ -60,21 +60,30 @@ class ScoredCells:
         return [level.name for axis in self.axes for level in axis.levels]
 
     def by_episode(self, policy: str) -> Floats:
-        """Mean success of each episode of a policy over the axes, (n,)."""
+        """Return the mean success over the axes for each episode of a policy, (n,)."""
         of, axes = self.cells_by_policy[policy], self.axes
         of_axes = [np.mean([of[level.name].measures.succeeded for level in axis.levels], axis=0) for axis in axes]
         return np.asarray(np.mean(of_axes, axis=0), np.float64)
 
     def is_identical(self, a: str, b: str) -> bool:
-        """Return whether all episodes of two policies are bit-identical."""
+        """Return whether all episodes of the policies `a` and `b` are bit-identical."""
         first = self.cells_by_policy[a]
         second = self.cells_by_policy[b]
         return all(is_identical(first[name], second[name]) for name in self.scenarios)
 
 
 def select_scored_cells(cells: Sequence[PolicyScenarioResult], *, hardware: bool = False) -> ScoredCells:
-    """What counts of these cells, with the hardware profile or without. The steady walk, which nothing disturbs, counts
-    only where there is nothing else."""
+    """Select the cells that enter the score.
+
+    The undisturbed steady walk counts only if the run has nothing else.
+
+    Args:
+        cells: Cells of a run.
+        hardware: Whether to select the score with the hardware profile.
+
+    Returns:
+        Axes and cells of the policies that ran every scenario of these axes.
+    """
     own = [cell for cell in cells if is_scored(cell.scenario, hardware)]
     own = own or [cell for cell in cells if cell.scenario.hardware == hardware]
     axes = severity_axes(own)
@@ -88,9 +97,17 @@ def select_scored_cells(cells: Sequence[PolicyScenarioResult], *, hardware: bool
     return ScoredCells(axes, complete if paired else {})
 
 
-def scores(cells: Sequence[PolicyScenarioResult], baseline: str, *, hardware: bool = False) -> list[Score]:
-    """Scores, with the hardware profile or without, of the policies that ran every such scenario, the highest first; of
-    a single axis the success on it."""
+def compute_scores(cells: Sequence[PolicyScenarioResult], baseline: str, *, hardware: bool = False) -> list[Score]:
+    """Compute the scores of the policies that ran every scored scenario.
+
+    Args:
+        cells: Cells of a run.
+        baseline: Policy to compare with.
+        hardware: Whether to compute the scores with the hardware profile.
+
+    Returns:
+        Scores, the highest first; with a single axis the success on it.
+    """
     found = select_scored_cells(cells, hardware=hardware)
     base = found.by_episode(baseline) if baseline in found.cells_by_policy else None
     return sorted(
@@ -99,6 +116,7 @@ def scores(cells: Sequence[PolicyScenarioResult], baseline: str, *, hardware: bo
 
 
 def _score(policy: str, of: ScoredCells, baseline: str, base: Floats | None) -> Score:
+    """Compute the score of one policy and its difference from the baseline."""
     values, compared, cells_by_policy = (
         of.by_episode(policy),
         base is not None and policy != baseline,
@@ -123,14 +141,23 @@ def _score(policy: str, of: ScoredCells, baseline: str, base: Floats | None) -> 
 
 
 def score_interval(values: Floats, of: ScoredCells) -> Interval:
-    """95 % interval of a score, from that of each episode, (n,); of a single scenario Wilson's."""
+    """Compute the 95 % interval of a score.
+
+    Args:
+        values: Mean success of each episode, (n,).
+        scored: Cells that enter the score.
+
+    Returns:
+        The interval; Wilson's for a single scenario.
+    """
     return wilson_interval(values.sum(), len(values)) if len(of.scenarios) == 1 else mean_proportion_interval(values)
 
 
 def is_scored(scenario: Scenario, hardware: bool) -> bool:
-    """Whether a scenario is part of the score with the profile, or of that without it."""
+    """Return whether a `scenario` enters the score, with the profile if `hardware`, else without it."""
     return scenario.hardware == hardware and _base(scenario.name) != STEADY.name
 
 
 def _base(name: str) -> str:
+    """Return the name of a scenario or axis without the suffix of the hardware profile."""
     return name.removesuffix(HARDWARE)

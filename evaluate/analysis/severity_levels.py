@@ -1,4 +1,4 @@
-"""The axes of a run: its scenarios, grouped by what they are levels of."""
+"""Axes of a run: its scenarios, grouped by axis and ordered by severity."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,13 +11,14 @@ from quad_env.scenarios.scenario import Scenario
 
 @dataclass(frozen=True)
 class SeverityAxis:
-    """Scenarios of one axis, from the mildest to the hardest; a scenario without an axis stands alone.
+    """Scenarios of one axis, from the mildest to the hardest; made by `severity_axes`.
 
-    With the hardware profile and without it they are two axes, with different names.
+    A scenario without an axis is an axis of its own. Scenarios with and without the hardware profile form two axes with
+    different names.
     """
 
     name: str
-    """As of `axis_name`."""
+    """Name from `axis_name`."""
     unit: str
     scenarios: tuple[Scenario, ...]
 
@@ -28,29 +29,29 @@ class SeverityAxis:
 
     @property
     def levels(self) -> tuple[Scenario, ...]:
-        """One scenario of each severity: the nominal one may repeat a level."""
+        """One scenario of each severity; the nominal one may repeat a level."""
         return tuple({scenario.severity: scenario for scenario in reversed(self.scenarios)}.values())[::-1]
 
     @property
     def quantity(self) -> str:
-        """What its severity is, with its unit."""
+        """Quantity of the severity, with its unit."""
         axis = self.scenarios[0].axis
         named = AXES[axis].quantity if axis in AXES else self.name
         return f"{named}, {self.unit}" if self.unit else named
 
     @property
     def note(self) -> str:
-        """What its results depend on besides the policy; empty where nothing is said."""
+        """Other dependencies of the results besides the policy; empty without any."""
         return AXES[self.name].note if self.name in AXES else ""
 
     @property
-    def harder_when_smaller(self) -> bool:
-        """Whether a smaller severity is harder, as with friction."""
+    def is_harder_when_smaller(self) -> bool:
+        """True if a smaller severity is harder, as for friction."""
         return self.scenarios[0].severity > self.scenarios[-1].severity
 
 
 def severity_axes(cells: Sequence[PolicyScenarioResult]) -> tuple[SeverityAxis, ...]:
-    """Every axis of a run's cells, in their order."""
+    """Group the scenarios of a run's cells by axis, in their order."""
     groups: dict[str, list[Scenario]] = {}
     scenarios = {cell.scenario.name: cell.scenario for cell in cells}
     for scenario in scenarios.values():
@@ -61,27 +62,30 @@ def severity_axes(cells: Sequence[PolicyScenarioResult]) -> tuple[SeverityAxis, 
 
 
 def axis_name(scenario: Scenario) -> str:
-    """`push`, with the hardware profile `push+hardware`; of a scenario without an axis its own name."""
+    """Return `push`, or `push+hardware` with the hardware profile; the scenario's name if it has no axis."""
     return scenario.axis + scenario.suffix if scenario.axis else scenario.name
 
 
 def _mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
-    """Scenarios of one axis in the order of their hardness; an axis that is not of `AXES` hardens as it is run."""
+    """Sort the scenarios of one axis by difficulty.
+
+    An axis that is not in `AXES` gets harder in the order of the run.
+    """
     axis = scenarios[0].axis
     levels = AXES[axis].levels if axis in AXES else [each.severity for each in scenarios]
     return sorted(scenarios, key=lambda each: each.severity, reverse=levels[0] > levels[-1])
 
 
-def amount(value: float, unit: str = "") -> str:
-    """`35 N·s`, `10°`, or a bare number."""
+def format_amount(value: float, unit: str = "") -> str:
+    """Format a `value` with its `unit`: `35 N·s`, `10°`, or a number alone."""
     return f"{value:.4g}{'' if unit in ('', '°') else NO_BREAK}{unit}"
 
 
-def severity(scenario: Scenario) -> str:
-    """`35 N·s`, or the scenario's name where it has no severity."""
-    return amount(scenario.severity, scenario.severity_unit) if scenario.severity else scenario.name
+def format_severity(scenario: Scenario) -> str:
+    """Format the severity, `35 N·s`; the scenario's name if it has none."""
+    return format_amount(scenario.severity, scenario.severity_unit) if scenario.severity else scenario.name
 
 
-def place(scenario: Scenario) -> str:
-    """`push at 35 N·s`, or the scenario's name where it has no severity."""
-    return f"{axis_name(scenario)} at {severity(scenario)}" if scenario.severity else scenario.name
+def format_scenario(scenario: Scenario) -> str:
+    """Format axis and severity, `push at 35 N·s`; the scenario's name if it has no severity."""
+    return f"{axis_name(scenario)} at {format_severity(scenario)}" if scenario.severity else scenario.name

@@ -1,4 +1,4 @@
-"""The axes on which a policy is best and worst, and why it fails there."""
+"""Success of a policy by axis, with the most common cause of its failures there."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evaluate.analysis.score import is_scored
-from evaluate.analysis.severity_levels import place, severity_axes
+from evaluate.analysis.severity_levels import format_scenario, severity_axes
 from evaluate.analysis.summary import Summary
 from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.outcomes import SUCCEEDED
@@ -16,14 +16,14 @@ from quad_env.cli.format import with_count
 
 @dataclass(frozen=True)
 class Strength:
-    """One policy on one axis, all severities together, or in a run of one axis at one severity."""
+    """Success of one policy on one axis over all severities, or at one severity in a run of one axis."""
 
     name: str
-    """Of the axis, or of its severity."""
+    """Name of the axis, or of its severity."""
     success: float
-    """Mean over the severities."""
+    """Mean success over the severities."""
     reason: str
-    """Most common cause of failure, or outcome where no cause is known, `trip in 31 of 46 failures`; may be empty."""
+    """Most common cause of failure, or outcome if no cause is known: `trip in 31 of 46 failures`; may be empty."""
 
 
 def strengths(
@@ -33,11 +33,21 @@ def strengths(
     *,
     hardware: bool = False,
 ) -> list[Strength]:
-    """All that the policy ran and a score counts, the most successful first."""
+    """Compute the success of a policy on each scored axis.
+
+    Args:
+        cells: Cells of the run.
+        summaries: (scenario, policy) -> figures.
+        policy: Name of the policy.
+        hardware: Whether to take the axes with the hardware profile.
+
+    Returns:
+        Axes that the policy ran, the most successful first.
+    """
     axes = severity_axes([cell for cell in cells if cell.policy == policy and is_scored(cell.scenario, hardware)])
     parts = [(axis.name, axis.levels) for axis in axes]
     if len(axes) == 1:
-        parts = [(place(level), (level,)) for level in axes[0].levels]
+        parts = [(format_scenario(level), (level,)) for level in axes[0].levels]
     found = []
     for name, levels in parts:
         of = [summaries[level.name, policy] for level in levels]
@@ -46,6 +56,7 @@ def strengths(
 
 
 def _reason(of: Sequence[Summary]) -> str:
+    """Return the most common cause of failure over some cells, with its count."""
     failures = sum(each.episodes - each.successes for each in of)
     causes = sum((Counter(each.causes) for each in of), Counter[str]())
     outcomes = sum((Counter(each.outcomes) for each in of), Counter[str]())

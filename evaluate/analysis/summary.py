@@ -1,4 +1,4 @@
-"""The figures of one cell: rates and means with their 95 % intervals."""
+"""Figures of one cell: rates and means with their 95 % intervals."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -18,12 +18,15 @@ from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, 
 from quad_env.robots.robot import Robot
 
 _MEANS = (*ERRORS, "velocity_error_upright", "overspeed", "energy", "distance")
-"""Means over the episodes."""
+"""Measures that are averaged over the episodes."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """One policy on one scenario; NaN where a figure does not exist. The fields are the keys of results.json."""
+    """Figures of one policy on one scenario, made by `summarise`. The fields are the keys of results.json.
+
+    A figure that does not exist is NaN.
+    """
 
     episodes: int
     severity: float
@@ -31,48 +34,54 @@ class Summary:
     successes: int
     success_rate: float
     success_rate_ci: Interval
-    """Wilson."""
+    """Wilson interval, 95 %."""
     outcomes: dict[str, int]
-    """Episodes of each outcome."""
+    """Outcome -> number of episodes."""
     causes: dict[str, int]
-    """Failed episodes of each cause that there is."""
+    """Cause -> number of failed episodes, for the causes that occur."""
     falls: int
-    """Episodes that ended before the time limit, divergences among them."""
+    """Number of episodes that ended before the time limit, divergences included."""
     fall_rate: float
     fall_rate_ci: Interval
-    """Wilson."""
+    """Wilson interval, 95 %."""
     diverged: int
     time_to_fall: float
     """Mean over the episodes that fell, s."""
     velocity_error: float
-    """m/s, as are the next four."""
+    """Mean over the episodes, m/s."""
     velocity_error_ci: Interval
+    """95 % bootstrap interval, m/s."""
     velocity_error_upright: float
+    """Mean over the time before a fall, m/s."""
     mean_velocity_error: float
+    """Error of the mean velocity of each command interval, m/s."""
     mean_velocity_error_ci: Interval
+    """95 % bootstrap interval, m/s."""
     yaw_rate_error: float
-    """rad/s"""
+    """Mean over the episodes, rad/s."""
     yaw_rate_error_ci: Interval
+    """95 % bootstrap interval, rad/s."""
     cost_of_transport: float
-    """Cost of transport of all episodes: their energy over weight times their distance; the same in `figures`."""
+    """Energy of all episodes over weight times their distance; equal to the entry of `figures`."""
     overspeed: float
-    """Share of joints and time above the rated joint speed."""
+    """Proportion of joints and time above the rated joint speed."""
     energy: float
     """Mean of an episode, J."""
     distance: float
     """Mean of an episode, m."""
     figures: dict[str, float]
-    """Every figure of `evaluate.measures.catalogue`: the mean over the episodes that have it, but for the cost of
-    transport, which is that of all episodes together."""
+    """Every figure of `evaluate.measures.catalogue`: the mean over the episodes that have it. The cost of transport is
+    that of all episodes together."""
     duty_factor: tuple[float, ...]
     """Mean of each foot."""
     effort: dict[str, float]
-    """Figures of EFFORT as in `figures`, the duty factor that of all feet."""
+    """Figures of EFFORT as in `figures`; the duty factor is the mean of all feet."""
     effort_intervals: dict[str, Interval]
+    """Figure of EFFORT -> 95 % interval."""
 
 
 def summarise(cell: PolicyScenarioResult, robot: Robot) -> Summary:
-    """All figures of a cell of that robot."""
+    """Compute all figures of a `cell` of that `robot`."""
     measures = cell.measures
     falls, successes = int(measures.fell.sum()), int(measures.succeeded.sum())
     carried = weight(robot, cell.scenario)
@@ -104,5 +113,6 @@ def summarise(cell: PolicyScenarioResult, robot: Robot) -> Summary:
 
 
 def _mean(values: Floats) -> float:
+    """Return the mean of the values that are not NaN; NaN without any."""
     known = values[~np.isnan(values)]
     return float(known.mean()) if len(known) else float("nan")

@@ -12,15 +12,15 @@ from rich.markup import escape
 
 from evaluate.analysis.comparison import METRICS, RATES, SIGNIFICANT, SUCCESS_RATE, MetricDifference
 from evaluate.analysis.joint import CombinedRuns, combine_runs
-from evaluate.analysis.matches import Match, Stored, matches, without_profile
-from evaluate.analysis.rank_correlation import LEAST_POLICIES, RankCorrelation
-from evaluate.analysis.results import without_nan
+from evaluate.analysis.matches import Match, StoredRun, match_runs, strip_hardware_suffix
+from evaluate.analysis.rank_correlation import MIN_POLICIES, RankCorrelation
+from evaluate.analysis.results import nan_to_null
 from evaluate.records.manifest import Manifest, differences
 from evaluate.records.store import read_rows
-from evaluate.report.console import FittedTable, console_table, row_name
-from evaluate.report.headings import FEW, FIRST, NARROW_DIFFERENCES, effort_with
+from evaluate.report.console import FittedTable, console_table, format_row_name
+from evaluate.report.headings import MAIN_EFFORT_TITLES, ROW_LABEL, TERMINAL_DIFFERENCE_TITLES, estimate_effort
 from evaluate.report.table import print_ranking
-from evaluate.report.verdict import ALIKE, BY_ITSELF, SAME, excludes_zero
+from evaluate.report.verdict import IDENTICAL_WORDS, INDISTINGUISHABLE_WORDS, UNCORRECTED_WORDS, excludes_zero
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import ABSENT, estimate, p_value, points, points_with, with_count
 from quad_env.cli.progress import show_waiting
@@ -49,16 +49,16 @@ def main(options: Options) -> int:
     pairs, changed = _pairs(options, a[0], b[0]), differences(a[0], b[0])
     if {each.name for each in a[0].scenarios}.isdisjoint(each.name for each in b[0].scenarios):
         changed = [*changed, "the hardware profile, which one of them has"]
-        a, b = map(without_profile, (a, b))
+        a, b = map(strip_hardware_suffix, (a, b))
     with show_waiting("comparing"):
-        found: Sequence[Match] = matches(pairs, a, b)
+        found: Sequence[Match] = match_runs(pairs, a, b)
         both = combine_runs(found, (a, b), _labels(options, found, a[0], b[0]))
     if not found and not both.ranking.places:
         what = "no scenario of these policies, or no episodes of the same --seed, in common"
         raise UsageError(f"{options.a} and {options.b} have {what}")
     console, found = Console(), both.matches
     print_ranking(both.ranking, console)
-    for heads in (NARROW_DIFFERENCES, FEW):
+    for heads in (TERMINAL_DIFFERENCE_TITLES, MAIN_EFFORT_TITLES):
         if any(each.metric in heads for match in found for each in match.contrasts):
             console.print(_table(options, found, heads))
     said = [*_ranking_agreement(both.correlation, found), *_notes(a, b, found), *_left_out(a, b)]
@@ -70,7 +70,7 @@ def main(options: Options) -> int:
     return 0
 
 
-def _read(path: Path) -> Stored:
+def _read(path: Path) -> StoredRun:
     manifest, rows = read_rows(_folder(path))
     if not rows.num_rows:
         raise UsageError(f"{_folder(path)} holds no finished part of a comparison yet")
@@ -112,7 +112,7 @@ def _labels(
 
 def _ranking_agreement(ranked: RankCorrelation | None, found: Sequence[Match]) -> Iterator[str]:
     """Whether the ranking survives, and the cells of which success differs."""
-    few = f"fewer than {LEAST_POLICIES} policies ran every scenario of both: too few to rank"
+    few = f"fewer than {MIN_POLICIES} policies ran every scenario of both: too few to rank"
     yield from ranked.lines() if ranked else (f"does the ranking survive? {few}",)
     for match in found:
         if match.p_value_holm < SIGNIFICANT:
@@ -120,7 +120,7 @@ def _ranking_agreement(ranked: RankCorrelation | None, found: Sequence[Match]) -
             yield f"success differs: {match.a} on {match.scenario}, {said}"
     if unclear := [match for match in found if match.p_value_holm >= SIGNIFICANT and excludes_zero(_success(match).ci)]:
         named = (f"{match.a} on {match.scenario} ({p_value(match.p_value_holm)})" for match in unclear)
-        yield f"success {ALIKE}, {BY_ITSELF}: {', '.join(named)}"
+        yield f"success {INDISTINGUISHABLE_WORDS}, {UNCORRECTED_WORDS}: {', '.join(named)}"
 
 
 def _success(match: Match) -> MetricDifference:
@@ -132,18 +132,18 @@ def _table(options: Options, found: Sequence[Match], heads: Mapping[str, str]) -
     groups: dict[str, list[dict[str, str]]] = {match.scenario: [] for match in found}
     for match in found:
         name = match.a if match.a == match.b else f"{match.a} → {match.b}"
-        shown = dict.fromkeys((*METRICS, *FEW), ABSENT) | {
+        shown = dict.fromkeys((*METRICS, *MAIN_EFFORT_TITLES), ABSENT) | {
             each.metric: _shown(each, match.p_value_holm, match.identical) for each in match.contrasts
         }
-        groups[match.scenario].append({FIRST: row_name(name + " (=)" * match.identical), **shown})
-    return console_table(escape(title), {FIRST: "policy", **heads}, groups)
+        groups[match.scenario].append({ROW_LABEL: format_row_name(name + " (=)" * match.identical), **shown})
+    return console_table(escape(title), {ROW_LABEL: "policy", **heads}, groups)
 
 
 def _shown(found: MetricDifference, corrected: float, identical: bool) -> str:
     if identical:
         return "0"
-    if found.metric in FEW:
-        shown = effort_with(found.metric, found.difference, found.ci)
+    if found.metric in MAIN_EFFORT_TITLES:
+        shown = estimate_effort(found.metric, found.difference, found.ci)
     else:
         shown = (points_with if found.metric in RATES else estimate)(found.difference, found.ci)
     claim = f"\n{p_value(corrected)}" if found.metric == SUCCESS_RATE else ""
@@ -151,16 +151,17 @@ def _shown(found: MetricDifference, corrected: float, identical: bool) -> str:
     return f"{shown.value}\n{ends}{claim}"
 
 
-def _notes(a: Stored, b: Stored, found: Sequence[Match]) -> Iterator[str]:
+def _notes(a: StoredRun, b: StoredRun, found: Sequence[Match]) -> Iterator[str]:
     """How the episodes were compared."""
     seeds = [{*rows.column("seed").to_pylist()} for _, rows in (a, b)]
     count = with_count(len(seeds[0] & seeds[1]), "episode")
     yield f"paired by episode: {count} of the same seeds, of A's {len(seeds[0])} and B's {len(seeds[1])}"
     if same := sum(match.identical for match in found):
-        yield f"(=): {SAME} in every episode, so that differences are 0 and have no interval; {same} of {len(found)}"
+        of_matches = f"{same} of {len(found)}"
+        yield f"(=): {IDENTICAL_WORDS} in every episode, so that differences are 0 and have no interval; {of_matches}"
 
 
-def _left_out(a: Stored, b: Stored) -> Iterator[str]:
+def _left_out(a: StoredRun, b: StoredRun) -> Iterator[str]:
     """What a run that is not finished has no episodes of yet."""
     for name, (manifest, rows) in (("A", a), ("B", b)):
         there = set(zip(rows.column("scenario").to_pylist(), rows.column("policy").to_pylist(), strict=True))
@@ -173,6 +174,6 @@ def _write(options: Options, both: CombinedRuns, changed: list[str], path: Path)
     contents |= {"ranking": asdict(both.ranking), "comparisons": [asdict(match) for match in both.matches]}
     contents |= {"rank_correlation": asdict(both.correlation) if both.correlation else None}
     try:
-        write_atomically(path, (json.dumps(without_nan(contents), indent=2, allow_nan=False) + "\n").encode())
+        write_atomically(path, (json.dumps(nan_to_null(contents), indent=2, allow_nan=False) + "\n").encode())
     except OSError as error:
         raise UsageError(f"--json: cannot write {path} ({error.strerror})") from error

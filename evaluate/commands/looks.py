@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from evaluate.analysis.score import is_scored, select_scored_cells
 from evaluate.cells import LabelledPolicy, PolicyScenarioResult
-from evaluate.report.verdict import SAME
+from evaluate.report.verdict import IDENTICAL_WORDS
 from evaluate.statistics.sequential import AdjacentTest, compare_adjacent_policies
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import number
@@ -31,7 +31,7 @@ def interim_analysis(cells: Sequence[PolicyScenarioResult], limit: int) -> tuple
 
 def _shown(of: AdjacentTest, *, identical: bool) -> str:
     if identical:
-        return f"{of.ahead} = {of.behind} ({SAME})"
+        return f"{of.ahead} = {of.behind} ({IDENTICAL_WORDS})"
     if of.distinguished:
         return f"{of.ahead} > {of.behind}"
     return f"{of.ahead} ~ {of.behind} (p = {number(of.p_value, 2)})"

@@ -11,12 +11,12 @@ import matplotlib.figure  # noqa: F401
 import scipy.stats  # noqa: F401
 from rich.console import Console
 
-from evaluate.analysis.failures import Failure, failures
+from evaluate.analysis.failures import Failure, select_failures
 from evaluate.analysis.results import Results, analyse, write_json
 from evaluate.commands.options import PROGRAM, command
 from evaluate.records.episode_table import write_parquet
 from evaluate.records.store import Run
-from evaluate.report.page import warnings, write_report
+from evaluate.report.page import list_warnings, write_report
 from evaluate.report.table import print_results
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import silence_stdout
@@ -54,9 +54,9 @@ def write_results(run: Run, folder: Path, baseline: str | None = None, show: Sho
 
     def table() -> None:
         show(results, console)
-        for line in warnings(results):
+        for line in list_warnings(results):
             say(line)
-        if (found := next(failures(results), None)) is not None:
+        if (found := next(select_failures(results), None)) is not None:
             say(_to_replay(found[1], folder))
 
     if failed := _run_writer("the table", table):

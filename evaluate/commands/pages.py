@@ -3,10 +3,10 @@
 from collections.abc import Sized
 from pathlib import Path
 
-from evaluate.analysis.failures import PAGES, failures
+from evaluate.analysis.failures import PAGES_FOLDER, select_failures
 from evaluate.commands.outputs import analysed
 from evaluate.commands.replay import ReplayTarget, check_here, policy_of
-from evaluate.film.page import part, write_page
+from evaluate.film.page import partial_progress, write_page
 from evaluate.records.store import Run
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.progress import show_bar
@@ -19,8 +19,8 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
         raise UsageError(f"--pages: {folder} holds an unfinished run; carry it on with --resume")
     results, cells = analysed(run), {(cell.policy, cell.scenario.name): cell for cell in run.cells}
     wanted = {
-        folder / PAGES / each.page: ReplayTarget(cells[each.policy, each.scenario], each.number)
-        for _, each in failures(results)
+        folder / PAGES_FOLDER / each.page: ReplayTarget(cells[each.policy, each.scenario], each.number)
+        for _, each in select_failures(results)
     }
     left = {path: each for path, each in wanted.items() if not path.is_file()}
     policies = {each.cell.policy: policy_of(each.cell.policy, run.manifest, trust) for each in left.values()}
@@ -32,7 +32,7 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
         with show_bar("pages") as progress:
             for path, each in left.items():
                 take = each.take(run.manifest, policies[each.cell.policy])
-                write_page(take, path, part(progress, done, len(wanted)))
+                write_page(take, path, partial_progress(progress, done, len(wanted)))
                 done += 1
     except OSError as error:
         raise UsageError(f"--pages: cannot write {path} ({error.strerror or error}); {_kept(done, wanted)}") from error

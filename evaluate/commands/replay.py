@@ -120,7 +120,7 @@ def main(options: Options) -> int:
 def _outputs(options: Options) -> list[tuple[str, Path, Callable[[FilmSpec, Path, Progress], None]]]:
     """Option, file and what writes it of all that is to be filmed. Raises UsageError where it cannot be."""
     if options.video is not None:
-        files.check(options.video)
+        files.check_film_path(options.video)
     if options.page is not None:
         if options.page.suffix.lower() != ".html":
             raise UsageError(f"--page must end in .html, not {options.page.name!r}")

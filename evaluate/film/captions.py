@@ -1,4 +1,4 @@
-"""Captions of frames: text that gets smaller, then shorter, before it leaves its frame."""
+"""Captions of frames: text that is made smaller, then shorter, until it fits into its frame."""
 
 from dataclasses import dataclass
 
@@ -8,31 +8,46 @@ from quad_env.columns import Array
 from quad_env.physics.arrows import Colour
 
 Ink = tuple[int, int, int]
+"""Red, green and blue, 0 to 255."""
 DARK: Ink = (30, 34, 38)
 WHITE: Ink = (255, 255, 255)
-SMALLEST = 10
-"""Size of letters that can still be read, pixels."""
+MIN_FONT_SIZE = 10
+"""pixels. Smallest readable font size."""
 _MARGIN = 8
+"""pixels. Margin around a text."""
 
 
 @dataclass(frozen=True)
 class Text:
-    """Lines of text on images: size of the letters and of a dark edge around them, pixels."""
+    """Style of text on images, with the methods that write it."""
 
     size: int
+    """pixels. Font size."""
     edge: int = 0
+    """pixels. Width of the dark edge around the letters."""
 
     def height(self, lines: int) -> int:
-        """Of a bar for so many lines, pixels."""
+        """Return the height of a bar with that number of lines, pixels."""
         return lines * round(1.35 * self.size) + _MARGIN
 
     def write(
         self, image: Image.Image, text: str, line: int, ink: Ink = WHITE, *, right: bool = False, taken: int = 0
     ) -> int:
-        """One line, counted from the top, or from the bottom where negative, at the left or the right margin, where so
-        many pixels of it are `taken`; gives how many it takes itself."""
+        """Write one line on an image, smaller or shorter if it does not fit.
+
+        Args:
+            image: Image to write on.
+            text: Text.
+            line: Line counted from the top, from 0; negative from the bottom, from −1.
+            ink: Colour.
+            right: Whether the line ends at the right margin.
+            taken: Width that other text takes on the line, pixels.
+
+        Returns:
+            Width that the text takes with its margins, pixels.
+        """
         draw, size, room = ImageDraw.Draw(image), self.size, image.width - 2 * _MARGIN - taken
-        while size > SMALLEST and draw.textlength(text, font_size=size) > room:
+        while size > MIN_FONT_SIZE and draw.textlength(text, font_size=size) > room:
             size -= 1
         while len(text) > 1 and draw.textlength(text, font_size=size) > room:
             text = f"{text[:-2]}…"
@@ -42,19 +57,25 @@ class Text:
         draw.text(place, text, fill=ink, font_size=size, stroke_width=self.edge, stroke_fill=(0, 0, 0))
         return length + 2 * _MARGIN
 
-    def sign(self, image: Image.Image, text: str, ground: Ink) -> None:
-        """A line on a coloured bar along the bottom."""
+    def write_banner(self, image: Image.Image, text: str, ground: Ink) -> None:
+        """Write a line on a coloured bar along the bottom.
+
+        Args:
+            image: Image to write on.
+            text: Text.
+            ground: Colour of the bar.
+        """
         bar = (0, image.height - self.height(1), image.width, image.height)
         ImageDraw.Draw(image).rectangle(bar, fill=ground)
         self.write(image, text, -1)
 
 
-def motion(velocity: Array) -> str:
-    """Forward and left, m/s, and yaw rate, rad/s, (3,), in words."""
+def format_velocity(velocity: Array) -> str:
+    """Format forward and left velocity, m/s, and yaw rate, rad/s, (3,)."""
     forward, left, turning = velocity.round(2) + 0.0  # no negative zero
     return f"{forward:+.2f} m/s forward, {left:+.2f} m/s left, {turning:+.2f} rad/s"
 
 
-def ink(colour: Colour) -> Ink:
-    """A mark's colour for text."""
+def text_colour(colour: Colour) -> Ink:
+    """Convert the colour of a mark to a text colour."""
     return round(255 * colour[0]), round(255 * colour[1]), round(255 * colour[2])

@@ -1,33 +1,48 @@
-"""Curves and events of an episode, as JSON values, for a page that shows them next to its film."""
+"""Curves and events of an episode, as JSON values, for the page that shows them with its film."""
 
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from evaluate.analysis.results import without_nan
+from evaluate.analysis.results import nan_to_null
 from evaluate.measures.averages import Floats
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures
 
 SIGNALS = "foot_contact", "tilt", "height", "heading_velocity", "command", "foot_height"
+"""Fields of `Episodes` that the page draws."""
 
 
 def curves(episodes: Episodes, end: int) -> dict[str, Any]:
-    """Signals of the first episode's first `end` control steps, by name: a value a step, that of the reading after it,
-    in a list for each of its columns. `torque_share` is the largest of each leg's joints, `given` as of `as_given`."""
+    """Return the signals of the first episode.
+
+    Args:
+        episodes: Recorded episodes.
+        end: Number of control steps to return.
+
+    Returns:
+        Signal -> a list for each of its columns, one value per control step, from the reading after it. `torque_share`
+        is the largest of each leg's joints, `given` is from `estimated_state`.
+    """
     found = {name: np.asarray(getattr(episodes, name)[:end, 0], np.float64) for name in SIGNALS}
     share = episodes.peak_torque[:end, 0].astype(np.float64) / np.asarray(episodes.torque_limit)
     found["torque_share"] = share.reshape(end, len(episodes.robot.leg_names), -1).max(axis=-1)
     if episodes.observed is not None:
         found["given"] = estimated_state(episodes.observed[:end, 0].astype(np.float64))
     columns = {name: values.round(4).reshape(end, -1).T.tolist() for name, values in found.items()}
-    return {name: without_nan(lists) for name, lists in columns.items()}
+    return {name: nan_to_null(lists) for name, lists in columns.items()}
 
 
 def estimated_state(observed: Floats) -> Floats:
-    """Tilt, rad, velocity ahead and to the left, m/s, and yaw rate, rad/s, (steps, 4), by what alone the policy was
-    given, whose vertical is that of the gravity it was given."""
+    """Compute the robot's motion from the policy's observation; its vertical is the observed gravity.
+
+    Args:
+        observed: Observed gravity, angular velocity, rad/s, and linear velocity, m/s, base frame, (steps, 9).
+
+    Returns:
+        Tilt, rad, forward and left velocity, m/s, and yaw rate, rad/s, (steps, 4).
+    """
     gravity, turning, velocity = np.split(observed, 3, axis=1)
     up = -gravity / np.maximum(np.linalg.norm(gravity, axis=1), 1e-9)[:, None]
     nose = np.array([1.0, 0.0, 0.0]) - up[:, :1] * up
@@ -38,7 +53,16 @@ def estimated_state(observed: Floats) -> Floats:
 
 
 def events(episodes: Episodes, measures: Measures, end: int) -> Iterator[dict[str, Any]]:
-    """Pushes, new commands, the cause and the fall of the first episode's first `end` control steps."""
+    """Yield pushes, new commands, the cause and the fall of the first episode.
+
+    Args:
+        episodes: Recorded episodes.
+        measures: Their measures.
+        end: Number of control steps.
+
+    Yields:
+        Kind, time, s, and words of an event, as JSON values.
+    """
     dt = episodes.dt
     for step, impulse in zip(episodes.push_step[0].tolist(), episodes.push_impulse[0], strict=True):
         if step < end:

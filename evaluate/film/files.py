@@ -1,4 +1,4 @@
-"""Files of films: MP4, WebP, GIF, or a strip of frames in a PNG; each is there whole or not at all."""
+"""Files of films: MP4, WebP, GIF, or a strip of frames in a PNG; written completely or not at all."""
 
 import io
 import tempfile
@@ -13,22 +13,30 @@ from PIL import Image
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.files.writing import write_atomically
 
-STRIP = ".png"
-KINDS = (".mp4", ".webp", ".gif", STRIP)
+STRIP_SUFFIX = ".png"
+FILM_SUFFIXES = (".mp4", ".webp", ".gif", STRIP_SUFFIX)
 STRIP_FRAMES, STRIP_WIDTH = 12, 2560
-"""Images of a strip, and pixels that its rows fill."""
-END_SHOWN = 1.5
-"""s for which the last frame stays."""
+"""pixels. Width of the rows of a strip."""
+LAST_FRAME_TIME = 1.5
+"""s. Additional display time of the last frame."""
 
-MOST_PIXELS = 500_000_000
-"""Of all images of what is in memory until it is written, 4 bytes a pixel: all but an MP4."""
+MAX_PIXELS = 500_000_000
+"""Largest number of pixels in all frames of a format that is encoded in memory, 4 bytes each; MP4 is not."""
 
 
-def check(path: Path, option: str = "--video") -> None:
-    """Raise UsageError unless a film can be written there in the format that the file's name asks for."""
+def check_film_path(path: Path, option: str = "--video") -> None:
+    """Raise an error unless a film can be written.
+
+    Args:
+        path: File of the film; its suffix selects the format.
+        option: Option that names the file, for the message.
+
+    Raises:
+        UsageError: The suffix is unknown, an encoder is missing, or the folder cannot be made.
+    """
     kind = path.suffix.lower()
-    if kind not in KINDS:
-        raise UsageError(f"{option} must end in {', '.join(KINDS)}, not {path.name!r}")
+    if kind not in FILM_SUFFIXES:
+        raise UsageError(f"{option} must end in {', '.join(FILM_SUFFIXES)}, not {path.name!r}")
     if kind == ".mp4":
         try:
             import imageio_ffmpeg
@@ -42,28 +50,55 @@ def check(path: Path, option: str = "--video") -> None:
 
 
 def check_pixels(path: Path, pixels: int) -> None:
-    """Raise UsageError where so many cannot be written in that format."""
-    if path.suffix.lower() != ".mp4" and pixels > MOST_PIXELS:
+    """Raise an error if a film is too long for its format.
+
+    Args:
+        path: File of the film.
+        pixels: Number of pixels in all frames.
+
+    Raises:
+        UsageError: The format is encoded in memory, and there are more than MAX_PIXELS.
+    """
+    if path.suffix.lower() != ".mp4" and pixels > MAX_PIXELS:
         raise UsageError(
-            f"a {path.suffix} of {pixels / 1e6:.0f} million pixels is too long, {MOST_PIXELS / 1e6:.0f} are the most: "
+            f"a {path.suffix} of {pixels / 1e6:.0f} million pixels is too long, {MAX_PIXELS / 1e6:.0f} are the most: "
             "write an .mp4, or film less, in smaller frames or fewer a second"
         )
 
 
-def write(images: Iterable[Image.Image], path: Path, period: float) -> None:
-    """Write a film that shows each image for `period` s, the last one longer. Raises OSError where that fails."""
+def write_film(images: Iterable[Image.Image], path: Path, period: float) -> None:
+    """Write a film; the last image is shown longer.
+
+    Args:
+        images: Frames of equal size.
+        path: File; its suffix selects the format.
+        period: Display time of a frame, s.
+    """
     kind = path.suffix.lower()
     if kind == ".mp4":
         _encode(images, path, period)
     else:
         whole = list(images)
-        write_atomically(path, _strip(whole) if kind == STRIP else moving_picture(whole, kind[1:], period, END_SHOWN))
+        write_atomically(
+            path, _strip(whole) if kind == STRIP_SUFFIX else encode_animation(whole, kind[1:], period, LAST_FRAME_TIME)
+        )
 
 
-def moving_picture(
+def encode_animation(
     images: Sequence[Image.Image], kind: str, period: float, end: float = 0.0, quality: int = 80
 ) -> bytes:
-    """A WebP, of that quality out of 100, or a GIF, over and over: each image for `period` s, the last `end` s more."""
+    """Encode a WebP or GIF animation that repeats.
+
+    Args:
+        images: Frames of equal size.
+        kind: `webp` or `gif`.
+        period: Display time of a frame, s.
+        end: Additional display time of the last frame, s.
+        quality: Quality of WebP, out of 100.
+
+    Returns:
+        Contents of the file.
+    """
     buffer, lasting = io.BytesIO(), [round(1000 * period)] * len(images)
     lasting[-1] += round(1000 * end)
     how = {"duration": lasting, "loop": 0, "quality": quality, "method": 4}  # a third smaller than by Pillow's 0
@@ -72,15 +107,15 @@ def moving_picture(
 
 
 def _strip(images: list[Image.Image]) -> bytes:
-    """So many images, evenly over the film, in rows."""
+    """Encode STRIP_FRAMES images, evenly over the film, in rows of a PNG."""
     places = np.linspace(0, len(images) - 1, min(STRIP_FRAMES, len(images))).round().astype(int)
     rows = -(-len(places) // max(1, STRIP_WIDTH // images[0].width))
-    tiled([images[place] for place in places], -(-len(places) // rows)).save(buffer := io.BytesIO(), "png")
+    tile_images([images[place] for place in places], -(-len(places) // rows)).save(buffer := io.BytesIO(), "png")
     return buffer.getvalue()
 
 
-def tiled(images: Sequence[Image.Image], columns: int) -> Image.Image:
-    """Images of one size in rows of so many."""
+def tile_images(images: Sequence[Image.Image], columns: int) -> Image.Image:
+    """Arrange `images` of equal size in rows of at most `columns`."""
     width, height = images[0].size
     columns = min(columns, len(images))
     out = Image.new("RGB", (columns * width, -(-len(images) // columns) * height), "white")
@@ -90,7 +125,11 @@ def tiled(images: Sequence[Image.Image], columns: int) -> Image.Image:
 
 
 def _encode(images: Iterable[Image.Image], path: Path, period: float) -> None:
-    """An MP4 of even width and height, as its colours need; OSError unless all of it is there in the end."""
+    """Encode an MP4 with even width and height, as its colour format needs.
+
+    Raises:
+        OSError: The file is incomplete.
+    """
     import imageio_ffmpeg
 
     left = iter(images)
@@ -101,7 +140,7 @@ def _encode(images: Iterable[Image.Image], path: Path, period: float) -> None:
         temporary, count, frame = Path(folder) / path.name, 0, b""
         with closing(imageio_ffmpeg.write_frames(str(temporary), size, **how)) as encoder:
             encoder.send(None)
-            for image in chain([first], left, repeat(None, round(END_SHOWN / period))):
+            for image in chain([first], left, repeat(None, round(LAST_FRAME_TIME / period))):
                 frame = frame if image is None else image.crop((0, 0, *size)).tobytes()
                 encoder.send(frame)
                 count += 1

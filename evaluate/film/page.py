@@ -1,4 +1,4 @@
-"""The page of an episode: film and curves under one cursor, of one policy or of several, in one offline file."""
+"""Page of an episode: film and curves under one cursor, for one or more policies, in one offline file."""
 
 import io
 import json
@@ -18,42 +18,73 @@ from evaluate.rollouts.run import measure_cell
 from quad_env.config import FallRule
 from quad_env.files.writing import write_atomically
 
-LOOK = RenderOptions((480, 300), camera=None, rate=20.0)
+PAGE_RENDER_OPTIONS = RenderOptions((480, 300), camera=None, rate=20.0)
+"""Size and rate of the film on a page."""
 QUALITY = 70
-"""Of the WebP images, out of 100."""
+"""Quality of the WebP images, out of 100."""
 LEAD = 1.0
-"""s before the first cause or fall at which the page opens."""
+"""s. Time before the first cause or fall at which the page opens."""
 
 
 def write_page(take: FilmSpec, path: Path, progress: Progress) -> None:
-    """Simulate, film and write; the film ends as others do. Raises as `film`."""
+    """Simulate, film and write the page of an episode.
+
+    Args:
+        spec: Episode to film; the film ends as `render_frames` does.
+        path: File to write.
+        progress: Receives the completed part, 0 … 1.
+    """
     count = len(take.policies)
-    shown = [_shown(policy, take, part(progress, place, count)) for place, policy in enumerate(take.policies)]
-    write_atomically(path, page(take.title, shown).encode())
+    shown = [
+        _episode_json(policy, take, partial_progress(progress, place, count))
+        for place, policy in enumerate(take.policies)
+    ]
+    write_atomically(path, render_page(take.title, shown).encode())
     progress(1.0)
 
 
-def part(progress: Progress, done: int, count: int) -> Progress:
-    """Progress of the next of so many equal parts."""
+def partial_progress(progress: Progress, done: int, count: int) -> Progress:
+    """Return the progress of one of several equal parts.
+
+    Args:
+        progress: Receives the completed part of the whole.
+        done: Number of completed parts.
+        count: Number of parts.
+
+    Returns:
+        Receives the completed part, 0 … 1, of the next one.
+    """
     return lambda share: progress((done + share) / count)
 
 
-def page(title: str, episodes: list[dict[str, Any]]) -> str:
-    """The whole page, of the same episode of several policies."""
+def render_page(title: str, episodes: list[dict[str, Any]]) -> str:
+    """Render the page of the same episode of several policies.
+
+    Args:
+        title: Title of the page.
+        episodes: Content of each policy's episode, from `_episode_json`.
+
+    Returns:
+        HTML.
+    """
     failures = [event["time"] for each in episodes for event in each["events"] if event["kind"] in ("cause", "fall")]
-    values = {"period": LOOK.period, "start": max(0.0, min(failures, default=0.0) - LEAD), "episodes": episodes}
+    values = {
+        "period": PAGE_RENDER_OPTIONS.period,
+        "start": max(0.0, min(failures, default=0.0) - LEAD),
+        "episodes": episodes,
+    }
     data = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     folder = Path(__file__).with_name("html")
     html, css, js = ((folder / f"episode.{kind}").read_text(encoding="utf-8") for kind in ("html", "css", "js"))
     return Template(html).substitute(title=escape(title), css=css, js=js, data=data)
 
 
-def _shown(policy: LabelledPolicy, take: FilmSpec, progress: Progress) -> dict[str, Any]:
-    """What the page has of one policy's episode, as JSON values."""
+def _episode_json(policy: LabelledPolicy, take: FilmSpec, progress: Progress) -> dict[str, Any]:
+    """Simulate and film one policy's episode; return the content of the page as JSON values."""
     frames = []
-    with closing(EpisodeView(policy, take, LOOK)) as panel:
+    with closing(EpisodeView(policy, take, PAGE_RENDER_OPTIONS)) as panel:
         for step in panel:
-            if step.number % LOOK.steps_per_frame == 0:
+            if step.number % PAGE_RENDER_OPTIONS.steps_per_frame == 0:
                 panel.picture().save(image := io.BytesIO(), "webp", quality=QUALITY, method=2)
                 frames.append(f"data:image/webp;base64,{b64encode(image.getvalue()).decode()}")
                 progress(step.number / take.steps)

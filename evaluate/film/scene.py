@@ -1,4 +1,4 @@
-"""What is drawn into the frames of an episode: arrows at the trunk, and feet by their contact."""
+"""Marks in the frames of an episode: arrows at the trunk, and balls at the feet by contact."""
 
 import math
 from collections import deque
@@ -18,30 +18,30 @@ PUSH: Colour = (0.9, 0.15, 0.15, 1.0)
 CONTACT: Colour = (0.1, 0.6, 1.0, 1.0)
 SWING: Colour = (1.0, 1.0, 1.0, 1.0)
 VELOCITY_WINDOW = 0.5
-"""Time over which the velocity that is shown is a mean, s: a trot sways within a stride."""
+"""s. Averaging time of the displayed velocity, because a trot sways within a stride."""
 PUSH_DISPLAY_TIME = 0.2
-"""s for which a push is marked longer than it is on, since it is shorter than the eye needs."""
+"""s. Additional display time of a push, which is otherwise too short to see."""
 AHEAD = 0.5
-"""s of way that an arrow of a velocity is long, on SimpleQuad."""
+"""s. Length of a velocity arrow over the velocity, on SimpleQuad."""
 _FORCE = 0.2
-"""m for each of its own weights that an arrow of a push is long, on SimpleQuad."""
+"""m. Length of a push arrow for a force of one body weight, on SimpleQuad."""
 _RADIUS, _ABOVE, _FOOT = 0.018, 0.22, 0.03
 """Of the arrows, between them and the trunk, and of the balls at the feet, m, on SimpleQuad."""
 
 
-def headings(step: Step) -> Array:
-    """Yaw of every robot's heading frame in the world, rad, (n,)."""
+def heading_angles(step: Step) -> Array:
+    """Return the yaw of every robot's heading frame in the world, rad, (n,)."""
     rotation = rotation_matrix(to_components(step.infos["quaternion"]))
     return np.arctan2(rotation[1][0], rotation[0][0])
 
 
-def heading(step: Step) -> float:
-    """Yaw of the first robot's heading frame in the world, rad."""
-    return float(headings(step)[0])
+def heading_angle(step: Step) -> float:
+    """Return the yaw of the first robot's heading frame in the world, rad."""
+    return float(heading_angles(step)[0])
 
 
 class Scene:
-    """The first robot's arrows, step by step."""
+    """Marks of the first robot, updated at every control step."""
 
     def __init__(self, start: Step) -> None:
         self._velocities: deque[Array] = deque(maxlen=max(1, round(VELOCITY_WINDOW / start.env.dt)))
@@ -51,7 +51,7 @@ class Scene:
         """The latest."""
 
     def advance(self, step: Step) -> None:
-        """Take note of a control step."""
+        """Update the marks with a control step."""
         self.step = step
         self._velocities.append(step.infos["heading_velocity"][0].copy())
         push = step.infos["push"][0]
@@ -60,16 +60,16 @@ class Scene:
 
     @property
     def velocity(self) -> Array:
-        """Forward and left, m/s, heading frame, and yaw rate, rad/s, mean of the last MEAN_OVER s, (3,)."""
+        """Mean over VELOCITY_WINDOW: forward and left, heading frame, m/s, and yaw rate, rad/s, (3,)."""
         return np.mean(self._velocities, axis=0) if self._velocities else np.zeros(3)
 
     @property
-    def pushed(self) -> bool:
-        """Whether a push is to be seen."""
+    def is_push_shown(self) -> bool:
+        """True while a push is displayed."""
         return self.step.number < self._push_until
 
     def marks(self) -> list[Arrow | Ball]:
-        """The arrows, and a ball at each foot with the leg's name: blue on the ground, white in the air."""
+        """Return the arrows, and a ball at each foot with the leg's name: blue in contact, white in the air."""
         infos, robot = self.step.infos, self.step.env.robot
         radius = max(scale_to_robot(robot, _FOOT, "m"), 1.1 * robot.foot_radius)
         feet = zip(infos["foot_position"][0].tolist(), infos["foot_contact"][0], robot.leg_names, strict=True)
@@ -77,13 +77,11 @@ class Scene:
         return [*self.arrows(), *balls]
 
     def arrows(self) -> list[Arrow]:
-        """Arrows of the command and of the velocity, and of a push."""
+        """Return the arrows of command, velocity, and push if one is displayed."""
         robot, trunk = self.step.env.robot, self.step.infos["position"][0]
         payload = self.step.env.scenario.payload
-        above = (
-            scale_to_robot(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
-        )
-        yaw = heading(self.step)
+        above = scale_to_robot(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
+        yaw = heading_angle(self.step)
         ahead, cos, sin = scale_to_robot(robot, AHEAD, "s"), math.cos(yaw), math.sin(yaw)
         found = []
         for (forward, left, _), colour, lift in (
@@ -92,11 +90,12 @@ class Scene:
         ):
             way = ahead * np.array([cos * forward - sin * left, sin * forward + cos * left, 0.0])
             found.append(self._arrow(trunk + np.array([0.0, 0.0, lift]), way, colour))
-        if self.pushed:
+        if self.is_push_shown:
             weights = self._push / (robot.mass * GRAVITY)
             found.append(self._arrow(trunk, scale_to_robot(robot, _FORCE, "m") * np.array([*weights, 0.0]), PUSH, 1.5))
         return found
 
     def _arrow(self, start: Array, way: Array, colour: Colour, thickness: float = 1.0) -> Arrow:
+        """Return an arrow from a start by a displacement, world frame, m."""
         radius = thickness * scale_to_robot(self.step.env.robot, _RADIUS, "m")
         return Arrow(tuple(start.tolist()), tuple((start + way).tolist()), radius, colour)

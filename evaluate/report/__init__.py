@@ -1,1 +1,1 @@
-"""`report.html`: one page that opens offline, on a phone and in print; what every policy succeeds in comes first."""
+"""Tables on the terminal, and the HTML report."""

@@ -1,4 +1,4 @@
-"""Tables on a terminal: in columns, or where it is too narrow for them, in lines."""
+"""Tables on a terminal: in columns, or in lines if the terminal is too narrow."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,45 +14,51 @@ from rich.table import Table
 from quad_env.cli.format import NO_BREAK, break_name
 
 NAME_WIDTH = 20
-"""Characters of a name in a line at the head of a row; the rest goes on below."""
+"""Characters of a name in one line at the head of a row; the rest continues below."""
 _BREAK = "\u200b\n"
 """Line break in a name; a table drops the first character."""
-UNBOUNDED = 10_000
-"""Columns that no table needs."""
+UNLIMITED_WIDTH = 10_000
+"""Characters. More than any table needs; measures the natural width of a table."""
 
 
-def row_name(name: str) -> str:
-    """A name at the head of a row, as markup."""
-    return f" {escape(name_in_lines(name, NAME_WIDTH, ' '))}"
+def format_row_name(name: str) -> str:
+    """Format a name for the head of a row, as markup."""
+    return f" {escape(wrap_name(name, NAME_WIDTH, ' '))}"
 
 
-def name_in_lines(name: str, width: int, indent: str = "") -> str:
-    """Break a name at the ends of its words; it is whole again in lines instead of a table.
+def wrap_name(name: str, width: int, indent: str = "") -> str:
+    """Break a name at the ends of its words; text in lines joins it again.
 
     Args:
         name: Name.
         width: Characters of a line.
         indent: Text before each further line.
+
+    Returns:
+        The name with line breaks.
     """
     return f"{_BREAK}{indent}".join(break_name(name, width))
 
 
-def breaking_names(text: str, width: int) -> str:
-    """Break words longer than a line, such as paths, at the ends of their parts."""
+def break_long_words(text: str, width: int) -> str:
+    """Break words of a `text` that are longer than `width` characters at the ends of their parts."""
     return re.sub(r"\S+", lambda word: "\n".join(break_name(word[0], width)) if len(word[0]) > width else word[0], text)
 
 
 @dataclass(frozen=True)
 class FittedTable:
-    """A table in the style of all of them, or, where the console is too narrow for it, the same in lines."""
+    """Table in the common style; a console that is too narrow for it gets the cells in lines."""
 
     title: str
+    """Text above the table."""
     heads: Mapping[str, str]
+    """Column -> heading; the first column is left-aligned."""
     groups: Mapping[str, Sequence[Mapping[str, str]]]
+    """Name of a group -> its rows, each column -> cell; the name is a row of its own, unless empty."""
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
         table = self._table()
-        wide = options.update(max_width=UNBOUNDED)
+        wide = options.update(max_width=UNLIMITED_WIDTH)
         yield table if Measurement.get(console, wide, table).maximum <= options.max_width else Group(*self._lines())
 
     def _table(self) -> Table:
@@ -62,37 +68,46 @@ class FittedTable:
         )  # fmt: skip
         first = next(iter(self.heads))
         for column, head in self.heads.items():
-            table.add_column(_in_a_table(head), justify="left" if column == first else "right", overflow="fold")
+            table.add_column(_table_text(head), justify="left" if column == first else "right", overflow="fold")
         for group, rows in self.groups.items():
             if group:
                 table.add_row(f"[bold]{escape(group)}[/bold]")
             for row in rows:
-                table.add_row(*(_in_a_table(row[column]) for column in self.heads))
+                table.add_row(*(_table_text(row[column]) for column in self.heads))
         return table
 
     def _lines(self) -> Iterator[RenderableType]:
-        (first, *columns), heads = self.heads, {name: _in_a_line(head) for name, head in self.heads.items()}
+        (first, *columns), heads = self.heads, {name: _line_text(head) for name, head in self.heads.items()}
         yield self.title
         for group, rows in self.groups.items():
             if group:
                 yield f"[bold]{escape(group)}[/bold]"
             for row in rows:
-                yield _in_a_line(row[first]).removeprefix(" ")
-                cells = (f"{heads[name]}: {_in_a_line(row[name], NO_BREAK)}" for name in columns if row[name])
+                yield _line_text(row[first]).removeprefix(" ")
+                cells = (f"{heads[name]}: {_line_text(row[name], NO_BREAK)}" for name in columns if row[name])
                 yield Padding("; ".join(cells), (0, 0, 0, 2))
 
 
-def _in_a_table(text: str) -> str:
+def _table_text(text: str) -> str:
     return text.replace(_BREAK, "\n")
 
 
-def _in_a_line(text: str, space: str = " ") -> str:
-    """A cell that was broken, as one line; a name goes on where it was broken."""
+def _line_text(text: str, space: str = " ") -> str:
+    """Join the text of a broken cell in one line; a broken name continues without a space."""
     return re.sub(f"{_BREAK} ?", "", text).replace("\n", " ").replace(" ", space)
 
 
 def console_table(
     title: str, heads: Mapping[str, str], groups: Mapping[str, Iterable[Mapping[str, str]]]
 ) -> FittedTable:
-    """A table: headings, and the cells of each row, by column, below their group's name."""
+    """Create a table from headings and grouped rows.
+
+    Args:
+        title: Text above the table.
+        heads: Column -> heading.
+        groups: Name of a group -> its rows, each column -> cell.
+
+    Returns:
+        The table, to be printed with rich.
+    """
     return FittedTable(title, heads, {group: [*rows] for group, rows in groups.items()})

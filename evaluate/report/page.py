@@ -1,4 +1,4 @@
-"""The whole page, section by section."""
+"""HTML page of a report."""
 
 from html import escape
 from pathlib import Path
@@ -6,16 +6,16 @@ from typing import Any
 
 from evaluate.analysis.results import Results
 from evaluate.hardware import words as words_of
-from evaluate.report.html import breakable, contents, fold, note, section
+from evaluate.report.html import breakable, collapsible, contents, note, section
 from evaluate.report.plots import drawing
-from evaluate.report.sections.axis_section import disturbances
-from evaluate.report.sections.causes import causes
-from evaluate.report.sections.effort import effort
-from evaluate.report.sections.failures import failures
-from evaluate.report.sections.figures import definitions, policy_label
-from evaluate.report.sections.overview import overview
-from evaluate.report.sections.ranking import best_and_worst, ranking
-from evaluate.report.verdict import verdict
+from evaluate.report.sections.axis_section import render_axes
+from evaluate.report.sections.causes import render_causes
+from evaluate.report.sections.effort import render_effort
+from evaluate.report.sections.failures import render_failures
+from evaluate.report.sections.figures import measure_definitions, policy_label
+from evaluate.report.sections.overview import render_overview
+from evaluate.report.sections.ranking import render_best_and_worst, render_ranking
+from evaluate.report.verdict import ranking_verdict
 from policies.summaries import explained
 from quad_env.cli.format import join_names, with_count
 from quad_env.files.writing import write_atomically
@@ -37,28 +37,44 @@ NOTES = (
     "crosses one half. What fewer and more are is shown by exact binomial tests.",
     "The intervals speak of episodes, not of training: another training seed gives another policy.",
 )
+"""Explanations of the methods, at the end of the page."""
 Origin = tuple[str, str]
-"""Command and day that a run was begun by and on; each empty where it is not known."""
+"""Command and day of the start of a run; each is empty if unknown."""
 
 
 def write_report(results: Results, path: Path, **about: Any) -> None:
-    """Write report.html; `about` as of `render`."""
+    """Write the page of a run.
+
+    Args:
+        results: Results of the run.
+        path: File to write.
+        about: Further arguments of `render`.
+    """
     write_atomically(path, render(results, folder=path.parent, **about).encode())
 
 
 def render(results: Results, *, made_by: Origin = ("", ""), folder: Path = Path()) -> str:
-    """The whole page, to be in that folder."""
+    """Render the whole page.
+
+    Args:
+        results: Results of the run.
+        made_by: Command and day of the start of the run.
+        folder: Folder of the page, for links to the pages of episodes.
+
+    Returns:
+        HTML.
+    """
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
-    with drawing.settings():
+    with drawing.plot_settings():
         answers = [
-            ranking(results),
-            best_and_worst(results),
-            causes(results),
-            failures(results, folder),
-            effort(results),
+            render_ranking(results),
+            render_best_and_worst(results),
+            render_causes(results),
+            render_failures(results, folder),
+            render_effort(results),
         ]
-        axes = disturbances(results)
-        details = [overview(results), contents(axes, "Axes"), axes, _about(results), _notes(results)]
+        axes = render_axes(results)
+        details = [render_overview(results), contents(axes, "Axes"), axes, _about(results), _notes(results)]
     body = "".join([*answers, *details])
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -69,18 +85,19 @@ def render(results: Results, *, made_by: Origin = ("", ""), folder: Path = Path(
 
 
 def _head(results: Results, made_by: Origin) -> str:
+    """Render title, extent of the run, and warnings."""
     interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     warning = "" if results.complete else interrupted
-    warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in warnings(results))
+    warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in list_warnings(results))
     command, date = map(escape, made_by)
     begun = f", begun on {date}" if date else ""
     made = f" Made by <code>{command}</code>{begun}." if command else ""
-    about = f"{escape(extent(results))}. Seed {results.seed}.{words_of(results.hardware)}{made}"
-    return f'<h1>{breakable(verdict(results.ranking))}</h1><p class="soft">{about}</p>{warning}'
+    about = f"{escape(describe_extent(results))}. Seed {results.seed}.{words_of(results.hardware)}{made}"
+    return f'<h1>{breakable(ranking_verdict(results.ranking))}</h1><p class="soft">{about}</p>{warning}'
 
 
 def _about(results: Results) -> str:
-    """What each policy is."""
+    """Render the description of each policy."""
     roles = {results.baseline: " <small>(baseline)</small>"} if len(results.policies) > 1 else {}
     about = {name: f": {escape(text)}" for name, text in explained(results.policies).items()}
     legend = (f"<li>{policy_label(results, p)}{roles.get(p, '')}{about.get(p, '')}</li>" for p in results.policies)
@@ -88,19 +105,20 @@ def _about(results: Results) -> str:
 
 
 def _notes(results: Results) -> str:
+    """Render the notes on methods, measures and versions."""
     notes = "".join(f"<li>{escape(text)}</li>" for text in NOTES)
     made_with = "; ".join(f"{name} {version or 'unknown'}" for name, version in results.versions.items())
     return section(
         "How it was measured",
         f"<ul>{notes}</ul>",
-        fold("Every measure: unit, frame, formula, source", definitions(), printed=True),
+        collapsible("Every measure: unit, frame, formula, source", measure_definitions(), printed=True),
         note(f"Made with {made_with}."),
         note("In the same folder: results.json (these figures), episodes.parquet (a row an episode)."),
     )
 
 
-def warnings(results: Results) -> list[str]:
-    """What a reader has to know first: policies with errors, and why a run until settled ended."""
+def list_warnings(results: Results) -> list[str]:
+    """List the warnings at the head of the page: policies with errors, and the end of a run until settled."""
     lines = [
         f"{each.policy} failed in {each.failed} of {with_count(each.episodes, 'episode')}; in the first it {each.first}"
         for each in results.policy_errors
@@ -114,8 +132,8 @@ def warnings(results: Results) -> list[str]:
     return lines
 
 
-def extent(results: Results) -> str:
-    """`64 episodes of each policy on each of 27 scenarios, of document on flat alone`."""
+def describe_extent(results: Results) -> str:
+    """Describe the extent of a run: `64 episodes of each policy on each of 27 scenarios`."""
     ran = {policy: [name for name, other in results.summaries if other == policy] for policy in results.policies}
     fewer = {policy: names for policy, names in ran.items() if len(names) < len(results.scenarios)}
     alone = [f"of {policy} on {join_names(names)} alone" for policy, names in fewer.items() if results.complete]

@@ -1,9 +1,9 @@
 """Breaking points: the severity of an axis at which half of the episodes fail.
 
-The figure is where a monotone regression, straight over the logarithm of severity between the levels, crosses one
-half. The interval reaches from the last level at which an exact test shows that fewer than half fail to the first at
-which it shows that more do. Levels are tested from the mildest up to the first that fails its test, and from the
-hardest down in the same way, so that many levels cost no correction.
+The breaking point is where a monotone regression crosses one half; between the levels it is straight over the logarithm
+of severity. The interval reaches from the last level with significantly fewer failures than one half to the first level
+with significantly more, by exact tests. Levels are tested from the mildest up to the first that fails its test, and in
+the same way from the hardest down. Many levels therefore need no correction.
 """
 
 from dataclasses import dataclass
@@ -14,30 +14,41 @@ import numpy as np
 
 from evaluate.statistics.intervals import CONFIDENCE, Bools, Floats, Interval
 
-LEAST_LEVELS = 3
-"""Severities below which there is no breaking point."""
+MIN_LEVELS = 3
+"""Minimum number of severities for a breaking point."""
 
-Found = Literal["crossed", "never", "always"]
+BreakingPointKind = Literal["crossed", "never", "always"]
 
 
 @dataclass(frozen=True)
 class BreakingPoint:
-    """Where a policy breaks, and where it might."""
+    """Breaking point of a policy on an axis, made by `breaking_point`."""
 
-    found: Found
+    found: BreakingPointKind
     """`crossed`; `never`: less than half fail at the hardest level; `always`: half or more fail at the mildest."""
     severity50: float
-    """NaN unless crossed."""
+    """Severity at which half of the episodes fail; NaN unless crossed."""
     ci: Interval
-    """95 %; an infinite end lies beyond the levels tried."""
+    """95 % interval; an infinite end lies beyond the levels."""
 
 
 def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
-    """From failures (k, n) at severities (k,), the mildest first; ValueError for too few or for some out of order."""
+    """Compute the breaking point of an axis.
+
+    Args:
+        severities: Severities, (k,), the mildest first.
+        failed: Failures of n episodes at each severity, (k, n).
+
+    Returns:
+        Breaking point and interval.
+
+    Raises:
+        ValueError: There are too few severities, or they are out of order.
+    """
     steps = np.diff(severities)
-    if len(severities) < LEAST_LEVELS or severities.min() < 0.0 or not ((steps > 0).all() or (steps < 0).all()):
-        raise ValueError(f"a breaking point takes {LEAST_LEVELS} or more severities from the mildest to the hardest")
-    ci = _severities(severities, bracket(failed))
+    if len(severities) < MIN_LEVELS or severities.min() < 0.0 or not ((steps > 0).all() or (steps < 0).all()):
+        raise ValueError(f"a breaking point takes {MIN_LEVELS} or more severities from the mildest to the hardest")
+    ci = _severity_interval(severities, bracket_levels(failed))
     x, rates = monotone_curve(severities, failed.mean(axis=1))
     if rates[0] >= 0.5 or rates[-1] < 0.5:
         return BreakingPoint("always" if rates[0] >= 0.5 else "never", np.nan, ci)
@@ -46,10 +57,18 @@ def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
 
 
 def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
-    """Severities and shares between which the curve of failures is straight over ln(severity), the mildest first.
+    """Fit a monotone curve of failures by centred isotonic regression.
 
-    Centred isotonic regression (Oron and Flournoy 2017, Statistics in Biopharmaceutical Research 9): levels whose order
-    is the wrong way round become one, at their mean. A severity of 0 is no disturbance and has no logarithm.
+    The curve is straight over ln(severity) between its points. Levels in the wrong order are merged into one at their
+    mean (Oron and Flournoy 2017, Statistics in Biopharmaceutical Research 9). A severity of 0 is no disturbance, has no
+    logarithm, and is left out.
+
+    Args:
+        severities: Severities, (k,), the mildest first.
+        rates: Proportion of failures at each, (k,).
+
+    Returns:
+        Severities and proportions of failures at the points of the curve, the mildest first.
     """
     from scipy.optimize import isotonic_regression
 
@@ -64,10 +83,10 @@ def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
     return np.exp(logarithms), shares
 
 
-def bracket(failed: Bools) -> tuple[int, int]:
-    """Numbers of the levels, of (k, n), between which half fail; −1 and k lie beyond them.
+def bracket_levels(failed: Bools) -> tuple[int, int]:
+    """Return the indices of the levels, of (k, n) failures, between which half of the episodes fail.
 
-    The test is the binomial one, with a chance of an error of 2.5 % on either side.
+    −1 and k lie beyond the levels. The test is binomial, with an error probability of 2.5 % on either side.
     """
     from scipy.stats import binom
 
@@ -78,8 +97,8 @@ def bracket(failed: Bools) -> tuple[int, int]:
     return int(np.argmin([*fewer, False])) - 1, levels - int(np.argmin([*more[::-1], False]))
 
 
-def _severities(severities: Floats, levels: tuple[int, int]) -> Interval:
-    """Those of two levels in their order; an infinite end for what lies beyond."""
+def _severity_interval(severities: Floats, levels: tuple[int, int]) -> Interval:
+    """Return the severities of two levels in ascending order; an end beyond the levels is infinite."""
     rising = severities[-1] > severities[0]
     padded = [*(float(each) for each in severities), np.inf if rising else -np.inf, -np.inf if rising else np.inf]
     low, high = sorted((padded[levels[0]], padded[levels[1]]))

@@ -1,6 +1,6 @@
-"""Intervals of shares and means, and the resampling behind every bootstrap; all 95 %.
+"""95 % intervals of proportions and means, and the resampling of all bootstraps.
 
-Everything is seeded, so that the same episodes always give the same report.
+Every bootstrap is seeded, so that the same episodes always give the same report.
 """
 
 from collections.abc import Iterator
@@ -14,18 +14,19 @@ Bools = NDArray[np.bool_]
 Interval = tuple[float, float]
 
 CONFIDENCE = 0.95
+"""Confidence level of every interval."""
 UNBOUNDED = (-np.inf, np.inf)
-"""Bounds of values that may be anything."""
+"""Bounds of unbounded values."""
 RESAMPLES = 9999
-"""Resamples of a bootstrap of a mean."""
+"""Number of resamples of a bootstrap."""
 MAX_CACHED_VALUES = 12_000_000
-"""Resamples of at most so many values in all (96 MB) are drawn once and kept for the next of that size."""
+"""Largest size of a cached set of resamples, values (96 MB). Smaller sets are drawn once and reused."""
 BLOCK_VALUES = 500_000
-"""Others are drawn again each time, so many values at once, which bounds the memory."""
+"""Values drawn at once of a larger set, which is drawn again at each use; it bounds the memory."""
 
 
 def wilson_interval(successes: float, trials: float) -> Interval:
-    """Wilson score interval of a share; (NaN, NaN) without trials."""
+    """Compute the Wilson interval of the proportion `successes` / `trials`; (NaN, NaN) without trials."""
     from scipy.special import ndtri
 
     if trials == 0:
@@ -36,12 +37,12 @@ def wilson_interval(successes: float, trials: float) -> Interval:
 
 
 def mean_proportion_interval(shares: Floats) -> Interval:
-    """Interval of the mean of shares within 0 … 1, of which chance draws each by itself; (NaN, NaN) without any.
+    """Compute the interval of the mean of independent proportions within 0 … 1; (NaN, NaN) without any.
 
-    Wilson's, of as many yes-or-no trials as have a mean that varies as much, with Student's t for the normal
-    distribution: how surveys take shares in clusters (Korn and Graubard 1998, Survey Methodology 24; with Wilson's
-    interval Dean and Pagano 2015, Journal of Survey Statistics and Methodology 3). Shares that all agree show nothing
-    of how they vary: each then counts as one trial.
+    It is Wilson's interval for an effective number of yes-or-no trials: the number with an equally variable mean.
+    Student's t replaces the normal distribution. Surveys treat proportions in clusters in this way (Korn and Graubard
+    1998, Survey Methodology 24; with Wilson's interval Dean and Pagano 2015, Journal of Survey Statistics and
+    Methodology 3). Equal proportions show nothing about their variance: each then counts as one trial.
     """
     from scipy.special import ndtri, stdtrit
 
@@ -55,11 +56,20 @@ def mean_proportion_interval(shares: Floats) -> Interval:
     return wilson_interval(mean * trials, trials)
 
 
-def share_difference_interval(only_a: int, only_b: int, pairs: int) -> Interval:
-    """Score interval of the difference of two paired shares, a − b (Tango 1998, Statistics in Medicine 17).
+def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval:
+    """Compute Tango's score interval of the difference of two paired proportions, a − b.
 
-    `only_a` and `only_b` of the pairs disagree. It inverts the score form of McNemar's test as Wilson's inverts that of
-    one share: without any disagreement it still has a width, where a bootstrap would claim certainty.
+    It inverts the score form of McNemar's test as Wilson's interval inverts the test of one proportion (Tango 1998,
+    Statistics in Medicine 17). It has a width even without any discordant pair, where a bootstrap would claim
+    certainty.
+
+    Args:
+        only_a: Number of pairs in which a alone is true.
+        only_b: Number of pairs in which b alone is true.
+        pairs: Number of all pairs.
+
+    Returns:
+        The interval; (NaN, NaN) without pairs.
     """
     from scipy.optimize import brentq
     from scipy.special import ndtri
@@ -77,9 +87,9 @@ def share_difference_interval(only_a: int, only_b: int, pairs: int) -> Interval:
 
 
 def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
-    """Distance of the data from a hypothetical difference of the shares, in its standard deviations.
+    """Return the distance of the data from a hypothetical difference, in its standard deviations.
 
-    The share of `only_b`, under the hypothesis, is the root of 2n q² + B q − b δ(1 − δ) = 0 (Tango's equation 14).
+    Under the hypothesis the proportion of `only_b` is the root of 2n q² + B q − b δ(1 − δ) = 0 (Tango's equation 14).
     """
     if abs(difference) == 1.0:  # a difference that allows for no other data
         return float(np.copysign(np.inf, -difference))
@@ -94,11 +104,18 @@ def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
 
 
 def bootstrap_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int = 0) -> Interval:
-    """Bootstrap interval of the mean, bias-corrected and accelerated; (NaN, NaN) for fewer than two values.
+    """Compute the bias-corrected and accelerated (BCa) bootstrap interval of a mean.
 
-    Corrected, since falls skew the errors of episodes. Values that all agree leave nothing to resample: see
-    `agreeing_interval`, which takes the `bounds` of a value. `scipy.stats.bootstrap(method="BCa")` gives the same;
-    resamples that are kept are four times faster.
+    The correction is needed because falls skew the errors of episodes. `scipy.stats.bootstrap(method="BCa")` gives the
+    same interval; cached resamples are four times faster.
+
+    Args:
+        values: Values, (n,). Equal values leave nothing to resample: see `identical_values_interval`.
+        bounds: Smallest and largest possible value.
+        seed: Seed of the resamples.
+
+    Returns:
+        The interval; (NaN, NaN) for fewer than two values.
     """
     from scipy.special import ndtr, ndtri
 
@@ -117,11 +134,19 @@ def bootstrap_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int =
 
 
 def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed: int = 0) -> Interval:
-    """Bootstrap interval of the mean of paired differences; (NaN, NaN) for fewer than two pairs; `bounds` as above.
+    """Compute the bootstrap interval of the mean of paired differences.
 
-    Percentiles, moved outwards as far as Student's t lies outside the normal distribution and n outside n − 1
-    (Hesterberg 2015, The American Statistician 69). Not BCa, which estimates a skewness from the few episodes in which
-    one policy fell and covers 90 % instead of 95 % (`python -m research calibration`).
+    It takes percentiles, moved outwards by the ratio of Student's t to the normal distribution and of n to n − 1
+    (Hesterberg 2015, The American Statistician 69). BCa is not used here: it estimates a skewness from the few episodes
+    in which one policy fell, and covers 90 % instead of 95 % (`python -m research calibration`).
+
+    Args:
+        differences: Paired differences, (n,).
+        bounds: Smallest and largest possible difference.
+        seed: Seed of the resamples.
+
+    Returns:
+        The interval; (NaN, NaN) for fewer than two pairs.
     """
     from scipy.special import ndtr, stdtrit
 
@@ -134,10 +159,17 @@ def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed:
 
 
 def identical_values_interval(values: Floats, bounds: Interval) -> Interval:
-    """Interval of the mean of n values that all agree; (NaN, NaN) for fewer than two.
+    """Compute the interval of the mean of n equal values.
 
-    Others than those seen have at most the share that Wilson's interval has for none of n, 14 % of 24, and may be
-    anything within the bounds (after Hanley and Lippman-Hand 1983, JAMA 249).
+    Unseen values have at most the proportion of Wilson's upper limit for none of n, 14 % for 24, and may lie anywhere
+    within the bounds (after Hanley and Lippman-Hand 1983, JAMA 249).
+
+    Args:
+        values: Equal values, (n,).
+        bounds: Smallest and largest possible value.
+
+    Returns:
+        The interval; (NaN, NaN) for fewer than two values.
     """
     if len(values) < 2:
         return (np.nan, np.nan)
@@ -147,7 +179,7 @@ def identical_values_interval(values: Floats, bounds: Interval) -> Interval:
 
 
 def _agree(values: Floats) -> bool:
-    """Whether values are all the same, but for rounding."""
+    """Return whether all values are equal up to rounding."""
     return bool(np.ptp(values) <= 1e-9 * np.abs(values).max())
 
 
@@ -156,13 +188,22 @@ def _resampled_sums(values: Floats, count: int, seed: int) -> Floats:
 
 
 def percentile_interval(resampled: Floats) -> Interval:
-    """The middle 95 % of a statistic's resamples, (m,)."""
+    """Return the middle 95 % of the resamples of a statistic, (m,)."""
     low, high = np.quantile(resampled, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
     return (float(low), float(high))
 
 
 def resamples(size: int, count: int, seed: int) -> Iterator[Floats]:
-    """How often each of `size` values is drawn in each of `count` resamples, as blocks of rows (…, size)."""
+    """Draw bootstrap resamples as counts of each value.
+
+    Args:
+        size: Number of values in a sample.
+        count: Number of resamples.
+        seed: Seed.
+
+    Yields:
+        Blocks of rows, (…, size): the number of times that each value is drawn in a resample.
+    """
     if size * count <= MAX_CACHED_VALUES:
         yield _kept(size, count, seed)
         return

@@ -1,12 +1,12 @@
-"""Group-sequential test of neighbours in a ranking: looked at several times, at an error rate that holds for all looks.
+"""Group-sequential test of adjacent policies of a ranking; its error rate holds over all looks.
 
-By a share t of the most episodes α t^(3/2) of the level is spent (Kim and DeMets 1987, Biometrika 74): less early than
-with Pocock's boundary, less late than with O'Brien and Fleming's. A look compares a paired p-value with its nominal
-level (Jennison and Turnbull 2000, Group Sequential Methods, chapter 3).
+At a share t of the maximum number of episodes, α t^(3/2) of the level is spent (Kim and DeMets 1987, Biometrika 74).
+That is less early than with Pocock's boundary and less late than with O'Brien and Fleming's. A look compares a paired
+p-value with its nominal level (Jennison and Turnbull 2000, Group Sequential Methods, chapter 3).
 
-The P − 1 neighbours of P policies have α = LEVEL / (P − 1) each, although the data choose them: two equal policies stay
-neighbours at a large distance only if no third is between them, and such pairs form no circle, so that they are at most
-P − 1. `python -m research calibration --only settled` checks this.
+Each of the P − 1 adjacent pairs of P policies has α = LEVEL / (P − 1), although the data choose the pairs. Two equal
+policies stay adjacent at a large distance only if no third policy is between them. Those pairs form no circle, so that
+there are at most P − 1 of them. `python -m research calibration --only settled` checks this.
 """
 
 import math
@@ -21,34 +21,42 @@ from evaluate.statistics.intervals import Floats
 from evaluate.statistics.significance import sign_flip_test
 
 LEVEL = 0.045
-"""Chance of any wrong claim on neighbours: of the 5 % of a report, what claims on single scenarios leave."""
+"""Probability of any false claim on adjacent policies: 5 % of a report less the part of claims on single scenarios."""
 LOOKS = 4
-"""Looks at the data, after equal parts of the most episodes."""
+"""Number of looks at the data, after equal parts of the maximum number of episodes."""
 FUTILITY_POWER = 0.05
-"""Predicted chance of being distinguished at the last look below which two neighbours are given up."""
+"""Predictive power below which a pair is no longer tested, probability."""
 _POINTS = 401
-"""Of the density between the boundaries, which is integrated numerically."""
+"""Number of points of the density between the boundaries in the numerical integration."""
 
 
 class AdjacentTest(NamedTuple):
-    """Two policies that follow each other in a ranking."""
+    """Test of two adjacent policies of a ranking at one look, made by `compare_adjacent_policies`."""
 
     ahead: str
     behind: str
     p_value: float
-    """Paired sign-flip permutation, two-sided, not corrected."""
+    """Paired sign-flip permutation test, two-sided, not corrected."""
     distinguished: bool
     futile: bool
-    """Whether they can hardly be distinguished by the last look."""
+    """Whether the pair is unlikely to be distinguished by the last look."""
 
 
 def looks(most: int) -> tuple[int, ...]:
-    """Numbers of episodes, the last `most`, after which is looked."""
+    """Return the numbers of episodes at which the data are looked at, the last one `max_episodes`."""
     return tuple(sorted({math.ceil(most * look / LOOKS) for look in range(1, LOOKS + 1)}))
 
 
 def compare_adjacent_policies(values: Mapping[str, Floats], most: int) -> list[AdjacentTest]:
-    """From the best on: of policies' scores in the same episodes, (n,) each, n being `most` at the last look."""
+    """Test each two adjacent policies at a look, from the best policy on.
+
+    Args:
+        values: Policy -> score of each episode, (n,), in the same episodes.
+        max_episodes: Number of episodes at the last look.
+
+    Returns:
+        The tests, from the best policy on.
+    """
     order, found = sorted(values, key=lambda policy: -values[policy].mean()), list[AdjacentTest]()
     levels = nominal_levels(most, len(order)) if len(order) > 1 else {}
     for ahead, behind in pairwise(order):
@@ -59,15 +67,32 @@ def compare_adjacent_policies(values: Mapping[str, Floats], most: int) -> list[A
 
 
 def correction(episodes: int, most: int, policies: int) -> float:
-    """Factor on neighbours' p-values at a look that makes up for the others."""
+    """Return the factor on the p-values of adjacent policies that accounts for the other looks.
+
+    Args:
+        episodes: Number of episodes at the look.
+        max_episodes: Number of episodes at the last look.
+        policies: Number of policies.
+
+    Returns:
+        The factor.
+    """
     return LEVEL / (policies - 1) / nominal_levels(most, policies)[episodes]
 
 
 @lru_cache(maxsize=64)
 def nominal_levels(most: int, policies: int) -> dict[int, float]:
-    """Two-sided level of each two neighbours' p-value by the episodes of the look.
+    """Compute the two-sided nominal level of each adjacent pair's p-value at every look.
 
-    Recursion of Armitage, McPherson and Rowe (1969, Journal of the Royal Statistical Society A 132).
+    The boundaries follow from the recursion of Armitage, McPherson and Rowe (1969, Journal of the Royal Statistical
+    Society A 132).
+
+    Args:
+        max_episodes: Number of episodes at the last look.
+        policies: Number of policies.
+
+    Returns:
+        Number of episodes at the look -> level.
     """
     from scipy.optimize import brentq
     from scipy.special import ndtr
@@ -86,15 +111,28 @@ def nominal_levels(most: int, policies: int) -> dict[int, float]:
 
 
 def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: float) -> float:
-    """Chance that the next sum is beyond the bound, minus the one meant; sums grow by normal steps of that scale."""
+    """Return the probability that the next sum is beyond the bound, minus the intended one.
+
+    Sums grow by normal steps of that scale.
+    """
     from scipy.special import ndtr
 
     return float(density @ (ndtr((-bound - sums) / scale) + ndtr((sums - bound) / scale))) - chance
 
 
 def predictive_power(p_value: float, share: float, last_level: float) -> float:
-    """Chance that the last look distinguishes them, from the p-value after that share of its episodes: predictive power
-    with a flat prior (Spiegelhalter, Freedman and Blackburn 1986, Controlled Clinical Trials 7)."""
+    """Compute the predictive power: the probability that the last look distinguishes two policies.
+
+    The prior is flat (Spiegelhalter, Freedman and Blackburn 1986, Controlled Clinical Trials 7).
+
+    Args:
+        p_value: p-value at this look.
+        share: Number of episodes so far over the number at the last look.
+        last_level: Nominal level of the last look.
+
+    Returns:
+        Probability; at the last look 0 or 1.
+    """
     from scipy.special import ndtr, ndtri
 
     if share >= 1.0:

@@ -1,4 +1,4 @@
-"""Tests of a difference between two policies, paired by episode, and their correction for many."""
+"""Paired tests of a difference between two policies, and the correction of multiple tests."""
 
 import itertools
 from collections.abc import Sequence
@@ -8,21 +8,22 @@ import numpy as np
 from evaluate.statistics.intervals import Bools, Floats
 
 EXACT_PAIRS = 13
-"""Up to so many pairs all 2^n sign flips are listed (8192)."""
+"""Largest number of pairs for which all 2^n sign flips are listed (8192)."""
 FLIPS = 9_999
-"""Random sign flips of a permutation test too large to list in full."""
+"""Number of random sign flips of a permutation test that is too large to list in full."""
 MORE_FLIPS = 99_999
-"""Where so few of the first reach the observed mean that the p-value is coarse.
+"""Number of random sign flips if fewer than MIN_EXCEEDANCES of the first reach the observed mean.
 
-The smallest of the first, 1/10000, times the comparisons of a whole battery could never be significant."""
+The smallest p-value of the first, 1/10000, times the comparisons of a full battery could never be significant.
+"""
 MIN_EXCEEDANCES = 10
-"""Flips that reach the observed mean, the observed one not counted, below which more are drawn."""
+"""Number of flips that reach the observed mean, without the observed one, below which MORE_FLIPS are drawn."""
 BYTE_SIGNS = np.array(list(itertools.product((1.0, -1.0), repeat=8)))
 """Signs of eight pairs for every byte, (256, 8)."""
 
 
 def mcnemar(a: Bools, b: Bools) -> float:
-    """Exact McNemar p-value, two-sided, of two paired yes/no outcomes: binomial test on the pairs that disagree."""
+    """Compute the exact two-sided p-value of McNemar's test of the paired outcomes `a` and `b`."""
     from scipy.stats import binomtest
 
     only_a, only_b = int((a & ~b).sum()), int((b & ~a).sum())
@@ -32,13 +33,20 @@ def mcnemar(a: Bools, b: Bools) -> float:
 
 
 def sign_flip_test(differences: Floats, seed: int = 0) -> float:
-    """Permutation p-value, two-sided, of a mean paired difference: share of sign flips with at least as large a mean.
+    """Compute the two-sided permutation p-value of a mean paired difference.
 
-    Few pairs are flipped in every way. For more, random flips, the observed one among them (Phipson and Smyth 2010):
-    9999 and, only if nearly none of them reaches the observed mean, 99 999. Both are valid, and what is significant
-    after the second was so after the first.
-    `scipy.stats.permutation_test(permutation_type="samples")` gives the same; sums of eight pairs by table are many
-    times faster.
+    It is the proportion of sign flips with at least as large a mean. Up to EXACT_PAIRS pairs are flipped in every way.
+    For more, flips are random, the observed one among them (Phipson and Smyth 2010): 9999, or 99 999 if almost none of
+    the first reaches the observed mean. Both p-values are valid. A result that is significant after the second draw was
+    so after the first. `scipy.stats.permutation_test(permutation_type="samples")` gives the same; sums of eight pairs
+    by table are many times faster.
+
+    Args:
+        differences: Paired differences, (n,).
+        seed: Seed of the random flips.
+
+    Returns:
+        The p-value.
     """
     # Summation order differs between flips: sums that are equal on paper must count as equal.
     observed = np.abs(differences.sum()) - 1e-12 * np.abs(differences).sum()
@@ -54,7 +62,7 @@ def sign_flip_test(differences: Floats, seed: int = 0) -> float:
 
 
 def _flips_as_large(differences: Floats, observed: float, flips: int, generator: np.random.Generator) -> int:
-    """How many random flips have a sum of at least the observed size; a random byte flips eight pairs."""
+    """Count the random flips with a sum of at least the observed size; a random byte flips eight pairs."""
     padded = np.pad(differences, (0, -len(differences) % 8)).reshape(-1, 8)
     tables = padded @ BYTE_SIGNS.T  # (bytes, 256)
     bytes_, as_large = np.arange(len(padded)), 0
@@ -65,10 +73,18 @@ def _flips_as_large(differences: Floats, observed: float, flips: int, generator:
 
 
 def holm(p_values: Sequence[float], weights: Sequence[float] | None = None) -> list[float]:
-    """p-values corrected for their number, in their order (Holm 1979): each, the smallest first, times the weights of
-    those that are left over its own, which without weights is the k-th smallest of m times m − k + 1.
+    """Correct p-values for their number by Holm's method (Holm 1979), with weights.
 
-    The chance of any false claim at all among them is then at most the level, however the tests depend on each other.
+    In ascending order, each p-value is multiplied by the sum of the remaining weights over its own weight. Without
+    weights this is m − k + 1 for the k-th smallest of m. The probability of any false claim among them is then at most
+    the level, for any dependence of the tests.
+
+    Args:
+        p_values: p-values of the tests.
+        weights: Positive weight of each; None for equal weights.
+
+    Returns:
+        Corrected p-values, in the given order.
     """
     shares = np.ones(len(p_values)) if weights is None else np.asarray(weights, np.float64)
     weighted = np.asarray(p_values, np.float64) / shares

@@ -58,7 +58,7 @@ def main(options: Options) -> int:
     title, steps = f"{robot}{scenario.name}, seed {options.seed}", round(options.seconds / CONTROL_PERIOD)
     take = FilmSpec(policies, scenario, options.seed, steps, title, hardware, options.command)
     look = RenderOptions(options.size, options.camera, options.speed, options.fps, options.arrows)
-    files.check(options.out, "the film")
+    files.check_film_path(options.out, "the film")
     raise_on_interrupt()
     with show_bar("filming") as progress:
         try:

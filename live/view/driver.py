@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import policies
-from evaluate.film.scene import heading
+from evaluate.film.scene import heading_angle
 from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts import battery
 from live.session import Session
@@ -189,7 +189,7 @@ class ViewController:
 
     def _push(self, direction: float, impulse: float) -> None:
         """Directions are degrees from straight ahead of the first robot to its left."""
-        towards = heading(self.sessions[0].latest) + np.radians(direction)
+        towards = heading_angle(self.sessions[0].latest) + np.radians(direction)
         force = impulse / PUSH_TIME * np.array([np.cos(towards), np.sin(towards)])
         self._each(lambda session: session.push(force, PUSH_TIME))
 

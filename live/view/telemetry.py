@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.film.scene import Scene, heading
+from evaluate.film.scene import Scene, heading_angle
 from evaluate.rollouts.observers import Step
 from live.session import Session
 from live.view.outcome import EpisodeOutcome
@@ -52,7 +52,7 @@ class Telemetry:
             "failed": self._outcome.failed,
             "story": self._outcome.story[:-1],
             "position": rounded(infos["position"][0]),
-            "heading": round(float(np.degrees(heading(self._session.latest))), 1),
+            "heading": round(float(np.degrees(heading_angle(self._session.latest))), 1),
             "height": round(float(infos["height"][0]), 3),
             "tilt": round(float(np.degrees(infos["tilt"][0])), 1),
             "velocity": rounded(infos["heading_velocity"][0]),

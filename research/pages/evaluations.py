@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evaluate.analysis.pareto import Pareto, ParetoPoint, cost_scenario
-from evaluate.analysis.results import with_nan
+from evaluate.analysis.results import null_to_nan
 from evaluate.analysis.score import SCORES, Score
 from evaluate.commands.options import command
 from evaluate.hardware import HardwareConfig, parse_robot_option
 from evaluate.measures.outcomes import SUCCESS_RULE
-from evaluate.report.headings import EFFORT_ON, EFFORT_TITLES, FEW, FIRST, figure_of_effort
+from evaluate.report.headings import EFFORT_SCENARIOS, EFFORT_TITLES, MAIN_EFFORT_TITLES, ROW_LABEL, format_effort
 from evaluate.report.plots import drawing, pareto, success
 from evaluate.rollouts.battery import BATTERIES, resolve
 from policies.summaries import explained
@@ -53,7 +53,7 @@ def read(path: Path) -> dict[str, Any]:
     if not path.exists():
         raise UsageError(f"there is no {path}; `python -m evaluate --out {path.parent}` makes it")
     try:
-        found = dict(with_nan(parse_json(read_bytes(path))))
+        found = dict(null_to_nan(parse_json(read_bytes(path))))
         complete, versions = found["complete"], found["versions"]["mujoco"] and found["versions"]["python"]
         whole = bool(versions) and all(name in found for name in _KEYS if name != "scores")
     except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -104,18 +104,18 @@ def overview(found: dict[str, Any]) -> list[str]:
     ideal, real = ({each.policy: share(each.score, each.ci) for each in scores(found, kind)} for kind in KINDS)
     place = cost_scenario(scenarios_of(found))
     heads = {"policy": "policy", "score": "success", "real": "success with the hardware profile"}
-    heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FEW}
+    heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in MAIN_EFFORT_TITLES}
     ran, rows, flat = {policy: of["scenarios"] for policy, of in found["policies"].items()}, [], ""
     for policy in dict.fromkeys((*ideal, *real)):
-        effort = dict.fromkeys(FEW, math.nan) | ran.get(policy, {}).get(place, {}).get("effort", {})
+        effort = dict.fromkeys(MAIN_EFFORT_TITLES, math.nan) | ran.get(policy, {}).get(place, {}).get("effort", {})
         row = {"policy": f"`{policy}`", "score": ideal.get(policy, ABSENT), "real": real.get(policy, ABSENT)}
-        rows.append(row | {name: figure_of_effort(name, effort[name]) for name in FEW})
+        rows.append(row | {name: format_effort(name, effort[name]) for name in MAIN_EFFORT_TITLES})
     for policy, cells in ran.items():
         if policy not in {*ideal, *real} and FLAT in cells:
             flat += f" `{policy}` on flat ground alone: {percent(cells[FLAT]['success_rate'])}."
     shown = {name: head for name, head in heads.items() if any(row[name] != ABSENT for row in rows)}
     count, axes = with_count(found["episodes"], "episode"), len(scores(found)[0].axes)
-    where = f"; effort {EFFORT_ON[place]}" if set(FEW) & set(shown) else ""
+    where = f"; effort {EFFORT_SCENARIOS[place]}" if set(MAIN_EFFORT_TITLES) & set(shown) else ""
     said = f"Success: mean over {axes} axes of disturbance, {count} at each severity{where}.{flat}"
     return [said, "", *table(shown, rows).splitlines()]
 
@@ -130,8 +130,8 @@ def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
         real = {score.policy: score for score in scores(one, HARDWARE_SCORES)}
         for words, of in ((about, ideal), (f"{robot.name}, hardware profile", real)):
             shown = {name: share(of[name].score, of[name].ci) if name in of else ABSENT for name in names}
-            rows += [{FIRST: words, **shown}] if of else []
-    return table({FIRST: "robot", **{name: f"`{name}`" for name in names}}, rows).splitlines()
+            rows += [{ROW_LABEL: words, **shown}] if of else []
+    return table({ROW_LABEL: "robot", **{name: f"`{name}`" for name in names}}, rows).splitlines()
 
 
 def robot_of(found: dict[str, Any]) -> Robot:
@@ -167,11 +167,11 @@ def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:
 def draw(found: dict[str, Any], picture: Path) -> None:
     """Write the figures, PNGs: success of every policy on every axis; NAME_pareto.png, the front if there is one."""
     front = found.get("pareto", {"front": ()})
-    with drawing.settings():
-        write_atomically(picture, png(success.heat_map(scores(found), scores(found, HARDWARE_SCORES))))
+    with drawing.plot_settings():
+        write_atomically(picture, png(success.draw_heat_map(scores(found), scores(found, HARDWARE_SCORES))))
         if front["front"]:
             points = tuple(ParetoPoint(**each) for each in front["points"])
-            drawn = pareto.front(Pareto(front["cost_on"], front["front"], points), tuple(found["policies"]))
+            drawn = pareto.draw_pareto_front(Pareto(front["cost_on"], front["front"], points), tuple(found["policies"]))
             write_atomically(picture.with_stem(f"{picture.stem}_pareto"), png(drawn))
 
 

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import tyro
 
-from evaluate.analysis.results import Results, analyse, without_nan
+from evaluate.analysis.results import Results, analyse, nan_to_null
 from evaluate.commands import options as evaluation
 from evaluate.commands.execution import execute
 from evaluate.commands.options import Flag
@@ -73,9 +73,9 @@ def main(options: LeaderboardOptions) -> int:
     write_atomically(
         out, leaderboard_page.page(results, leaderboard_policies, robots, _made_by(options, results)).encode()
     )
-    rows = [{"scenario": s, "policy": p, **flat(without_nan(asdict(of)))} for (s, p), of in results.summaries.items()]
+    rows = [{"scenario": s, "policy": p, **flat(nan_to_null(asdict(of)))} for (s, p), of in results.summaries.items()]
     write_atomically(data, csv_text(rows))
-    differences = [flat(without_nan(asdict(of))) for of in results.comparisons if of.b == results.baseline]
+    differences = [flat(nan_to_null(asdict(of))) for of in results.comparisons if of.b == results.baseline]
     write_atomically(data.with_stem(f"{out.stem}_differences"), csv_text(differences))
     print(out)
     return 0

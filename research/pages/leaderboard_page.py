@@ -10,11 +10,11 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.summary import summarise
 from evaluate.cells import apply_success_rule
 from evaluate.measures.outcomes import ISAAC_LAB, RULES
-from evaluate.report.headings import EFFORT_TITLES, FEW, FIRST, figure_of_effort
-from evaluate.report.page import warnings
+from evaluate.report.headings import EFFORT_TITLES, MAIN_EFFORT_TITLES, ROW_LABEL, format_effort
+from evaluate.report.page import list_warnings
 from evaluate.report.table import summary_figures
-from evaluate.report.verdict import SAME, claim
-from quad_env.cli.format import ABSENT, estimate, number, points_with, share, with_count
+from evaluate.report.verdict import IDENTICAL_WORDS, claim_text
+from quad_env.cli.format import ABSENT, with_count, estimate, number, points_with, share
 from quad_env.robots.robot import Robot
 from research.pages.markdown import IN_A_LINE, table
 from research.pages.policy_list import PolicyList
@@ -46,7 +46,7 @@ def page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made
         f"minus `{results.baseline}`. Intervals are each by itself; p of success is corrected together with all claims "
         "of this page (Holm).",
         "",
-        *(f"{line}.\n" for line in warnings(results)),
+        *(f"{line}.\n" for line in list_warnings(results)),
         made_by,
         "",
         *_overview(results, robots, order),
@@ -63,14 +63,16 @@ def _overview(results: Results, robots: Mapping[str, Robot], order: Sequence[str
     scores = {score.policy: share(score.score, score.ci) for score in results.scores}
     place = cost_scenario(results.scenarios) or results.scenarios[0]
     found = results.summaries
-    heads = {FIRST: "policy", "gains": "servo: N·m/rad; N·m·s/rad", **{name: name for name in results.scenarios}}
+    heads = {ROW_LABEL: "policy", "gains": "servo: N·m/rad; N·m·s/rad", **{name: name for name in results.scenarios}}
     rows = [
-        {FIRST: policy, "gains": gains(robots[policy]), "mean": scores.get(policy, ABSENT)}
+        {ROW_LABEL: policy, "gains": gains(robots[policy]), "mean": scores.get(policy, ABSENT)}
         | {name: f"{number(100.0 * found[name, policy].success_rate, 0)} %" for name in results.scenarios}
-        | {name: figure_of_effort(name, found[place, policy].effort[name]) for name in FEW}
+        | {name: format_effort(name, found[place, policy].effort[name]) for name in MAIN_EFFORT_TITLES}
         for policy in order
     ]
-    heads |= {"mean": "mean"} | {name: ", ".join(filter(None, (*EFFORT_TITLES[name], place))) for name in FEW}
+    heads |= {"mean": "mean"} | {
+        name: ", ".join(filter(None, (*EFFORT_TITLES[name], place))) for name in MAIN_EFFORT_TITLES
+    }
     yield from ("## Success", "", table(heads, rows), "")
 
 
@@ -94,8 +96,8 @@ def _scenario(results: Results, scenario: str, order: Sequence[str]) -> Iterator
         figures = summary_figures(results.summaries[scenario, policy], " ")
         figures[ISAAC_LAB] = share(other.success_rate, other.success_rate_ci)
         figures |= {f"{name} minus": _difference(differences.get((policy, name))) for name in COMPARED}
-        rows.append({FIRST: policy} | figures)
-    yield from (f"## {scenario}", "", table({FIRST: "policy", **heads}, rows), "")
+        rows.append({ROW_LABEL: policy} | figures)
+    yield from (f"## {scenario}", "", table({ROW_LABEL: "policy", **heads}, rows), "")
 
 
 def _difference(of: Comparison | None) -> str:
@@ -103,17 +105,17 @@ def _difference(of: Comparison | None) -> str:
     if of is None:
         return ABSENT
     if of.metric != SUCCESS_RATE:
-        return SAME if of.identical else estimate(of.difference, of.ci).with_interval
+        return IDENTICAL_WORDS if of.identical else estimate(of.difference, of.ci).with_interval
     shown = points_with(of.difference, of.ci).with_interval
-    return f"{shown}, {claim(of.p_value_holm, of.ci, identical=of.identical)}"
+    return f"{shown}, {claim_text(of.p_value_holm, of.ci, identical=of.identical)}"
 
 
 def _sources(listed: PolicyList) -> Iterator[str]:
     """Where the files of the published policies are from."""
     rows = [
-        {FIRST: each.name, "file": f"[{path}]({each.url(path)})", "sha256": f"`{sha256}`"}
+        {ROW_LABEL: each.name, "file": f"[{path}]({each.url(path)})", "sha256": f"`{sha256}`"}
         for each in listed.published
         for path, sha256 in each.files.items()
     ]
     if rows:
-        yield from ("## Sources", "", table({FIRST: "policy", "file": "file", "sha256": "SHA-256"}, rows), "")
+        yield from ("## Sources", "", table({ROW_LABEL: "policy", "file": "file", "sha256": "SHA-256"}, rows), "")

@@ -10,7 +10,7 @@ import tyro
 
 from evaluate.analysis.comparison import FALL_RATE
 from evaluate.analysis.effort import COST
-from evaluate.analysis.matches import Stored, matches
+from evaluate.analysis.matches import StoredRun, match_runs
 from evaluate.records.store import read_rows
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import estimate, number
@@ -52,9 +52,9 @@ def main(options: SimulatorsOptions) -> int:
     return 0
 
 
-def _rows(a: Stored, b: Stored) -> Iterator[dict[str, str | float | int]]:
+def _rows(a: StoredRun, b: StoredRun) -> Iterator[dict[str, str | float | int]]:
     """The figures of each cell that both have, of their common episodes."""
-    for match in matches([(policy, policy) for policy in a[0].policies], a, b):
+    for match in match_runs([(policy, policy) for policy in a[0].policies], a, b):
         of = {each.metric: (each.a, each.b) for each in match.contrasts}
         error = next(each for each in match.contrasts if each.metric == ERROR)
         yield {

@@ -12,7 +12,7 @@ from evaluate.statistics.intervals import (
     Interval,
     bootstrap_interval,
     difference_interval,
-    share_difference_interval,
+    paired_proportion_interval,
     wilson_interval,
 )
 from evaluate.statistics.significance import mcnemar, sign_flip_test
@@ -126,7 +126,7 @@ def _mean(count: int, fall_probability: float, generator: np.random.Generator) -
 
 def _fall_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
     a, b = _made(generator, count, fall_probability, EASIER).fell
-    interval = share_difference_interval(int((a & ~b).sum()), int((b & ~a).sum()), count)
+    interval = paired_proportion_interval(int((a & ~b).sum()), int((b & ~a).sum()), count)
     return _within(interval, (1.0 - EASIER) * fall_probability)
 
 

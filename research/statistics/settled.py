@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from evaluate.report.headings import FIRST
+from evaluate.report.headings import ROW_LABEL
 from evaluate.statistics import sequential
 from evaluate.statistics.intervals import CONFIDENCE, Floats
 from quad_env.cli.format import number
@@ -116,12 +116,12 @@ def figures(battery: Battery, runs: int, seed: int) -> dict[str, float]:
 
 def lines(batteries: Sequence[Battery], runs: int, seed: int) -> list[str]:
     """A table in Markdown of the figures of these batteries."""
-    heads = {FIRST: f"{runs} runs each", "wrong": "wrong claims, %", "found": "all found, %"}
+    heads = {ROW_LABEL: f"{runs} runs each", "wrong": "wrong claims, %", "found": "all found, %"}
     heads |= {"episodes": "mean episodes", "most": f"fewer than {LIMIT}, %", "fixed": "fixed plan, episodes"}
     rows = []
     for battery in track(batteries, "runs until settled", console=Console(stderr=True)):
         of = figures(battery, runs, seed)
         row = {"episodes": number(of["episodes"], 1), "fixed": number(of["fixed"], 0)}
         shares = {"wrong": of["wrong"], "found": of["found"], "most": 1.0 - of["episodes"] / LIMIT}
-        rows.append({FIRST: battery.name} | row | {name: number(100.0 * each, 1) for name, each in shares.items()})
+        rows.append({ROW_LABEL: battery.name} | row | {name: number(100.0 * each, 1) for name, each in shares.items()})
     return [markdown.table(heads, rows)]

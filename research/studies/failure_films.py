@@ -12,7 +12,7 @@ from evaluate.causes.verdict import worst_interval
 from evaluate.cells import LabelledPolicy
 from evaluate.film.captions import DARK, Text
 from evaluate.film.curves import curves
-from evaluate.film.files import tiled
+from evaluate.film.files import tile_images
 from evaluate.film.shooting import EpisodeView, FilmSpec, RenderOptions
 from evaluate.measures.metrics import Measures
 from policies.base import Policy
@@ -42,7 +42,7 @@ def frame_range(record: EpisodeSignals, measures: Measures, earlier: float) -> s
 
 def strip(policy: Policy, record: EpisodeSignals, part: slice) -> Image.Image:
     """An episode over those control steps."""
-    frames = tiled(list(_frames(policy, record, part)), COLUMNS)
+    frames = tile_images(list(_frames(policy, record, part)), COLUMNS)
     return stacked(_text(_title(record, part), frames.width, 20), frames, _curves(record, part, frames.width))
 
 

@@ -28,12 +28,12 @@ from rich.progress import track
 
 from evaluate.cells import load_labelled_policy
 from evaluate.film.captions import Text
-from evaluate.film.files import moving_picture, tiled
+from evaluate.film.files import encode_animation, tile_images
 from evaluate.film.shooting import EpisodeView, FilmSpec, RenderOptions
 from evaluate.hardware import parse_robot_option
 from evaluate.measures.footfalls import SHORTEST_SWING, debounce
 from evaluate.measures.metrics import measure
-from evaluate.report.headings import EFFORT_TITLES, FIRST, figure_of_effort
+from evaluate.report.headings import EFFORT_TITLES, ROW_LABEL, format_effort
 from evaluate.report.plots import drawing
 from evaluate.rollouts.rollout import STEPS
 from policies.base import CONTROL_PERIOD
@@ -91,7 +91,7 @@ def main(options: GaitsOptions) -> int:
     figures, films = (dict(zip(walks, each, strict=True)) for each in zip(*shown, strict=True))
     if films.keys() >= set(README_FILM_POLICIES):
         tiles = zip(*(films[each] for each in README_FILM_POLICIES), strict=True)
-        write_atomically(options.out.with_name("walking.webp"), _film([tiled(each, COLUMNS) for each in tiles]))
+        write_atomically(options.out.with_name("walking.webp"), _film([tile_images(each, COLUMNS) for each in tiles]))
     for page, text in texts.items():
         folder = Path(os.path.relpath(options.out, page.parent)).as_posix()
         write_atomically(page, PLACE.sub(partial(_filled, walks, figures, folder), text).encode())
@@ -123,7 +123,7 @@ def draw(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.Image
     upright = np.arange(FILM_STEPS.start, FILM_STEPS.stop) < episodes.fall_step[0]
     contact = episodes.foot_contact[FILM_STEPS.start : FILM_STEPS.stop, 0] & upright[:, None]
     chosen = (np.linspace(*stride(contact), FRAMES, endpoint=False) / FILM_STEPS.step).round().astype(int).tolist()
-    film, strip = images[::FRAME_STRIDE], tiled([images[number].resize(SMALL) for number in chosen], FRAMES)
+    film, strip = images[::FRAME_STRIDE], tile_images([images[number].resize(SMALL) for number in chosen], FRAMES)
     write_atomically(folder / f"{walk.title}_film.webp", _film([image.resize(SMALL) for image in film]))
     above = diagram(contact, chosen, episodes.robot.leg_names, strip.width)
     stacked(above, strip).save(still := io.BytesIO(), "webp", quality=75, method=6)
@@ -131,7 +131,7 @@ def draw(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.Image
     found, larger = measure(episodes), [image.reduce(SAMPLES) for image in film]
     for image in larger:
         Text(LETTERS, edge=1).write(image, f"{walk.hardware.robot}, {policy.label}", -1)
-    of = {name: figure_of_effort(name, float(getattr(found, name)[0].mean())) for name in FIGURES}
+    of = {name: format_effort(name, float(getattr(found, name)[0].mean())) for name in FIGURES}
     return of | {"speed": number(float(found.mean_velocities[0, :, 0].mean()), 2)}, larger
 
 
@@ -140,7 +140,7 @@ def _frame(panel: EpisodeView) -> Image.Image:
 
 
 def _film(images: Sequence[Image.Image]) -> bytes:
-    return moving_picture(images, "webp", FRAME_STRIDE * FILM_STEPS.step * CONTROL_PERIOD, quality=QUALITY)
+    return encode_animation(images, "webp", FRAME_STRIDE * FILM_STEPS.step * CONTROL_PERIOD, quality=QUALITY)
 
 
 def stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
@@ -154,8 +154,8 @@ def diagram(contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[st
     """The gait diagram: a row a foot, filled while the simulator finds it on the ground, and marks at these frames."""
     times, below, buffer = np.array((FILM_STEPS.start, FILM_STEPS.stop)) * CONTROL_PERIOD, len(legs) - 0.5, io.BytesIO()
     marks = (FILM_STEPS.start + FILM_STEPS.step * np.array(chosen) + 0.5) * CONTROL_PERIOD
-    with drawing.settings():
-        drawn, axes = drawing.figure(1.5, width / 100, drawing.Margins(left=0.4, right=0.25))
+    with drawing.plot_settings():
+        drawn, axes = drawing.make_figure(1.5, width / 100, drawing.Margins(left=0.4, right=0.25))
         place = float(times[0]), float(times[1]), below, -0.5
         axes.imshow(contact.T, "Blues", aspect="auto", interpolation="nearest", vmin=0.0, vmax=1.4, extent=place)
         axes.hlines(np.arange(1, len(legs)) - 0.5, *times, color="white", linewidth=3)
@@ -170,15 +170,15 @@ def _filled(
     walks: Mapping[Key, FilmSpec], figures: Mapping[Key, dict[str, str]], folder: str, place: re.Match[str]
 ) -> str:
     """A place with its tables; `folder` is that of the pictures, seen from the page."""
-    heads = {FIRST: "controller", "speed": "speed, m/s"}
+    heads = {ROW_LABEL: "controller", "speed": "speed, m/s"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FIGURES}
-    pictures = {FIRST: "controller", "film": "2 s", "still": "feet on the ground in these 2 s; one stride"}
+    pictures = {ROW_LABEL: "controller", "film": "2 s", "still": "feet on the ground in these 2 s; one stride"}
     rows = []
     for name in place[2].split():
         walk = walks[place[1], name]
         words = f"`{walk.policies[0].label}`{'' if walk.scenario == STEADY else f' on `{walk.scenario.name}`'}"
         file, alt = f"{folder}/{walk.title}", f"{place[1]}, {name}"
         cells = {"film": f"![{alt}: film]({file}_film.webp)", "still": f"![{alt}: contacts]({file}.webp)"}
-        rows.append({FIRST: words} | cells | figures[place[1], name])
+        rows.append({ROW_LABEL: words} | cells | figures[place[1], name])
     made_by = f"One walk of 10 s each on a validation seed; `python -m research gaits`, MuJoCo {mujoco.__version__}."
     return f"{place[1]} {place[2]}{place[3]}{table(heads, rows)}\n\n{table(pictures, rows)}\n\n{made_by}\n"

@@ -15,7 +15,7 @@ from rich.progress import track
 from evaluate.analysis.summary import summarise
 from evaluate.cells import LabelledPolicy, evaluation_seeds
 from evaluate.hardware import HardwareConfig, parse_robot_option
-from evaluate.report.headings import FIRST
+from evaluate.report.headings import ROW_LABEL
 from evaluate.rollouts.run import RunSettings, run_cells
 from evaluate.rollouts.workers import process_pool
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
@@ -111,10 +111,12 @@ def lines(options: StraightWalkingOptions, robot: Robot, table: Sequence[Mapping
     by_walk: dict[str, dict[str, str]] = {}
     for row in table:
         words, cost = f"{row['ground']}, {row['speed']:.2f} m/s", number(row["cost_of_transport"], 2)
-        by_walk.setdefault(words, {FIRST: words})[row["policy"]] = f"{percent(row['success_rate'])}, {cost}"
+        by_walk.setdefault(words, {ROW_LABEL: words})[row["policy"]] = f"{percent(row['success_rate'])}, {cost}"
     return [
         f"{robot.name}, {robot.mass:.1f} kg; {options.episodes} episodes of 10 s each, the same for all policies; "
         f"pushes of {push:.3g} N·s, ground of {rough:.3g} m. In each cell: success, cost of transport.",
         "",
-        markdown.table({FIRST: "ground, speed", **{name: f"`{name}`" for name in options.policies}}, by_walk.values()),
+        markdown.table(
+            {ROW_LABEL: "ground, speed", **{name: f"`{name}`" for name in options.policies}}, by_walk.values()
+        ),
     ]

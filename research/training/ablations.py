@@ -160,8 +160,8 @@ def draw(table: Sequence[Mapping[str, Any]], picture: Path) -> None:
     """Write the figure, a PNG: the difference of each variant from the default with its 95 % interval."""
     shown = [row for row in table if row.get("minus_default_points") is not None]
     left = 0.2 + max(map(drawing.text_width, (row["variant"] for row in shown)), default=0.0)
-    with drawing.settings():
-        figure, axes = drawing.figure(0.6 + 0.2 * len(shown), left + 3.2, drawing.Margins(left=left))
+    with drawing.plot_settings():
+        figure, axes = drawing.make_figure(0.6 + 0.2 * len(shown), left + 3.2, drawing.Margins(left=left))
         for line, row in enumerate(shown):
             if row.get("low") is not None:
                 axes.plot((row["low"], row["high"]), (line, line), color=drawing.COLOURS[0], linewidth=1.4)

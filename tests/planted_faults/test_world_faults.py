@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evaluate.analysis import breaking_points, severity_levels
-from evaluate.analysis.score import scores
+from evaluate.analysis.score import compute_scores
 from evaluate.cells import LabelledPolicy, PolicyScenarioResult, load_labelled_policy
 from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts import battery
@@ -39,7 +39,7 @@ def check_axes_and_their_breaking_points_are_of_one_world() -> None:
 
 
 def check_a_score_is_of_one_world() -> None:
-    assert [scores(cells(), "trot", hardware=real)[0].score for real in (False, True)] == [1.0, 0.0]
+    assert [compute_scores(cells(), "trot", hardware=real)[0].score for real in (False, True)] == [1.0, 0.0]
 
 
 def check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from torch.utils.tensorboard import SummaryWriter
 
-from evaluate.analysis.results import without_nan
+from evaluate.analysis.results import nan_to_null
 from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 from train.run_folder import METRICS_FILE, TENSORBOARD
@@ -35,7 +35,7 @@ class _Metrics(KVWriter):
     def write(self, key_values: dict[str, Any], key_excluded: Mapping[str, tuple[str, ...]], step: int = 0) -> None:
         """Add a line, unless there is nothing to say."""
         if values := {name: float(value) for name, value in sorted(key_values.items())}:
-            self._file.write(json.dumps(without_nan({"steps": step} | values)) + "\n")
+            self._file.write(json.dumps(nan_to_null({"steps": step} | values)) + "\n")
             self._file.flush()
 
     def close(self) -> None:

@@ -1,10 +1,10 @@
-"""Causes of failures: a bar an axis, in it a piece a cause."""
+"""Plot of the causes of failures: a bar for each axis, divided by cause."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from evaluate.causes.rules import CAUSES
-from evaluate.report.plots.drawing import WIDTH, Margins, figure, short_name, text_width
+from evaluate.report.plots.drawing import WIDTH, Margins, make_figure, short_name, text_width
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -14,15 +14,26 @@ _COLOURS = (
     *("#882255", "#009E73", "#999999", "#555555", "#000000", "#DDDDDD"),
 )
 COLOURS = dict(zip(CAUSES, _COLOURS, strict=True))
-"""Okabe and Ito's, one of Tol's, and greys: distinct to colour-blind readers, the longer pieces by their names too."""
+"""Cause -> colour, from Okabe and Ito, one from Tol, and greys.
+
+They are distinct to colour-blind readers; longer pieces carry the name of their cause as well.
+"""
 ROW, LETTERS = 0.19, 6.5
 """Height of a bar with the room about it, in, and size of the letters in it, pt."""
 
 
-def bars(policy: str, shares: Mapping[str, Mapping[str, float]]) -> "Figure":
-    """Of one policy: for each axis, the share of its episodes that failed for each cause, in per cent."""
+def draw_cause_bars(policy: str, shares: Mapping[str, Mapping[str, float]]) -> "Figure":
+    """Draw the causes of a policy's failures.
+
+    Args:
+        policy: Name of the policy.
+        shares: Axis -> cause -> proportion of the axis's episodes that failed for it, %.
+
+    Returns:
+        The figure.
+    """
     margins = Margins(left=0.15 + max(map(text_width, shares)), bottom=0.42, top=0.28)
-    drawn, axes = figure(ROW * len(shares) + margins.top + margins.bottom, margins=margins)
+    drawn, axes = make_figure(ROW * len(shares) + margins.top + margins.bottom, margins=margins)
     width = WIDTH - margins.left - margins.right
     for row, of_axis in enumerate(shares.values()):
         start = 0.0

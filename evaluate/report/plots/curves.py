@@ -1,4 +1,4 @@
-"""Curves against severity, one line a policy."""
+"""Curves of a rate against severity, one line for each policy."""
 
 from typing import TYPE_CHECKING
 
@@ -7,7 +7,15 @@ import numpy as np
 from evaluate.analysis.comparison import FALL_RATE
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis
-from evaluate.report.plots.drawing import Margins, add_legend, figure, legend_height, short_name, style, svg
+from evaluate.report.plots.drawing import (
+    Margins,
+    add_legend,
+    figure_to_svg,
+    legend_height,
+    make_figure,
+    short_name,
+    style,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,26 +35,39 @@ STEP = 3.0
 SPREAD = 14.0
 """pt. Largest spread of the marks of all policies at one severity."""
 BAR = 2.5
-"""pt. Width of the interval of a breaking point."""
+"""pt. Line width of the interval of a breaking point."""
 
 
-def against_severity(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
-    """Shares of successes or of falls with Wilson bands, and breaking points with their intervals at one half."""
-    return svg(draw(results, axis, metric, label))
-
-
-def draw(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figure":
-    """Draw the figure of `against_severity`. Curves that agree lie next to each other, and none hides another.
+def severity_curves_svg(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
+    """Draw a rate against severity with Wilson bands, and breaking points with their intervals.
 
     Args:
-        results: Of the run.
-        axis: Severities to draw.
+        results: Results of the run.
+        axis: Axis of disturbance.
         metric: Rate to draw.
-        label: Of the vertical axis.
+        label: Label of the vertical axis.
+
+    Returns:
+        SVG.
+    """
+    return figure_to_svg(draw_severity_curves(results, axis, metric, label))
+
+
+def draw_severity_curves(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figure":
+    """Draw the figure of `severity_curves_svg`; equal curves lie next to each other, none hides another.
+
+    Args:
+        results: Results of the run.
+        axis: Axis of disturbance.
+        metric: Rate to draw.
+        label: Label of the vertical axis.
+
+    Returns:
+        The figure.
     """
     ran = [name for name in results.policies if any((level.name, name) in results.summaries for level in axis.levels)]
     legend = legend_height(len(ran))
-    drawn, axes = figure(HEIGHT + legend, margins=Margins(bottom=Margins.bottom + legend + 0.05))
+    drawn, axes = make_figure(HEIGHT + legend, margins=Margins(bottom=Margins.bottom + legend + 0.05))
     axes.axhline(50.0, color="#888888", linewidth=0.8, linestyle=(0, (4, 3)))
     for place, policy in enumerate(ran):
         _draw_levels(axes, results, axis, policy, metric, place, len(ran))
@@ -59,7 +80,7 @@ def draw(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figu
             axes.plot(ends, (50.0, 50.0), color=colour, linewidth=BAR, solid_capstyle="butt", transform=moved)
             axes.plot([point.severity50], [50.0], "|", color=colour, markersize=9, markeredgewidth=2, transform=moved)
     axes.set(ylim=(-3, 103), yticks=(0, 25, 50, 75, 100), xlabel=axis.quantity, ylabel=label)
-    if axis.harder_when_smaller:
+    if axis.is_harder_when_smaller:
         axes.invert_xaxis()
     add_legend(drawn)
     return drawn
@@ -68,16 +89,18 @@ def draw(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figu
 def _draw_levels(
     axes: "Axes", results: Results, axis: SeverityAxis, policy: str, metric: str, place: int, count: int
 ) -> None:
-    """Draw per cent, with a band between the ends of their intervals; an upright line for a policy with one level.
+    """Draw the rate of one policy, %, with a band between the ends of its intervals.
+
+    A policy with one level is an upright line.
 
     Args:
-        axes: Where to draw.
-        results: Of the run.
-        axis: Whose levels.
-        policy: Its curve.
+        axes: Axes to draw on.
+        results: Results of the run.
+        axis: Axis of disturbance.
+        policy: Policy of the curve.
         metric: Rate to draw.
-        place: Of the policy among those that are drawn, from 0.
-        count: Policies that are drawn.
+        index: Index of the policy among the drawn ones, from 0.
+        count: Number of drawn policies.
     """
     rows = [
         (level.severity, getattr(summary, metric), *getattr(summary, f"{metric}_ci"))

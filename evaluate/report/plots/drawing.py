@@ -1,4 +1,4 @@
-"""What all plots of the report share: size, colours, marks, SVG."""
+"""Common parts of the report's plots: size, colours, marks, SVG."""
 
 import io
 import re
@@ -14,22 +14,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#882255", "#8C8C1A")
-"""Okabe and Ito's, and two of Tol's: distinct to colour-blind readers and, with the marks, in grey print."""
+"""Colours from Okabe and Ito, and two from Tol: distinct to colour-blind readers and, with the marks, in grey print."""
 MARKS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
-"""Matplotlib's name -> the same mark in text."""
+"""Matplotlib's name of a mark -> the same mark in text."""
 FIXED_STYLE_POLICIES = ("document", "document_repaired", "trot", "residual", "trot_feedback", "trot_integral", "robust")
-"""Policies whose colours, the first of COLOURS, are the same in every report; those of others go by their order."""
+"""Policies with the same colour in every report, the first of COLOURS; others get theirs by order."""
 FONT = "DejaVu Sans"
 WIDTH = 3.6
-"""in, about a phone's width at 100 points an inch"""
-LONGEST_NAME = 1.5
-"""in, of a policy's name in a plot"""
+"""in. Width of a plot: about a phone's at 100 points an inch."""
+MAX_NAME_WIDTH = 1.5
+"""in. Largest width of a policy's name in a plot."""
 LEGEND_LINE = 0.17
 """in. Height of a line of a legend."""
 
 
-def settings() -> AbstractContextManager[None]:
-    """Matplotlib's settings while plots are made; a fixed salt makes the same results give the same file.
+def plot_settings() -> AbstractContextManager[None]:
+    """Apply matplotlib's settings for all plots; a fixed salt gives equal files for equal results.
 
     Text is left to the browser's fonts, which keeps the page small and its plots searchable.
     """
@@ -50,7 +50,7 @@ def settings() -> AbstractContextManager[None]:
 
 @dataclass(frozen=True)
 class Margins:
-    """Room around a pair of axes, in; fixed, since a search for it draws every plot twice."""
+    """Margins around the axes of a plot, in; fixed, because a search for them would draw every plot twice."""
 
     left: float = 0.62
     right: float = 0.18
@@ -58,8 +58,17 @@ class Margins:
     top: float = 0.12
 
 
-def figure(height: float, width: float = WIDTH, margins: Margins = Margins()) -> "tuple[Figure, Axes]":
-    """One pair of axes of that size, in."""
+def make_figure(height: float, width: float = WIDTH, margins: Margins = Margins()) -> "tuple[Figure, Axes]":
+    """Create a figure with one pair of axes.
+
+    Args:
+        height: Height, in.
+        width: Width, in.
+        margins: Margins around the axes, in.
+
+    Returns:
+        Figure and axes.
+    """
     from matplotlib.figure import Figure
 
     drawn = Figure(figsize=(width, height))
@@ -72,8 +81,8 @@ def figure(height: float, width: float = WIDTH, margins: Margins = Margins()) ->
     return drawn, axes
 
 
-def svg(drawn: "Figure") -> bytes:
-    """The figure as it goes into the page."""
+def figure_to_svg(drawn: "Figure") -> bytes:
+    """Return the figure as SVG for the page."""
     buffer = io.BytesIO()
     drawn.savefig(buffer, format="svg", metadata={"Date": None}, transparent=True)
     return buffer.getvalue()
@@ -81,7 +90,11 @@ def svg(drawn: "Figure") -> bytes:
 
 @cache
 def styles(policies: tuple[str, ...]) -> dict[str, tuple[str, str]]:
-    """Colours and marks: of OWN the first, of others those that are left, then all of them with other marks."""
+    """Assign a colour and a mark to each policy.
+
+    FIXED_STYLE_POLICIES have the first colours, other policies the remaining ones, and further policies all colours
+    again with other marks.
+    """
     others = (policy for policy in policies if policy not in FIXED_STYLE_POLICIES)
     places = {policy: FIXED_STYLE_POLICIES.index(policy) for policy in policies if policy in FIXED_STYLE_POLICIES}
     places |= {policy: len(FIXED_STYLE_POLICIES) + number for number, policy in enumerate(others)}
@@ -93,13 +106,22 @@ def styles(policies: tuple[str, ...]) -> dict[str, tuple[str, str]]:
 
 
 def style(results: Results, policy: str) -> tuple[str, str]:
-    """Colour and matplotlib's mark of a policy, the same in every plot."""
+    """Return colour and matplotlib mark of a `policy` of the `results`, the same in every plot."""
     return styles(results.policies)[policy]
 
 
 @cache
 def text_width(text: str, size: float = 9.0, weight: str = "normal") -> float:
-    """Width of a text at a size in points, in."""
+    """Compute the width of a text in a plot.
+
+    Args:
+        text: Text.
+        size: Font size, pt.
+        weight: Font weight.
+
+    Returns:
+        Width, in.
+    """
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 
@@ -110,19 +132,19 @@ def text_width(text: str, size: float = 9.0, weight: str = "normal") -> float:
 
 
 def short_name(policy: str) -> str:
-    """A policy's name, or the end of a long path, as a plot has room for it."""
+    """Return the name of a policy, or the end of a long path that fits into a plot."""
     words = [each.end() for each in re.finditer(r"[/_\-:@+]", policy) if each.end() < len(policy)]
     cuts = (policy, *(f"…{policy[first:]}" for first in (*words, *range(1, len(policy)))))
-    return next((name for name in cuts if text_width(name) <= LONGEST_NAME), "…")
+    return next((name for name in cuts if text_width(name) <= MAX_NAME_WIDTH), "…")
 
 
 def legend_height(names: int) -> float:
-    """Return the height of a legend of those names below the axes, in."""
+    """Return the height of a legend of that many names below the axes, in."""
     return LEGEND_LINE * -(-names // 2)
 
 
 def add_legend(drawn: "Figure") -> None:
-    """Name the policies below the axes, two in a line; figures leave `legend_height` for it."""
+    """Add a legend of the policies below the axes, two in a line; figures leave `legend_height` for it."""
     drawn.legend(
         loc="lower left", ncols=2, fontsize=7.5, frameon=False, handletextpad=0.2,
         columnspacing=1.0, borderpad=0.0, labelspacing=0.35,

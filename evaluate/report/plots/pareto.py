@@ -1,26 +1,34 @@
-"""Success against cost of transport: a point with both intervals for each policy, and the Pareto front as steps."""
+"""Plot of success against cost of transport, with the Pareto front as steps."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evaluate.analysis.pareto import Pareto
-from evaluate.report.plots.drawing import Margins, add_legend, figure, legend_height, short_name, styles
+from evaluate.report.plots.drawing import Margins, add_legend, legend_height, make_figure, short_name, styles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ALT = "Success against cost of transport of each policy, and the Pareto front"
-"""The text for readers who do not see it."""
+"""Text for readers who do not see the plot."""
 HEIGHT = 2.5
 """in. Height of the axes."""
 
 
-def front(found: Pareto, policies: tuple[str, ...]) -> "Figure":
-    """Filled: on the front. `policies` are those of the run, by which marks and colours go."""
+def draw_pareto_front(found: Pareto, policies: tuple[str, ...]) -> "Figure":
+    """Draw success against cost of transport; filled marks are on the front.
+
+    Args:
+        pareto: Points and front.
+        policies: All policies of the run, which determine marks and colours.
+
+    Returns:
+        The figure.
+    """
     drawn_points = [point for point in found.points if np.isfinite(point.cost)]
     legend = legend_height(len(drawn_points))
-    drawn, axes = figure(HEIGHT + legend, margins=Margins(bottom=0.6 + legend))
+    drawn, axes = make_figure(HEIGHT + legend, margins=Margins(bottom=0.6 + legend))
     for point in drawn_points:
         colour, shape = styles(policies)[point.policy]
         middle = np.array([point.cost, 100.0 * point.success])

@@ -1,4 +1,4 @@
-"""Success at a glance: a heat map of policies and axes."""
+"""Heat map of success by policy and axis."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evaluate.analysis.score import Score
-from evaluate.report.plots.drawing import Margins, figure, text_width
+from evaluate.report.plots.drawing import Margins, make_figure, text_width
 from quad_env.cli.format import break_name, number
 
 if TYPE_CHECKING:
@@ -19,9 +19,18 @@ NAME_WIDTH, NAME_SIZE, NAME_LINE = 12, 8.0, 0.135
 """Characters of a policy's name in a line above its block, its size, pt, and the height of a line, in."""
 
 
-def heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "Figure":
-    """Success in per cent: an axis a row, a policy a block, in it a column a severity, the mildest to the left; set
-    apart on the right the same with the hardware profile."""
+def draw_heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "Figure":
+    """Draw success in per cent: a row per axis, a block per policy, a column per severity.
+
+    The mildest severity is on the left.
+
+    Args:
+        scores: Scores of the policies.
+        hardware: Scores with the hardware profile, drawn apart on the right of each block.
+
+    Returns:
+        The figure.
+    """
     parts = [{score.policy: score.axes for score in part} for part in (scores, hardware) if part]
     names = list(dict.fromkeys(name for part in parts for axes in part.values() for name in axes))
     policies = list(dict.fromkeys(policy for part in parts for policy in part))
@@ -33,7 +42,7 @@ def heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "Figure
     top = 0.15 + NAME_LINE * max(len(head.splitlines()) for head in heads)
     margins = Margins(left=0.15 + max(map(text_width, names)), right=0.05, bottom=0.06, top=top)
     size = len(policies) * width + margins.left + margins.right, len(names) * ROW + margins.top + margins.bottom
-    drawn, axes = figure(size[1], size[0], margins)
+    drawn, axes = make_figure(size[1], size[0], margins)
     for place, (head, policy) in enumerate(zip(heads, policies, strict=True)):
         centre = (place + 0.5) * width
         left = centre - block / 2
@@ -52,6 +61,7 @@ def heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "Figure
 
 
 def _cell(axes: "Axes", left: float, top: float, rate: float) -> None:
+    """Draw one cell with its rate in per cent."""
     from matplotlib import colormaps
     from matplotlib.patches import Rectangle
 

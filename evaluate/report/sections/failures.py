@@ -1,4 +1,4 @@
-"""The worst and the most typical failure of each policy on each axis, with the page of each."""
+"""Section on failures: the worst and the most typical one of each policy on each axis."""
 
 import math
 import shlex
@@ -7,9 +7,9 @@ from itertools import groupby
 from pathlib import Path
 
 from evaluate.analysis import failures as analysis
-from evaluate.analysis.failures import PAGES, Failure
+from evaluate.analysis.failures import PAGES_FOLDER, Failure
 from evaluate.analysis.results import Results
-from evaluate.report.html import breakable, fold, note, section, table
+from evaluate.report.html import breakable, collapsible, note, section, table
 from evaluate.report.sections.figures import policy_label
 from quad_env.cli.format import ABSENT
 
@@ -18,30 +18,40 @@ LEAD = (
     "failures with the policy's most frequent cause on the axis the one nearest to their median time. python -m "
     "evaluate report {} --pages makes and links a page of each: film and curves."
 )
+"""Note above the tables."""
 HEADS = {"axis": "axis", "which": "failure", "where": "scenario", "cause": "cause", "time": "time, s", "page": "page"}
+"""Column -> heading."""
 
 
-def failures(results: Results, folder: Path) -> str:
-    """A table for each policy; a failure whose page is in that folder, the report's, has a link, any other one the
-    command that makes it."""
+def render_failures(results: Results, folder: Path) -> str:
+    """Render a table for each policy.
+
+    Args:
+        results: Results of the run.
+        folder: Folder of the report. A failure with a page in it has a link; any other has the command that makes one.
+
+    Returns:
+        HTML.
+    """
     tables = []
-    for policy, chosen in groupby(analysis.failures(results), key=lambda each: each[1].policy):
+    for policy, chosen in groupby(analysis.select_failures(results), key=lambda each: each[1].policy):
         rows = [_row(which, each, folder) for which, each in chosen]
         axes = len({row["axis"] for row in rows})
         head = f"{policy_label(results, policy)}: failures on {axes} {'axis' if axes == 1 else 'axes'}"
-        tables.append(fold(head, table(HEADS, rows, "text")))
+        tables.append(collapsible(head, table(HEADS, rows, "text")))
     lead = note(LEAD.format(shlex.quote(str(folder))))
     return section("Worst and most typical failures", lead, *tables) if tables else ""
 
 
 def _row(which: str, failure: Failure, folder: Path) -> dict[str, str]:
+    """Format the row of one failure."""
     command = f"python -m evaluate replay {shlex.quote(str(folder))} {failure.row} --page {failure.row}.html"
-    link = f'<a href="{PAGES}/{escape(failure.page)}">episode {failure.number}</a>'
+    link = f'<a href="{PAGES_FOLDER}/{escape(failure.page)}">episode {failure.number}</a>'
     return {
         "axis": breakable(failure.axis),
         "which": which,
         "where": breakable(failure.scenario),
         "cause": (failure.cause or ABSENT).replace("_", " "),
         "time": f"{failure.time:.2f}" if math.isfinite(failure.time) else ABSENT,
-        "page": link if (folder / PAGES / failure.page).is_file() else f"<code>{escape(command)}</code>",
+        "page": link if (folder / PAGES_FOLDER / failure.page).is_file() else f"<code>{escape(command)}</code>",
     }

@@ -1,14 +1,14 @@
-"""All axes together: success on each as a heat map, and breaking points."""
+"""Overview of all axes: success on each as a heat map, and breaking points."""
 
 from html import escape
 
 from evaluate.analysis.breaking_points import breaking_point_text
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
-from evaluate.report.headings import FIRST
+from evaluate.report.headings import ROW_LABEL
 from evaluate.report.html import image, note, section, table, wide
 from evaluate.report.plots import success
-from evaluate.report.plots.drawing import svg
+from evaluate.report.plots.drawing import figure_to_svg
 from evaluate.report.sections.axis_section import anchor
 from evaluate.report.sections.figures import policy_label
 from quad_env.cli.format import ABSENT
@@ -18,37 +18,42 @@ SUCCESS_LEAD = (
     "episode succeeds if the robot stays upright and tracks its command within tolerance in every interval. Set apart "
     "on the right: with the robot's hardware profile."
 )
+"""Note above the heat map."""
 BREAKING_LEAD = (
     "Severities at which half of the episodes no longer succeed, with their 95 % intervals: from the last level shown "
     "to fail less than half the time to the first shown to fail more; levels near it narrow it. “None up to” is the "
     "hardest level tried; “already at” the mildest."
 )
+"""Note above the breaking points."""
 
 
-def overview(results: Results) -> str:
-    """The heat map and the breaking points, of what the run has of them."""
+def render_overview(results: Results) -> str:
+    """Render the heat map and the breaking points, if the run has them."""
     return f"{_heat_map(results)}{_breaking_points(results)}"
 
 
 def _heat_map(results: Results) -> str:
-    """Empty of a run of one axis."""
+    """Render the heat map; empty for a run of one axis."""
     scores = results.scores, results.hardware_scores
     if all(len(each.axes) < 2 for kind in scores for each in kind):
         return ""
-    drawn = image(svg(success.heat_map(*scores)), "Success of each policy on each axis at each severity, in per cent")
+    drawn = image(
+        figure_to_svg(success.draw_heat_map(*scores)),
+        "Success of each policy on each axis at each severity, in per cent",
+    )
     return section("Success on every axis", note(SUCCESS_LEAD), wide(drawn))
 
 
 def _breaking_points(results: Results) -> str:
-    """Of success; empty of a run without any."""
+    """Render the breaking points of success; empty for a run without any."""
     found = [point for point in results.breaking_points if point.of == "success"]
     cells = {(point.axis, point.policy): escape(breaking_point_text(point)) for point in found}
     policies = {name: policy_label(results, name) for name in results.policies if any(name == one for _, one in cells)}
     rows = [
-        {FIRST: f'<a href="#{anchor(axis.name)}">{escape(axis.name)}</a><small>{escape(axis.quantity)}</small>'}
+        {ROW_LABEL: f'<a href="#{anchor(axis.name)}">{escape(axis.name)}</a><small>{escape(axis.quantity)}</small>'}
         | {policy: cells.get((axis.name, policy), ABSENT) for policy in policies}
         for axis in severity_axes(results.cells)
         if any(axis.name == name for name, _ in cells)
     ]
-    shown = table({FIRST: "axis", **policies}, rows, "text")
+    shown = table({ROW_LABEL: "axis", **policies}, rows, "text")
     return section("Breaking points", note(BREAKING_LEAD), shown) if rows else ""

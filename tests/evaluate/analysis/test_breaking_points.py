@@ -62,7 +62,7 @@ def test_where_less_is_harder_levels_are_taken_downwards(made_up_cell, monkeypat
     assert point.severity50 == pytest.approx(0.6, rel=0.1)
     assert (point.lowest, point.highest, point.hardest) == (0.35, 1.0, 0.35)
     (shown,) = severity_axes(analyse(cells, seed=0, episodes=100, complete=True).cells)
-    assert (tuple(level.severity for level in shown.levels), shown.harder_when_smaller) == (frictions, True)
+    assert (tuple(level.severity for level in shown.levels), shown.is_harder_when_smaller) == (frictions, True)
 
 
 def test_two_severities_have_no_breaking_point(cells) -> None:

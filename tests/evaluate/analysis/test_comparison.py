@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evaluate.analysis.comparison import METRICS, SIGNIFICANT, by_episode, compare, differences_of
-from evaluate.statistics.intervals import share_difference_interval
+from evaluate.analysis.comparison import METRICS, SIGNIFICANT, compare, compare_metrics, metric_by_episode
+from evaluate.statistics.intervals import paired_proportion_interval
 from quad_env import SCENARIOS
 
 NEVER = np.zeros(64, bool)
@@ -42,7 +42,7 @@ def test_more_success_is_a_gain_and_more_falls_are_none(made_up_cell) -> None:
     found = compare([made_up_cell("trot", trot), made_up_cell("a", a)])
     success, falls = (next(c for c in found if c.metric == f"{name}_rate") for name in ("success", "fall"))
     assert (success.difference, falls.difference) == (pytest.approx((7 - 1) / 64), pytest.approx((1 - 7) / 64))
-    assert success.ci == share_difference_interval(7, 1, 64)
+    assert success.ci == paired_proportion_interval(7, 1, 64)
 
 
 def test_no_fall_of_either_is_no_certainty(made_up_cell) -> None:
@@ -58,9 +58,9 @@ def test_two_runs_of_the_same_episodes_are_compared_as_two_policies_of_one_run_a
     """The same difference, interval and p-value, to the bit: a purpose has one interval."""
     generator = np.random.default_rng(0)
     cells = [made_up_cell(name, generator.random(64) < 0.1, generator.gamma(2.0, 0.1, 64)) for name in ("trot", "new")]
-    a, b = ({metric: by_episode(cell, metric) for metric in METRICS} for cell in cells)
+    a, b = ({metric: metric_by_episode(cell, metric) for metric in METRICS} for cell in cells)
     policies = {each.metric: each for each in compare(cells)}
-    for run in differences_of(a, b):
+    for run in compare_metrics(a, b):
         expected = policies[run.metric]
         assert (run.ci, run.p_value, run.test) == (expected.ci, expected.p_value, expected.test)
         assert run.difference == pytest.approx(expected.difference)

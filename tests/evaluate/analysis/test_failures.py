@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluate.analysis.failures import failures
+from evaluate.analysis.failures import select_failures
 from evaluate.analysis.results import Results, analyse
 from evaluate.cells import PolicyScenarioResult
 from evaluate.rollouts.battery import resolve
@@ -48,7 +48,7 @@ def test_the_worst_is_the_first_fall_at_the_mildest_level_and_the_most_typical_i
         cell_of("trot", "push:3", 8, {1: (None, TRIP), 4: (7.0, SLIP), 6: (6.5, TRIP), 7: (6.9, "gait")}),
         cell_of("trot", "flat", 8, {}),
     )
-    (kind, worst), (other, typical) = failures(results)
+    (kind, worst), (other, typical) = select_failures(results)
     assert (kind, worst.scenario, worst.number, worst.time, worst.cause) == ("worst", "push:3", 6, 6.5, TRIP)
     assert worst.row == 8 + 6
     assert (other, typical.scenario, typical.number, typical.time, typical.cause) == ("typical", "push:5", 5, 5.0, TRIP)
@@ -61,7 +61,7 @@ def test_one_failure_can_be_both_and_each_axis_and_policy_has_its_own(cell_of) -
         for scenario in ("push:3", "rough:2")
         for policy, cause in (("trot", TRIP), ("stand", SLIP))
     ]
-    found = [(kind, each.policy, each.axis, each.cause) for kind, each in failures(results_of(*cells))]
+    found = [(kind, each.policy, each.axis, each.cause) for kind, each in select_failures(results_of(*cells))]
     both = "worst and typical"
     assert found == [
         (both, name, axis, c) for name, c in (("trot", TRIP), ("stand", SLIP)) for axis in ("push", "rough")
@@ -71,15 +71,17 @@ def test_one_failure_can_be_both_and_each_axis_and_policy_has_its_own(cell_of) -
 def test_results_without_causes_have_failures_too(cell_of) -> None:
     cell = cell_of("trot", "push:3", 8, {1: (None, None), 2: (3.0, None), 3: (4.0, None)})
     unknown = replace(cell.measures, cause=np.full(8, np.nan), cause_time=np.full(8, np.nan))
-    found = [(kind, each.number, each.cause) for kind, each in failures(results_of(replace(cell, measures=unknown)))]
+    found = [
+        (kind, each.number, each.cause) for kind, each in select_failures(results_of(replace(cell, measures=unknown)))
+    ]
     assert found == [("worst", 2, None), ("typical", 3, None)]
 
 
 def test_a_page_is_called_after_all_that_its_episode_depends_on(cell_of) -> None:
     results = results_of(cell_of("runs/a b", "push:3", 8, {1: (2.0, TRIP)}))
-    name = next(failures(results))[1].page
+    name = next(select_failures(results))[1].page
     assert name.startswith("runs_a_b_push_3_1_")
-    assert name == next(failures(replace(results, provenance={"threads": 64})))[1].page
+    assert name == next(select_failures(replace(results, provenance={"threads": 64})))[1].page
     others = [replace(results, seed=1), replace(results, provenance={"policies": {"runs/a b": "f" * 64}})]
     others.append(results_of(cell_of("runs/a_b", "push:3", 8, {1: (2.0, TRIP)})))
-    assert len({name, *(next(failures(each))[1].page for each in others)}) == 4
+    assert len({name, *(next(select_failures(each))[1].page for each in others)}) == 4

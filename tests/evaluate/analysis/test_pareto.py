@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluate.analysis.pareto import ParetoPoint, pareto, pareto_front
+from evaluate.analysis.pareto import ParetoPoint, compute_pareto, find_pareto_front
 from evaluate.analysis.results import analyse
-from evaluate.analysis.score import scores
+from evaluate.analysis.score import compute_scores
 from evaluate.rollouts.battery import resolve
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -17,7 +17,7 @@ NONE = (np.nan, np.nan)
 def front(**policies: tuple[float, float]) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]]]:
     """The front, and by which of it each policy is dominated, from success and cost."""
     points = [ParetoPoint(name, success, NONE, cost, NONE) for name, (success, cost) in policies.items()]
-    found = pareto_front("flat", points)
+    found = find_pareto_front("flat", points)
     return found.front, {point.policy: point.dominated_by for point in found.points}
 
 
@@ -59,16 +59,16 @@ def test_scores_stand_against_the_cost_at_a_steady_speed(cells) -> None:
         *cells("trot", steady=(0, 900, 3), flat=(2, 100, 5), push=(4, 100, 5)),
         *cells("stand", steady=(0, [600, 900], [3, 6]), flat=(4, 900, 5), push=(6, 900, 5)),
     ]
-    found = pareto(made, scores(made, "trot"), SIMPLE_QUAD)
+    found = compute_pareto(made, compute_scores(made, "trot"), SIMPLE_QUAD)
     assert (found.cost_on, found.front) == ("steady", ("stand", "trot"))
     best, cheap = found.points
     assert (best.success, cheap.success) == (pytest.approx((6 + 4) / 16), pytest.approx((4 + 2) / 16))
     assert cheap.cost == pytest.approx(1500.0 / (weight * 9.0))
     assert cheap.cost_ci[0] < cheap.cost < cheap.cost_ci[1]
-    on_flat = pareto(made[1:3] + made[4:], scores(made, "trot"), SIMPLE_QUAD)
+    on_flat = compute_pareto(made[1:3] + made[4:], compute_scores(made, "trot"), SIMPLE_QUAD)
     assert (on_flat.cost_on, on_flat.front, on_flat.points[1].dominated_by) == ("flat", ("trot",), ("trot",))
     elsewhere = [*made, *cells("document", flat=(8, 100, 1), push=(8, 100, 1))]  # not on the steady walk
-    point = pareto(elsewhere, scores(elsewhere, "trot"), SIMPLE_QUAD).points[-1]
+    point = compute_pareto(elsewhere, compute_scores(elsewhere, "trot"), SIMPLE_QUAD).points[-1]
     assert (point.policy, np.isnan(point.cost)) == ("document", True)
     both = analyse(made, seed=0, episodes=8, complete=True)
     assert (both.pareto.front, both.hardware_pareto.points) == (found.front, ())
@@ -79,7 +79,7 @@ def test_the_cost_of_all_scenarios_counts_every_load(cells) -> None:
         *cells("trot", push=(4, 100, 2), payload=(2, 300, 4)),
         *cells("stand", push=(0, 100, 2)),  # that missed one
     ]
-    (found,) = pareto(made, scores(made, "trot"), SIMPLE_QUAD).points
+    (found,) = compute_pareto(made, compute_scores(made, "trot"), SIMPLE_QUAD).points
     assert (found.policy, found.success) == ("trot", pytest.approx((4 + 6) / 16))
     own, carried = SIMPLE_QUAD.mass * 9.81, made[1].scenario.payload.mass * 9.81
     assert found.cost == pytest.approx(400.0 / (own * 2.0 + (own + carried) * 4.0))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kendalltau
 
-from evaluate.analysis.rank_correlation import kendall, rank_correlation
+from evaluate.analysis.rank_correlation import kendall_tau, rank_correlation
 
 POLICIES = "abc"
 
@@ -18,8 +18,8 @@ def test_the_correlation_is_kendalls_also_where_policies_are_tied() -> None:
     generator = np.random.default_rng(0)
     a, b = generator.integers(0, 5, (2, 30, 6)) / 7.0
     expected = [kendalltau(x, y).statistic for x, y in zip(a, b, strict=True)]
-    assert kendall(a, b) == pytest.approx(expected)
-    assert np.isnan(kendall(np.full(4, 0.5), np.arange(4.0)))
+    assert kendall_tau(a, b) == pytest.approx(expected)
+    assert np.isnan(kendall_tau(np.full(4, 0.5), np.arange(4.0)))
 
 
 def test_episodes_of_the_same_seeds_stay_paired() -> None:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from evaluate.analysis.results import Results, analyse, as_json
+from evaluate.analysis.results import Results, analyse, results_to_json
 from evaluate.report.page import render
-from evaluate.report.verdict import lines, verdict
+from evaluate.report.verdict import adjacent_pair_lines, ranking_verdict
 from evaluate.rollouts.battery import resolve
-from evaluate.statistics.intervals import difference_interval, share_difference_interval
+from evaluate.statistics.intervals import difference_interval, paired_proportion_interval
 from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 
 COUNT = 40
@@ -74,11 +74,11 @@ def test_of_a_single_scenario_the_ranking_is_by_success_with_its_test(run) -> No
     good, fair = np.arange(COUNT) < 36, np.arange(COUNT) >= 12
     results = run(trot={"push": fair}, other={"push": good})
     (found,) = results.ranking.neighbours
-    assert found.ci == share_difference_interval(12, 4, COUNT)
+    assert found.ci == paired_proportion_interval(12, 4, COUNT)
     assert found.p_value == found.p_value_holm == mcnemar(good, fair)
     (success,) = (each for each in results.comparisons if each.metric == "success_rate")
     assert success.p_value_holm == found.p_value_holm  # one claim, not two
-    assert (found.better_on, next(lines(results.ranking)).count(";")) == ((), 1)
+    assert (found.better_on, next(adjacent_pair_lines(results.ranking)).count(";")) == ((), 1)
 
 
 def test_one_correction_holds_for_the_ranking_and_for_single_scenarios(run) -> None:
@@ -100,22 +100,22 @@ def test_one_correction_holds_for_the_ranking_and_for_single_scenarios(run) -> N
     others = [each for each in results.comparisons if each.metric == "fall_rate"]
     assert not np.isnan([each.p_value_holm for each in others]).any()
     assert results.ranking.neighbours[2].better_on == AXES
-    assert as_json(results)["ranking"]["neighbours"][0]["p_value_holm"] == neighbours[0].p_value_holm
+    assert results_to_json(results)["ranking"]["neighbours"][0]["p_value_holm"] == neighbours[0].p_value_holm
 
 
 def test_single_scenarios_and_all_together_do_not_contradict_each_other_in_words(run) -> None:
     first, second = alike(np.random.default_rng(0), 12)
-    assert next(lines(run(trot=second, better=first).ranking)).endswith(
+    assert next(adjacent_pair_lines(run(trot=second, better=first).ranking)).endswith(
         "; no single scenario shows it, the 4 axes together do"
     )
     good, bad = np.ones(COUNT, bool), np.zeros(COUNT, bool)
     even = {"flat": good, "push": bad, "rough": good, "stairs": good}
     other = {"flat": good, "push": good, "rough": bad, "stairs": good}
-    line = next(lines(run(trot=even, other=other).ranking))
+    line = next(adjacent_pair_lines(run(trot=even, other=other).ranking))
     assert "cannot be distinguished" in line
     assert line.endswith("; but trot is better on rough and other is better on push")
     most = {"flat": good, "push": good, "rough": good, "stairs": bad}
-    line = next(lines(run(trot={**even, "flat": bad}, other=most).ranking))
+    line = next(adjacent_pair_lines(run(trot={**even, "flat": bad}, other=most).ranking))
     assert line.startswith("other beats trot by 25.0 points [")
     assert line.endswith("; flat and push alone show it; but trot is better on stairs")
 
@@ -135,7 +135,9 @@ def test_the_episodes_that_would_be_needed_are_those_of_the_formula_and_find_the
     drawn = generator.normal(found.difference, found.deviation, (300, int(found.needed)))
     t = drawn.mean(axis=1) / drawn.std(axis=1, ddof=1) * np.sqrt(drawn.shape[1])
     assert np.mean(np.abs(t) > quantile) == pytest.approx(0.8, abs=0.07)
-    assert f"cannot be distinguished with 40 episodes; about {found.needed:.0f} would" in next(lines(results.ranking))
+    assert f"cannot be distinguished with 40 episodes; about {found.needed:.0f} would" in next(
+        adjacent_pair_lines(results.ranking)
+    )
 
 
 def test_policies_that_are_alike_in_every_episode(run) -> None:
@@ -144,8 +146,8 @@ def test_policies_that_are_alike_in_every_episode(run) -> None:
     ranked = run(errors={"other": 0.1}, trot=of, other=of).ranking
     assert ranked.neighbours[0].ci[0] < 0.0 < ranked.neighbours[0].ci[1]
     assert (ranked.neighbours[0].needed, ranked.neighbours[0].p_value_holm) == (np.inf, 1.0)
-    assert "more than 10000 would be needed" in next(lines(ranked))
-    assert verdict(ranked).endswith("but is not distinguished from other")
+    assert "more than 10000 would be needed" in next(adjacent_pair_lines(ranked))
+    assert ranking_verdict(ranked).endswith("but is not distinguished from other")
 
 
 def test_policies_that_are_the_same_to_the_bit_have_a_difference_of_zero_without_an_interval(run) -> None:
@@ -154,7 +156,7 @@ def test_policies_that_are_the_same_to_the_bit_have_a_difference_of_zero_without
     found = results.ranking.neighbours[0]
     assert (found.identical, found.difference, found.p_value_holm) == (True, 0.0, 1.0)
     assert np.isnan(found.ci).all()
-    said = [next(lines(results.ranking)), verdict(results.ranking)]
+    said = [next(adjacent_pair_lines(results.ranking)), ranking_verdict(results.ranking)]
     assert said[0] == "trot and other are the same to the bit in 40 episodes of each scenario"
     assert said[1].endswith("; other is the same to the bit")
     between = {each.a: each for each in results.comparisons if each.scenario == "flat" and each.metric == "fall_rate"}
@@ -182,8 +184,8 @@ def test_an_interval_that_excludes_zero_is_called_what_the_corrected_test_shows(
     assert min(push.p_value_holm, found.p_value_holm) >= 0.05
     words = "cannot be distinguished"
     by_itself = "though its interval by itself excludes 0"
-    assert words in next(lines(results.ranking))
-    assert by_itself in next(lines(results.ranking))
+    assert words in next(adjacent_pair_lines(results.ranking))
+    assert by_itself in next(adjacent_pair_lines(results.ranking))
     page = render(results).replace("\u00a0", " ")
     (row,) = re.findall(r"<tr><td>other − trot<small>push</small>.*?</tr>", page)
     assert f"{words}, p = " in row
@@ -194,7 +196,7 @@ def test_an_interval_that_excludes_zero_is_called_what_the_corrected_test_shows(
 
 def test_the_verdict(run) -> None:
     a, b = (dict.fromkeys(AXES, np.arange(COUNT) < k) for k in (40, 20))
-    said = verdict(run(trot=b, other=a).ranking).replace("\u00a0", " ")
+    said = ranking_verdict(run(trot=b, other=a).ranking).replace("\u00a0", " ")
     assert said.startswith("other is best: success 100 % [91, 100], 50.0 points [")
     assert said.endswith("] more than trot")
-    assert verdict(run(trot=a).ranking).replace("\u00a0", " ") == "trot: success 100 % [91, 100]"
+    assert ranking_verdict(run(trot=a).ranking).replace("\u00a0", " ") == "trot: success 100 % [91, 100]"

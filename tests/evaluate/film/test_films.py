@@ -49,7 +49,7 @@ def blinking(count: int, width: int = 160) -> list[Image.Image]:
 
 @pytest.mark.parametrize("kind", ["webp", "gif"])
 def test_a_moving_picture_has_every_image_and_holds_the_last_one(tmp_path: Path, kind: str) -> None:
-    files.write(blinking(7), tmp_path / f"film.{kind}", 0.04)
+    files.write_film(blinking(7), tmp_path / f"film.{kind}", 0.04)
     with Image.open(tmp_path / f"film.{kind}") as image:
         frames, lasting = [], []
         for frame in ImageSequence.Iterator(image):
@@ -62,14 +62,14 @@ def test_a_moving_picture_has_every_image_and_holds_the_last_one(tmp_path: Path,
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # imageio_ffmpeg leaves pipes open
 def test_an_mp4_has_every_frame_and_holds_the_last_one(tmp_path: Path) -> None:
     encoder = pytest.importorskip("imageio_ffmpeg")
-    files.write(blinking(7, width=161), tmp_path / "film.mp4", 0.04)
+    files.write_film(blinking(7, width=161), tmp_path / "film.mp4", 0.04)
     facts, *frames = encoder.read_frames(str(tmp_path / "film.mp4"))
     assert (facts["size"], facts["fps"], len(frames)) == ((162, 120), 25.0, 7 + 38)
     assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]
 
 
 def test_a_strip_is_of_the_whole_film(tmp_path: Path) -> None:
-    files.write(blinking(30), tmp_path / "film.png", 0.04)
+    files.write_film(blinking(30), tmp_path / "film.png", 0.04)
     with Image.open(tmp_path / "film.png") as image:
         assert image.size == (12 * 160, 120)
         assert [image.getpixel((x, 60)) for x in (0, 1919)] == [(0, 0, 0), (0, 128, 0)]
@@ -107,13 +107,13 @@ def test_a_push_is_told_while_it_is_seen() -> None:
 
 def test_what_cannot_be_written_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    files.check(tmp_path / "film.webp")
+    files.check_film_path(tmp_path / "film.webp")
     with pytest.raises(UsageError, match=r'pip install -e "\.\[video\]"'):
-        files.check(tmp_path / "film.mp4")
+        files.check_film_path(tmp_path / "film.mp4")
     (tmp_path / "file").write_text("", encoding="utf-8")
     (tmp_path / "film.gif").mkdir()
     for path in (tmp_path / "file" / "film.gif", tmp_path / "film.gif"):
         with pytest.raises(UsageError, match="--video"):
-            files.check(path)
+            files.check_film_path(path)
     with pytest.raises(UsageError, match=r"\.mp4, \.webp, \.gif, \.png, not 'film\.avi'"):
-        files.check(tmp_path / "film.avi")
+        files.check_film_path(tmp_path / "film.avi")

@@ -7,7 +7,7 @@ import pytest
 
 import policies
 import quad_env
-from evaluate.film.scene import AHEAD, COMMAND, CONTACT, PUSH, PUSH_DISPLAY_TIME, SWING, VELOCITY, Scene, heading
+from evaluate.film.scene import AHEAD, COMMAND, CONTACT, PUSH, PUSH_DISPLAY_TIME, SWING, VELOCITY, Scene, heading_angle
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import iterate_episode
 from quad_env import Pushes
@@ -20,7 +20,7 @@ def test_where_a_robot_faces_does_not_depend_on_its_tilt() -> None:
     cos, sin = math.cos(pitch / 2), math.sin(pitch / 2)
     tilted = (math.cos(yaw / 2) * cos, -math.sin(yaw / 2) * sin, math.cos(yaw / 2) * sin, math.sin(yaw / 2) * cos)
     step.infos["quaternion"][0] = tilted
-    assert heading(step) == pytest.approx(yaw)
+    assert heading_angle(step) == pytest.approx(yaw)
 
 
 PUSHED = quad_env.Scenario("pushed", pushes=Pushes(count=2, window=(1.0, 2.0), impulse=35.0))

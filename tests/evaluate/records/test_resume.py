@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from evaluate.__main__ import main
-from evaluate.analysis.results import Results, as_json
+from evaluate.analysis.results import Results, results_to_json
 from evaluate.cells import EpisodeChunk
 from evaluate.records import manifest, provenance, store
 from evaluate.records.episode_table import cell_of, read_table, table, write_table
@@ -55,7 +55,7 @@ raise SystemExit(main(sys.argv[3:]))
 
 def a_page(results: Results, path: Path, **_options) -> None:
     """Instead of the report, whose plots take a second."""
-    write_atomically(path, repr(as_json(results)).encode())
+    write_atomically(path, repr(results_to_json(results)).encode())
 
 
 @pytest.fixture(autouse=True)

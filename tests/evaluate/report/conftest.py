@@ -11,7 +11,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from evaluate.analysis.results import analyse, with_nan, write_json
+from evaluate.analysis.results import analyse, null_to_nan, write_json
 from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.catalogue import OF_CAUSES
 from evaluate.measures.metrics import Measures
@@ -94,7 +94,7 @@ class Files:
     @property
     def results(self) -> dict[str, Any]:
         """With NaN for null."""
-        found: dict[str, Any] = with_nan(json.loads((self.folder / "results.json").read_text(encoding="utf-8")))
+        found: dict[str, Any] = null_to_nan(json.loads((self.folder / "results.json").read_text(encoding="utf-8")))
         return found
 
 

@@ -47,8 +47,8 @@ def test_shares_are_of_all_episodes_of_the_levels_that_the_policy_ran_on(results
 
 def test_the_hardware_profile_is_shown_apart_and_only_policies_that_failed(results, monkeypatch) -> None:
     clipped = watch_clipping(monkeypatch)
-    with drawing.settings():
-        page = sections.causes(results)
+    with drawing.plot_settings():
+        page = sections.render_causes(results)
     assert clipped == ["2"]
     true, real = page.split(f"<h3>{sections.TITLES[True]}</h3>")
     assert page.count("<img") == 2
@@ -58,14 +58,14 @@ def test_the_hardware_profile_is_shown_apart_and_only_policies_that_failed(resul
 
 
 def test_results_without_causes_have_no_such_section(made) -> None:
-    assert sections.causes(made) == ""
+    assert sections.render_causes(made) == ""
 
 
 def test_every_cause_fits_into_a_bar_and_has_a_colour_of_its_own(monkeypatch) -> None:
     clipped, count = watch_clipping(monkeypatch), len(CAUSES)
-    with drawing.settings():
-        bars = plots.bars(LONG, {f"axis_{row}": dict.fromkeys(CAUSES, 100.0 / count) for row in range(17)})
-        drawing.svg(bars)
+    with drawing.plot_settings():
+        bars = plots.draw_cause_bars(LONG, {f"axis_{row}": dict.fromkeys(CAUSES, 100.0 / count) for row in range(17)})
+        drawing.figure_to_svg(bars)
     assert clipped == ["1"]
     pieces = bars.axes[0].patches
     assert len(pieces) == 17 * count

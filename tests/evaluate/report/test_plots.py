@@ -7,7 +7,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE
-from evaluate.analysis.pareto import ParetoPoint, pareto_front
+from evaluate.analysis.pareto import ParetoPoint, find_pareto_front
 from evaluate.analysis.results import Results, analyse
 from evaluate.analysis.score import Score
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
@@ -45,9 +45,9 @@ def score(policy: str, **axes: int) -> Score:
 )
 def test_headings_of_the_heat_map_neither_overlap_nor_leave_it(clipped, names, severities) -> None:
     """Also where each axis has one severity, and a block of cells is narrower than a policy's name."""
-    with drawing.settings():
-        drawn = success.heat_map([score(name, flat=1, push=severities) for name in names])
-        drawing.svg(drawn)
+    with drawing.plot_settings():
+        drawn = success.draw_heat_map([score(name, flat=1, push=severities) for name in names])
+        drawing.figure_to_svg(drawn)
         FigureCanvasAgg(drawn)
         drawn.draw_without_rendering()
         boxes = [text.get_window_extent() for text in drawn.axes[0].texts]
@@ -68,10 +68,10 @@ def test_the_front_shows_every_policy_that_goes_somewhere(clipped, count) -> Non
         ParetoPoint(name, s, (s - 0.1, s + 0.1), c, (c - 0.1, np.inf))
         for name, s, c in zip(names, (*share, 0.0), (*cost, np.nan), strict=True)
     ]
-    found = pareto_front("steady", points)
-    with drawing.settings():
-        drawn = pareto.front(found, names)
-        drawing.svg(drawn)
+    found = find_pareto_front("steady", points)
+    with drawing.plot_settings():
+        drawn = pareto.draw_pareto_front(found, names)
+        drawing.figure_to_svg(drawn)
         FigureCanvasAgg(drawn)
         drawn.draw_without_rendering()
         (legend,) = drawn.legends
@@ -105,8 +105,8 @@ def against_push(made_up_cell, *names: str) -> tuple[Results, SeverityAxis]:
 def test_curves_that_agree_do_not_hide_each_other(made_up_cell, names) -> None:
     """Pixels of each policy's own colour, by itself and with all others on it."""
     results, axis = against_push(made_up_cell, *names)
-    with drawing.settings():
-        whole = curves.draw(results, axis, FALL_RATE, "falls")
+    with drawing.plot_settings():
+        whole = curves.draw_severity_curves(results, axis, FALL_RATE, "falls")
         for legend in whole.legends:
             legend.remove()
         canvas = FigureCanvasAgg(whole)
@@ -121,9 +121,9 @@ def test_curves_that_agree_do_not_hide_each_other(made_up_cell, names) -> None:
 def test_a_plot_of_an_axis_names_every_policy_that_ran_on_it(made_up_cell, clipped) -> None:
     names = (*drawing.FIXED_STYLE_POLICIES, LONG, WIDE)
     results, axis = against_push(made_up_cell, *names)
-    with drawing.settings():
-        drawn = curves.draw(results, axis, SUCCESS_RATE, "success")
-        drawing.svg(drawn)
+    with drawing.plot_settings():
+        drawn = curves.draw_severity_curves(results, axis, SUCCESS_RATE, "success")
+        drawing.figure_to_svg(drawn)
         FigureCanvasAgg(drawn)
         drawn.draw_without_rendering()
         (legend,) = drawn.legends

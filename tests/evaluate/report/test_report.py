@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from evaluate.analysis.results import Results, analyse, as_json
+from evaluate.analysis.results import Results, analyse, results_to_json
 from evaluate.measures.outcomes import OUTCOMES
 from evaluate.report.page import render
 from policies import summary
@@ -139,7 +139,7 @@ def odd(made) -> tuple[Results, str]:
 def test_what_a_reader_has_to_know_first_stands_at_the_top(odd, page) -> None:
     results, text = odd
     error = {"policy": "other", "failed": 3, "episodes": 80, "first": "raised ValueError: a_b <c> second line"}
-    assert as_json(results)["policy_errors"] == [error]
+    assert results_to_json(results)["policy_errors"] == [error]
     top = text[: text.index("<section")].replace("\u00a0", " ")
     for said in (
         "Interrupted: this page shows the part",

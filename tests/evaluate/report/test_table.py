@@ -10,7 +10,7 @@ from rich.console import Console
 from evaluate.analysis.comparison import ERRORS, METRICS, RATES
 from evaluate.analysis.results import analyse
 from evaluate.measures.catalogue import BY_NAME
-from evaluate.report.headings import NARROW, NARROW_DIFFERENCES, TITLES
+from evaluate.report.headings import TERMINAL_DIFFERENCE_TITLES, TERMINAL_TITLES, TITLES
 from evaluate.report.page import render
 from evaluate.report.table import print_results
 from evaluate.rollouts.battery import resolve
@@ -63,9 +63,9 @@ def test_many_scenarios_have_success_at_each_severity_in_80_columns(made) -> Non
 def test_short_headings_are_those_of_the_same_figure() -> None:
     """The first word and the unit of the whole heading; with a unit of their own, differences of shares."""
     for metric in METRICS:
-        words, unit = NARROW[metric].replace("\n", " "), BY_NAME[metric].unit if metric in ERRORS else ""
+        words, unit = TERMINAL_TITLES[metric].replace("\n", " "), BY_NAME[metric].unit if metric in ERRORS else ""
         assert (words.split()[0], words.endswith(unit)) == (TITLES[metric].split()[0], True)
-    assert [NARROW_DIFFERENCES[metric] for metric in RATES] == ["success\n% points", "falls\n% points"]
+    assert [TERMINAL_DIFFERENCE_TITLES[metric] for metric in RATES] == ["success\n% points", "falls\n% points"]
 
 
 def test_a_name_of_sixty_characters_is_whole_and_breaks_no_figure(made_up_cell) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evaluate.statistics.breaking_point import bracket, breaking_point, monotone_curve
+from evaluate.statistics.breaking_point import bracket_levels, breaking_point, monotone_curve
 
 PUSHES = np.array([20.0, 35.0, 50.0, 65.0, 80.0, 100.0])
 FRICTION = np.array([1.0, 0.7, 0.5, 0.35, 0.25])
@@ -97,16 +97,16 @@ def test_a_bracket_is_of_exact_tests_in_their_order() -> None:
     """Of 20 episodes 5 are shown to be fewer than half (P = 0.021), 6 are not (0.058), and 15 are shown to be more."""
     fails = (0, 5, 6, 5, 14, 15, 20)
     failed = np.array([np.arange(20) < count for count in fails])
-    assert bracket(failed) == (1, 5)
-    assert bracket(failed[2:5]) == (-1, 3)
+    assert bracket_levels(failed) == (1, 5)
+    assert bracket_levels(failed[2:5]) == (-1, 3)
 
 
 def test_each_side_of_a_bracket_errs_with_a_chance_of_one_in_forty() -> None:
     """Of 24 episodes P(7 or fewer) = 0.032 shows nothing, P(6 or fewer) = 0.011 does; 17 and 18 mirror them."""
     failed = np.array([np.arange(24) < count for count in (0, 7, 17, 24)])
-    assert bracket(failed) == (0, 3)
+    assert bracket_levels(failed) == (0, 3)
     failed = np.array([np.arange(24) < count for count in (0, 6, 18, 24)])
-    assert bracket(failed) == (1, 2)
+    assert bracket_levels(failed) == (1, 2)
 
 
 @pytest.mark.parametrize("severities", [[1.0, 2.0], [1.0, 3.0, 2.0], [1.0, 1.0, 2.0], [-1.0, 0.0, 1.0]])

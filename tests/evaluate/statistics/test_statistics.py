@@ -13,21 +13,21 @@ from evaluate.statistics.intervals import (
     bootstrap_interval,
     difference_interval,
     mean_proportion_interval,
+    paired_proportion_interval,
     resamples,
-    share_difference_interval,
     wilson_interval,
 )
 
 
 def test_share_difference_interval_as_published() -> None:
     # Fagerland, Lydersen and Laake 2014, Statistics in Medicine 33, airway hyper-responsiveness: Tango's interval.
-    assert share_difference_interval(1, 7, 21) == pytest.approx((-0.517, -0.026), abs=5e-4)
+    assert paired_proportion_interval(1, 7, 21) == pytest.approx((-0.517, -0.026), abs=5e-4)
 
 
 def test_share_difference_interval_ends_at_one() -> None:
-    assert share_difference_interval(20, 0, 20)[1] == 1.0
-    assert share_difference_interval(0, 20, 20)[0] == -1.0
-    assert np.isnan(share_difference_interval(0, 0, 0)).all()
+    assert paired_proportion_interval(20, 0, 20)[1] == 1.0
+    assert paired_proportion_interval(0, 20, 20)[0] == -1.0
+    assert np.isnan(paired_proportion_interval(0, 0, 0)).all()
 
 
 def test_intervals_of_too_few_values_do_not_exist() -> None:
