@@ -80,7 +80,9 @@ class Scene:
         """Return the arrows of command, velocity, and push if one is displayed."""
         robot, trunk = self.step.env.robot, self.step.infos["position"][0]
         payload = self.step.env.scenario.payload
-        above = scale_to_robot(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
+        above = (
+            scale_to_robot(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
+        )
         yaw = heading_angle(self.step)
         ahead, cos, sin = scale_to_robot(robot, AHEAD, "s"), math.cos(yaw), math.sin(yaw)
         found = []

@@ -209,7 +209,10 @@ class EpisodeView:
             data = env.simulation.snapshot(0)
             x, y, z = data.body("base_link").xpos
             near = Viewpoint(
-                110.0, -12.0, scale_to_robot(env.robot, FREE_CAMERA_DISTANCE, "m"), (x, y, z - env.robot.home_height / 3.0)
+                110.0,
+                -12.0,
+                scale_to_robot(env.robot, FREE_CAMERA_DISTANCE, "m"),
+                (x, y, z - env.robot.home_height / 3.0),
             )
             frame: NDArray[np.uint8] = self._camera.draw(data, arrows=marks, viewpoint=near)
         except ValueError:

@@ -18,7 +18,7 @@ from evaluate.analysis.summary import Summary
 from evaluate.report.console import FittedTable, break_long_words, console_table, format_row_name, wrap_name
 from evaluate.report.headings import ROW_LABEL, TERMINAL_TITLES
 from evaluate.report.verdict import adjacent_pair_lines, best_and_worst, ranking_verdict, unranked_text
-from quad_env.cli.format import ABSENT, with_count, estimate, number, plus_minus, share
+from quad_env.cli.format import ABSENT, estimate, number, plus_minus, share, with_count
 
 MAX_DETAILED_SCENARIOS = 6
 """Number of scenarios up to which every figure is printed."""

@@ -14,7 +14,7 @@ from evaluate.report.headings import EFFORT_TITLES, MAIN_EFFORT_TITLES, ROW_LABE
 from evaluate.report.page import list_warnings
 from evaluate.report.table import summary_figures
 from evaluate.report.verdict import IDENTICAL_WORDS, claim_text
-from quad_env.cli.format import ABSENT, with_count, estimate, number, points_with, share
+from quad_env.cli.format import ABSENT, estimate, number, points_with, share, with_count
 from quad_env.robots.robot import Robot
 from research.pages.markdown import IN_A_LINE, table
 from research.pages.policy_list import PolicyList
