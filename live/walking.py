@@ -14,9 +14,9 @@ from evaluate.rollouts.walking_test import Walk
 from evaluate.rollouts.walking_test import walks as walks_of
 from policies import ExternalPolicy, PolicyError
 from policies.base import CONTROL_PERIOD, Policy
-from policies.external.described import with_spec_gains
-from policies.external.description import ObservationTerm, PolicySpec
-from policies.external.mistakes import joint_order_in_words
+from policies.external.network_policy import with_spec_gains
+from policies.external.spec import ObservationTerm, PolicySpec
+from policies.external.spec_errors import joint_order_in_words
 from quad_env.doctor.causes import self_contacts
 from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
 from quad_env.robots.leg_names import find_contradictions

@@ -11,8 +11,8 @@ from evaluate.hardware import HardwareConfig
 from evaluate.rollouts.walking_test import Command, Walk, walks
 from policies.base import Policy
 from policies.external import ExternalPolicy
-from policies.external.described import NetworkPolicy
-from policies.external.mistakes import COMMON_ERRORS, ORDERS, Correction, corrections, second_corrections
+from policies.external.network_policy import NetworkPolicy
+from policies.external.spec_errors import COMMON_ERRORS, ORDERS, Correction, corrections, second_corrections
 from policies.policy_stack import PolicyStack
 from quad_env.robots.robot import Robot
 from quad_env.seeding import episode_seeds
@@ -156,7 +156,7 @@ def remarks(policy: Policy) -> tuple[str, ...]:
 def warning(policy: Policy, robot: str) -> str | None:
     """Return a line about a foreign policy that does not stand or walk; None for others."""
     inner: Any = getattr(policy, "policy", policy)  # within a safety layer
-    is_described = getattr(inner, "description", None) is not None
+    is_described = getattr(inner, "spec", None) is not None
     if not is_described and not isinstance(inner, ExternalPolicy):
         return None
     found = run_walk_tests(inner, robot)

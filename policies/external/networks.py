@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Mask, PolicyError
-from policies.external.description import PolicySpec
 from policies.external.network_kind import check_is_network, is_onnx
 from policies.external.onnx_file import make_network_factory, open_session
 from policies.external.onnx_roles import find_roles
 from policies.external.packages import import_package
 from policies.external.python_file import ActFunction
+from policies.external.spec import PolicySpec
 from policies.memory import PerRobotState
 from quad_env.columns import EnvIndices
 from quad_env.files.text import format_exception

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from policies.base import PolicyError
 from policies.external import readers
-from policies.external.description import PolicySpec
 from policies.external.network_kind import TORCHSCRIPT_SUFFIXES, check_is_network, is_onnx
 from policies.external.packages import check_package
 from policies.external.readers.settings import WRITE_TOML
+from policies.external.spec import PolicySpec
 from quad_env.cli.limited_process import CrashError, LimitExceededError, call, read_limited
 from quad_env.files.reading import MAX_TEXT_SIZE, check_file, max_network_size
 from quad_env.files.text import brief

@@ -17,11 +17,11 @@ import numpy as np
 from policies import bundle
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.external import onnx_file, readers
-from policies.external.described import control_period_ratio, with_spec_gains
-from policies.external.description import PolicySpec
+from policies.external.network_policy import control_period_ratio, with_spec_gains
+from policies.external.observation_adapter import ObservationAdapter
 from policies.external.packages import import_package
 from policies.external.reference import PolicyReference, resolve_reference
-from policies.external.terms import ObservationAdapter
+from policies.external.spec import PolicySpec
 from policies.shipped import MODELS
 from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.robot import Robot

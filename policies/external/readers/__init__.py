@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from policies.base import PolicyError
-from policies.external.description import PolicySpec
 from policies.external.network_kind import is_onnx
 from policies.external.readers import (
     flat_yaml,
@@ -18,6 +17,7 @@ from policies.external.readers import (
 from policies.external.readers.drafts import IncompleteSpecError, write_draft
 from policies.external.readers.settings import WRITE_TOML, FileSettings, load_settings
 from policies.external.readers.toml_file import write_toml
+from policies.external.spec import PolicySpec
 from quad_env.files.text import one_line
 
 

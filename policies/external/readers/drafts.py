@@ -28,7 +28,7 @@ class IncompleteSpecError(PolicyError):
 
     Args:
         kind: What the file is, a noun phrase.
-        known: Fields of a `PolicyDescription` that it gives.
+        known: Fields of a `PolicySpec` that it gives.
         advice: What is known of the missing fields, a line each.
         fault: What to say instead of the kind and the missing fields.
         remedy: What to do instead of writing a draft.

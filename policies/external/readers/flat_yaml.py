@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from policies.base import PolicyError
-from policies.external.description import PolicySpec
 from policies.external.readers import rl_sar
 from policies.external.readers.drafts import IncompleteSpecError
 from policies.external.readers.settings import FileSettings
+from policies.external.spec import PolicySpec
 from quad_env.files.text import brief
 
 KEYS = {

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from policies.base import PolicyError
-from policies.external.description import ObservationTerm, PolicySpec
 from policies.external.readers.drafts import IncompleteSpecError
 from policies.external.readers.isaac_terms import incomplete_remarks, make_term, observed_order
 from policies.external.readers.joint_orders import JointNames
 from policies.external.readers.settings import WRITE_TOML, FileSettings, load_settings, matches
+from policies.external.spec import ObservationTerm, PolicySpec
 from quad_env.files.text import brief
 
 FOLDER = "io_descriptors"

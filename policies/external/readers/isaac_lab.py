@@ -9,11 +9,11 @@ import re
 from dataclasses import replace
 
 from policies.base import PolicyError
-from policies.external.description import HeightGrid, ObservationTerm, PolicySpec, Range
 from policies.external.readers.io_descriptor import joint_order
 from policies.external.readers.isaac_terms import history_length, incomplete_remarks, make_term, observed_order
 from policies.external.readers.joint_orders import FAMILIES, JointNames, names_by_kind
 from policies.external.readers.settings import WRITE_TOML, FileSettings, load_settings, matches
+from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec, Range
 
 _NAMES = "joint_names_expr"
 

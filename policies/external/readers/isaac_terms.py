@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from policies.base import PolicyError
-from policies.external.description import TERM_WIDTHS, HeightGrid, ObservationTerm
 from policies.external.readers.joint_orders import JointNames
 from policies.external.readers.settings import WRITE_TOML, FileSettings
+from policies.external.spec import TERM_WIDTHS, HeightGrid, ObservationTerm
 from quad_env.files.text import MAX_SHOWN, brief
 
 FUNCTIONS = {

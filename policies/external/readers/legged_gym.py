@@ -9,9 +9,9 @@ OpenRobotLab/HIMLoco, the first of these files: `env.num_one_step_observations`,
 from dataclasses import replace
 
 from policies.base import PolicyError
-from policies.external.description import HeightGrid, ObservationTerm, PolicySpec
 from policies.external.readers.joint_orders import isaac_gym_order
 from policies.external.readers.settings import WRITE_TOML, FileSettings
+from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from policies.base import PolicyError
-from policies.external.description import ObservationTerm, PolicySpec
 from policies.external.packages import import_package
 from policies.external.readers.isaac_terms import make_term
 from policies.external.readers.settings import WRITE_TOML, FileSettings, find_network
+from policies.external.spec import ObservationTerm, PolicySpec
 from quad_env.files.reading import max_network_size, read_bytes
 from quad_env.files.text import brief, format_exception
 

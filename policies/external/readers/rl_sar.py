@@ -12,10 +12,10 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from policies.base import PolicyError
-from policies.external.description import JOINT_FIELDS, ObservationTerm, PolicySpec, Range
 from policies.external.readers.isaac_terms import unknown_term, with_scale
 from policies.external.readers.joint_orders import JointNames
 from policies.external.readers.settings import WRITE_TOML, FileSettings, find_network, load_settings
+from policies.external.spec import JOINT_FIELDS, ObservationTerm, PolicySpec, Range
 
 _TERMS = {
     "lin_vel": ("linear_velocity", "lin_vel_scale"),

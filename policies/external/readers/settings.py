@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from policies.base import PolicyError
-from policies.external.description import Numbers, Range
 from policies.external.packages import import_package
 from policies.external.readers import name_patterns
+from policies.external.spec import Numbers, Range
 from quad_env.files.reading import MAX_TOML_SIZE, parse_json, parse_toml, read_bytes
 from quad_env.files.text import brief, format_exception
 

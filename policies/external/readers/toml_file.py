@@ -1,4 +1,4 @@
-"""A short TOML of our own: the fields of a `PolicyDescription` by name, without those that have their default."""
+"""A short TOML of our own: the fields of a `PolicySpec` by name, without those that have their default."""
 
 import json
 import os
@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from policies.base import PolicyError
-from policies.external.description import JOINT_FIELDS, HeightGrid, ObservationTerm, PolicySpec
 from policies.external.readers.joint_orders import names_by_leg
 from policies.external.readers.settings import FileSettings, find_network
+from policies.external.spec import JOINT_FIELDS, HeightGrid, ObservationTerm, PolicySpec
 from policies.parameters import is_number
 
 Made = TypeVar("Made", PolicySpec, ObservationTerm, HeightGrid)

@@ -8,10 +8,10 @@ clipped, then scaled, unless `scale_first`; `use_gym_history` puts a history by 
 from dataclasses import replace
 
 from policies.base import PolicyError
-from policies.external.description import ObservationTerm, PolicySpec, Range
 from policies.external.readers.isaac_terms import incomplete_remarks, make_term, observed_order
 from policies.external.readers.joint_orders import UNITREE_MOTORS, JointNames
 from policies.external.readers.settings import FileSettings
+from policies.external.spec import ObservationTerm, PolicySpec, Range
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:

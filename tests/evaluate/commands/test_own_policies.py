@@ -6,7 +6,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from evaluate.__main__ import main
-from policies.external import policy as external
+from policies.external import process
 
 FILE = """
 import time
@@ -46,7 +46,7 @@ def rows(folder: Path) -> dict[str, list[dict]]:
 
 
 def test_it_is_judged_beside_ours_and_loses_its_own_episodes_alone(capsys, tmp_path, file, monkeypatch) -> None:
-    monkeypatch.setattr(external, "ACT_DEADLINE", 1.0)
+    monkeypatch.setattr(process, "ACT_DEADLINE", 1.0)
     walk, stops = f"{file}:Walk", f"{file}:Stops"
     run = ["--policies", walk, stops, "trot", "--scenarios", "flat", "--episodes", "2"]
     assert main([*run, "--out", str(tmp_path / "out")]) == 0
@@ -60,7 +60,7 @@ def test_it_is_judged_beside_ours_and_loses_its_own_episodes_alone(capsys, tmp_p
     for mine, theirs in zip(found[walk], found["trot"], strict=True):
         assert mine | {"policy": "trot"} == theirs
     file.write_text(file.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
-    monkeypatch.setattr(external, "ACT_DEADLINE", 0.2)
+    monkeypatch.setattr(process, "ACT_DEADLINE", 0.2)
     assert main(["replay", str(tmp_path / "out"), "2"]) == 1
     assert f"because the policy {stops} has changed" in capsys.readouterr().out
 

@@ -1,6 +1,6 @@
 """A policy that walks as described raises no complaint; each usual mistake in its description is named with its remedy.
 
-The mistakes are made by `planted_mistakes`, on three networks that differ in robot, orders, scales, signs, rate and
+The mistakes are made by `planted_errors`, on three networks that differ in robot, orders, scales, signs, rate and
 history.
 """
 
@@ -11,10 +11,10 @@ import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
 from policies.external import ExternalPolicy
-from policies.external.described import NetworkPolicy
-from policies.external.description import PolicySpec
+from policies.external.network_policy import NetworkPolicy
 from policies.external.readers import write_toml
-from tests.policies.external import planted_mistakes, walking_network
+from policies.external.spec import PolicySpec
+from tests.policies.external import planted_errors, walking_network
 from tests.policies.external.walking_network import STYLES
 from tests.robot_models import NEEDS_MODELS
 
@@ -51,7 +51,7 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 def made(described: PolicySpec, robot: str) -> NetworkPolicy:
     """The policy as it is served, in this process, with what is asked of one that is."""
     policy = NetworkPolicy(described, robot=robot)
-    policy.description, policy.close = described, lambda: None
+    policy.spec, policy.close = described, lambda: None
     return policy
 
 
@@ -68,7 +68,7 @@ def test_a_policy_that_is_described_as_it_is_raises_no_complaint(
 @pytest.mark.parametrize("name", NETWORKS)
 def test_each_planted_mistake_is_named(name: str, mistake: str, described: dict[str, PolicySpec]) -> None:
     robot = STYLES[name].robot
-    wrong = planted_mistakes.MISTAKES[mistake](described[name])
+    wrong = planted_errors.MISTAKES[mistake](described[name])
     assert wrong != described[name]
     line = diagnosis.warning(made(wrong, robot), robot)
     assert line is not None
@@ -79,7 +79,7 @@ def test_each_planted_mistake_is_named(name: str, mistake: str, described: dict[
 
 @pytest.mark.parametrize("name", NETWORKS[:1])
 def test_the_policys_damping_is_proposed(name: str, described: dict[str, PolicySpec]) -> None:
-    wrong = planted_mistakes.damping(described[name])
+    wrong = planted_errors.damping(described[name])
     line = diagnosis.warning(made(wrong, STYLES[name].robot), STYLES[name].robot)
     assert line is not None
     stiffness, damping = described[name].stiffness[0], described[name].damping[0]
@@ -89,7 +89,7 @@ def test_the_policys_damping_is_proposed(name: str, described: dict[str, PolicyS
 @pytest.mark.parametrize(("mistake", "remedy"), [("ends", "check `joints`"), ("order_of_terms", "check `terms`")])
 def test_other_mistakes_on_one_network(mistake: str, remedy: str, described: dict[str, PolicySpec]) -> None:
     line = diagnosis.warning(
-        made(planted_mistakes.MISTAKES[mistake](described["levelled"]), "simple_quad"), "simple_quad"
+        made(planted_errors.MISTAKES[mistake](described["levelled"]), "simple_quad"), "simple_quad"
     )
     assert line is not None
     assert remedy in line
@@ -98,14 +98,14 @@ def test_other_mistakes_on_one_network(mistake: str, remedy: str, described: dic
 @pytest.mark.parametrize("name", NETWORKS[1:2])
 def test_a_history_backwards_is_named(name: str, described: dict[str, PolicySpec]) -> None:
     robot = STYLES[name].robot
-    line = diagnosis.warning(made(planted_mistakes.history(described[name]), robot), robot)
+    line = diagnosis.warning(made(planted_errors.history(described[name]), robot), robot)
     assert line is not None
     assert "check `history_newest`" in line
 
 
 @pytest.mark.parametrize("name", NETWORKS[:1])
 def test_two_mistakes_at_once_are_named(name: str, described: dict[str, PolicySpec]) -> None:
-    wrong = planted_mistakes.sides(planted_mistakes.turn_scale(described[name]))
+    wrong = planted_errors.sides(planted_errors.turn_scale(described[name]))
     line = diagnosis.warning(made(wrong, STYLES[name].robot), STYLES[name].robot)
     assert line is not None
     assert "`joints`" in line

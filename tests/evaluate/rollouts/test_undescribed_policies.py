@@ -10,7 +10,7 @@ from live.commands.doctor import OF_DESCRIPTION
 from policies.external import ExternalPolicy
 from quad_env import OBSERVATION_SIZE
 from quad_env.doctor.check import DoctorSubject, run_checks
-from tests.policies.external.made import Numbers
+from tests.policies.external.small_networks import Numbers
 
 pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from policies.base import PolicyError
-from policies.external.description import ObservationTerm
 from policies.external.networks import BatchedNetwork, load_network
-from tests.policies.external.made import Numbers, described
+from policies.external.spec import ObservationTerm
+from tests.policies.external.small_networks import Numbers, described
 
 onnx = pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")

@@ -9,7 +9,7 @@ import policies
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.external import onnx_file
 from policies.external.reference import PolicyReference
-from policies.external.served import PolicyServer, make_server
+from policies.external.server import PolicyServer, make_server
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD
 
 onnx = pytest.importorskip("onnx")

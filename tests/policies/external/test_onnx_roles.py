@@ -8,7 +8,7 @@ import pytest
 
 from policies.base import PolicyError
 from policies.external import onnx_file
-from tests.policies.external.made import Numbers
+from tests.policies.external.small_networks import Numbers
 
 onnx = pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")

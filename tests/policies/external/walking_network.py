@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import policies
-from policies.external.description import ObservationTerm, PolicySpec
+from policies.external.spec import ObservationTerm, PolicySpec
 from policies.legs.kinematics import joint_angles
 from quad_env import OBSERVATION, OBSERVATION_SIZE, Robot
 from quad_env.robots.registry import get_robot

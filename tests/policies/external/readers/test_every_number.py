@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from policies.external.description import HeightGrid, ObservationTerm, PolicySpec
 from policies.external.readers import read
+from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
 
 pytest.importorskip("yaml")
 

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from policies.base import PolicyError
-from policies.external.description import HeightGrid, ObservationTerm, PolicySpec
 from policies.external.readers import read, write_toml
+from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
 
 pytest.importorskip("yaml")
 pytest.importorskip("onnx")

@@ -15,10 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from policies.base import PolicyError
-from policies.external.description import MAX_OBSERVATION, ObservationTerm, PolicySpec
 from policies.external.readers import name_patterns, read
 from policies.external.readers.settings import load_settings
 from policies.external.reference import resolve_reference
+from policies.external.spec import MAX_OBSERVATION, ObservationTerm, PolicySpec
 from quad_env.files.reading import NETWORK_LIMIT
 from quad_env.files.text import brief
 

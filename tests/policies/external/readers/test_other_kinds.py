@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from policies.base import PolicyError
-from policies.external.description import ObservationTerm
 from policies.external.readers import IncompleteSpecError, read, write_draft, write_toml
 from policies.external.reference import resolve_reference
+from policies.external.spec import ObservationTerm
 
 pytest.importorskip("yaml")
 pytest.importorskip("onnx")

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from policies.base import PolicyError
-from policies.external.description import HeightGrid, ObservationTerm, PolicySpec
 from policies.external.readers import read, write_toml
 from policies.external.readers.joint_orders import names_by_leg
+from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
 
 JOINTS = names_by_leg("FR FL RR RL")
 TWELVE = tuple(float(each) for each in range(1, 13))

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Floats, Policy, PolicyError, PolicyKwargs, to_actions
 from policies.external import networks
-from policies.external.description import PolicySpec
-from policies.external.joints import map_action_joints, map_joints
-from policies.external.terms import ObservationAdapter
+from policies.external.joint_mapping import map_action_joints, map_joints
+from policies.external.observation_adapter import ObservationAdapter
+from policies.external.spec import PolicySpec
 from policies.memory import per_robot
 from quad_env.robots.robot import Robot
 

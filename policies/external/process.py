@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Actions, Mask, Policy, PolicyError, PolicyKwargs, within_limits
-from policies.external.described import with_spec_gains
-from policies.external.description import PolicySpec
+from policies.external.network_policy import with_spec_gains
+from policies.external.observation_adapter import required_height_scan
 from policies.external.reference import resolve_reference
-from policies.external.served import FIRST_CALL_TIMEOUT_FACTOR, SIGNAL_NAMES, PolicyServer, StepResult, make_server
-from policies.external.terms import required_height_scan
+from policies.external.server import FIRST_CALL_TIMEOUT_FACTOR, SIGNAL_NAMES, PolicyServer, StepResult, make_server
+from policies.external.spec import PolicySpec
 from policies.external.watched import START_TIMEOUT, DeadlineMissedError, PolicyProcess, PolicyProcessError
 
 ACT_DEADLINE = 5.0

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from policies.external.description import ObservationTerm, PolicySpec
+from policies.external.spec import ObservationTerm, PolicySpec
 
 FIGURES = "default_position", "action_scale", "stiffness", "damping", "signs"
 FRONT_HIND = {"f": "h", "h": "f", "r": "f"}

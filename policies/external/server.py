@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Mask, Policy, PolicyError
 from policies.external import onnx_file, python_file, sb3_file
-from policies.external.described import NetworkPolicy
+from policies.external.network_policy import NetworkPolicy
 from policies.external.python_file import ActFactory, ActFunction
 from policies.external.reference import PolicyReference
 from policies.external.watched import send_heartbeat

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, PolicyError
-from policies.external.description import PolicySpec
+from policies.external.spec import PolicySpec
 from quad_env.robots.leg_names import leg_from_words, split_words
 from quad_env.robots.model_file import read
 from quad_env.robots.robot import Robot

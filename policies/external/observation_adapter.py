@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, Mask, PolicyError
-from policies.external.description import HeightGrid, ObservationTerm, PolicySpec
-from policies.external.joints import map_action_joints, map_observed_joints
+from policies.external.joint_mapping import map_action_joints, map_observed_joints
+from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
 from policies.legs.level_frame import level_frame
 from policies.memory import PerRobotState, per_robot
 from policies.mpc.contact import ContactEstimator

@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.external.described import with_spec_gains
-from policies.external.description import JOINT_FIELDS, Numbers, ObservationTerm, PolicySpec
-from policies.external.joints import map_joints
+from policies.external.joint_mapping import map_joints
+from policies.external.network_policy import with_spec_gains
+from policies.external.spec import JOINT_FIELDS, Numbers, ObservationTerm, PolicySpec
 from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 

@@ -10,11 +10,11 @@ import policies
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from policies.base import Floats, PolicyError
-from policies.external.description import HeightGrid, ObservationTerm
-from policies.external.terms import ObservationAdapter, required_height_scan
+from policies.external.observation_adapter import ObservationAdapter, required_height_scan
+from policies.external.spec import HeightGrid, ObservationTerm
 from quad_env import OBSERVATION, SIMPLE_QUAD, HeightScan
 from quad_env.sensing.height_scan import table_with
-from tests.policies.external.made import described
+from tests.policies.external.small_networks import described
 
 HOME, PERIOD = SIMPLE_QUAD.home_pose, 0.01
 NETWORK = Path("policy.onnx")

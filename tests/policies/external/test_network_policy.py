@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from policies.base import PolicyError
-from policies.external.described import NetworkPolicy
-from policies.external.description import ObservationTerm, PolicySpec
+from policies.external.network_policy import NetworkPolicy
+from policies.external.spec import ObservationTerm, PolicySpec
 from quad_env import OBSERVATION, SIMPLE_QUAD
-from tests.policies.external.made import JOINTS, MIXED, OBSERVED, Numbers, described
+from tests.policies.external.small_networks import JOINTS, MIXED, OBSERVED, Numbers, described
 
 pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from policies.external.description import ObservationTerm, PolicySpec
+from policies.external.spec import ObservationTerm, PolicySpec
 
 HIDDEN = 16
 JOINTS = tuple(f"{leg}_{link}_joint" for link in ("thigh", "calf", "hip") for leg in ("RL", "FR", "RR", "FL"))

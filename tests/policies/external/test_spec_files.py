@@ -11,13 +11,13 @@ import pytest
 import policies
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.external import ExternalPolicy, is_reference
-from policies.external.described import NetworkPolicy
-from policies.external.description import HeightGrid, ObservationTerm, PolicySpec
+from policies.external.network_policy import NetworkPolicy
 from policies.external.readers import write_toml
 from policies.external.reference import PolicyReference, resolve_reference
-from policies.external.served import make_server
+from policies.external.server import make_server
+from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD, HeightScan
-from tests.policies.external.made import Numbers, described
+from tests.policies.external.small_networks import Numbers, described
 
 pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from policies.base import PolicyError
-from policies.external.joints import JointMapping, map_joints
+from policies.external.joint_mapping import JointMapping, map_joints
 from quad_env import SIMPLE_QUAD, Robot
 from quad_env.robots.kinematics import foot_positions
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from policies.external.description import JOINT_FIELDS, ObservationTerm, PolicySpec
-from policies.external.mistakes import (
+from policies.external.spec import JOINT_FIELDS, ObservationTerm, PolicySpec
+from policies.external.spec_errors import (
     ENDS,
     FRAMES,
     GAINS,
