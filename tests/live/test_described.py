@@ -8,6 +8,7 @@ import pytest
 from evaluate.rollouts import diagnosis, walking_test
 from live.commands.doctor import OF_DESCRIPTION
 from live.walking import describe_spec
+from policies.external import spec_errors
 from policies.external.readers import write_toml
 from policies.external.spec import PolicySpec
 from quad_env.__main__ import main
