@@ -16,6 +16,7 @@ from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan, table_with
+from quad_env.task.observations import ObservationTerm, user_terms
 
 Actions = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -53,6 +54,8 @@ class Policy(ABC):
     name: str
     height_scan: HeightScan | None = None
     """The scan that its environment is to have; None: it is shown none."""
+    observations: tuple[str | ObservationTerm, ...] = ()
+    """Further observation terms that its environment is to have, as the option `observations` of `gym.make`."""
     stiff_servos: ClassVar[bool] = False
     """Whether it commands the robot's `stiff_servo`, since softer servos would yield too far under its targets."""
 
@@ -116,7 +119,8 @@ class Policy(ABC):
         single = rows.ndim == 1
         if single:
             rows = rows[None]
-        if rows.shape != (self.num_envs, size := table_with(self.robot, self.height_scan).size):
+        table = table_with(self.robot, self.height_scan, user_terms(self.observations))
+        if rows.shape != (self.num_envs, size := table.size):
             scan = "no height scan" if self.height_scan is None else f"the height scan {self.height_scan}"
             raise ValueError(
                 f"observation must have shape ({self.num_envs}, {size}), not {np.shape(observation)}; "

@@ -17,7 +17,9 @@ from policies.safety import Safe, SafetyLimits
 from policies.summaries import SUMMARIES
 from quad_env.actuation.models import Actuator
 from quad_env.actuation.models import actuator as find_actuator
+from quad_env.extensions import check_new
 from quad_env.files.paths import missing_file
+from quad_env.files.text import format_exception
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -65,8 +67,8 @@ _MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), 
 
 
 def names() -> tuple[str, ...]:
-    """Return the names that `make` knows, sorted."""
-    return tuple(sorted(MAKERS))
+    """Return the names that `make` knows, sorted: built-in policies and those of extensions."""
+    return tuple(sorted((*MAKERS, *check_new("policies", MAKERS))))
 
 
 def is_missing(name: str, robot: Robot) -> bool:
@@ -77,6 +79,8 @@ def is_missing(name: str, robot: Robot) -> bool:
 def summary(name: str) -> str:
     """Return one line about the policy `name`. Raises PolicyError if there is none."""
     _check_name(name)
+    if name not in MAKERS:
+        return "a policy of an installed extension"
     return SUMMARIES.get(name, "a trained policy in models/ that does not ship with the project")
 
 
@@ -159,14 +163,30 @@ def resolve(
         if reference in _MODEL_BASED:
             options |= {"joint_delay_steps": joint_delay_steps, "actuator": find_actuator(actuator)}
         return MAKERS[reference](robot=robot, control_period=control_period, **options)
+    if reference.isidentifier() and reference in (factories := check_new("policies", MAKERS)):
+        return _make_from_extension(reference, factories[reference], robot, control_period, options)
     if Path(reference).is_dir():
         return _load_bundle(reference, robot, control_period, joint_delay_steps, find_actuator(actuator))
     raise PolicyError(_unknown_reference(reference))
 
 
+def _make_from_extension(
+    name: str, factory: Callable[..., Any], robot: Robot, control_period: float, options: dict[str, Any]
+) -> Policy:
+    """Make a policy by the factory of an extension. Raises PolicyError if the factory raises or makes no policy."""
+    try:
+        policy = factory(robot=robot, control_period=control_period, **options)
+    except Exception as error:  # the code of another package may raise anything
+        raise PolicyError(f"extension: policies {name}: {format_exception(error)}") from error
+    if not isinstance(policy, Policy):
+        raise PolicyError(f"extension: policies {name}: expected a policies.Policy, got {type(policy).__name__}")
+    policy.name = name
+    return policy
+
+
 def _check_name(name: str) -> None:
     """Raise PolicyError if there is no policy of that name."""
-    if name not in MAKERS:
+    if name not in MAKERS and name not in names():
         raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names())}")
 
 

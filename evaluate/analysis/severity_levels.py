@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from evaluate.cells import PolicyScenarioResult
 from quad_env.cli.format import NO_BREAK
-from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.axes import known_axis
 from quad_env.scenarios.scenario import Scenario
 
 
@@ -36,13 +36,13 @@ class SeverityAxis:
     def quantity(self) -> str:
         """Quantity of the severity, with its unit."""
         axis = self.scenarios[0].axis
-        named = AXES[axis].quantity if axis in AXES else self.name
+        named = known.quantity if (known := known_axis(axis)) is not None else self.name
         return f"{named}, {self.unit}" if self.unit else named
 
     @property
     def note(self) -> str:
         """Other dependencies of the results besides the policy; empty without any."""
-        return AXES[self.name].note if self.name in AXES else ""
+        return "" if (known := known_axis(self.name)) is None else known.note
 
     @property
     def is_harder_when_smaller(self) -> bool:
@@ -72,7 +72,7 @@ def _mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
     An axis that is not in `AXES` gets harder in the order of the run.
     """
     axis = scenarios[0].axis
-    levels = AXES[axis].levels if axis in AXES else [each.severity for each in scenarios]
+    levels = known.levels if (known := known_axis(axis)) is not None else [each.severity for each in scenarios]
     return sorted(scenarios, key=lambda each: each.severity, reverse=levels[0] > levels[-1])
 
 

@@ -29,10 +29,12 @@ class Options(comparison.Options):
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
     from evaluate.commands.plan import check
-    from quad_env.scenarios.axes import AXES
+    from quad_env.robots.simple_quad import SIMPLE_QUAD
+    from quad_env.scenarios.axes import AXES, known_axes
 
-    if unknown := [name for name in options.axes if name not in AXES]:
-        raise UsageError(f"there is no axis {', '.join(unknown)}; the axes are {', '.join(AXES)}")
+    known = known_axes(SIMPLE_QUAD)
+    if unknown := [name for name in options.axes if name not in known]:
+        raise UsageError(f"there is no axis {', '.join(unknown)}; the axes are {', '.join(known)}")
     given = {field.name: getattr(options, field.name) for field in fields(comparison.Options)}
     levels = (f"{name}:all" for name in dict.fromkeys(options.axes or AXES))
     plan = check(comparison.Options(**given | {"scenarios": (*levels, *options.scenarios)}))

@@ -11,7 +11,7 @@ from quad_env.files.reading import MAX_TEXT_SIZE, check_file
 from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.axes import AXES, Axis, axes_of
+from quad_env.scenarios.axes import AXES, Axis, axes_of, known_axis
 from quad_env.scenarios.named import SCENARIOS, STEADY, SYNTAX_HELP, TERRAIN, find, is_combination, scenarios_of, split
 from quad_env.scenarios.scenario import Scenario, with_hardware_profile
 from quad_env.serialisation import from_plain, to_json_values
@@ -91,8 +91,8 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if _FILE in name:
         return _from_file(name)
     axis, colon, level = name.partition(":")
-    if colon and axis in AXES and level == ALL:
-        return tuple(map(axes_of(robot)[axis].level, range(1, len(AXES[axis].levels) + 1)))
+    if colon and level == ALL and (leveled := known_axis(axis)) is not None:
+        return tuple(map(leveled.for_robot(robot).level, range(1, len(leveled.levels) + 1)))
     if (one := find(name, robot)) is None:
         raise ValueError(missing_file(name) or f"unknown scenario {name!r}; valid: {_VALID}")
     return (one,)

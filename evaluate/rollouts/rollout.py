@@ -113,6 +113,7 @@ def batch_of(
         terminate_on_fall=terminate_on_fall,
         readings=True,
         height_scan=policy.height_scan,
+        observations=policy.observations,
         **hardware.env_kwargs(policy.robot),
     )
 

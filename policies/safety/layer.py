@@ -61,7 +61,9 @@ class Safe(Policy):
     def __init__(self, policy: Policy, limits: SafetyLimits | None = None) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
         self.policy = policy
-        self.name, self.height_scan = f"safe:{policy.name}", policy.height_scan
+        self.name = f"safe:{policy.name}"
+        self.height_scan = policy.height_scan
+        self.observations = policy.observations
         self._limits = limits or SafetyLimits.of(self.robot)
         self._motions: dict[Mode, Motion] = {
             Mode.STOP: Stop(self.robot, self.control_period),

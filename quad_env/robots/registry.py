@@ -8,11 +8,13 @@ from dataclasses import replace
 from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from quad_env.cli.command_line import UsageError
+from quad_env.extensions import check_new, when_added
 from quad_env.files.paths import missing_file
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -37,28 +39,58 @@ the robot has the servos that an imported one gets."""
 _KNEES = {"mini_cheetah": -1.0}  # directions of knees that a model does not give
 
 
+BUILTIN = dict.fromkeys((SIMPLE_QUAD.name, *MAKER_SERVOS))
+"""Names of the robots that the package itself knows, in the order of listings."""
+
+
 class _RobotRegistry(Mapping[str, Robot]):
     """Names of robots; one is read from its model when it is asked for."""
 
     def __getitem__(self, name: str) -> Robot:
-        return _load_robot(name)
+        if name in BUILTIN:
+            return _load_builtin(name)
+        if name in extension_robots():
+            return _load_extension_robot(name)
+        raise KeyError(name)
 
     def __iter__(self) -> Iterator[str]:
-        return iter((SIMPLE_QUAD.name, *MAKER_SERVOS))
+        return iter((*BUILTIN, *extension_robots()))
 
     def __len__(self) -> int:
-        return 1 + len(MAKER_SERVOS)
+        return len(BUILTIN) + len(extension_robots())
 
     def __contains__(self, name: object) -> bool:
-        return name in tuple(self)
+        return name in BUILTIN or name in extension_robots()
 
 
 @cache
-def _load_robot(name: str) -> Robot:
+def extension_robots() -> dict[str, Any]:
+    """Return the robots of extensions by name: robots, paths of models, or functions that return either.
+
+    Raises:
+        ValueError: An entry has a built-in name.
+    """
+    return check_new("robots", BUILTIN)
+
+
+@cache
+def _load_extension_robot(name: str) -> Robot:
+    entry = extension_robots()[name]
+    made = entry() if callable(entry) else entry
+    robot = made if isinstance(made, Robot) else Robot.from_mjcf(Path(made), name)
+    if robot.name != name:
+        raise ValueError(f"extension: robots {name}: expected a robot of this name, got {robot.name}")
+    return robot
+
+
+when_added(extension_robots.cache_clear)
+when_added(_load_extension_robot.cache_clear)
+
+
+@cache
+def _load_builtin(name: str) -> Robot:
     if name == SIMPLE_QUAD.name:
         return SIMPLE_QUAD
-    if name not in MAKER_SERVOS:
-        raise KeyError(name)
     if (spec := find_spec(MODEL_PACKAGE)) is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(f"the model of {name!r} is in a package that is not installed: {INSTALL_COMMAND}")
     folder = Path(spec.submodule_search_locations[0])

@@ -7,9 +7,10 @@ that walks falls in four of five episodes, or it is physically beyond, as said a
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 
 from quad_env.config import CommandRanges
+from quad_env.extensions import check_new, when_added
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import scale_factor
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -91,8 +92,35 @@ AXES: dict[str, Axis] = {}
 
 @lru_cache(maxsize=32)
 def axes_of(robot: Robot) -> dict[str, Axis]:
-    """The axes for a robot, by name."""
+    """Return the built-in axes for a robot by name, those of the batteries."""
     return {name: axis.for_robot(robot) for name, axis in AXES.items()}
+
+
+@cache
+def extension_axes() -> dict[str, Axis]:
+    """Return the axes of extensions by name.
+
+    Raises:
+        ValueError: An entry is no axis of its name, or has the name of a built-in axis.
+    """
+    axes = check_new("axes", AXES)
+    for name, axis in axes.items():
+        if not isinstance(axis, Axis) or axis.name != name:
+            raise ValueError(f"extension: axes {name}: expected a quad_env.Axis of this name, got {axis!r}")
+    return axes
+
+
+when_added(extension_axes.cache_clear)
+
+
+def known_axis(name: str) -> Axis | None:
+    """Return the axis of that `name` for SimpleQuad, built-in or of an extension; None without one."""
+    return AXES[name] if name in AXES else extension_axes().get(name)
+
+
+def known_axes(robot: Robot) -> dict[str, Axis]:
+    """Return every axis for a robot by name, built-in ones first, then those of extensions."""
+    return axes_of(robot) | {name: axis.for_robot(robot) for name, axis in extension_axes().items()}
 
 
 def _axis(

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from quad_env.robots.registry import parse_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.axes import Axis, axes_of
-from quad_env.scenarios.named import STEADY
+from quad_env.scenarios.axes import Axis, known_axes
+from quad_env.scenarios.named import STEADY, extension_scenarios
 
 EXAMPLES = {
     "push": "the nominal severity of the axis",
@@ -41,9 +41,10 @@ def main(options: Options) -> int:
 def text(robot: Robot = SIMPLE_QUAD) -> str:
     """Every scenario with its severities and a sentence; how severities are written."""
     lines = [f"for {robot.name}: name, its severity, the levels of its axis from mild to hard, and what happens"]
-    for axis in axes_of(robot).values():
+    for axis in known_axes(robot).values():
         lines += [axis_line(axis), *(f"  {'':13}{line}" for line in (axis.sentence, axis.note) if line)]
     lines += [f"  {STEADY.name:13}level ground, and 0.5 m/s straight ahead: where effort is compared"]
+    lines += [f"  {name:13}of an installed extension" for name in extension_scenarios()]
     lines += ["", "where a scenario is asked for, write"]
     return "\n".join(lines + [f"  {written:21}{meaning}" for written, meaning in EXAMPLES.items()])
 

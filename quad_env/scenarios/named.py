@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from quad_env.config import CommandRanges
+from quad_env.extensions import check_new
 from quad_env.files.paths import missing_file
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.axes import AXES, Axis, axes_of
+from quad_env.scenarios.axes import Axis, axes_of, extension_axes, known_axes, known_axis
 from quad_env.scenarios.disturbances import Ground, Motors
 from quad_env.scenarios.scenario import SUFFIXES, Scenario, scaled
 from quad_env.scenarios.terrain import HeightField
@@ -79,13 +80,35 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
     if is_combination(name):
         return combined(name, robot)
     axis, colon, level = name.partition(":")
-    if colon and axis in AXES:
+    if colon and (leveled := known_axis(axis)) is not None:
         if not level.isdecimal():
-            valid = f"{axis}:1 to {axis}:{len(AXES[axis].levels)}, {axis}:all where several may be named"
+            valid = f"{axis}:1 to {axis}:{len(leveled.levels)}, {axis}:all where several may be named"
             raise ValueError(f"'{name}' is no level of {axis}; valid: {valid}")
-        return axes_of(robot)[axis].level(int(level))
+        return leveled.for_robot(robot).level(int(level))
     named = SCENARIOS if robot == SIMPLE_QUAD else scenarios_of(robot)
-    return named.get(name)
+    return named[name] if name in named else _extension_scenario(name, robot)
+
+
+def _extension_scenario(name: str, robot: Robot) -> Scenario | None:
+    """Return an extension's scenario of that name, or its axis of that name at the nominal severity; None without."""
+    scenarios = extension_scenarios()
+    if name in scenarios:
+        return scaled(scenarios[name], robot)
+    axis = extension_axes().get(name)
+    return None if axis is None else axis.for_robot(robot).scenario(axis.for_robot(robot).nominal, name)
+
+
+def extension_scenarios() -> dict[str, Scenario]:
+    """Return the scenarios of extensions by name.
+
+    Raises:
+        ValueError: An entry is no scenario of its name, or has a built-in name.
+    """
+    scenarios = check_new("scenarios", SCENARIOS)
+    for name, entry in scenarios.items():
+        if not isinstance(entry, Scenario) or entry.name != name:
+            raise ValueError(f"extension: scenarios {name}: expected a quad_env.Scenario of this name, got {entry!r}")
+    return scenarios
 
 
 def split(name: str) -> tuple[str, Callable[[Scenario, Robot], Scenario] | None]:
@@ -113,7 +136,7 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
     own. One severity is a scenario of its axis. A combination is of no axis: it has no levels, and no severity but its
     name.
     """
-    axes = axes_of(robot)
+    axes = known_axes(robot)
     parts = _parts(name, axes)
     names = [axis.name for axis, _ in parts]
     if twice := [each for each in dict.fromkeys(names) if names.count(each) > 1]:
@@ -134,7 +157,12 @@ def scaled_name(name: str, robot: Robot) -> str:
         return scaled_name(plain, robot) + name.removeprefix(plain)
     if not is_combination(name):
         return name
-    return _written([(axis, float(f"{axis.scaled(severity, robot):.3g}")) for axis, severity in _parts(name, AXES)])
+    return _written(
+        [
+            (axis, float(f"{axis.scaled(severity, robot):.3g}"))
+            for axis, severity in _parts(name, known_axes(SIMPLE_QUAD))
+        ]
+    )
 
 
 def _written(parts: list[tuple[Axis, float]]) -> str:
@@ -165,7 +193,7 @@ def _parts(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
 
 def _combine(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
     """What each of them sets, in one scenario."""
-    axes = axes_of(robot)
+    axes = known_axes(robot)
     # At any level of the axis: the severity may be that of no disturbance.
     given = [(part.axis, [part, *map(axes[part.axis].at, axes[part.axis].levels)]) for part in parts]
     whole: Scenario = _merge_changes(scaled(Scenario(name), robot), given, name)
