@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.gait_cycle import Floats as Floats
 from policies.gait_cycle import advance, smoothstep
-from policies.memory import allocate, per_robot, reset_rows, take_over
+from policies.memory import allocate, copy_rows, initialize_state, is_allocated, per_robot, reset_rows
 from quad_env.cli.command_line import UserError
 from quad_env.config import TaskConfig
 from quad_env.robots.registry import get_robot
@@ -65,6 +65,7 @@ class Policy(ABC):
         self.robot = get_robot(robot).with_stiff_servos if self.stiff_servos else get_robot(robot)
         self.control_period = control_period
         self.num_envs = 1
+        initialize_state(self)
 
     def mismatch(self, robot: Robot, control_period: float) -> str:
         """What else than that robot and that control period, s, it was made for, in words; empty if for these."""
@@ -106,10 +107,12 @@ class Policy(ABC):
     def copy_state_from(self, mask: Mask, other: "Policy") -> None:
         """Go on where the mask, (n,), is true with the robots of another policy made alike, as many as these. For bases
         of a residual: a policy that holds other policies does not hand these over."""
-        take_over(self, validate_mask(mask, self.num_envs), other)
+        copy_rows(self, validate_mask(mask, self.num_envs), other)
 
     def act(self, observation: ArrayLike) -> Actions:
         """Joint targets in rad, float32, within the limits: (n, 12) for observations (n, k), (12,) for one (k,)."""
+        if not is_allocated(self):
+            self._allocate(self.num_envs)
         batch, single = self._checked(observation)
         actions = self._act(batch)
         return actions[0] if single else actions
@@ -139,7 +142,7 @@ class Policy(ABC):
         """Actions (n, 12) for a checked batch of observations (n, k)."""
 
     def _allocate(self, num_envs: int) -> None:
-        """Make fresh state for `num_envs` robots: of the fields `per_robot`."""
+        """Allocate fresh state for `num_envs` robots, of the arrays declared with `per_robot`."""
         allocate(self, num_envs)
 
     def _reset_rows(self, mask: Mask) -> None:

@@ -35,8 +35,8 @@ class Inputs(Settings):
 class History(PerRobotState):
     """The past frames of n robots, each of so many numbers. A robot's first frame stands for all before it."""
 
-    _past: Frames = per_robot(lambda history: np.zeros((history._longest + 1, history._size), np.float32), axis=1)
-    _averages: Frames = per_robot(lambda history: np.zeros((len(history._rates), history._size), np.float32), axis=1)
+    _past: Frames = per_robot(axis=1)
+    _averages: Frames = per_robot(axis=1)
     _new: NDArray[np.bool_] = per_robot(True)
 
     def __init__(self, inputs: Inputs, width: int, control_period: float) -> None:
@@ -44,7 +44,9 @@ class History(PerRobotState):
         """Numbers of a row."""
         self._lags = [max(round(lag / control_period), 1) for lag in inputs.lags]
         self._rates = [np.float32(-math.expm1(-control_period / time)) for time in inputs.averages]
-        self._longest, self._size, self._now = max(self._lags, default=0), width, 0
+        self._now = 0
+        past = np.zeros((max(self._lags, default=0) + 1, width), np.float32)
+        super().__init__(_past=past, _averages=np.zeros((len(self._rates), width), np.float32))
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
         """Forget everything of the robots where the mask, (n,), is true."""

@@ -1,110 +1,193 @@
-"""What a controller remembers of each of n robots from one control step to the next, and filters of it."""
+"""Per-robot controller state that is allocated, reset and copied by robot, and first-order filter gains.
 
-from collections import defaultdict
-from collections.abc import Iterator
+A class declares each array with `per_robot`. The array is an ordinary attribute of its object, with one entry per
+robot along one axis. `initialize_state` allocates it for one robot in the constructor; `allocate` does so for n robots.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+_FROM_CONSTRUCTOR = object()
+"""Marks an array whose initial value the constructor passes to `initialize_state`."""
 
 
+@dataclass(frozen=True, eq=False)
 class PerRobotArray:
-    """An array of robots along an axis, each of which starts with a value, or with what a function of the object gives.
+    """Declaration of an array with one entry per robot; made by `per_robot`."""
 
-    Read before the first `reset` of its object, it has one robot.
+    initial: Any
+    """Initial value of one robot, or a function of the object that returns it."""
+    axis: int
+    """Axis of the robots."""
+
+
+def per_robot(initial: Any = _FROM_CONSTRUCTOR, axis: int = 0) -> Any:
+    """Declare an array of a `Policy` or a `PerRobotState` that has one entry per robot.
+
+    Args:
+        initial: Initial value of one robot; it gives the type of the array and the rest of its shape. A function is
+            called with the object at each reset. Omitted: the constructor passes the value to `initialize_state`.
+        axis: Axis of the robots.
+
+    Returns:
+        The declaration, of type Any, so that the attribute can be annotated as an array.
     """
-
-    def __init__(self, start: Any, axis: int) -> None:
-        self._start, self.axis = start, axis
-
-    def __set_name__(self, kind: type, name: str) -> None:
-        self.name = name
-        _FIELDS[kind].append(self)
-
-    def __get__(self, owner: Any, kind: type) -> Any:
-        if owner is None:
-            return self
-        owner.reset(1)
-        return vars(owner)[self.name]
-
-    def initial_value(self, owner: Any) -> NDArray[Any]:
-        """The array of one robot at its start."""
-        return np.expand_dims(self._start(owner) if callable(self._start) else self._start, self.axis)
-
-
-_FIELDS = defaultdict[type, list[PerRobotArray]](list)
-"""By the class that has them."""
-
-
-def per_robot(start: Any, axis: int = 0) -> Any:
-    """A field of a class that has `reset`, see `Field`; `start` gives the array's type and the rest of its shape."""
-    return PerRobotArray(start, axis)
+    return PerRobotArray(initial, axis)
 
 
 class PerRobotState:
-    """What has fields `per_robot`; its attributes that are such, and those in its dictionaries, begin with it."""
+    """Base class of per-robot state.
+
+    Arrays declared with `per_robot` have one entry per robot. Nested `PerRobotState` attributes, also inside dicts, are
+    allocated, reset and copied along. A subclass calls this constructor at the end of its own.
+
+    Args:
+        initial_values: Initial values of the arrays that are declared without one, by name.
+    """
+
+    def __init__(self, **initial_values: ArrayLike) -> None:
+        initialize_state(self, **initial_values)
 
     def reset(self, num_envs: int) -> None:
-        """Fresh memory of so many robots."""
+        """Allocate fresh state for `num_envs` robots."""
         allocate(self, num_envs)
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
-        """Fresh memory of the robots where the mask, (n,), is true."""
+        """Reset the robots where `mask`, (n,), is true."""
         reset_rows(self, mask)
 
     def copy_state_from(self, mask: NDArray[np.bool_], other: Any) -> None:
-        """Go on where the mask, (n,), is true with the robots of another one of the same kind, as many as these."""
-        take_over(self, mask, other)
+        """Copy the state of another object of the same class.
+
+        Args:
+            mask: Robots that receive a state, (n,) bool.
+            other: Object with as many robots as `mask` selects.
+        """
+        copy_rows(self, mask, other)
+
+
+def initialize_state(owner: Any, **initial_values: ArrayLike) -> None:
+    """Allocate the declared arrays of an object for one robot; called at the end of its constructor.
+
+    An array whose initial value is a function, or is not known yet, is left to a later call or to `allocate`.
+
+    Args:
+        owner: Object whose class declares the arrays.
+        initial_values: Initial values of the arrays that are declared without one, by name.
+
+    Raises:
+        TypeError: A name is not declared.
+    """
+    arrays = declared_arrays(type(owner))
+    if unknown := initial_values.keys() - arrays.keys():
+        raise TypeError(f"{type(owner).__name__}: no array {', '.join(sorted(unknown))} declared with per_robot")
+    values: dict[str, Any] = vars(owner).setdefault("_initial_values", {})
+    values.update(initial_values)
+    for name, array in arrays.items():
+        if name in values or not (array.initial is _FROM_CONSTRUCTOR or callable(array.initial)):
+            setattr(owner, name, _initial_value(owner, name, array).copy())
+
+
+def is_allocated(owner: Any) -> bool:
+    """Return True if every declared array of the object is allocated."""
+    return vars(owner).keys() >= declared_arrays(type(owner)).keys()
 
 
 def allocate(owner: Any, num_envs: int) -> None:
-    """Fresh fields of an object for so many robots."""
-    for field in _fields(owner):
-        setattr(owner, field.name, np.repeat(field.initial_value(owner), num_envs, field.axis))
-    for part in _children(owner):
-        part.reset(num_envs)
+    """Allocate the declared arrays of `owner` and its nested states for `num_envs` robots."""
+    for name, array in declared_arrays(type(owner)).items():
+        setattr(owner, name, np.repeat(_initial_value(owner, name, array), num_envs, array.axis))
+    for state in nested_states(owner):
+        state.reset(num_envs)
 
 
 def reset_rows(owner: Any, mask: NDArray[np.bool_]) -> None:
-    """Fresh fields of an object for the robots where the mask, (n,), is true; arrays handed out stay what they were."""
-    for field in _fields(owner):
-        _put(owner, field, mask, field.initial_value(owner))
-    for part in _children(owner):
-        part.reset_where(mask)
+    """Reset the declared arrays of `owner` and its nested states where `mask`, (n,), is true.
+
+    Arrays that were handed out before keep their values.
+    """
+    for name, array in declared_arrays(type(owner)).items():
+        _set_robots(owner, name, array.axis, mask, _initial_value(owner, name, array))
+    for state in nested_states(owner):
+        state.reset_where(mask)
 
 
-def take_over(owner: Any, mask: NDArray[np.bool_], other: Any) -> None:
-    """Put the fields of another object of the same kind where the mask, (n,), is true, as many robots as it has."""
-    for field in _fields(owner):
-        _put(owner, field, mask, getattr(other, field.name))
-    for part, theirs in zip(_children(owner), _children(other), strict=True):
-        part.copy_state_from(mask, theirs)
+def copy_rows(owner: Any, mask: NDArray[np.bool_], other: Any) -> None:
+    """Copy the declared arrays and nested states of another object of the same class.
+
+    Args:
+        owner: Object that receives the state.
+        mask: Its robots that receive a state, (n,) bool.
+        other: Object with as many robots as `mask` selects.
+    """
+    for name, array in declared_arrays(type(owner)).items():
+        _set_robots(owner, name, array.axis, mask, getattr(other, name))
+    for state, other_state in zip(nested_states(owner), nested_states(other), strict=True):
+        state.copy_state_from(mask, other_state)
 
 
-def _put(owner: Any, field: PerRobotArray, mask: NDArray[np.bool_], values: NDArray[Any]) -> None:
-    now = getattr(owner, field.name).copy()
-    now[(*[slice(None)] * field.axis, mask)] = values
-    setattr(owner, field.name, now)
+@cache
+def declared_arrays(owner_class: type) -> Mapping[str, PerRobotArray]:
+    """Return the arrays that a class and its bases declare with `per_robot`, by name; a subclass overrides its base."""
+    return {
+        name: array
+        for base in reversed(owner_class.__mro__)
+        for name, array in vars(base).items()
+        if isinstance(array, PerRobotArray)
+    }
 
 
-def _fields(owner: Any) -> list[PerRobotArray]:
-    return [field for kind in reversed(type(owner).__mro__) for field in _FIELDS.get(kind, ())]
+def nested_states(owner: Any) -> Iterator[PerRobotState]:
+    """Yield the attributes of `owner`, and the values of its dicts, that are a `PerRobotState`."""
+    for attribute in vars(owner).values():
+        for value in attribute.values() if isinstance(attribute, dict) else (attribute,):
+            if isinstance(value, PerRobotState):
+                yield value
 
 
-def _children(owner: Any) -> Iterator[PerRobotState]:
-    for value in vars(owner).values():
-        for each in value.values() if isinstance(value, dict) else (value,):
-            if isinstance(each, PerRobotState):
-                yield each
+def _initial_value(owner: Any, name: str, array: PerRobotArray) -> NDArray[Any]:
+    """Return the initial value of one robot, with an axis of length one for the robots."""
+    values: dict[str, Any] = vars(owner).get("_initial_values", {})
+    value = values.get(name, array.initial)
+    if value is _FROM_CONSTRUCTOR:
+        raise TypeError(f"{type(owner).__name__}.{name}: no initial value; pass it to initialize_state")
+    return np.expand_dims(value(owner) if callable(value) else value, array.axis)
+
+
+def _set_robots(owner: Any, name: str, axis: int, mask: NDArray[np.bool_], values: NDArray[Any]) -> None:
+    """Replace an array by a copy with the given values of some robots."""
+    array = getattr(owner, name).copy()
+    array[(slice(None),) * axis + (mask,)] = values
+    setattr(owner, name, array)
 
 
 def lowpass_gain(control_period: float, time_constant: float) -> float:
-    """Share of a change that a first-order filter of that time constant takes in within a control period, both s."""
+    """Return the gain dt / (dt + time_constant) of a first-order low-pass filter.
+
+    Args:
+        control_period: Time between two samples, dt, s.
+        time_constant: s.
+
+    Returns:
+        Fraction of a change that the filter takes up per sample.
+    """
     return control_period / (control_period + time_constant)
 
 
-def warm_start_gain(share: float | NDArray[np.float64], sample_count: NDArray[Any]) -> NDArray[np.float64]:
-    """Share that such a filter takes in at its k-th look, counted in `looks`, where until there are many it is their
-    mean: at least 1 / k."""
-    larger: NDArray[np.float64] = np.maximum(share, 1.0 / np.maximum(sample_count, 1))
+def warm_start_gain(gain: float | NDArray[np.float64], sample_count: NDArray[Any]) -> NDArray[np.float64]:
+    """Return max(gain, 1 / sample_count): a running mean until the memory of the filter is full.
+
+    Args:
+        gain: Gain of the filter in the long run, see `lowpass_gain`.
+        sample_count: Samples since the reset, the present one included; zero counts as one.
+
+    Returns:
+        Gain for the present sample, of the shape that both broadcast to.
+    """
+    larger: NDArray[np.float64] = np.maximum(gain, 1.0 / np.maximum(sample_count, 1))
     return larger

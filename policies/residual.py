@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Floats, GaitedPolicy, Policy, within_limits
 from policies.history import History, Inputs
-from policies.memory import PerRobotState, per_robot
+from policies.memory import PerRobotState, initialize_state, per_robot
 from policies.network import Network
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import UNSEEN, table_with
@@ -42,6 +42,7 @@ class Features(PerRobotState):
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
         self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
         """Numbers of a row."""
+        super().__init__()
 
     def update(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
         """Features (n, `width`) of observations (n, k) that the base has just answered with its action, (n, 12)."""
@@ -79,9 +80,9 @@ def _home(robot: Robot) -> Actions:
 class ResidualPolicy(Policy):
     """base + authority · network(features); with a zero correction its base, bit for bit. Its robot is its base's."""
 
-    correction: NDArray[np.float32] = per_robot(lambda policy: np.zeros(policy.robot.num_joints, np.float32))
+    correction: NDArray[np.float32] = per_robot()
     """The latest correction, in shares of the authority, -1 … 1, shape (n, 12); zero before the first action."""
-    base_action: Actions = per_robot(lambda policy: _home(policy.robot))
+    base_action: Actions = per_robot()
     """The base's latest action, rad, shape (n, 12); the home pose before the first."""
 
     def __init__(
@@ -108,7 +109,7 @@ class ResidualPolicy(Policy):
         self.name = name
         self.height_scan = base.height_scan
         super().__init__(robot=robot, control_period=base.control_period)
-        self._allocate(1)
+        initialize_state(self, correction=np.zeros(robot.num_joints, np.float32), base_action=_home(robot))
 
     @property
     def phase(self) -> Floats | None:

@@ -20,12 +20,14 @@ class BehaviourMachine(PerRobotState):
 
     ticks: NDArray[np.int64] = per_robot(0)
     """Control steps that each robot has been in its state, (n,)."""
-    _state: NDArray[np.int8] = per_robot(lambda machine: np.int8(machine._start))
+    _state: NDArray[np.int8] = per_robot()
     _changed: Mask = per_robot(True)
     _holds: Mask = per_robot(np.zeros(len(GUARDS), np.bool_))
 
     def __init__(self, start: State = State.STAND, robot: Robot = SIMPLE_QUAD, period: float = CONTROL_PERIOD) -> None:
-        self._start, self._robot, self._period = start, robot, period
+        self._robot = robot
+        self._period = period
+        super().__init__(_state=np.int8(start))
 
     @property
     def state(self) -> NDArray[np.int8]:

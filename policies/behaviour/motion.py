@@ -18,12 +18,14 @@ Floating = NDArray[np.floating[Any]]
 class Motion(PerRobotState, ABC):
     """Joint targets over time for n robots; one robot's depend on its own starts and readings alone."""
 
-    _target: Floats = per_robot(lambda motion: motion._robot.home_pose)
+    _target: Floats = per_robot()
     _ticks: NDArray[np.int64] = per_robot(0)
 
     def __init__(self, robot: Robot, control_period: float) -> None:
         """`control_period`: time between two calls of `targets`, s."""
-        self._robot, self._period = robot, control_period
+        self._robot = robot
+        self._period = control_period
+        super().__init__(_target=robot.home_pose)
 
     def start(self, mask: Mask, joints: Floats) -> None:
         """Start the motion of those robots from their joint angles (k, 12), rad."""

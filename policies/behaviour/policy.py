@@ -10,7 +10,7 @@ from policies.behaviour.machine import BehaviourMachine
 from policies.behaviour.motion import Damp, Motion, hold, jump
 from policies.behaviour.recovery import Recovery
 from policies.behaviour.transitions import State
-from policies.memory import per_robot
+from policies.memory import initialize_state, per_robot
 from policies.trot.open_loop import Trot
 from quad_env import OBSERVATION
 
@@ -36,7 +36,7 @@ class Behaviour(Policy):
 
     name = "behaviour"
     stiff_servos = True
-    _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
+    _targets: Floats = per_robot()
     _was_moving: Mask = per_robot(False)
 
     def __init__(self, start: State = State.STAND, follow: bool = True, **made_for: Unpack[PolicyKwargs]) -> None:
@@ -51,7 +51,7 @@ class Behaviour(Policy):
             State.RECOVER: Recovery(robot, control_period),
             State.JUMP: jump(robot, control_period),
         }
-        self._allocate(1)
+        initialize_state(self, _targets=robot.home_pose)
 
     @property
     def state(self) -> NDArray[np.int8]:

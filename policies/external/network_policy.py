@@ -7,10 +7,17 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Floats, Policy, PolicyError, PolicyKwargs, to_actions
 from policies.external import networks
+<<<<<<< HEAD:policies/external/network_policy.py
 from policies.external.joint_mapping import map_action_joints, map_joints
 from policies.external.observation_adapter import ObservationAdapter
 from policies.external.spec import PolicySpec
 from policies.memory import per_robot
+=======
+from policies.external.description import PolicySpec
+from policies.external.joints import map_action_joints, map_joints
+from policies.external.terms import ObservationAdapter
+from policies.memory import initialize_state, per_robot
+>>>>>>> 56f83358 (Per-robot state is allocated by the constructor and by reset, never by reading it):policies/external/described.py
 from quad_env.robots.robot import Robot
 
 TIME_TOLERANCE = 1e-6
@@ -30,7 +37,7 @@ class NetworkPolicy(Policy):
     """
 
     _ticks: NDArray[np.int64] = per_robot(0)
-    _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
+    _targets: Floats = per_robot()
 
     def __init__(self, description: PolicySpec, **made_for: Unpack[PolicyKwargs]) -> None:
         super().__init__(**made_for)
@@ -43,7 +50,7 @@ class NetworkPolicy(Policy):
         self._terms = ObservationAdapter(description, self.robot, self.control_period)
         self.height_scan = self._terms.height_scan
         self._networks = networks.load_network(description)
-        self._allocate(1)
+        initialize_state(self, _targets=self.robot.home_pose)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         rows = observation.astype(np.float64)

@@ -45,12 +45,12 @@ class ObservationAdapter(PerRobotState):
         control_period: of the environment, s.
     """
 
-    action: Floats = per_robot(lambda terms: np.zeros(len(terms._description.joints)))
+    action: Floats = per_robot()
     """The previous action of each robot as the policy is shown it, (n, 12); to be renewed after each action."""
     _yaw: Floats = per_robot(0.0)
     _turning: Mask = per_robot(False)
     _steps: NDArray[np.int64] = per_robot(0)
-    _history: Floats = per_robot(lambda terms: np.zeros(_shape(terms._description)))
+    _history: Floats = per_robot()
     _contact: Mask = per_robot(np.zeros(4, np.bool_))
 
     def __init__(self, description: PolicySpec, robot: Robot, control_period: float) -> None:
@@ -67,6 +67,7 @@ class ObservationAdapter(PerRobotState):
         if any(term.name == "foot_contact" for term in description.terms):
             self._contacts = ContactEstimator(robot, parameters_of(TROT, robot), control_period)
             self._dynamics = Dynamics(robot)
+        super().__init__(action=np.zeros(len(description.joints)), _history=np.zeros(_shape(description)))
 
     def update_state(self, observation: Floats) -> None:
         """Take in the control step that led to the environment's observations, (n, k): turns and contacts."""

@@ -15,15 +15,16 @@ class GaitTransition(PerRobotState):
     """Values (n, k) and phase offsets (n, 4), rad, that go smoothly from old ones to new ones; all start settled at
     `values`, (k,), and `offsets`, (4,)."""
 
-    goal: Floats = per_robot(lambda change: change._values)
+    goal: Floats = per_robot()
     """The values that the robots are sent to, (n, k)."""
-    _old: Floats = per_robot(lambda change: change._values)
-    _old_offsets: Floats = per_robot(lambda change: change._offsets)
-    _new_offsets: Floats = per_robot(lambda change: change._offsets)
+    _old: Floats = per_robot()
+    _old_offsets: Floats = per_robot()
+    _new_offsets: Floats = per_robot()
     _share: Floats = per_robot(1.0)
 
     def __init__(self, values: Floats, offsets: ArrayLike, control_period: float) -> None:
-        self._step, self._values, self._offsets = control_period / CHANGE_TIME, values, offsets
+        self._step = control_period / CHANGE_TIME
+        super().__init__(goal=values, _old=values, _old_offsets=offsets, _new_offsets=offsets)
 
     @property
     def values(self) -> Floats:

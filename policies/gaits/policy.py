@@ -30,7 +30,7 @@ from policies.gaits.parameters import (
 )
 from policies.legs.foot_path import cycloid, hip_height, load
 from policies.legs.kinematics import compensate_servo_load, leg_angles
-from policies.memory import per_robot
+from policies.memory import initialize_state, per_robot
 from quad_env import OBSERVATION
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
@@ -88,10 +88,10 @@ class Gaits(GaitedPolicy):
     _command: Floats = per_robot(np.zeros(3))
     _window: Mask = per_robot(np.zeros(4, np.bool_))
     _x: Floats = per_robot(np.zeros(4))
-    _y: Floats = per_robot(lambda policy: policy._foot_y)
+    _y: Floats = per_robot()
     _left_x: Floats = per_robot(np.zeros(4))
-    _left_y: Floats = per_robot(lambda policy: policy._foot_y)
-    _joints: Floats = per_robot(lambda policy: policy.robot.home_pose)
+    _left_y: Floats = per_robot()
+    _joints: Floats = per_robot()
 
     def __init__(
         self,
@@ -113,6 +113,7 @@ class Gaits(GaitedPolicy):
         stand = row(self.parameters[STAND])
         self._foot_y = robot.side * stand[INDEX["stance_width"]] / 2.0 - robot.hip_positions[:, 1]
         self._change = GaitTransition(stand, _offsets(robot, "walk"), control_period)
+        initialize_state(self, _y=self._foot_y, _left_y=self._foot_y, _joints=robot.home_pose)
         self._allocate(1)
 
     @property

@@ -59,7 +59,7 @@ class ContactEstimator(PerRobotState):
     wrench: Floats = per_robot(np.zeros(6))
     """Smoothed, that no foot explains: force in the level frame, N, and moment about the trunk's centre in the base
     frame, N·m, (n, 6)."""
-    friction_estimate: Floats = per_robot(lambda sense: sense._parameters.friction)
+    friction_estimate: Floats = per_robot()
     """Friction that is relied on, (n,)."""
     in_contact: Mask = per_robot(np.ones(4, np.bool_))
     """Feet that surely touch the ground, (n, 4)."""
@@ -87,6 +87,7 @@ class ContactEstimator(PerRobotState):
         self._unsure = CONTACT_MARGIN_PER_STIFFNESS * float(np.max(robot.servo_stiffness)) * encoders
         self._shares = np.full(6, lowpass_gain(period, p.disturbance_time))
         self._shares[2] = lowpass_gain(period, max(p.load_time, ENCODED_LOAD_TIME) if encoders else p.load_time)
+        super().__init__(friction_estimate=p.friction)
 
     def remove_encoder_offsets(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The observations, (n, k), less what the encoders are known to show at zero."""

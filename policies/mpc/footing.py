@@ -68,6 +68,7 @@ class TerrainEstimator(PerRobotState):
 
     def __init__(self, slope_time: float, period: float) -> None:
         self._share, self._period = lowpass_gain(period, slope_time), period
+        super().__init__()
 
     def ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
         """The plane of the slope that the footprints have shown for a while, at the footprints' mean height.

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Actions, GaitedPolicy, Mask, to_actions
+from policies.base import Actions, GaitedPolicy, Mask, Policy, to_actions
 from policies.behaviour.motion import Stop
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
-from policies.memory import per_robot
+from policies.memory import initialize_state, per_robot
 from policies.mpc.contact import (
     EARLY_CONTACT_PHASE,
     LIFTOFF_PHASE,
@@ -64,6 +64,15 @@ class StanceForces(NamedTuple):
     """Robots without forces of their own now, (n,)."""
 
 
+def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
+    """Return the observation of a robot that stands level, on ground that the height scan does not see."""
+    table = table_with(policy.robot, policy.height_scan)
+    observation = np.zeros(table.size, np.float32)
+    observation[table.slices.get("height_scan", slice(0))] = UNSEEN
+    observation[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
+    return observation
+
+
 class ModelBased(GaitedPolicy):
     """A gait whose standing feet bear forces and whose swinging feet follow paths to footholds that catch the body.
 
@@ -78,10 +87,10 @@ class ModelBased(GaitedPolicy):
     _failed_steps: NDArray[np.int64] = per_robot(0)
     _new: Mask = per_robot(True)
     _was_swing: Mask = per_robot(np.zeros(4, np.bool_))
-    _frequencies: Floats = per_robot(lambda policy: policy.frequency)
+    _frequencies: Floats = per_robot()
     _liftoff_position: Floats = per_robot(np.zeros((4, 2)))
-    _targets: Floats = per_robot(lambda policy: policy.robot.home_pose)
-    _seen: NDArray[np.float32] = per_robot(lambda policy: policy._at_rest)
+    _targets: Floats = per_robot()
+    _seen: NDArray[np.float32] = per_robot(_observation_at_rest)
 
     def _build_components(self, joint_delay_steps: int, actuator: Actuator) -> None:
         """Make the gait and the senses by the parameters.
@@ -96,15 +105,7 @@ class ModelBased(GaitedPolicy):
         self.terrain_estimator = TerrainEstimator(p.slope_time, period)
         self.odometer = PositionErrorIntegrator(p.farthest_behind, period, p.fastest_return)
         self._stop = Stop(robot, period)
-
-    @property
-    def _at_rest(self) -> NDArray[np.float32]:
-        """Observation of a robot that stands level, of ground that is not seen."""
-        table = table_with(self.robot, self.height_scan)
-        observation = np.zeros(table.size, np.float32)
-        observation[table.slices.get("height_scan", slice(0))] = UNSEEN
-        observation[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
-        return observation
+        initialize_state(self, _frequencies=self.frequency, _targets=robot.home_pose)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._observation_invalid, self._seen = (

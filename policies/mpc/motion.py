@@ -123,6 +123,7 @@ class PositionErrorIntegrator(PerRobotState):
 
     def __init__(self, farthest: float, period: float, fastest: float = np.inf) -> None:
         self._farthest, self._period, self._fastest = farthest, period, fastest
+        super().__init__()
 
     def with_position_feedback(self, now: MotionState, gain: float) -> MotionState:
         """The motion with a command that also makes up for the way lost; `gain`: velocity per distance, 1/s."""

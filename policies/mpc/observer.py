@@ -72,13 +72,11 @@ class DelayCompensator(PerRobotState):
 
     calibrating: Mask = per_robot(True)
     """Robots that stand until noise and delay of their readings are known, (n,)."""
-    delays: NDArray[np.int64] = per_robot(lambda observer: observer._late)
+    delays: NDArray[np.int64] = per_robot()
     """Control steps from the reading on which a target rests to when it takes effect, (n,)."""
     _delay_identified: Mask = per_robot(False)
     _prediction_error_by_delay: Floats = per_robot(np.zeros(MAX_DELAY_STEPS + 1), axis=1)
-    _targets: Floats = per_robot(
-        lambda observer: np.tile(observer._robot.home_pose, (MAX_DELAY_STEPS + len(observer.servos.shares), 1)), axis=1
-    )
+    _targets: Floats = per_robot(axis=1)
     _standing: Mask = per_robot(np.ones((MAX_DELAY_STEPS + 1, 4), np.bool_), axis=1)
     _ground: Floats = per_robot(-UNSEEN_GROUND_DEPTH)
     _base_variance: Floats = per_robot(np.zeros(3))
@@ -90,12 +88,14 @@ class DelayCompensator(PerRobotState):
         self._robot, self._dynamics, self._period, self._late = robot, dynamics, period, joint_delay_steps
         self.servos = ServoModel(robot, actuator, period)
         self._noise = ReadingNoise(period)
-        self.reset(1)
+        self._read: MotionState | None = None
+        history = np.tile(robot.home_pose, (MAX_DELAY_STEPS + len(self.servos.shares), 1))
+        super().__init__(delays=np.int64(joint_delay_steps), _targets=history)
 
     def reset(self, num_envs: int) -> None:
         """Fresh memory of so many robots."""
         super().reset(num_envs)
-        self._read: MotionState | None = None
+        self._read = None
 
     def copy_state_from(self, mask: Mask, other: "DelayCompensator") -> None:
         """Go on where the mask, (n,), is true with the robots of another observer, as many as these."""
@@ -261,10 +261,11 @@ class JointPredictor(PerRobotState):
     _known: Mask = per_robot(False)
     _angles: Floats = per_robot(np.zeros(12))
     _speeds: Floats = per_robot(np.zeros(12))
-    _planned: Floats = per_robot(lambda joints: np.zeros((joints._late, 12)), axis=1)
+    _planned: Floats = per_robot(axis=1)
 
     def __init__(self, joint_delay_steps: int, period: float) -> None:
         self._late, self._period = joint_delay_steps, period
+        super().__init__(_planned=np.zeros((joint_delay_steps, 12)))
 
     def now(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The observations, (n, k), with joints as they are now; themselves where they are not late."""

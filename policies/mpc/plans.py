@@ -21,15 +21,21 @@ _TICK = 1e-6
 class ForcePlans(PerRobotState):
     """Plans of n robots for N steps of `period` s; at first every foot bears a quarter of `weight`, N, for ever."""
 
-    forces: Floats = per_robot(lambda plans: np.tile([0.0, 0.0, 0.25 * plans._weight], (plans._steps, 4, 1)))
+    forces: Floats = per_robot()
     """Level frame, N."""
     age: Floats = per_robot(np.inf)
     """Time since the forces were found, (n,), s."""
-    _stands: Mask = per_robot(lambda plans: np.ones((plans._steps, 4), np.bool_))
-    _arms: Floats = per_robot(lambda plans: np.zeros((plans._steps, 4, 3)))
+    _stands: Mask = per_robot()
+    _arms: Floats = per_robot()
 
     def __init__(self, steps: int, period: float, weight: float) -> None:
-        self._steps, self._period, self._weight = steps, period, weight
+        self._steps = steps
+        self._period = period
+        super().__init__(
+            forces=np.tile([0.0, 0.0, 0.25 * weight], (steps, 4, 1)),
+            _stands=np.ones((steps, 4), np.bool_),
+            _arms=np.zeros((steps, 4, 3)),
+        )
 
     def advance(self, time: float) -> None:
         """So many s have passed."""

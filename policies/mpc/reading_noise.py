@@ -41,12 +41,14 @@ class ReadingNoise(PerRobotState):
 
     sample_count: NDArray[np.int64] = per_robot(0)
     """Readings that each robot has had since its start, (n,)."""
-    _last: Floats = per_robot(lambda noise: np.zeros((3, max(group.stop for group in noise._groups))), axis=1)
-    _raw_variance: Floats = per_robot(lambda noise: np.zeros(len(noise._groups)))
+    _last: Floats = per_robot(axis=1)
+    _raw_variance: Floats = per_robot()
 
     def __init__(self, period: float, groups: Sequence[slice] = GROUPS, quiet: Floats = NOISE_FLOOR_STD) -> None:
         self._share, self._groups, self._quiet = lowpass_gain(period, TIME), tuple(groups), quiet
         self._starts, self._sizes = [group.start for group in groups], [group.stop - group.start for group in groups]
+        width = max(group.stop for group in groups)
+        super().__init__(_last=np.zeros((3, width)), _raw_variance=np.zeros(len(groups)))
 
     def variances(self, readings: Floats) -> Floats:
         """Of each group, (n, m), after these readings as well, (n, k)."""

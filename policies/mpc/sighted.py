@@ -128,13 +128,13 @@ class SightedMpcWbc(MpcWbc):
         *,
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
-        late: int = 0,
+        joint_delay_steps: int = 0,
         actuator: Actuator = IDEAL,
         height_scan: HeightScan = SCAN,
     ) -> None:
         self.height_scan = self._scan = height_scan
         super().__init__(
-            parameters, robot=robot, control_period=control_period, joint_delay_steps=late, actuator=actuator
+            parameters, robot=robot, control_period=control_period, joint_delay_steps=joint_delay_steps, actuator=actuator
         )
         self._shown = table_with(self.robot, height_scan).slices["height_scan"]
         points = slice(0, height_scan.grid[..., 0].size)

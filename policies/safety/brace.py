@@ -36,7 +36,9 @@ class Brace(PerRobotState):
 
     def __init__(self, robot: Robot, control_period: float) -> None:
         """`control_period`: time between two calls of `advance`, s."""
-        self._robot, self._period = robot, control_period
+        self._robot = robot
+        self._period = control_period
+        super().__init__()
 
     def advance(self, catching: Mask, alarm: Mask, observation: Floats) -> Mask:
         """One control step of the robots that are being caught; which of them, (n,), follow their policy again."""

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.base import Actions, Floats, Mask, Policy, to_actions, validate_mask
 from policies.behaviour.motion import Damp, Motion, Stop
-from policies.memory import per_robot
+from policies.memory import initialize_state, per_robot
 from policies.safety.brace import Brace
 from policies.safety.target_limits import SafetyLimits
 from quad_env import OBSERVATION
@@ -52,7 +52,7 @@ class Safe(Policy):
     """Why each robot came into its mode, (n,) of text; empty at the start."""
     _mode: NDArray[np.int8] = per_robot(np.int8(Mode.FOLLOW))
     _entered: Mask = per_robot(False)
-    _targets: Floats = per_robot(lambda layer: layer.robot.home_pose)
+    _targets: Floats = per_robot()
     _reference: Floats = per_robot(np.zeros(2))
     """The planar velocity that a robot following its commands has about now, (n, 2), m/s: the command, lagged."""
     _recent: Floats = per_robot(np.zeros(2))
@@ -70,7 +70,7 @@ class Safe(Policy):
             Mode.DAMP: Damp(self.robot, self.control_period),
         }
         self._brace = Brace(self.robot, self.control_period)
-        self._allocate(1)
+        initialize_state(self, _targets=self.robot.home_pose)
 
     @property
     def failure(self) -> NDArray[np.object_] | None:

@@ -14,7 +14,7 @@ from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to
 from policies.gait_cycle import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import compensate_servo_load, leg_angles
-from policies.memory import per_robot
+from policies.memory import initialize_state, per_robot
 from policies.parameters import CommandMap, ParameterFile, parameter, search_ranges_of
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
@@ -66,7 +66,7 @@ class Trot(GaitedPolicy):
 
     name = "trot"
     _command: Floats = per_robot(np.zeros(3))
-    _joints: Floats = per_robot(lambda policy: policy.robot.home_pose)
+    _joints: Floats = per_robot()
 
     def __init__(
         self,
@@ -80,6 +80,7 @@ class Trot(GaitedPolicy):
         self.frequency = self.parameters.frequency
         self.leg_offsets = self.robot.in_leg_order(TROT_OFFSETS)
         self._gait = Gait(self.leg_offsets, self.parameters.duty)
+        initialize_state(self, _joints=self.robot.home_pose)
 
     def _searched(self) -> TrotParameters:
         return searched_parameters(self.robot)

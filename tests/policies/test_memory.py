@@ -13,10 +13,12 @@ class Part(PerRobotState):
 
 class Whole(Part):
     ticks: Any = per_robot(np.int8(3))
-    past: Any = per_robot(lambda whole: np.full((2, 3), whole.first), axis=1)
+    past: Any = per_robot(axis=1)
 
     def __init__(self) -> None:
-        self.first, self.part, self.parts = 0.5, Part(), {"other": Part()}
+        self.part = Part()
+        self.parts = {"other": Part()}
+        super().__init__(past=np.full((2, 3), 0.5))
 
 
 def test_a_field_has_the_type_and_shape_of_its_start_for_every_robot_and_for_one_before_a_reset() -> None:
