@@ -134,7 +134,11 @@ class SightedMpcWbc(MpcWbc):
     ) -> None:
         self.height_scan = self._scan = height_scan
         super().__init__(
-            parameters, robot=robot, control_period=control_period, joint_delay_steps=joint_delay_steps, actuator=actuator
+            parameters,
+            robot=robot,
+            control_period=control_period,
+            joint_delay_steps=joint_delay_steps,
+            actuator=actuator,
         )
         self._shown = table_with(self.robot, height_scan).slices["height_scan"]
         points = slice(0, height_scan.grid[..., 0].size)
