@@ -83,7 +83,7 @@ def initialize_state(owner: Any, **initial_values: ArrayLike) -> None:
     Raises:
         TypeError: A name is not declared.
     """
-    arrays = declared_arrays(type(owner))
+    arrays = declared_arrays(owner)
     if unknown := initial_values.keys() - arrays.keys():
         raise TypeError(f"{type(owner).__name__}: no array {', '.join(sorted(unknown))} declared with per_robot")
     values: dict[str, Any] = vars(owner).setdefault("_initial_values", {})
@@ -95,12 +95,12 @@ def initialize_state(owner: Any, **initial_values: ArrayLike) -> None:
 
 def is_allocated(owner: Any) -> bool:
     """Return True if every declared array of the object is allocated."""
-    return vars(owner).keys() >= declared_arrays(type(owner)).keys()
+    return all(name in vars(owner) for name in declared_arrays(owner))
 
 
 def allocate(owner: Any, num_envs: int) -> None:
     """Allocate the declared arrays of `owner` and its nested states for `num_envs` robots."""
-    for name, array in declared_arrays(type(owner)).items():
+    for name, array in declared_arrays(owner).items():
         setattr(owner, name, np.repeat(_initial_value(owner, name, array), num_envs, array.axis))
     for state in nested_states(owner):
         state.reset(num_envs)
@@ -111,7 +111,7 @@ def reset_rows(owner: Any, mask: NDArray[np.bool_]) -> None:
 
     Arrays that were handed out before keep their values.
     """
-    for name, array in declared_arrays(type(owner)).items():
+    for name, array in declared_arrays(owner).items():
         _set_robots(owner, name, array.axis, mask, _initial_value(owner, name, array))
     for state in nested_states(owner):
         state.reset_where(mask)
@@ -125,15 +125,21 @@ def copy_rows(owner: Any, mask: NDArray[np.bool_], other: Any) -> None:
         mask: Its robots that receive a state, (n,) bool.
         other: Object with as many robots as `mask` selects.
     """
-    for name, array in declared_arrays(type(owner)).items():
+    for name, array in declared_arrays(owner).items():
         _set_robots(owner, name, array.axis, mask, getattr(other, name))
     for state, other_state in zip(nested_states(owner), nested_states(other), strict=True):
         state.copy_state_from(mask, other_state)
 
 
+def declared_arrays(owner: Any) -> Mapping[str, PerRobotArray]:
+    """Return the arrays that the class of an object and its bases declare with `per_robot`, by name."""
+    owner_class: Any = type(owner)
+    return _declared_by_class(owner_class)
+
+
 @cache
-def declared_arrays(owner_class: type) -> Mapping[str, PerRobotArray]:
-    """Return the arrays that a class and its bases declare with `per_robot`, by name; a subclass overrides its base."""
+def _declared_by_class(owner_class: type) -> Mapping[str, PerRobotArray]:
+    """Return the declared arrays of a class; a subclass overrides its bases."""
     return {
         name: array
         for base in reversed(owner_class.__mro__)

@@ -75,7 +75,7 @@ class Felt(ContactEstimator):
 
     given: tuple[np.ndarray, np.ndarray]
 
-    def _explained(self, motion: MotionState, away: Any) -> tuple[np.ndarray, np.ndarray]:
+    def _solve_contact_forces(self, motion: MotionState, in_mid_swing: Any) -> tuple[np.ndarray, np.ndarray]:
         return self.given
 
 
@@ -186,7 +186,7 @@ def test_accelerations_are_those_of_a_rigid_body_about_its_centre_of_mass() -> N
     now = at(projected_gravity=[(0.0, 0.0, -1.0), (0.0, -np.sin(0.5), -np.cos(0.5))])
     bodies = now.bodies._replace(
         mass=np.array([14.2, 28.4]),
-        centre=np.array([[0.1, 0.0, -0.2], [0.0, 0.0, 0.0]]),
+        com_position=np.array([[0.1, 0.0, -0.2], [0.0, 0.0, 0.0]]),
         rotational_inertia=np.stack((np.diag([1.0, 2.0, 4.0]), np.diag([2.0, 2.0, 2.0]))),
     )
     wrench = np.array([[28.4, 14.2, 0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 56.8, 0.0, 3.0, 0.0]])

@@ -27,7 +27,7 @@ def state() -> dict[str, np.ndarray]:
     return {
         "orientation": (orientation / np.linalg.norm(orientation))[None],
         "velocity": rng.normal(size=(1, 3)),
-        "turning": rng.normal(size=(1, 3)),
+        "angular_velocity": rng.normal(size=(1, 3)),
         "angles": SIMPLE_QUAD.home_pose + rng.uniform(-0.4, 0.4, (1, 12)),
         "speeds": rng.normal(size=(1, 12)),
     }
@@ -53,7 +53,7 @@ def moving(bodies: DynamicsTerms, rotation: np.ndarray, generalised: np.ndarray)
 def test_a_load_changes_the_bodies_as_mujoco_says(state: dict[str, np.ndarray]) -> None:
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, state["orientation"][0])
-    generalised = np.concatenate((state["velocity"], state["turning"], state["speeds"]), axis=1)
+    generalised = np.concatenate((state["velocity"], state["angular_velocity"], state["speeds"]), axis=1)
     load = PointLoad(np.array([MASS]), PLACE[None])
     found = add_load(moving(DYNAMICS.compute(**state), rotation.reshape(1, 3, 3), generalised), load).bodies
     for name, value in with_point_mass(state)._asdict().items():

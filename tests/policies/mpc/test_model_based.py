@@ -66,7 +66,7 @@ def test_a_robot_without_finite_torques_keeps_its_targets_and_the_other_gets_its
     assert policy._invert_servo_law(now, broken).tolist() == [True, False]
     np.testing.assert_array_equal(policy._targets[0], before[0])
     np.testing.assert_allclose(policy._targets[1] - before[1], 1.0 / 300.0, atol=1e-9)
-    broken = found(3.0, robots=2)._replace(found=np.array([True, False]))
+    broken = found(3.0, robots=2)._replace(has_solution=np.array([True, False]))
     assert policy._invert_servo_law(now, broken).tolist() == [False, True]
 
 

@@ -96,7 +96,7 @@ class Unreliable:
         self.asked += len(programs.gradient)
         if not self.out_of_order:
             return found
-        return found._replace(value=np.full_like(found.x, np.nan), solved=np.zeros_like(found.solved))
+        return found._replace(x=np.full_like(found.x, np.nan), solved=np.zeros_like(found.solved))
 
 
 class Interrupted(MpcWbc):

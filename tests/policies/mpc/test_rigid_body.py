@@ -142,7 +142,7 @@ def test_programs_of_many_robots_are_those_of_each() -> None:
             one = slice(robot, robot + 1)
             of_one, goal_of_one = Body(*(part[one] for part in bodies)), Reference(*(part[one] for part in goal))
             ((_, alone),) = HORIZON.programs(of_one, feet[one], stands[one], goal_of_one, bounds.of(one))
-            for name in ("hessian", "gradient", "rows", "lower", "upper"):
+            for name in ("hessian", "gradient", "constraint_matrix", "lower", "upper"):
                 np.testing.assert_array_equal(getattr(together, name)[place], getattr(alone, name)[0], err_msg=name)
             seen.append(robot)
     assert sorted(seen) == [0, 1, 2, 3, 4]

@@ -115,7 +115,7 @@ def test_a_robot_without_torques_gets_none_and_the_others_theirs() -> None:
     of = bodies()
     wished, most = wish(of), FRICTION.max_normal_force.copy()
     most[2] = -1.0  # below the least force
-    found = whole(of, wished, friction=FRICTION._replace(most=most))
+    found = whole(of, wished, friction=FRICTION._replace(max_normal_force=most))
     assert found.has_solution.tolist() == [True, True, False, True, True, True]
     assert (found.torque[2] == 0.0).all()
     assert (found.acceleration[2] == 0.0).all()
