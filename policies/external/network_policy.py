@@ -7,17 +7,10 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Floats, Policy, PolicyError, PolicyKwargs, to_actions
 from policies.external import networks
-<<<<<<< HEAD:policies/external/network_policy.py
 from policies.external.joint_mapping import map_action_joints, map_joints
 from policies.external.observation_adapter import ObservationAdapter
 from policies.external.spec import PolicySpec
-from policies.memory import per_robot
-=======
-from policies.external.description import PolicySpec
-from policies.external.joints import map_action_joints, map_joints
-from policies.external.terms import ObservationAdapter
 from policies.memory import initialize_state, per_robot
->>>>>>> 56f83358 (Per-robot state is allocated by the constructor and by reset, never by reading it):policies/external/described.py
 from quad_env.robots.robot import Robot
 
 TIME_TOLERANCE = 1e-6
